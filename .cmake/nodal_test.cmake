@@ -1,0 +1,37 @@
+# nodal_test(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... LABELS label ...
+#            [TIMEOUT seconds] [SERIAL])
+#
+# One GoogleTest program of one line; each of its tests is a ctest of its own. LABELS says what kind it is
+# (unit, conformance, scenario, crash, data, tidy, ...), so that `ctest -L unit` runs a kind. Tests may
+# include any module that SEES names. NODAL_SOURCE_DIR is the checkout; NODAL_SHARED_DIR, the test data beside
+# it, which may not be there.
+find_package(GTest REQUIRED)
+include(GoogleTest)
+nodal_package(rapidcheck rapidcheck)
+
+function(nodal_test name)
+  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
+  set(test test_${name})
+  add_executable(${test} ${ARG_SOURCES})
+  target_include_directories(${test} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+  set(links)
+  foreach(seen IN LISTS ARG_SEES)
+    target_include_directories(${test} PRIVATE ${CMAKE_BINARY_DIR}/sees/${seen})
+    list(APPEND links ${seen})
+  endforeach()
+  foreach(package IN LISTS ARG_PACKAGES)
+    list(APPEND links nodal_package_${package})
+  endforeach()
+  target_link_libraries(${test} PRIVATE nodal_flags ${links} GTest::gtest GTest::gtest_main)
+  target_compile_definitions(${test} PRIVATE
+    NODAL_SOURCE_DIR="${CMAKE_SOURCE_DIR}" NODAL_SHARED_DIR="${CMAKE_SOURCE_DIR}/../shared"
+    NODAL_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 60)
+  endif()
+  set(properties TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  if(ARG_SERIAL)
+    list(APPEND properties RUN_SERIAL TRUE)
+  endif()
+  gtest_discover_tests(${test} TEST_PREFIX "${name}/" PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
+endfunction()

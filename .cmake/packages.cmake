@@ -1,0 +1,27 @@
+# The libraries of Debian that Nodal uses, each as a target nodal_package_NAME that a module asks for with
+# PACKAGES NAME. Header-only ones outside /usr/include need a name too, so that SEES and PACKAGES together
+# are everything a module can reach.
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+
+function(nodal_package name)
+  add_library(nodal_package_${name} INTERFACE)
+  target_link_libraries(nodal_package_${name} INTERFACE ${ARGN})
+endfunction()
+
+function(nodal_pkgconfig_package name)
+  pkg_check_modules(NODAL_${name} REQUIRED IMPORTED_TARGET GLOBAL ${ARGN})
+  nodal_package(${name} PkgConfig::NODAL_${name})
+endfunction()
+
+nodal_package(threads Threads::Threads)
+nodal_pkgconfig_package(eigen eigen3)
+nodal_pkgconfig_package(turbojpeg libturbojpeg)
+nodal_pkgconfig_package(png libpng)
+nodal_pkgconfig_package(crypto libcrypto)
+nodal_pkgconfig_package(spdlog spdlog)
+nodal_pkgconfig_package(protobuf protobuf-lite)
+nodal_package(json)      # nlohmann-json: headers in /usr/include
+nodal_package(toml)      # toml++: headers in /usr/include
+nodal_package(cli)       # CLI11: headers in /usr/include
+find_program(PROTOC protoc REQUIRED)

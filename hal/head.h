@@ -1,0 +1,119 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+
+namespace nodal::hal {
+
+/// Who a head is, whatever number the system gave it today.
+struct HeadIdentity {
+  std::string path;    ///< where it is plugged in, such as "usb-0000:00:14.0-2.1" or "sim:cam3"
+  std::string serial;  ///< of the device, empty when it has none
+  std::string model;
+};
+
+/// What a head can be asked to do. A range of one value says that it is fixed.
+struct HeadLimits {
+  Exposure exposure_min, exposure_max;
+  Gain gain_min, gain_max;
+  bool has_white_balance = false;
+  bool has_trigger_input = false;
+  /// Frames between a setting's call and the first frame that carries it.
+  int control_latency_frames = 0;
+};
+
+/// What the head sends: fixed from start() to stop().
+struct HeadFormat {
+  PixelFormat pixels = PixelFormat::kI420;
+  int width = 0;
+  int height = 0;
+  bool interlaced = false;  ///< each frame is two fields
+  FrameRate rate;
+};
+
+enum class TriggerMode : std::uint8_t {
+  kFreeRun,   ///< the head's own clock starts exposures
+  kExternal,  ///< a pulse on its trigger input does
+};
+
+/// Why a frame is what it is. Every buffer says so; nothing is dropped silently below this port.
+enum class FrameVerdict : std::uint8_t {
+  kGood = 0,
+  kCorrupt = 1,    ///< the driver or the decoder says the bytes are wrong
+  kTorn = 2,       ///< shorter than a frame
+  kNoSignal = 3,   ///< bytes came, the input has no picture
+};
+
+enum class FieldParity : std::uint8_t { kFrame = 0, kTop = 1, kBottom = 2 };
+
+using BufferSlot = std::uint16_t;
+
+/// The settings a frame was taken with, as far as the head can tell.
+struct HeadSettings {
+  Exposure exposure;
+  Gain gain;
+  WhiteBalance white_balance;
+  friend bool operator==(const HeadSettings&, const HeadSettings&) = default;
+};
+
+/// One frame in a buffer of the head's.
+struct FrameView {
+  BufferSlot slot = 0;
+  std::uint32_t sequence = 0;  ///< the device's own count; restarts and wraps as it pleases
+  Instant mid_exposure;        ///< middle of the exposure on the rig's clock, by the port's best knowledge
+  Instant received;            ///< when the last byte was in memory
+  HeadSettings in_effect;
+  FrameVerdict verdict = FrameVerdict::kGood;
+  FieldParity field = FieldParity::kFrame;
+  ImageView image;
+};
+
+/// A head as the rig sees it: settings go in, frames come out, and it may vanish at any call.
+/// Every call returns at once; a port never waits and never starts a thread.
+///
+/// Threading: thread-bound to capture.
+/// Ownership: the port owns its buffers; a FrameView is valid until release() or stop().
+/// Errors: kDeviceGone is final for this object; drop it and wait for the enumerator.
+class HeadPort {
+ public:
+  virtual ~HeadPort() = default;
+  virtual const HeadIdentity& identity() const = 0;
+  virtual const HeadFormat& format() const = 0;
+  virtual const HeadLimits& limits() const = 0;
+
+  virtual Status start(TriggerMode trigger) = 0;
+  /// Takes back every lent buffer. Safe in any state, any number of times.
+  virtual void stop() = 0;
+
+  /// Each takes effect some frames later; the frame that carries it says so in FrameView::in_effect.
+  /// A value outside the limits is kBadValue and changes nothing.
+  virtual Status set_exposure(Exposure exposure) = 0;
+  virtual Status set_gain(Gain gain) = 0;
+  virtual Status set_white_balance(WhiteBalance balance) = 0;
+
+  /// The next frame, nothing when none is due, or an error.
+  virtual Result<std::optional<FrameView>> take_frame() = 0;
+  virtual void release(BufferSlot slot) = 0;
+};
+
+/// Finds heads by where they are plugged in and opens them, again after they vanished.
+///
+/// Threading: thread-bound to capture.
+/// Ownership: hands out heads; they may outlive neither the enumerator nor its world.
+/// Errors: kNoSuchDevice when nothing answers at `path` now; ask again later.
+class HeadEnumerator {
+ public:
+  virtual ~HeadEnumerator() = default;
+  virtual Result<std::unique_ptr<HeadPort>> open(const std::string& path) = 0;
+  /// Identities of everything that could be opened now.
+  virtual std::vector<HeadIdentity> list() = 0;
+};
+
+}  // namespace nodal::hal

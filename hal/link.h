@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "protocol/base/result.h"
+
+namespace nodal::hal {
+
+/// One byte stream to a peer: a socket, a USB bulk pair, a pipe.
+/// Every call returns at once; message borders are not kept.
+///
+/// Threading: thread-bound to its stage.
+/// Ownership: closes with the object.
+/// Errors: kLinkClosed is final, and comes only after every received byte was read.
+class LinkPort {
+ public:
+  virtual ~LinkPort() = default;
+  /// Bytes read into `into`; 0 when none are there now.
+  virtual Result<std::size_t> read(std::span<std::uint8_t> into) = 0;
+  /// Bytes taken from `from`; 0 when the peer does not read now.
+  virtual Result<std::size_t> write(std::span<const std::uint8_t> from) = 0;
+  /// Who is there, for messages: "unix:/run/nodal.sock", "usb:1-2".
+  virtual const std::string& peer() const = 0;
+};
+
+/// Where hosts connect.
+///
+/// Threading: thread-bound to its stage.
+/// Ownership: hands out links that outlive it.
+/// Errors: kIo.
+class LinkListenerPort {
+ public:
+  virtual ~LinkListenerPort() = default;
+  /// A new link, or null when nobody knocks.
+  virtual Result<std::unique_ptr<LinkPort>> accept() = 0;
+};
+
+}  // namespace nodal::hal

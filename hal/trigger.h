@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+
+namespace nodal::hal {
+
+/// The pulse train that genlocks the heads.
+struct TriggerSettings {
+  FrameRate rate;
+  Duration pulse_width = Duration::microseconds(100);
+  bool active_high = true;
+  std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger
+};
+
+/// One pulse that was sent, seen where it leaves the board.
+struct TriggerEdge {
+  std::uint64_t number = 0;  ///< counts from 0 at start(); a gap is a pulse that was not sent
+  Instant at;
+};
+
+/// Drives the heads' trigger inputs, or reports those that somebody else drives.
+///
+/// Threading: thread-bound to capture.
+/// Ownership: none.
+/// Errors: kDeviceGone is final; kBadValue for a rate or width the hardware cannot make.
+class TriggerPort {
+ public:
+  virtual ~TriggerPort() = default;
+  virtual Status start(const TriggerSettings& settings) = 0;
+  /// Leaves the line at its inactive level. Safe in any state.
+  virtual void stop() = 0;
+  /// The next edge not yet taken, oldest first, or nothing.
+  virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
+};
+
+}  // namespace nodal::hal

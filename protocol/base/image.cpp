@@ -1,0 +1,111 @@
+#include "protocol/base/image.h"
+
+#include "protocol/base/result.h"
+
+namespace nodal {
+
+std::string_view pixel_format_name(PixelFormat format) {
+  switch (format) {
+    case PixelFormat::kGrey8: return "GREY";
+    case PixelFormat::kI420: return "I420";
+    case PixelFormat::kNv12: return "NV12";
+    case PixelFormat::kYuyv: return "YUYV";
+    case PixelFormat::kUyvy: return "UYVY";
+    case PixelFormat::kRgb24: return "RGB24";
+    case PixelFormat::kMjpeg: return "MJPEG";
+  }
+  return "unknown";
+}
+
+int component_count(PixelFormat format) {
+  return format == PixelFormat::kGrey8 || format == PixelFormat::kMjpeg ? 1 : 3;
+}
+
+PlaneGrid component_grid(PixelFormat format, int c) {
+  NODAL_ASSERT(c >= 0 && c < component_count(format));
+  if (c == 0) return {};
+  switch (format) {
+    case PixelFormat::kI420:
+    case PixelFormat::kNv12: return {2, 2, 0.0, 0.0};
+    // Chroma sample k sits on luma sample 2k, whose centre is at 2k + 1/2: u_plane = u / 2 + 1/4.
+    case PixelFormat::kYuyv:
+    case PixelFormat::kUyvy: return {2, 1, 0.25, 0.0};
+    default: return {};
+  }
+}
+
+std::size_t packed_size(PixelFormat format, int width, int height) {
+  const auto w = static_cast<std::size_t>(width);
+  const auto h = static_cast<std::size_t>(height);
+  const std::size_t half_w = (w + 1) / 2;
+  const std::size_t half_h = (h + 1) / 2;
+  switch (format) {
+    case PixelFormat::kGrey8: return w * h;
+    case PixelFormat::kI420:
+    case PixelFormat::kNv12: return w * h + 2 * half_w * half_h;
+    case PixelFormat::kYuyv:
+    case PixelFormat::kUyvy: return 4 * half_w * h;
+    case PixelFormat::kRgb24: return 3 * w * h;
+    case PixelFormat::kMjpeg: return 0;
+  }
+  return 0;
+}
+
+namespace {
+
+template <class Byte>
+BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* data) {
+  NODAL_ASSERT(format != PixelFormat::kMjpeg);
+  BasicImageView<Byte> image{format, width, height, {}, packed_size(format, width, height)};
+  const std::ptrdiff_t w = width;
+  const std::ptrdiff_t h = height;
+  const int half_w = (width + 1) / 2;
+  const int half_h = (height + 1) / 2;
+  switch (format) {
+    case PixelFormat::kGrey8:
+      image.planes[0] = {data, width, height, w, 1};
+      break;
+    case PixelFormat::kI420: {
+      Byte* u = data + w * h;
+      image.planes = {{{data, width, height, w, 1},
+                       {u, half_w, half_h, half_w, 1},
+                       {u + std::ptrdiff_t{half_w} * half_h, half_w, half_h, half_w, 1}}};
+      break;
+    }
+    case PixelFormat::kNv12: {
+      Byte* uv = data + w * h;
+      const std::ptrdiff_t stride = 2 * std::ptrdiff_t{half_w};
+      image.planes = {{{data, width, height, w, 1},
+                       {uv, half_w, half_h, stride, 2},
+                       {uv + 1, half_w, half_h, stride, 2}}};
+      break;
+    }
+    case PixelFormat::kYuyv:
+    case PixelFormat::kUyvy: {
+      const std::ptrdiff_t stride = 4 * std::ptrdiff_t{half_w};
+      const int luma = format == PixelFormat::kYuyv ? 0 : 1;
+      image.planes = {{{data + luma, width, height, stride, 2},
+                       {data + (1 - luma), half_w, height, stride, 4},
+                       {data + (3 - luma), half_w, height, stride, 4}}};
+      break;
+    }
+    case PixelFormat::kRgb24:
+      image.planes = {{{data, width, height, 3 * w, 3},
+                       {data + 1, width, height, 3 * w, 3},
+                       {data + 2, width, height, 3 * w, 3}}};
+      break;
+    case PixelFormat::kMjpeg: break;
+  }
+  return image;
+}
+
+}  // namespace
+
+ImageView packed_image(PixelFormat format, int width, int height, const std::uint8_t* data) {
+  return packed(format, width, height, data);
+}
+MutableImageView packed_image(PixelFormat format, int width, int height, std::uint8_t* data) {
+  return packed(format, width, height, data);
+}
+
+}  // namespace nodal

@@ -1,0 +1,71 @@
+// Pictures as they lie in memory: planes with a row stride and a pixel stride, so that YUYV and NV12
+// are read where the driver left them, without a copy.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace nodal {
+
+enum class PixelFormat : std::uint8_t {
+  kGrey8 = 1,
+  kI420 = 2,   ///< Y, U, V planes; chroma half size both ways, centred
+  kNv12 = 3,   ///< Y plane, then U and V interleaved; chroma half size both ways
+  kYuyv = 4,   ///< Y0 U Y1 V; chroma half width, on the even luma samples
+  kUyvy = 5,
+  kRgb24 = 6,  ///< R G B bytes
+  kMjpeg = 7,  ///< one JPEG picture; plane 0 holds its bytes in one row
+};
+
+std::string_view pixel_format_name(PixelFormat format);
+
+/// One component's samples: sample (i, j) is at data[j * row_stride + i * pixel_stride].
+template <class Byte>
+struct BasicPlaneView {
+  Byte* data = nullptr;
+  int width = 0;
+  int height = 0;
+  std::ptrdiff_t row_stride = 0;
+  int pixel_stride = 1;
+};
+using PlaneView = BasicPlaneView<const std::uint8_t>;
+using MutablePlaneView = BasicPlaneView<std::uint8_t>;
+
+/// How a component's sample grid lies on the full picture: u_plane = u_full / step + offset, pixel centres
+/// at half-integers on both sides.
+struct PlaneGrid {
+  int step_x = 1;
+  int step_y = 1;
+  double offset_x = 0.0;
+  double offset_y = 0.0;
+};
+
+inline constexpr int kMaxPlanes = 3;
+
+/// Components of a format: 1 for grey and MJPEG, else 3 (Y U V or R G B).
+int component_count(PixelFormat format);
+/// Where component c's samples lie on the picture; c < component_count(format).
+PlaneGrid component_grid(PixelFormat format, int c);
+/// Bytes a tightly packed picture takes; 0 for kMjpeg, whose size is its own.
+std::size_t packed_size(PixelFormat format, int width, int height);
+
+/// A picture somebody else owns. planes[c] is component c (Y U V or R G B), whatever the memory layout.
+template <class Byte>
+struct BasicImageView {
+  PixelFormat format = PixelFormat::kGrey8;
+  int width = 0;
+  int height = 0;
+  std::array<BasicPlaneView<Byte>, kMaxPlanes> planes{};
+  std::size_t bytes = 0;  ///< of the whole picture in memory; for kMjpeg the JPEG's length
+};
+using ImageView = BasicImageView<const std::uint8_t>;
+using MutableImageView = BasicImageView<std::uint8_t>;
+
+/// The picture that starts at `data`, packed without padding (rows too). Odd sizes round chroma up.
+/// Nothing is read. Not for kMjpeg.
+ImageView packed_image(PixelFormat format, int width, int height, const std::uint8_t* data);
+MutableImageView packed_image(PixelFormat format, int width, int height, std::uint8_t* data);
+
+}  // namespace nodal

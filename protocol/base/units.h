@@ -1,0 +1,110 @@
+// Numbers that know their unit. Two units never mix; the raw value is reached only by a name that
+// spells it. Integers only, so that rig, host and simulator agree to the bit.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+
+namespace nodal {
+
+/// A length of time in nanoseconds; may be negative.
+class Duration {
+ public:
+  constexpr Duration() = default;
+  static constexpr Duration nanoseconds(std::int64_t n) { return Duration(n); }
+  static constexpr Duration microseconds(std::int64_t n) { return Duration(n * 1'000); }
+  static constexpr Duration milliseconds(std::int64_t n) { return Duration(n * 1'000'000); }
+  static constexpr Duration seconds(std::int64_t n) { return Duration(n * 1'000'000'000); }
+
+  constexpr std::int64_t ns() const { return ns_; }
+  constexpr std::int64_t us() const { return ns_ / 1'000; }
+  constexpr std::int64_t ms() const { return ns_ / 1'000'000; }
+
+  friend constexpr auto operator<=>(Duration, Duration) = default;
+  friend constexpr Duration operator+(Duration a, Duration b) { return Duration(a.ns_ + b.ns_); }
+  friend constexpr Duration operator-(Duration a, Duration b) { return Duration(a.ns_ - b.ns_); }
+  friend constexpr Duration operator-(Duration a) { return Duration(-a.ns_); }
+  friend constexpr Duration operator*(Duration a, std::int64_t n) { return Duration(a.ns_ * n); }
+  friend constexpr Duration operator/(Duration a, std::int64_t n) { return Duration(a.ns_ / n); }
+
+ private:
+  explicit constexpr Duration(std::int64_t ns) : ns_(ns) {}
+  std::int64_t ns_ = 0;
+};
+
+/// A moment of the rig's monotonic clock, in nanoseconds since that clock's start.
+class Instant {
+ public:
+  constexpr Instant() = default;
+  static constexpr Instant from_ns(std::int64_t ns) { return Instant(ns); }
+  constexpr std::int64_t ns() const { return ns_; }
+
+  friend constexpr auto operator<=>(Instant, Instant) = default;
+  friend constexpr Duration operator-(Instant a, Instant b) { return Duration::nanoseconds(a.ns_ - b.ns_); }
+  friend constexpr Instant operator+(Instant a, Duration d) { return Instant(a.ns_ + d.ns()); }
+  friend constexpr Instant operator-(Instant a, Duration d) { return Instant(a.ns_ - d.ns()); }
+
+ private:
+  explicit constexpr Instant(std::int64_t ns) : ns_(ns) {}
+  std::int64_t ns_ = 0;
+};
+
+/// Frames a second as a fraction, since NTSC's 30000/1001 is not a decimal.
+struct FrameRate {
+  std::uint32_t numerator = 30000;
+  std::uint32_t denominator = 1001;
+
+  constexpr Duration period() const {
+    return Duration::nanoseconds(static_cast<std::int64_t>(1'000'000'000) * denominator / numerator);
+  }
+  /// When frame n begins, counted from frame 0, without the rounding of n periods adding up.
+  constexpr Duration start_of(std::uint64_t n) const {
+    const std::uint64_t whole = n / numerator;
+    const std::uint64_t rest = n % numerator;
+    return Duration::seconds(static_cast<std::int64_t>(whole * denominator)) +
+           Duration::nanoseconds(static_cast<std::int64_t>(rest * denominator * 1'000'000'000ULL / numerator));
+  }
+  friend constexpr bool operator==(FrameRate, FrameRate) = default;
+};
+
+/// How long a CCD collects light.
+class Exposure {
+ public:
+  constexpr Exposure() = default;
+  static constexpr Exposure microseconds(std::int64_t us) { return Exposure(Duration::microseconds(us)); }
+  static constexpr Exposure of(Duration d) { return Exposure(d); }
+  constexpr Duration duration() const { return d_; }
+  constexpr std::int64_t us() const { return d_.us(); }
+  friend constexpr auto operator<=>(Exposure, Exposure) = default;
+
+ private:
+  explicit constexpr Exposure(Duration d) : d_(d) {}
+  Duration d_ = Duration::microseconds(10'000);
+};
+
+/// Analogue gain of a head in thousandths of a decibel; 6020 is one stop.
+class Gain {
+ public:
+  constexpr Gain() = default;
+  static constexpr Gain millidecibels(std::int32_t n) { return Gain(n); }
+  constexpr std::int32_t mdb() const { return mdb_; }
+  friend constexpr auto operator<=>(Gain, Gain) = default;
+
+ private:
+  explicit constexpr Gain(std::int32_t mdb) : mdb_(mdb) {}
+  std::int32_t mdb_ = 0;
+};
+
+/// Red and blue gains against green, in 1/4096: {4096, 4096} changes nothing.
+struct WhiteBalance {
+  std::uint16_t red_q12 = 4096;
+  std::uint16_t blue_q12 = 4096;
+  friend constexpr bool operator==(WhiteBalance, WhiteBalance) = default;
+};
+
+/// A head's place in the rig, 0 .. kMaxHeads-1, in the order of rig.toml and of the calibration.
+using HeadIndex = std::uint8_t;
+inline constexpr int kMinHeads = 1;
+inline constexpr int kMaxHeads = 16;
+
+}  // namespace nodal

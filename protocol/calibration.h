@@ -1,0 +1,123 @@
+// The calibration: the rig document that says, for every head, its lens, its place and its radiometry.
+// JSON on disk and on the wire; docs of every field with worked numbers in protocol/CALIBRATION.md.
+// Angles in radians here, pixel coordinates with corners at integers (a pixel's centre is at +1/2).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/base/sha256.h"
+
+namespace nodal {
+
+/// Simplified Tsai (§4.3). With r the radius in original pixels from the centre, aspect taken out:
+/// r_ideal = r (1 + kappa1 r^2 + kappa2 r^4), tan(angle) = r_ideal / focal.
+struct TsaiLens {
+  double focal = 0;   ///< f_x of the ideal image, px
+  double kappa1 = 0;  ///< px^-2
+  double kappa2 = 0;  ///< px^-4
+  friend bool operator==(const TsaiLens&, const TsaiLens&) = default;
+};
+
+/// Rectilinear with a radial polynomial, ideal to original: r = c1 t + c2 t^2 + ..., t = tan(angle), px.
+struct RectilinearLens {
+  std::vector<double> coefficients;  ///< c1, c2, ... (1 to 9 of them); c1 is the focal length in px
+  friend bool operator==(const RectilinearLens&, const RectilinearLens&) = default;
+};
+
+/// Equidistant fisheye (§6): r = f1 a + f2 a^2 + ..., a the angle from the axis in radians, r in px.
+struct EquidistantLens {
+  std::vector<double> coefficients;  ///< f1, f2, ... (1 to 9 of them); f1 in px per radian
+  friend bool operator==(const EquidistantLens&, const EquidistantLens&) = default;
+};
+
+/// Kannala-Brandt as OpenCV's fisheye and Kalibr's equidistant have it:
+/// r = focal (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
+struct KannalaBrandtLens {
+  double focal = 0;  ///< f_x, px
+  std::array<double, 4> k{};
+  friend bool operator==(const KannalaBrandtLens&, const KannalaBrandtLens&) = default;
+};
+
+using LensModel = std::variant<TsaiLens, RectilinearLens, EquidistantLens, KannalaBrandtLens>;
+
+/// Where a head's picture is good: a rectangle in pixel coordinates, a circle, or what both contain.
+struct Region {
+  double left = 0, top = 0, right = 0, bottom = 0;  ///< px; the whole picture is 0, 0, width, height
+  struct Circle {
+    double x = 0, y = 0, radius = 0;  ///< px
+    friend bool operator==(const Circle&, const Circle&) = default;
+  };
+  std::optional<Circle> circle;
+  friend bool operator==(const Region&, const Region&) = default;
+};
+
+/// Encoded value (0..1) from relative light (0..1).
+struct Response {
+  enum class Curve : std::uint8_t { kLinear, kGamma, kSrgb, kPolynomial };
+  Curve curve = Curve::kLinear;
+  double gamma = 1.0;                ///< kGamma: encoded = light^(1/gamma)
+  std::vector<double> coefficients;  ///< kPolynomial: light = c1 e + c2 e^2 + ..., rising, summing to 1
+  friend bool operator==(const Response&, const Response&) = default;
+};
+
+/// Light falls off from (x, y) as V(r) = 1 + v1 s + v2 s^2 + v3 s^3, s = (r / radius)^2; r has the lens's
+/// aspect taken out. The picture's light is gain * V(r) * the scene's.
+struct Vignetting {
+  double x = 0, y = 0;  ///< px
+  double radius = 1;    ///< px
+  std::array<double, 3> coefficients{};
+  friend bool operator==(const Vignetting&, const Vignetting&) = default;
+};
+
+struct HeadCalibration {
+  std::string name;
+  int width = 0;   ///< px of the original image
+  int height = 0;
+  double center_x = 0;  ///< lens centre = principal point in the original image, px
+  double center_y = 0;
+  double aspect = 1;    ///< a_y: f_y = aspect * f_x (§4.1)
+  LensModel lens;
+  double max_angle = 0; ///< rad; the lens is used up to this angle from its axis; 0: as far as its model goes
+  std::array<double, 9> R_head_rig{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row-major, rig frame to head frame
+  Region region;
+  Response response;
+  Vignetting vignetting;
+  std::array<double, 3> gain{1, 1, 1};  ///< red, green, blue, relative to the rig's mean
+  friend bool operator==(const HeadCalibration&, const HeadCalibration&) = default;
+};
+
+/// A whole rig. A value of this type that came from parse_calibration has been checked.
+struct Calibration {
+  std::string name;
+  std::string comment;
+  std::vector<HeadCalibration> heads;
+  friend bool operator==(const Calibration&, const Calibration&) = default;
+};
+
+inline constexpr int kCalibrationVersion = 1;
+inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
+
+/// Reads and checks a document: every field present and known, numbers finite and in range, rotations
+/// proper to 1e-6 (then made orthonormal), lenses rising over all of their region. The error names the head and the field.
+Result<Calibration> parse_calibration(std::string_view json);
+
+/// The same checks on a value made in memory.
+Status check_calibration(const Calibration& calibration);
+
+/// The document for people: indented, fields in the order of CALIBRATION.md.
+std::string to_json(const Calibration& calibration);
+
+/// The canonical form: sorted keys, no white space, shortest numbers that read back the same. Its SHA-256
+/// names the calibration everywhere.
+std::string canonical_json(const Calibration& calibration);
+Sha256 calibration_id(const Calibration& calibration);
+
+}  // namespace nodal

@@ -1,0 +1,62 @@
+// The blend table: for every raymap pixel, which source samples to take and how much of each. Made by
+// stitch/table from a calibration and a layout, proven there, and only then run. Integers only.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/units.h"
+
+namespace nodal::blend {
+
+inline constexpr int kFractionBits = 8;   ///< of a source coordinate
+inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly 1 << kWeightBits
+inline constexpr int kGainBits = 12;      ///< a gain of 1 is 1 << kGainBits
+
+/// One head's share in one raymap sample: four source samples from (x, y) on, mixed by the fractions.
+struct Tap {
+  std::uint16_t x = 0;       ///< left column of the 2x2 samples, in the component's own grid
+  std::uint16_t y = 0;       ///< upper row
+  std::uint8_t fraction_x = 0;  ///< of the right column, in 1 / (1 << kFractionBits)
+  std::uint8_t fraction_y = 0;  ///< of the lower row
+  std::uint16_t weight = 0;  ///< 1 .. 1 << kWeightBits
+  std::uint16_t gain = 0;    ///< undoes the head's gain and vignetting, 1 .. 65535
+  HeadIndex head = 0;
+  std::uint8_t reserved = 0;
+};
+static_assert(sizeof(Tap) == 12);
+
+/// The taps of one sample grid of the raymap. Sample (x, y) has taps[first[y * width + x]] up to
+/// taps[first[y * width + x + 1]]; a sample with none is not covered.
+struct GridTable {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint32_t> first;  ///< width * height + 1 of them, not falling
+  std::vector<Tap> taps;
+};
+
+/// What a component is made of, so that gains act on light and uncovered pixels are black.
+struct ComponentRule {
+  std::uint8_t grid = 0;     ///< index into BlendTable::grids
+  std::uint8_t black = 0;    ///< the value that means no light: 0 for R G B, 16 for Y, 128 for U V
+  std::uint8_t gain_row = 0; ///< which of the head's gains acts: 0 red, 1 green, 2 blue
+};
+
+/// A raymap's blend, whole. Immutable once validated.
+struct BlendTable {
+  PixelFormat format = PixelFormat::kI420;  ///< of the raymap
+  int width = 0;                            ///< of the raymap, px
+  int height = 0;
+  struct Source {
+    PixelFormat format = PixelFormat::kI420;
+    int width = 0;
+    int height = 0;
+  };
+  std::vector<Source> sources;         ///< what each head must deliver, by head index
+  std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own
+  std::array<ComponentRule, kMaxPlanes> components{};
+};
+
+}  // namespace nodal::blend
