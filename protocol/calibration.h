@@ -106,7 +106,8 @@ inline constexpr int kCalibrationVersion = 1;
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
 
 /// Reads and checks a document: every field present and known, numbers finite and in range, rotations
-/// proper to 1e-6 (then made orthonormal), lenses rising over all of their region. The error names the head and the field.
+/// proper to 1e-6 (then made orthonormal), lenses rising over all of their region. The error names the head and
+/// the field.
 Result<Calibration> parse_calibration(std::string_view json);
 
 /// The same checks on a value made in memory.

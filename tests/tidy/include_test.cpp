@@ -1,0 +1,88 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "include_rules.h"
+#include "tree.h"
+
+namespace nodal::tidy {
+namespace {
+
+Include quoted(std::string header) { return {std::move(header), true}; }
+Include angled(std::string header) { return {std::move(header), false}; }
+
+TEST(IncludeRules, EveryIncludeOfEveryFile_IsAllowedByTheTable) {
+  int seen = 0;
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path)) continue;
+    for (const std::string& line : file.lines) {
+      const std::optional<Include> include = parse_include(line);
+      if (!include) continue;
+      ++seen;
+      if (const auto wrong = violation(file.path, *include)) ADD_FAILURE() << *wrong;
+    }
+  }
+  EXPECT_GT(seen, 50);
+}
+
+TEST(IncludeRules, EveryQuotedHeader_ExistsFromTheRootOrBesideItsTest) {
+  namespace fs = std::filesystem;
+  const fs::path root = NODAL_SOURCE_DIR;
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path)) continue;
+    for (const std::string& line : file.lines) {
+      const std::optional<Include> include = parse_include(line);
+      if (!include || !include->quoted || include->header.ends_with(".pb.h")) continue;
+      EXPECT_TRUE(fs::exists(root / include->header) ||
+                  fs::exists(root / fs::path(file.path).parent_path() / include->header))
+          << file.path << " includes " << include->header << ", which is not there";
+    }
+  }
+}
+
+TEST(IncludeRules, PlantedOffences_AreAllFound) {
+  EXPECT_TRUE(violation("protocol/base/units.h", quoted("protocol/calibration.h")));
+  EXPECT_TRUE(violation("protocol/session.h", quoted("hal/link.h")));
+  EXPECT_TRUE(violation("hal/head.h", quoted("hal/sim/sim_head.h")));
+  EXPECT_TRUE(violation("hal/sim/render.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_TRUE(violation("hal/sim/render.cpp", quoted("hal/linux/files.h")));
+  EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", angled("Eigen/Dense")));
+  EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", angled("cmath")));
+  EXPECT_TRUE(violation("stitch/geometry/lens.cpp", quoted("stitch/blend/blend.h")));
+  EXPECT_TRUE(violation("firmware/capture.cpp", quoted("hal/sim/sim_head.h")));
+  EXPECT_TRUE(violation("firmware/capture.cpp", quoted("stitch/calibration/pts.h")));
+  EXPECT_TRUE(violation("firmware/daemon/main.cpp", quoted("stitch/registration/solve.h")));
+  EXPECT_TRUE(violation("firmware/capture.cpp", angled("thread")));
+  EXPECT_TRUE(violation("firmware/capture.cpp", angled("Eigen/Dense")));
+  EXPECT_TRUE(violation("firmware/daemon/main.cpp", angled("linux/videodev2.h")));
+  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("hal/head.h")));
+  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("firmware/config.h")));
+  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("link.h")));
+  EXPECT_TRUE(violation("new_folder/file.cpp", quoted("protocol/base/units.h")));
+}
+
+TEST(IncludeRules, WhatTheTableAllows_IsNotAnOffence) {
+  EXPECT_FALSE(violation("firmware/daemon/main.cpp", quoted("hal/linux/files.h")));
+  EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("thread")));
+  EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("fstream")));
+  EXPECT_FALSE(violation("firmware/capture.cpp", quoted("hal/head.h")));
+  EXPECT_FALSE(violation("stitch/geometry/lens.cpp", angled("Eigen/Dense")));
+  EXPECT_FALSE(violation("stitch/geometry/lens.cpp", angled("cmath")));
+  EXPECT_FALSE(violation("stitch/table/compile.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_FALSE(violation("host_tool/status.cpp", quoted("hal/link.h")));
+  EXPECT_FALSE(violation("tests/unit/hal/head_test.cpp", quoted("fixture.h")));
+}
+
+TEST(ParseInclude, SpacingAndBothForms_AreUnderstood) {
+  EXPECT_EQ(parse_include("#include \"a/b.h\"")->header, "a/b.h");
+  EXPECT_TRUE(parse_include("  #  include \"a/b.h\"  // why")->quoted);
+  EXPECT_EQ(parse_include("#include <Eigen/Dense>")->header, "Eigen/Dense");
+  EXPECT_FALSE(parse_include("#include <Eigen/Dense>")->quoted);
+  EXPECT_FALSE(parse_include("// #include \"a/b.h\""));
+  EXPECT_FALSE(parse_include("#define include"));
+  EXPECT_FALSE(parse_include("#include"));
+}
+
+}  // namespace
+}  // namespace nodal::tidy
