@@ -1,0 +1,48 @@
+// Links over what the system calls sockets. Addresses are written as users write them:
+// "unix:/run/nodal.sock", "tcp:127.0.0.1:7700", "tcp:[::1]:7700", "tcp:localhost:7700".
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "hal/link.h"
+#include "protocol/base/result.h"
+
+namespace nodal::hal {
+
+/// Connects to a rig that listens at `address`.
+/// Errors: kBadValue (the address cannot be read, or is TCP beyond this machine), kUnreachable (nobody
+/// listens), kIo.
+Result<std::unique_ptr<LinkPort>> connect_link(std::string_view address);
+
+/// Listens at `address`; port 0 takes a free one. A Unix socket's file is for owner and group (0660) and goes
+/// with the listener; one left over by a program that died is replaced, one that answers is kExists.
+/// Errors: as connect_link, and kExists.
+Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view address);
+
+/// Where a listener of listen_link() listens, with the port it was given.
+const std::string& listener_address(const LinkListenerPort& listener);
+
+/// Starts a program and talks to its standard input and output, as with `ssh HOST nodal bridge`; its standard
+/// error stays ours. The program is looked up in PATH. When the link is dropped the program's input ends; if
+/// it has not ended of itself within a second it is terminated.
+/// Errors: kNotFound when there is no such program, kIo. What the program's exit says comes as kLinkClosed.
+Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& command);
+
+/// A link over descriptors somebody opened, such as 0 and 1 of a program that bridges. It closes them. Both
+/// may be the same.
+Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer);
+
+/// What a thread that waits for the link should poll, beside the calls of LinkPort: the descriptors to read
+/// from and write to, both the same for a socket.
+struct LinkDescriptors {
+  int read_from = -1;
+  int write_to = -1;
+};
+/// Of a link made here; of any other link, none.
+LinkDescriptors link_descriptors(const LinkPort& link);
+int listener_descriptor(const LinkListenerPort& listener);
+
+}  // namespace nodal::hal

@@ -1,0 +1,73 @@
+// Two ends of a byte stream in memory, and what a test does to it.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "hal/link.h"
+#include "protocol/base/result.h"
+
+namespace nodal::hal::sim {
+
+/// One direction of a simulated link, shared by its writer, its reader and the test.
+struct LinkPipe {
+  std::deque<std::uint8_t> bytes;
+  std::size_t capacity = 256U << 10;  ///< a writer past it gets 0, as with a full socket
+  bool writer_gone = false;
+  bool reader_gone = false;
+  bool reset = false;       ///< bytes in flight are lost and both ends see kLinkClosed
+  bool stalled = false;     ///< the reader gets nothing: a slow or stuck peer
+  std::uint32_t split = 0;  ///< when not 0: every read and write moves 1..split bytes, drawn by the seed
+  std::optional<std::uint64_t> flip_bit;  ///< this bit of the bytes yet to be written is turned over
+  std::uint64_t written = 0;
+  std::minstd_rand random;
+};
+
+/// One end.
+class SimLink final : public LinkPort {
+ public:
+  SimLink(std::shared_ptr<LinkPipe> in, std::shared_ptr<LinkPipe> out, std::string peer);
+  ~SimLink() override;
+  SimLink(const SimLink&) = delete;
+  SimLink& operator=(const SimLink&) = delete;
+
+  // What the program sees.
+  Result<std::size_t> read(std::span<std::uint8_t> into) override;
+  Result<std::size_t> write(std::span<const std::uint8_t> from) override;
+  const std::string& peer() const override { return peer_; }
+
+  // What the test does. "in" is what this end reads, "out" what it writes.
+  LinkPipe& in() { return *in_; }
+  LinkPipe& out() { return *out_; }
+  /// As when the cable is pulled: bytes on their way are lost.
+  void reset();
+
+ private:
+  std::shared_ptr<LinkPipe> in_;
+  std::shared_ptr<LinkPipe> out_;
+  std::string peer_;
+};
+
+/// Two ends that see each other.
+std::pair<std::unique_ptr<SimLink>, std::unique_ptr<SimLink>> make_link_pair(std::string a_sees = "sim:b",
+                                                                             std::string b_sees = "sim:a");
+
+/// Where a test knocks.
+class SimLinkListener final : public LinkListenerPort {
+ public:
+  Result<std::unique_ptr<LinkPort>> accept() override;
+
+  /// The host's end of a new link; the listener will accept the other.
+  std::unique_ptr<SimLink> connect();
+
+ private:
+  std::deque<std::unique_ptr<SimLink>> knocking_;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace nodal::hal::sim

@@ -1,0 +1,98 @@
+// Little-endian numbers in and out of bytes, whatever the machine. Neither class ever touches memory outside
+// its span: past the end it fails once and stays failed, so that a parser reads all its fields and asks
+// ok() at the end.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+namespace nodal {
+
+/// Reads numbers from bytes somebody else owns. After a read past the end every read gives zeros.
+class ByteReader {
+ public:
+  explicit ByteReader(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
+
+  std::uint8_t u8() { return number<std::uint8_t>(); }
+  std::uint16_t u16() { return number<std::uint16_t>(); }
+  std::uint32_t u32() { return number<std::uint32_t>(); }
+  std::uint64_t u64() { return number<std::uint64_t>(); }
+
+  /// The next `n` bytes as they lie there; empty, and failed, when fewer are left.
+  std::span<const std::uint8_t> bytes(std::size_t n) {
+    if (n > rest_.size()) {
+      fail();
+      return {};
+    }
+    const auto taken = rest_.first(n);
+    rest_ = rest_.subspan(n);
+    return taken;
+  }
+  /// Everything not yet read.
+  std::span<const std::uint8_t> rest() { return bytes(rest_.size()); }
+
+  std::size_t left() const { return rest_.size(); }
+  /// False once a read went past the end.
+  bool ok() const { return ok_; }
+  /// Everything was there, and nothing more.
+  bool complete() const { return ok_ && rest_.empty(); }
+
+ private:
+  template <std::unsigned_integral T>
+  T number() {
+    const auto from = bytes(sizeof(T));
+    T value = 0;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      value = static_cast<T>(value | static_cast<T>(static_cast<T>(from[i]) << (8 * i)));
+    }
+    return value;
+  }
+  void fail() {
+    ok_ = false;
+    rest_ = {};
+  }
+
+  std::span<const std::uint8_t> rest_;
+  bool ok_ = true;
+};
+
+/// Writes numbers into bytes somebody else owns. What does not fit is not written, and ok() says so.
+class ByteWriter {
+ public:
+  explicit ByteWriter(std::span<std::uint8_t> into) : into_(into) {}
+
+  void u8(std::uint8_t value) { number(value); }
+  void u16(std::uint16_t value) { number(value); }
+  void u32(std::uint32_t value) { number(value); }
+  void u64(std::uint64_t value) { number(value); }
+
+  void bytes(std::span<const std::uint8_t> from) {
+    if (!ok_ || from.size() > into_.size() - used_) {
+      ok_ = false;
+      return;
+    }
+    if (!from.empty()) std::memcpy(into_.data() + used_, from.data(), from.size());
+    used_ += from.size();
+  }
+
+  /// Bytes written so far.
+  std::size_t size() const { return used_; }
+  bool ok() const { return ok_; }
+
+ private:
+  template <std::unsigned_integral T>
+  void number(T value) {
+    std::uint8_t little[sizeof(T)];
+    for (std::size_t i = 0; i < sizeof(T); ++i) little[i] = static_cast<std::uint8_t>(value >> (8 * i));
+    bytes(little);
+  }
+
+  std::span<std::uint8_t> into_;
+  std::size_t used_ = 0;
+  bool ok_ = true;
+};
+
+}  // namespace nodal

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal {
+
+/// First in, first out from exactly one thread to exactly one other, without a lock: neither ever waits for
+/// the other, and nothing is allocated after construction.
+///
+/// Threading: push(), full() by one thread; pop(), empty() by one other.
+/// Ownership: owns its values; a popped place holds a T{} again, so that a buffer is given back at once.
+/// Errors: push() gives false when full, pop() nothing when empty.
+template <class T>
+class SpscRing {
+ public:
+  explicit SpscRing(std::size_t capacity) : places_(capacity) { NODAL_ASSERT(capacity > 0); }
+  SpscRing(const SpscRing&) = delete;
+  SpscRing& operator=(const SpscRing&) = delete;
+
+  /// False, and `value` untouched, when full.
+  bool push(T&& value) {
+    const std::uint64_t written = written_.load(std::memory_order_relaxed);
+    if (written - read_.load(std::memory_order_acquire) == places_.size()) return false;
+    places_[written % places_.size()] = std::move(value);
+    written_.store(written + 1, std::memory_order_release);
+    return true;
+  }
+  bool full() const {
+    return written_.load(std::memory_order_relaxed) - read_.load(std::memory_order_acquire) == places_.size();
+  }
+
+  std::optional<T> pop() {
+    const std::uint64_t read = read_.load(std::memory_order_relaxed);
+    if (written_.load(std::memory_order_acquire) == read) return std::nullopt;
+    std::optional<T> value(std::exchange(places_[read % places_.size()], T{}));
+    read_.store(read + 1, std::memory_order_release);
+    return value;
+  }
+  bool empty() const {
+    return written_.load(std::memory_order_acquire) == read_.load(std::memory_order_relaxed);
+  }
+
+  std::size_t capacity() const { return places_.size(); }
+
+ private:
+  // A line each, so that the two threads do not take turns at owning one.
+  static constexpr std::size_t kCacheLine = 64;
+
+  std::vector<T> places_;
+  alignas(kCacheLine) std::atomic<std::uint64_t> written_{0};  // counts up for ever; 2^64 pushes do not happen
+  alignas(kCacheLine) std::atomic<std::uint64_t> read_{0};
+};
+
+}  // namespace nodal

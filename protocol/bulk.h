@@ -1,0 +1,73 @@
+// Bulk streams: items (one raymap, one upload, one take's file) cut into pieces of at most 64 KiB, with
+// credits. The sender opens a stream with a policy, the receiver grants credits as it consumes.
+//
+// A bulk frame's payload is a piece header and bytes of the item, which is its meta followed by its body:
+//
+//   0  u64  item number: counts the items offered on the stream from 0; a gap is items dropped
+//   8  u64  total bytes of the item, meta included
+//  16  u64  offset of this piece in the item
+//  24  u32  bytes of meta at the item's beginning
+//
+// Credits count item bytes over the stream's life: wire::StreamCredit.allowed says how many may have been
+// sent in all, so that a credit repeated or merged with a later one does no harm.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "protocol/framing.h"
+
+namespace nodal {
+
+using StreamId = std::uint32_t;
+
+enum class StreamPolicy : std::uint8_t {
+  kLossless = 1,  ///< every item arrives; the sender's queue is bounded and says when it is full
+  kLatest = 2,    ///< a newer item replaces one that has not begun to go out; drops are counted and told
+};
+
+/// Bytes that several sessions send at once without a copy.
+using SharedBytes = std::shared_ptr<const std::vector<std::uint8_t>>;
+
+/// What is offered to a stream: a small serialized message about it, and its bytes from `offset` on.
+struct BulkItem {
+  std::string meta;          ///< such as a wire::RaymapHeader; at most kMaxMetaBytes
+  SharedBytes body;          ///< may be null: an empty body
+  std::uint64_t offset = 0;  ///< the body goes from here; at most its size
+};
+
+inline constexpr std::size_t kPieceHeaderBytes = 28;
+inline constexpr std::size_t kMaxPieceBytes = kMaxBulkBytes - kPieceHeaderBytes;
+/// The meta is always whole in an item's first piece.
+inline constexpr std::size_t kMaxMetaBytes = 4096;
+inline constexpr std::uint64_t kMaxItemBytes = std::uint64_t{1} << 40;
+/// What a receiver lets a sender have under way on one stream before anything is consumed.
+inline constexpr std::uint64_t kStreamWindowBytes = 1U << 20;
+inline constexpr std::size_t kMaxStreams = 16;  ///< open at once, each way
+/// Items a lossless stream holds before offer() says kOverload.
+inline constexpr std::size_t kLosslessQueueItems = 8;
+
+/// A part of an item as it arrived. Pieces of an item come in order and without gaps.
+struct BulkPiece {
+  StreamId stream = 0;
+  std::uint64_t item = 0;     ///< its number among those offered
+  std::uint64_t dropped = 0;  ///< items of the stream dropped before this one, so far
+  std::string meta;           ///< the item's; only with its first piece (offset 0)
+  std::uint64_t offset = 0;   ///< of data in the body as it is sent
+  std::uint64_t total = 0;    ///< bytes of the body as it is sent
+  std::vector<std::uint8_t> data;
+  bool first = false;
+  bool last = false;          ///< the item is whole with this piece
+};
+
+/// offered = delivered + dropped + pending, at any time.
+struct StreamCounts {
+  std::uint64_t offered = 0;
+  std::uint64_t delivered = 0;  ///< every byte handed to output()
+  std::uint64_t dropped = 0;
+  std::uint64_t pending = 0;    ///< waiting, or begun and not finished
+};
+
+}  // namespace nodal

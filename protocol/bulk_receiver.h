@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "protocol/base/result.h"
+#include "protocol/bulk.h"
+
+namespace nodal {
+
+/// The receiving half of a session's streams: checks that pieces come in order and within their credit, and
+/// says what credit to give.
+///
+/// Threading: thread-bound.
+/// Ownership: none.
+/// Errors: kProtocol for every broken rule; all are final for the session.
+class BulkReceiver {
+ public:
+  /// The peer's streams are numbered first, first + 2, ...
+  explicit BulkReceiver(StreamId first) : next_id_(first) {}
+
+  Status open(StreamId stream, std::uint32_t policy);
+  /// A bulk frame's payload; nothing when the stream was stopped and the piece is thrown away.
+  Result<std::optional<BulkPiece>> piece(StreamId stream, std::span<const std::uint8_t> payload);
+  /// The sender's last word. Gives nothing when the stream was stopped from here.
+  Result<bool> close(StreamId stream, std::uint64_t offered, std::uint64_t dropped, bool torn);
+  /// Asks for no more. False when there is no such stream.
+  bool stop(StreamId stream);
+
+  /// The program took this piece: its bytes may be granted again.
+  void consumed(const BulkPiece& piece);
+  /// A stream whose credit has grown enough to tell, and the new total.
+  struct Credit {
+    StreamId stream = 0;
+    std::uint64_t allowed = 0;
+  };
+  std::optional<Credit> next_credit();
+
+  /// Whether an item is half there on a stream that is still open.
+  bool inside_item() const;
+
+ private:
+  struct Stream {
+    StreamPolicy policy = StreamPolicy::kLossless;
+    bool stopped = false;
+    std::uint64_t received = 0;  // item bytes, all of them
+    std::uint64_t consumed = 0;
+    std::uint64_t told = 0;      // the newest credit
+    // The item under way, when next_offset is not 0, and what may come next.
+    std::uint64_t item = 0;
+    std::uint64_t total = 0;
+    std::uint64_t next_offset = 0;
+    std::uint32_t meta = 0;
+    std::uint64_t next_item = 0;
+    std::uint64_t dropped = 0;
+  };
+
+  std::map<StreamId, Stream> streams_;
+  StreamId next_id_;
+};
+
+}  // namespace nodal

@@ -1,0 +1,133 @@
+#include "protocol/framing.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "protocol/base/bytes.h"
+#include "protocol/base/crc32c.h"
+
+namespace nodal {
+namespace {
+
+constexpr std::uint32_t kMagic = 0x4C444F4E;  // "NODL"
+constexpr std::size_t kCheckedHeaderBytes = kFrameHeaderBytes - 4;
+
+std::string number(std::uint64_t n) { return std::to_string(n); }
+
+}  // namespace
+
+std::string_view frame_type_name(FrameType type) {
+  switch (type) {
+    case FrameType::kHello: return "hello";
+    case FrameType::kRequest: return "request";
+    case FrameType::kReply: return "reply";
+    case FrameType::kBye: return "bye";
+    case FrameType::kStreamOpen: return "stream-open";
+    case FrameType::kBulk: return "bulk";
+    case FrameType::kCredit: return "credit";
+    case FrameType::kStreamStop: return "stream-stop";
+    case FrameType::kStreamClose: return "stream-close";
+  }
+  return {};
+}
+
+std::size_t max_payload_bytes(FrameType type) {
+  if (type == FrameType::kBulk) return kMaxBulkBytes;
+  return frame_type_name(type).empty() ? 0 : kMaxControlBytes;
+}
+
+std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeader& header,
+                                                                std::span<const std::uint8_t> payload) {
+  NODAL_ASSERT(payload.size() <= max_payload_bytes(header.type));
+  std::array<std::uint8_t, kFrameHeaderBytes> raw{};
+  ByteWriter out(raw);
+  out.u32(kMagic);
+  out.u8(kFramingVersion);
+  out.u8(static_cast<std::uint8_t>(header.type));
+  out.u16(header.flags);
+  out.u32(header.stream);
+  out.u32(header.sequence);
+  out.u32(static_cast<std::uint32_t>(payload.size()));
+  out.u32(crc32c(payload));
+  out.u32(crc32c(std::span(raw).first(kCheckedHeaderBytes)));
+  return raw;
+}
+
+tl::unexpected<Error> FrameDecoder::die(Errc code, std::string message) {
+  failed_ = Error{code, std::move(message)};
+  return fail(*failed_);
+}
+
+// Magic and version come before the header's CRC, so that somebody who speaks something else, or a newer
+// framing, is told that and not that the line is bad.
+Status FrameDecoder::check_header() {
+  ByteReader in(raw_);
+  if (in.u32() != kMagic) {
+    return die(Errc::kProtocol, "the bytes at a frame's beginning are not \"NODL\": the other end does not speak "
+                                "Nodal's protocol, or bytes were lost");
+  }
+  if (const unsigned version = in.u8(); version != kFramingVersion) {
+    return die(Errc::kVersionMismatch, "the other end frames by version " + number(version) + ", this end by version " +
+                                           number(kFramingVersion) + ": use programs of the same release");
+  }
+  header_.type = static_cast<FrameType>(in.u8());
+  header_.flags = in.u16();
+  header_.stream = in.u32();
+  header_.sequence = in.u32();
+  length_ = in.u32();
+  payload_crc_ = in.u32();
+  if (in.u32() != crc32c(std::span(raw_).first(kCheckedHeaderBytes))) {
+    return die(Errc::kChecksum, "a frame's header does not match its CRC32C: the link changes bytes");
+  }
+  const std::string_view name = frame_type_name(header_.type);
+  if (name.empty()) {
+    return die(Errc::kProtocol, "a frame of type " + number(static_cast<unsigned>(header_.type)) +
+                                    ", which this end does not know: use programs of the same release");
+  }
+  if (const std::size_t limit = max_payload_bytes(header_.type); length_ > limit) {
+    return die(Errc::kTooLarge, "a " + std::string(name) + " frame says it has " + number(length_) +
+                                    " bytes; at most " + number(limit) + " are allowed");
+  }
+  if (header_.sequence != sequence_) {
+    return die(Errc::kProtocol, "frame " + number(header_.sequence) + " came where frame " + number(sequence_) +
+                                    " was due: frames were lost, repeated or put in another order");
+  }
+  return {};
+}
+
+Result<std::optional<FrameView>> FrameDecoder::next(std::span<const std::uint8_t>& bytes) {
+  if (failed_) return fail(*failed_);
+  if (have_ < kFrameHeaderBytes) {
+    const std::size_t n = std::min(kFrameHeaderBytes - have_, bytes.size());
+    if (n > 0) std::memcpy(raw_.data() + have_, bytes.data(), n);
+    have_ += n;
+    bytes = bytes.subspan(n);
+    if (have_ < kFrameHeaderBytes) return std::nullopt;
+    if (Status good = check_header(); !good) return fail(good.error());
+  }
+
+  std::span<const std::uint8_t> payload;
+  const std::size_t done = have_ - kFrameHeaderBytes;
+  if (done == 0 && bytes.size() >= length_) {  // all here: no copy
+    payload = bytes.first(length_);
+    bytes = bytes.subspan(length_);
+  } else {
+    if (done == 0) payload_.resize(length_);
+    const std::size_t n = std::min(length_ - done, bytes.size());
+    if (n > 0) std::memcpy(payload_.data() + done, bytes.data(), n);
+    have_ += n;
+    bytes = bytes.subspan(n);
+    if (have_ < kFrameHeaderBytes + length_) return std::nullopt;
+    payload = std::span(payload_).first(length_);
+  }
+  if (crc32c(payload) != payload_crc_) {
+    return die(Errc::kChecksum, "the payload of " + std::string(frame_type_name(header_.type)) + " frame " +
+                                    number(header_.sequence) + " does not match its CRC32C: the link changes bytes");
+  }
+  have_ = 0;
+  ++sequence_;
+  return FrameView{header_, payload};
+}
+
+}  // namespace nodal

@@ -1,0 +1,153 @@
+// One end of a conversation, without the link: bytes go in, events and bytes come out. Host and rig are the
+// same but for their roles.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <span>
+#include <variant>
+
+#include "protocol/base/result.h"
+#include "protocol/bulk.h"
+#include "protocol/bulk_receiver.h"
+#include "protocol/bulk_sender.h"
+#include "protocol/framing.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal {
+
+enum class Role : std::uint8_t { kHost, kRig };
+
+/// What this program speaks. Raise kProtocolMax with CHANGES.md; raise kProtocolMin when something is gone.
+inline constexpr std::uint32_t kProtocolMin = 1;
+inline constexpr std::uint32_t kProtocolMax = 1;
+
+/// A Hello with this program's versions; the caller adds what else it wants to say.
+wire::Hello make_hello(std::string software);
+
+struct StreamOpened {
+  StreamId stream = 0;
+  StreamPolicy policy = StreamPolicy::kLossless;
+};
+/// The peer will send no more on its stream. `error` is set when the item under way, if any, stays torn.
+struct StreamClosed {
+  StreamId stream = 0;
+  std::uint64_t offered = 0;
+  std::uint64_t dropped = 0;
+  std::optional<Error> error;
+};
+/// The peer wants no more of our stream; it is closed, and what was pending is dropped.
+struct StreamStopped {
+  StreamId stream = 0;
+  Error why;
+};
+
+using Event =
+    std::variant<wire::Hello, wire::Request, wire::Reply, StreamOpened, BulkPiece, StreamClosed, StreamStopped>;
+
+/// Hello first, then requests, replies and bulk streams. A control frame never waits behind more than the
+/// one bulk piece (<= 64 KiB) that is under way.
+///
+///   while (link.read gives bytes)      session.receive(bytes), then next_event() until it gives nothing
+///   while (output() is not empty)      link.write(output()), session.sent(what it took)
+///
+/// Memory is bounded both ways: received pieces by credits, which are given back as next_event() hands
+/// pieces out; control frames by kMaxControlQueueBytes. While !wants_input(), leave bytes in the link.
+///
+/// Threading: thread-bound.
+/// Ownership: holds the bodies it was offered until they are sent or dropped.
+/// Errors: kProtocol, kChecksum, kTooLarge, kVersionMismatch, or what the peer said in its farewell. The
+///   first is final: the session is dead, every call gives that error, and output() holds a farewell that
+///   tells the peer, worth one try at writing before the link is dropped.
+class Session {
+ public:
+  Session(Role role, const wire::Hello& mine);
+
+  // --- bytes in
+  Status receive(std::span<const std::uint8_t> bytes);
+  bool wants_input() const;
+  /// The oldest event not yet taken. The peer's Hello is the first of them.
+  std::optional<Event> next_event();
+  /// Says whether the stream may end here; kLinkClosed when the link went down inside a frame or an item.
+  Status end_of_input() const;
+
+  // --- bytes out
+  /// Bytes to write next; not all there are. Valid until the next call that is not const.
+  std::span<const std::uint8_t> output();
+  void sent(std::size_t bytes);
+
+  // --- what to say
+  Status send(const wire::Request& request);
+  Status send(const wire::Reply& reply);
+  /// Ends the conversation from this end: the peer is told why.
+  void close(const Error& why);
+
+  // --- bulk
+  Result<StreamId> open_stream(StreamPolicy policy);
+  /// kOverload when a lossless queue is full; kWrongState when the stream is closed.
+  Status offer(StreamId stream, BulkItem item);
+  /// After what is pending. With an error: at once, and what is pending is dropped.
+  void close_stream(StreamId stream, std::optional<Error> error = std::nullopt);
+  /// Of a stream the peer opened: asks it to send no more. Pieces under way are thrown away.
+  void stop_stream(StreamId stream, const Error& why);
+  /// Of a stream of ours, as long as it is open.
+  std::optional<StreamCounts> counts(StreamId stream) const;
+
+  // --- what is known
+  /// Null until its Hello came.
+  const wire::Hello* peer_hello() const { return peer_hello_ ? &*peer_hello_ : nullptr; }
+  /// The version both ends speak: the highest in common. 0 until the peer's Hello came.
+  std::uint32_t version() const { return version_; }
+  /// Why it is dead, or null.
+  const Error* error() const { return dead_ ? &*dead_ : nullptr; }
+
+ private:
+  struct Control {
+    FrameType type;
+    StreamId stream;
+    std::string payload;
+  };
+
+  Status handle(const FrameView& frame);
+  Status handle_hello(const FrameView& frame);
+  Status handle_bye(const FrameView& frame);
+  Status handle_stream_frame(const FrameView& frame);
+  Status send_message(FrameType type, const google::protobuf::MessageLite& message);
+  void push_control(FrameType type, StreamId stream, const google::protobuf::MessageLite& message);
+  void push_event(Event event, std::size_t bytes);
+  tl::unexpected<Error> die(Error error, bool tell_peer);
+  void next_front();
+  void append_frame(const FrameHeader& header, std::span<const std::uint8_t> payload);
+
+  const Role role_;
+  const wire::Hello mine_;
+  std::optional<wire::Hello> peer_hello_;
+  std::uint32_t version_ = 0;
+  std::optional<Error> dead_;
+
+  FrameDecoder decoder_;
+  BulkReceiver receiver_;
+  struct Queued {
+    Event event;
+    std::size_t bytes;
+  };
+  std::deque<Queued> events_;
+  std::size_t event_bytes_ = 0;
+
+  BulkSender sender_;
+  std::deque<Control> control_;
+  std::size_t control_bytes_ = 0;
+  std::uint32_t sequence_ = 0;
+  // What is being written: frames of our own, then a slice of somebody's body.
+  std::vector<std::uint8_t> front_;
+  SharedBytes front_body_;
+  std::span<const std::uint8_t> front_slice_;
+  std::size_t front_sent_ = 0;
+};
+
+/// Control frames that may wait, either way, before the session says kOverload.
+inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
+
+}  // namespace nodal
