@@ -1,4 +1,4 @@
-// The blend table: for every raymap pixel, which source samples to take and how much of each. Made by
+// The blend table: for every raymap sample, which source samples to take and how much of each. Made by
 // stitch/table from a calibration and a layout, proven there, and only then run. Integers only.
 #pragma once
 
@@ -11,37 +11,42 @@
 
 namespace nodal::blend {
 
-inline constexpr int kFractionBits = 8;   ///< of a source coordinate
-inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly 1 << kWeightBits
+/// Of a source coordinate. Twelve bits put a sample within 1/8192 px of where it belongs, so that even black
+/// next to white, on both axes, is off by less than a tenth of a level.
+inline constexpr int kFractionBits = 12;
+inline constexpr int kWeightBits = 15;    ///< weights of a covered sample sum to exactly 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< a gain of 1 is 1 << kGainBits
+inline constexpr int kMaxGain = 32767;    ///< just below 8; with it every sum below fits 63 bits
 
 /// One head's share in one raymap sample: four source samples from (x, y) on, mixed by the fractions.
 struct Tap {
-  std::uint16_t x = 0;       ///< left column of the 2x2 samples, in the component's own grid
-  std::uint16_t y = 0;       ///< upper row
-  std::uint8_t fraction_x = 0;  ///< of the right column, in 1 / (1 << kFractionBits)
-  std::uint8_t fraction_y = 0;  ///< of the lower row
-  std::uint16_t weight = 0;  ///< 1 .. 1 << kWeightBits
-  std::uint16_t gain = 0;    ///< undoes the head's gain and vignetting, 1 .. 65535
+  std::uint16_t x = 0;           ///< left column of the 2x2 samples, in the component's own grid
+  std::uint16_t y = 0;           ///< upper row
+  std::uint16_t fraction_x = 0;  ///< of the right column, 0 .. (1 << kFractionBits) - 1
+  std::uint16_t fraction_y = 0;  ///< of the lower row
+  std::uint16_t weight = 0;      ///< 1 .. 1 << kWeightBits
+  std::uint16_t gain = 0;        ///< undoes the vignetting here, 1 .. kMaxGain; Source::gain undoes the rest
   HeadIndex head = 0;
-  std::uint8_t reserved = 0;
+  std::uint8_t reserved = 0;     ///< 0
+  friend bool operator==(const Tap&, const Tap&) = default;
 };
-static_assert(sizeof(Tap) == 12);
+static_assert(sizeof(Tap) == 14);
 
 /// The taps of one sample grid of the raymap. Sample (x, y) has taps[first[y * width + x]] up to
 /// taps[first[y * width + x + 1]]; a sample with none is not covered.
 struct GridTable {
   int width = 0;
   int height = 0;
-  std::vector<std::uint32_t> first;  ///< width * height + 1 of them, not falling
+  int row_step = 1;                  ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
+  std::vector<std::uint32_t> first;  ///< width * height + 1 of them, from 0, not falling
   std::vector<Tap> taps;
 };
 
-/// What a component is made of, so that gains act on light and uncovered pixels are black.
+/// What a component is made of, so that gains act on light and uncovered samples are black.
 struct ComponentRule {
-  std::uint8_t grid = 0;     ///< index into BlendTable::grids
-  std::uint8_t black = 0;    ///< the value that means no light: 0 for R G B, 16 for Y, 128 for U V
-  std::uint8_t gain_row = 0; ///< which of the head's gains acts: 0 red, 1 green, 2 blue
+  std::uint8_t grid = 0;      ///< index into BlendTable::grids
+  std::uint8_t black = 0;     ///< the value that means no light: 0 for R G B, 16 for video Y, 128 for U V
+  std::uint8_t gain_row = 0;  ///< which of Source::gain acts: 0 red, 1 green, 2 blue
 };
 
 /// A raymap's blend, whole. Immutable once validated.
@@ -53,6 +58,8 @@ struct BlendTable {
     PixelFormat format = PixelFormat::kI420;
     int width = 0;
     int height = 0;
+    /// Undoes the head's own gain, by gain_row, 1 .. kMaxGain. Acts as tap gain * this, rounded to kGainBits.
+    std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
   };
   std::vector<Source> sources;         ///< what each head must deliver, by head index
   std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own
