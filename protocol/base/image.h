@@ -9,6 +9,8 @@
 
 namespace nodal {
 
+/// Y U V are full range BT.601 everywhere (0..255, as JPEG has them); a port whose device sends video range says so
+/// to its driver or converts.
 enum class PixelFormat : std::uint8_t {
   kGrey8 = 1,
   kI420 = 2,   ///< Y, U, V planes; chroma half size both ways, centred

@@ -45,7 +45,7 @@ struct GridTable {
 /// What a component is made of, so that gains act on light and uncovered samples are black.
 struct ComponentRule {
   std::uint8_t grid = 0;      ///< index into BlendTable::grids
-  std::uint8_t black = 0;     ///< the value that means no light: 0 for R G B, 16 for video Y, 128 for U V
+  std::uint8_t black = 0;     ///< the value that means no light: 0 for R G B Y (full range), 128 for U V
   std::uint8_t gain_row = 0;  ///< which of Source::gain acts: 0 red, 1 green, 2 blue
 };
 

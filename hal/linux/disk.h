@@ -1,0 +1,55 @@
+// A folder of the file system as a DiskPort.
+#pragma once
+
+#include <map>
+#include <memory>
+
+#include "hal/disk.h"
+
+namespace nodal::hal::linux_os {
+
+/// Names are resolved under the root by openat2(RESOLVE_BENEATH), so that not even a symbolic link leads outside.
+///
+/// Threading: thread-bound to its stage.
+/// Ownership: closes its files.
+/// Errors: as DiskPort; kBadValue for a name with "..", an empty part or a leading "/".
+class LinuxDisk final : public DiskPort {
+ public:
+  /// Makes the folder, and those above it, when they are not there. Errors: kIo, naming it.
+  static Result<std::unique_ptr<LinuxDisk>> open(const std::string& root);
+  ~LinuxDisk() override;
+  LinuxDisk(const LinuxDisk&) = delete;
+  LinuxDisk& operator=(const LinuxDisk&) = delete;
+
+  Result<FileHandle> create(const std::string& name) override;
+  Result<FileHandle> open_append(const std::string& name) override;
+  Status write(FileHandle file, std::span<const std::uint8_t> bytes) override;
+  Status sync(FileHandle file) override;
+  void close(FileHandle file) override;
+  Result<std::vector<std::uint8_t>> read(const std::string& name, std::uint64_t limit_bytes) override;
+  Result<std::uint64_t> size(const std::string& name) override;
+  Status rename(const std::string& from, const std::string& to) override;
+  Status remove(const std::string& name) override;
+  Status make_folder(const std::string& name) override;
+  Status sync_folder(const std::string& name) override;
+  Result<std::vector<std::string>> list(const std::string& folder) override;
+  Result<std::uint64_t> free_bytes() override;
+
+ private:
+  struct File {
+    int descriptor = -1;
+    std::string name;
+  };
+  LinuxDisk(int root, std::string path) : root_(root), path_(std::move(path)) {}
+  /// A descriptor beneath the root, or -1 with errno.
+  int open_beneath(const std::string& name, int flags) const;
+  Result<FileHandle> open_file(const std::string& name, int flags);
+  Error failure(const char* what, const std::string& name, int error) const;
+
+  const int root_;
+  const std::string path_;
+  std::map<FileHandle, File> files_;
+  FileHandle next_ = 1;
+};
+
+}  // namespace nodal::hal::linux_os

@@ -1,0 +1,49 @@
+// A rig whose heads are image files: one file is a still that comes again every frame; a folder or a pattern such
+// as "pictures/cam0-*.png" is played in the order of its names, again from the first after the last.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "hal/clock.h"
+#include "hal/head.h"
+#include "hal/trigger.h"
+
+namespace nodal::hal::replay {
+
+struct DeckOptions {
+  FrameRate rate;
+  std::filesystem::path base;                  ///< relative paths of heads count from here
+  int buffers = 4;                             ///< a head's; a consumer that holds all of them loses frames
+  std::uint64_t keep_bytes = 256ULL << 20;     ///< pictures of a head that stay decoded in memory
+};
+
+/// A head's exposure, gain and white balance are what they were when the pictures were taken: its limits are fixed.
+///
+/// Threading: thread-bound to capture.
+/// Ownership: the clock outlives it; heads must be gone before it is.
+/// Errors: as the ports. A picture that turns out broken while playing is a frame with kCorrupt.
+class Deck {
+ public:
+  Deck(ClockPort& clock, const DeckOptions& options);
+  ~Deck();
+
+  /// Pulses that step all heads that were started with kExternal: picture n goes with pulse n. Heads in free run
+  /// play on the clock's own grid of frame times, so they too are in step with each other.
+  TriggerPort& trigger();
+
+  /// Paths are "replay:" and a file, folder or pattern. open() reads every picture's header and decodes the first.
+  /// Errors: kNoSuchDevice when nothing is there, kBusy when that path is open, and decode_image()'s; kHeadMismatch
+  ///   when pictures of one head differ in size.
+  HeadEnumerator& enumerator();
+
+  /// What the head at `path` delivers; without a wish, what its first picture is.
+  void want_format(const std::string& path, PixelFormat format);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace nodal::hal::replay

@@ -1,0 +1,53 @@
+// Pictures from JPEG and PNG files.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+
+namespace nodal::hal::replay {
+
+/// A packed picture that owns its bytes.
+struct DecodedImage {
+  PixelFormat format = PixelFormat::kRgb24;
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> bytes;
+
+  ImageView view() const { return packed_image(format, width, height, bytes.data()); }
+};
+
+inline constexpr std::uint64_t kMaxImageFileBytes = std::uint64_t{256} << 20;
+inline constexpr int kMaxImageSide = 32768;
+
+/// Decodes a JPEG or PNG, told by its first bytes. A 4:2:0 JPEG gives I420 as it was coded, a grey picture GREY,
+/// anything else RGB24 (alpha is dropped, 16 bits are rounded to 8); `as` asks for another format (not kMjpeg).
+/// Y U V are full range BT.601, as JPEG has them.
+///
+/// Threading: thread-safe.
+/// Errors: each names the picture: kBadFormat when it is neither kind or broken, kTruncated when it ends early (a
+///   picture of which a part could be had is an error too), kTooLarge, kUnsupported.
+Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
+                                  std::optional<PixelFormat> as = std::nullopt);
+
+/// The same of a file; also kNotFound and kIo.
+Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as = std::nullopt);
+
+/// What a file's header says, without decoding the rest.
+struct ImageHeader {
+  int width = 0;
+  int height = 0;
+  PixelFormat natural = PixelFormat::kRgb24;  ///< what decode_image() gives when not asked otherwise
+};
+Result<ImageHeader> read_image_header(const std::filesystem::path& file);
+
+/// A picture in another format: RGB and YUV by full-range BT.601, chroma by averages and repeats.
+DecodedImage convert_image(const ImageView& image, PixelFormat to);
+
+}  // namespace nodal::hal::replay

@@ -1,0 +1,34 @@
+// Time as the simulated world has it: virtual, moved only by the test, or the machine's own.
+#pragma once
+
+#include <atomic>
+
+#include "hal/clock.h"
+
+namespace nodal::hal::sim {
+
+/// Threading: thread-safe.
+/// Ownership: none.
+/// Errors: none. Moving backwards, or moving real time, is a programmer's error.
+class SimClock final : public ClockPort {
+ public:
+  /// Time stands still at `start` until advanced.
+  explicit SimClock(Instant start = Instant::from_ns(1'000'000'000)) : now_ns_(start.ns()) {}
+  /// CLOCK_MONOTONIC.
+  struct RealTime {};
+  explicit SimClock(RealTime) : real_(true) {}
+
+  // What the daemon sees.
+  Instant now() override;
+
+  // What the test does; virtual time only.
+  bool is_virtual() const { return !real_; }
+  void advance_to(Instant at);
+  void advance(Duration by) { advance_to(now() + by); }
+
+ private:
+  const bool real_ = false;
+  std::atomic<std::int64_t> now_ns_{0};
+};
+
+}  // namespace nodal::hal::sim

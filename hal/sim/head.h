@@ -1,0 +1,182 @@
+// A simulated head: a true lens before a sensor, on the world's trigger line. It exists whether or not anybody has
+// opened it; world.enumerator() opens it as a HeadPort, and what is here is the other half, the test's.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/clock.h"
+#include "hal/head.h"
+#include "hal/sim/random.h"
+#include "hal/sim/scene.h"
+#include "hal/sim/trigger.h"
+#include "protocol/calibration.h"
+
+namespace nodal::hal::sim {
+
+/// Noise of the sensor. All zero: none.
+struct NoiseModel {
+  double levels = 0;               ///< standard deviation in levels of 255, of every encoded value alike
+  double full_well_electrons = 0;  ///< light 1 at 0 dB in electrons, for shot noise; 0: no shot noise
+  double read_electrons = 0;       ///< standard deviation
+};
+
+/// How often each fault comes by itself, in frames per million.
+struct HeadFaults {
+  std::uint32_t lose = 0, corrupt = 0, tear = 0, delay = 0, duplicate = 0;
+  Duration longest_delay = Duration::milliseconds(20);
+};
+
+HeadLimits default_head_limits();
+
+struct HeadOptions {
+  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
+  FrameRate rate;
+  bool interlaced = false;
+  HeadLimits limits = default_head_limits();
+  HeadSettings settings;                    ///< as the head comes
+  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
+  int supersampling = 3;                    ///< n x n samples a pixel
+  NoiseModel noise;
+  int buffers = 4;
+  Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
+  Duration trigger_jitter = Duration::microseconds(2);    ///< of each, uniform to both sides
+  Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
+  std::int32_t free_run_drift_ppm = 0;      ///< positive is slow
+  std::optional<Duration> free_run_phase;   ///< of the first exposure after start(); drawn when not given
+  HeadFaults faults;
+};
+
+/// What really happened in one frame.
+struct FrameTruth {
+  std::uint32_t sequence = 0;
+  std::optional<std::uint64_t> pulse;  ///< that started it
+  Instant exposure_begin;
+  Instant mid_exposure;
+};
+
+/// exposed + duplicated = taken + without_buffer + by_fault + discarded + waiting, at any time.
+struct HeadCounts {
+  std::uint64_t exposed = 0;
+  std::uint64_t duplicated = 0;      ///< sent once more, by fault
+  std::uint64_t taken = 0;           ///< by take_frame()
+  std::uint64_t without_buffer = 0;  ///< lost because the daemon held every buffer
+  std::uint64_t by_fault = 0;        ///< lost because a test or the fault rates said so
+  std::uint64_t discarded = 0;       ///< exposed or filled when stop() or unplug() came
+  std::uint64_t waiting = 0;         ///< exposed and not yet taken
+  std::uint64_t pulses_ignored = 0;  ///< they came while the head was still exposing; not frames
+};
+
+class Sensor;
+
+/// Threading: thread-bound to capture.
+/// Ownership: the clock, the trigger and the scene outlive it; it outlives its open port.
+/// Errors: none of its own.
+class SimHead final : public PulseSink {
+ public:
+  SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const HeadCalibration& truth,
+          const HeadOptions& options, std::uint64_t seed);
+  ~SimHead() override;
+
+  // What the test does.
+  /// The next n frames that are exposed never arrive.
+  void lose_frames(int n = 1) { lose_ += n; }
+  void corrupt_next_frame() { corrupt_next_ = true; }
+  void tear_next_frame() { tear_next_ = true; }
+  void duplicate_next_frame() { duplicate_next_ = true; }
+  void delay_next_frame(Duration by) { delay_next_ = by; }
+  /// The device's own count goes on from here.
+  void set_sequence(std::uint32_t next) { sequence_ = next; }
+  /// The input loses its picture: frames go on coming, grey, with kNoSignal.
+  void set_signal(bool there) { signal_ = there; }
+  void set_faults(const HeadFaults& faults) { options_.faults = faults; }
+  /// Gone; its open port reports kDeviceGone for good.
+  void unplug();
+  void replug();
+  /// Renders what the first frame would render, now.
+  void prepare();
+
+  // What the test knows.
+  const HeadIdentity& identity() const { return identity_; }
+  const HeadCalibration& truth() const { return truth_; }
+  const HeadOptions& options() const { return options_; }
+  const HeadCounts& counts() const { return counts_; }
+  bool present() const { return present_; }
+  bool is_open() const { return port_ != nullptr; }
+  bool streaming() const { return streaming_; }
+  /// Of one of the newest 64 frames.
+  std::optional<FrameTruth> truth_of(std::uint32_t sequence) const;
+
+  // What the enumerator does.
+  Result<std::unique_ptr<HeadPort>> open();
+
+  void on_pulse(std::uint64_t number, Instant at) override;
+
+ private:
+  class Port;
+  struct Exposed {
+    std::uint32_t sequence = 0;
+    Instant begin, mid, received;
+    HeadSettings settings;
+    FrameVerdict verdict = FrameVerdict::kGood;
+  };
+  struct Buffer {
+    enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
+    std::vector<std::uint8_t> bytes;
+    std::uint64_t holds = 0;  ///< which rendering is in it already, 0: unknown
+    Exposed frame;
+  };
+  struct Pending {
+    HeadSettings settings;
+    int frames_left = 0;
+  };
+
+  Status start(TriggerMode mode);
+  void stop();
+  void change(const HeadSettings& wanted);
+  Result<std::optional<FrameView>> take_frame();
+  void release(BufferSlot slot);
+  void step(Instant now);
+  void expose(Instant begin, std::optional<std::uint64_t> pulse);
+  void deliver_until(Instant now);
+  void fill(const Exposed& frame);
+  void discard_all();
+  FrameView lend(BufferSlot slot);
+  Error gone() const;
+
+  ClockPort& clock_;
+  SimTrigger& trigger_;
+  ScenePtr scene_;
+  const HeadCalibration truth_;
+  HeadOptions options_;
+  HeadIdentity identity_;
+  HeadFormat format_;
+  Random random_;
+  std::uint64_t seed_;
+  std::unique_ptr<Sensor> sensor_;
+  Port* port_ = nullptr;
+  bool present_ = true;
+  bool streaming_ = false;
+  TriggerMode mode_ = TriggerMode::kFreeRun;
+  HeadSettings settings_;            ///< as asked
+  HeadSettings in_effect_;           ///< of the next exposure
+  std::deque<Pending> changes_;
+  Instant free_run_from_;
+  std::uint64_t free_run_next_ = 0;
+  Instant busy_until_;
+  std::uint32_t sequence_ = 0;
+  std::deque<Exposed> exposed_;      ///< in the sensor or on the wire, in order of arrival
+  std::vector<Buffer> buffers_;
+  std::deque<BufferSlot> filled_;
+  std::array<FrameTruth, 64> newest_{};
+  HeadCounts counts_;
+  int lose_ = 0;
+  bool corrupt_next_ = false, tear_next_ = false, duplicate_next_ = false, signal_ = true;
+  Duration delay_next_;
+};
+
+}  // namespace nodal::hal::sim

@@ -1,0 +1,66 @@
+// Simulated lines: an output that falls back to its safe level, and an input whose edges a test writes down.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "hal/clock.h"
+#include "hal/pin.h"
+
+namespace nodal::hal::sim {
+
+/// Threading: thread-bound to its stage.
+/// Ownership: none.
+/// Errors: kDeviceGone after unplug().
+class SimOutputPin final : public OutputPinPort {
+ public:
+  explicit SimOutputPin(bool safe_level) : safe_(safe_level), high_(safe_level) {}
+
+  // What the daemon sees.
+  Status set(bool high, Instant now, Duration lease) override;
+  Status step(Instant now) override;
+
+  // What the test does and knows.
+  void unplug() { gone_ = true; }
+  /// The level on the wire at `now`: the lease ends whether or not anybody steps.
+  bool level_at(Instant now) const { return now >= until_ ? safe_ : high_; }
+  /// Every change of level, oldest first.
+  const std::vector<PinEdge>& history() const { return history_; }
+
+ private:
+  void drive(bool high, Instant at);
+
+  const bool safe_;
+  bool high_;
+  bool gone_ = false;
+  Instant until_;
+  std::vector<PinEdge> history_;
+};
+
+/// Threading: thread-bound to its stage.
+/// Ownership: the clock outlives it.
+/// Errors: kDeviceGone after unplug().
+class SimInputPin final : public InputPinPort {
+ public:
+  explicit SimInputPin(ClockPort& clock, bool level = false) : clock_(clock), high_(level) {}
+
+  // What the daemon sees.
+  Result<bool> level() override;
+  Result<std::optional<PinEdge>> take_edge() override;
+
+  // What the test does.
+  /// The line goes to `high` at that time; in order of time. Going where it already is makes no edge.
+  void script(Instant at, bool high) { script_.push_back({at, high}); }
+  void unplug() { gone_ = true; }
+
+ private:
+  void play();
+
+  ClockPort& clock_;
+  bool high_;
+  bool gone_ = false;
+  std::deque<PinEdge> script_;
+  std::deque<PinEdge> edges_;
+};
+
+}  // namespace nodal::hal::sim

@@ -1,0 +1,59 @@
+// What the simulated heads look at, as light by direction. Values are linear: 1 is what fills a head's pixel at
+// its reference exposure, 0 dB and no vignetting; brighter things clip.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+
+namespace nodal::hal::sim {
+
+/// A unit direction in the rig frame: x right, y down, z forward.
+struct Direction {
+  double x = 0, y = 0, z = 1;
+};
+
+/// Linear red, green, blue.
+struct Light {
+  float r = 0, g = 0, b = 0;
+};
+
+/// A thing that moves before the background: a striped ball on a small circle about `axis`, once a `period`.
+struct Mover {
+  Direction axis;
+  Direction start;         ///< where it is at time 0
+  Duration period;         ///< negative: the other way round
+  double radius_rad = 0;   ///< as seen from the nodal point
+  Light colour, stripes;
+};
+
+/// Threading: thread-safe; immutable.
+/// Ownership: none.
+/// Errors: none.
+class Scene {
+ public:
+  virtual ~Scene() = default;
+  /// Light of what does not move, from one direction; detail finer than `footprint_rad` is left out.
+  virtual Light light(const Direction& from, double footprint_rad) const = 0;
+  virtual std::span<const Mover> movers() const { return {}; }
+};
+using ScenePtr = std::shared_ptr<const Scene>;
+
+/// The same light from everywhere.
+ScenePtr constant_scene(Light light);
+
+/// The default: a town square by day, walls to the front (z) lettered FRONT, RIGHT, BACK and LEFT, with balloons
+/// that fly round it. Rich at every scale, no singular direction.
+ScenePtr town_square_scene(std::uint64_t seed = 1);
+
+/// An equirectangular photograph (RGB24 or grey, twice as wide as high): the middle column is forward, the top
+/// row is up. `encoding` says how its values come from light.
+/// Errors: kUnsupported for another pixel format, kBadValue for another shape.
+Result<ScenePtr> photo_scene(const ImageView& equirectangular, const Response& encoding);
+
+}  // namespace nodal::hal::sim

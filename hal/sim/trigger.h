@@ -1,0 +1,72 @@
+// The simulated pulse generator: it drives the trigger inputs of the world's heads.
+#pragma once
+
+#include <array>
+#include <deque>
+
+#include "hal/clock.h"
+#include "hal/sim/random.h"
+#include "hal/trigger.h"
+
+namespace nodal::hal::sim {
+
+/// Who a pulse reaches.
+class PulseSink {
+ public:
+  virtual ~PulseSink() = default;
+  /// The active edge of pulse `number`, in order of time.
+  virtual void on_pulse(std::uint64_t number, Instant at) = 0;
+};
+
+struct TriggerOptions {
+  Duration jitter;                ///< of each pulse, uniform to both sides; at most a quarter period
+  std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow
+  Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
+  FrameRate fastest{1000, 1};
+};
+
+/// Threading: thread-bound to capture, with the heads of its world.
+/// Ownership: none; the clock and the sinks outlive it.
+/// Errors: as TriggerPort.
+class SimTrigger final : public TriggerPort {
+ public:
+  SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed);
+
+  // What the daemon sees.
+  Status start(const TriggerSettings& settings) override;
+  void stop() override;
+  Result<std::optional<TriggerEdge>> take_edge() override;
+
+  // What the test does and knows.
+  void lose_pulse() { ++pulses_to_lose_; }
+  void unplug() { gone_ = true; }
+  bool running() const { return running_; }
+  std::uint64_t pulses_sent() const { return sent_; }
+  std::uint64_t edges_forgotten() const { return forgotten_; }  ///< nobody took them in time
+
+  // What the world does.
+  void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
+  /// Sends every pulse due up to `now`.
+  void step(Instant now);
+
+ private:
+  Instant planned(std::uint64_t number) const;
+  void send(std::uint64_t number, Instant at);
+
+  ClockPort& clock_;
+  const TriggerOptions options_;
+  Random random_;
+  std::array<PulseSink*, kMaxHeads> sinks_{};
+  TriggerSettings settings_;
+  bool running_ = false;
+  bool gone_ = false;
+  Instant started_;
+  std::uint64_t next_ = 0;
+  Instant next_at_;
+  std::uint64_t sent_ = 0;
+  std::uint64_t forgotten_ = 0;
+  std::uint32_t pulses_to_lose_ = 0;
+  std::deque<TriggerEdge> edges_;
+};
+
+}  // namespace nodal::hal::sim

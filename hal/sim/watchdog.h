@@ -1,0 +1,39 @@
+// A supervisor that writes down what it was told.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hal/clock.h"
+#include "hal/watchdog.h"
+
+namespace nodal::hal::sim {
+
+/// Threading: thread-bound to the supervisor.
+/// Ownership: the clock outlives it.
+/// Errors: none.
+class SimWatchdog final : public WatchdogPort {
+ public:
+  explicit SimWatchdog(ClockPort& clock) : clock_(clock), last_(clock.now()) {}
+
+  // What the daemon sees.
+  void ready() override { ready_ = true; last_ = clock_.now(); }
+  void feed() override { ++feeds_; last_ = clock_.now(); }
+  void status(std::string_view line) override { lines_.emplace_back(line); }
+
+  // What the test knows.
+  bool is_ready() const { return ready_; }
+  std::uint64_t feeds() const { return feeds_; }
+  const std::vector<std::string>& lines() const { return lines_; }
+  /// A real supervisor would have ended the daemon by now.
+  bool would_bite(Duration timeout) const { return ready_ && clock_.now() - last_ > timeout; }
+
+ private:
+  ClockPort& clock_;
+  Instant last_;
+  bool ready_ = false;
+  std::uint64_t feeds_ = 0;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace nodal::hal::sim
