@@ -1,0 +1,141 @@
+#include "firmware/config.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+namespace nodal::firmware {
+namespace {
+
+std::string example() {
+  std::ifstream in(std::string(NODAL_SOURCE_DIR) + "/firmware/example.rig.toml");
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+const std::string kSmall = R"([rig]
+name = "small"
+[sim]
+calibration = "truth.json"
+[[heads]]
+name = "cam0"
+port = "sim:cam0"
+)";
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+void expect_refused(const std::string& text, Errc code, const std::string& part) {
+  const auto config = parse_rig_config(text, "rig.toml");
+  ASSERT_FALSE(config) << text;
+  EXPECT_EQ(config.error().code, code) << config.error().text();
+  EXPECT_NE(config.error().message.find(part), std::string::npos) << config.error().message << "\nlacks: " << part;
+}
+
+TEST(RigConfig, TheExample_IsReadWhole) {
+  const auto config = parse_rig_config(example(), "example.rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->name, "ten-heads");
+  EXPECT_EQ(config->rate, (FrameRate{30000, 1001}));
+  EXPECT_EQ(config->raymap.width, 2048);
+  EXPECT_EQ(config->raymap.height, 1024);
+  ASSERT_EQ(config->heads.size(), 10u);
+  EXPECT_EQ(config->heads[9].name, "cam9");
+  EXPECT_EQ(config->heads[9].port, (PortAddress{PortKind::kSim, "cam9"}));
+  EXPECT_EQ(config->heads[0].exposure->us(), 8000);
+  EXPECT_FALSE(config->heads[1].exposure.has_value());
+  ASSERT_TRUE(config->sim.has_value());
+  EXPECT_DOUBLE_EQ(config->sim->noise, 1.0);
+}
+
+TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
+  const auto config = parse_rig_config(kSmall, "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->rate.period().ns(), 33'366'666);
+  EXPECT_EQ(config->raymap.format, PixelFormat::kI420);
+  EXPECT_EQ(config->raymap.jpeg_quality, 85);
+  EXPECT_FALSE(config->trigger.start);
+  EXPECT_EQ(config->links.tcp_port, 0);
+  EXPECT_EQ(config->store, "/var/lib/nodal");
+}
+
+TEST(RigConfig, ReplayHeads_NeedNoSim) {
+  const auto config = parse_rig_config("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\n", "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->heads[0].port, (PortAddress{PortKind::kReplay, "a-*.png"}));
+}
+
+TEST(RigConfig, TypingErrorInAKey_NamesLineAndTheNearestKnownKey) {
+  expect_refused(replaced(kSmall, "port = ", "prot = "), Errc::kUnknownField,
+                 "rig.toml:7:1: there is no key 'heads[0].prot'; did you mean 'port'?");
+  expect_refused(kSmall + "[raymapp]\n", Errc::kUnknownField, "did you mean 'raymap'?");
+}
+
+TEST(RigConfig, KeyLikeNoOther_ListsWhatIsKnown) {
+  expect_refused(replaced(kSmall, "name = \"small\"", "name = \"small\"\ncolour_temperature = 3"), Errc::kUnknownField,
+                 "known here are name, rate");
+}
+
+TEST(RigConfig, NotToml_NamesLineAndColumn) {
+  expect_refused("[rig]\nname = \"x\n", Errc::kBadFormat, "rig.toml:2:");
+}
+
+TEST(RigConfig, MissingThings_AreNamed) {
+  expect_refused("", Errc::kMissingField, "rig must be there");
+  expect_refused("[rig]\nname='r'\n", Errc::kMissingField, "heads must be there");
+  expect_refused(replaced(kSmall, "name = \"small\"", ""), Errc::kMissingField, "rig.name must be there");
+  expect_refused(replaced(kSmall, "[sim]\ncalibration = \"truth.json\"\n", ""), Errc::kMissingField, "sim must be there");
+  expect_refused(replaced(kSmall, "calibration = \"truth.json\"", ""), Errc::kMissingField, "sim.calibration");
+}
+
+TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
+  expect_refused(kSmall + "exposure_us = 0\n", Errc::kBadValue,
+                 "rig.toml:8:15: heads[0].exposure_us is 0; allowed is 1 to 10000000");
+  expect_refused(kSmall + "gain_mdb = 1.5\n", Errc::kBadValue, "heads[0].gain_mdb must be a whole number");
+  expect_refused(kSmall + "format = \"YUY2\"\n", Errc::kBadValue, "allowed is one of I420, NV12, YUYV");
+  expect_refused(kSmall + "red_q12 = 5000\n", Errc::kMissingField, "heads[0].blue_q12 must be there");
+  expect_refused(replaced(kSmall, "sim:cam0", "usb:1-2"), Errc::kBadValue, "sim:NAME, replay:FILE");
+  expect_refused(replaced(kSmall, "sim:cam0", "sim:"), Errc::kBadValue, "sim:NAME");
+  expect_refused(kSmall + "[raymap]\nwidth=2000\nheight=1024\n", Errc::kBadValue, "half its width");
+  expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue, "2/3 of its width");
+  expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nnoise = nan\n"), Errc::kBadValue, "sim.noise is nan");
+  expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene = \"photo\"\n"), Errc::kMissingField, "sim.photo");
+  expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene='constant'\nconstant=[1,2,256]\n"), Errc::kBadValue,
+                 "[red, green, blue]");
+  expect_refused(replaced(kSmall, "\"small\"", "\"a b\""), Errc::kBadValue, "rig.name may have");
+}
+
+TEST(RigConfig, RatesThatAreNoFraction_AreRefused) {
+  for (const char* rate : {"0", "30/0", "29.97", "1001/", "/1", "-30", "2000", "1/2000", "30 /1", ""}) {
+    expect_refused(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"" + std::string(rate) + "\""),
+                   Errc::kBadValue, "rig.rate must be frames a second");
+  }
+  const auto config = parse_rig_config(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"25\""), "r");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->rate, (FrameRate{25, 1}));
+}
+
+TEST(RigConfig, TwoHeadsOfOneNameOrPort_AreRefused) {
+  expect_refused(kSmall + "[[heads]]\nname='cam0'\nport='sim:cam1'\n", Errc::kBadValue, "taken by a head above");
+  expect_refused(kSmall + "[[heads]]\nname='cam1'\nport='sim:cam0'\n", Errc::kBadValue, "heads[1].port is taken");
+}
+
+TEST(RigConfig, MoreHeadsThanARigHas_AreRefused) {
+  std::string text = "[rig]\nname='r'\n";
+  for (int i = 0; i < kMaxHeads + 1; ++i) {
+    text += "[[heads]]\nname='c" + std::to_string(i) + "'\nport='replay:" + std::to_string(i) + ".png'\n";
+  }
+  expect_refused(text, Errc::kBadValue, "has 17 entries; a rig has at most 16");
+}
+
+TEST(RigConfig, AFileOfMegabytes_IsRefusedUnread) {
+  expect_refused(std::string(kMaxRigTomlBytes + 1, '#'), Errc::kTooLarge, "at most 262144");
+}
+
+}  // namespace
+}  // namespace nodal::firmware
