@@ -112,6 +112,8 @@ Result<Calibration> parse_calibration(std::string_view json);
 
 /// The same checks on a value made in memory.
 Status check_calibration(const Calibration& calibration);
+/// The part of them that looks at one head alone.
+Status check_head(const HeadCalibration& head);
 
 /// The document for people: indented, fields in the order of CALIBRATION.md.
 std::string to_json(const Calibration& calibration);

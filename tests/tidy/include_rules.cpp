@@ -46,7 +46,7 @@ const std::vector<FolderRule>& folder_rules() {
       {"hal/linux/", {"protocol/base/", "hal/clock.h", "hal/disk.h", "hal/head.h", "hal/link.h", "hal/pin.h",
                       "hal/trigger.h", "hal/watchdog.h", "hal/linux/"}},
       {"stitch/blend/", {"protocol/base/", "stitch/blend/"}},
-      {"stitch/geometry/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/"}},
+      {"stitch/geometry/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/"}},
       {"stitch/calibration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",
                                "stitch/calibration/"}},
       {"stitch/registration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",

@@ -1,0 +1,259 @@
+// What a calibration must satisfy beyond having the right fields; the first fault found is the error.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <string>
+
+#include "protocol/base/polynomial.h"
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+#include "protocol/lens_range.h"
+
+namespace nodal {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr int kMaxSide = 32768;           // px
+constexpr double kMaxPlace = 1e6;         // px, for centres that may lie outside the picture
+constexpr double kMaxCoefficient = 1e12;  // keeps every sum below finite
+constexpr double kRotationTolerance = 1e-6;
+constexpr std::size_t kMaxNameBytes = 64;
+constexpr std::size_t kMaxTextBytes = 65536;
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+std::string degrees(double radians) { return number(radians * 180 / kPi) + " degrees"; }
+
+/// `least` <= value <= `most`; NaN is in no range.
+Status in_range(const std::string& field, double value, double least, double most) {
+  if (value >= least && value <= most) return {};
+  return fail(Errc::kBadValue,
+              field + " is " + number(value) + "; it must be " + number(least) + " to " + number(most));
+}
+
+Status coefficients_in_range(const std::string& field, std::span<const double> values) {
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const Status checked = in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient);
+    if (!checked) return checked;
+  }
+  return {};
+}
+
+Status check_focal(double focal) { return in_range("lens.focal", focal, 1, 1e6); }
+
+Status check_count(const std::string& field, std::size_t count) {
+  if (count >= 1 && count <= 9) return {};
+  return fail(Errc::kBadValue, field + " has " + std::to_string(count) + " numbers; it must have 1 to 9");
+}
+
+Status check_model(const TsaiLens& lens) {
+  if (Status s = check_focal(lens.focal); !s) return s;
+  if (Status s = in_range("lens.kappa1", lens.kappa1, -1, 1); !s) return s;
+  return in_range("lens.kappa2", lens.kappa2, -1, 1);
+}
+
+Status check_polynomial(const std::vector<double>& coefficients) {
+  if (Status s = check_count("lens.coefficients", coefficients.size()); !s) return s;
+  if (Status s = in_range("lens.coefficients[0]", coefficients[0], 1, 1e6); !s) return s;
+  return coefficients_in_range("lens.coefficients", coefficients);
+}
+
+Status check_model(const RectilinearLens& lens) { return check_polynomial(lens.coefficients); }
+Status check_model(const EquidistantLens& lens) { return check_polynomial(lens.coefficients); }
+
+Status check_model(const KannalaBrandtLens& lens) {
+  if (Status s = check_focal(lens.focal); !s) return s;
+  return coefficients_in_range("lens.k", lens.k);
+}
+
+Status check_picture(const HeadCalibration& head) {
+  if (Status s = in_range("width", head.width, 1, kMaxSide); !s) return s;
+  if (Status s = in_range("height", head.height, 1, kMaxSide); !s) return s;
+  if (Status s = in_range("center[0]", head.center_x, -kMaxPlace, kMaxPlace); !s) return s;
+  if (Status s = in_range("center[1]", head.center_y, -kMaxPlace, kMaxPlace); !s) return s;
+  return in_range("aspect", head.aspect, 0.1, 10);
+}
+
+Status check_rotation(const std::array<double, 9>& R) {
+  const auto row = [&](std::size_t i, std::size_t k) { return R[3 * i + k]; };
+  for (const double element : R) {
+    if (!std::isfinite(element)) return fail(Errc::kBadValue, "R_head_rig has an element that is not a finite number");
+  }
+  double off = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      double dot = i == j ? -1.0 : 0.0;
+      for (std::size_t k = 0; k < 3; ++k) dot += row(i, k) * row(j, k);
+      off = std::max(off, std::abs(dot));
+    }
+  }
+  if (!(off <= kRotationTolerance)) {
+    return fail(Errc::kNotARotation, "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " +
+                                         number(off) + ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
+  }
+  const double determinant = row(0, 0) * (row(1, 1) * row(2, 2) - row(1, 2) * row(2, 1)) -
+                             row(0, 1) * (row(1, 0) * row(2, 2) - row(1, 2) * row(2, 0)) +
+                             row(0, 2) * (row(1, 0) * row(2, 1) - row(1, 1) * row(2, 0));
+  if (determinant < 0) {
+    return fail(Errc::kNotARotation,
+                "R_head_rig is a reflection, not a rotation (its determinant is -1): one axis points the wrong way; "
+                "axes are x right, y down, z forward");
+  }
+  return {};
+}
+
+Status check_region(const HeadCalibration& head) {
+  const Region& region = head.region;
+  if (!(region.left >= 0 && region.top >= 0 && region.right <= head.width && region.bottom <= head.height)) {
+    return fail(Errc::kBadValue, "region " + number(region.left) + "," + number(region.top) + " to " +
+                                     number(region.right) + "," + number(region.bottom) +
+                                     " is not inside the picture of " + std::to_string(head.width) + "x" +
+                                     std::to_string(head.height));
+  }
+  if (!(region.left < region.right && region.top < region.bottom)) {
+    return fail(Errc::kBadValue, "region is empty: left must be less than right, and top less than bottom");
+  }
+  if (!region.circle) return {};
+  if (Status s = in_range("region.circle.x", region.circle->x, -kMaxPlace, kMaxPlace); !s) return s;
+  if (Status s = in_range("region.circle.y", region.circle->y, -kMaxPlace, kMaxPlace); !s) return s;
+  if (Status s = in_range("region.circle.radius", region.circle->radius, 1, kMaxPlace); !s) return s;
+  const double nearest_x = std::clamp(region.circle->x, region.left, region.right);
+  const double nearest_y = std::clamp(region.circle->y, region.top, region.bottom);
+  if (std::hypot(nearest_x - region.circle->x, nearest_y - region.circle->y) >= region.circle->radius) {
+    return fail(Errc::kBadValue, "region.circle does not meet region's rectangle: nothing of the picture is left");
+  }
+  return {};
+}
+
+/// Every pixel of the region needs an angle of its own, or a max_angle that leaves it out.
+Status check_lens_covers_region(const HeadCalibration& head) {
+  if (head.max_angle > 0) return {};
+  const LensRange range = lens_range(head.lens);
+  const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
+  if (farthest <= range.max_radius) return {};
+  return fail(Errc::kLensDomain,
+              std::string("the lens ") + (range.turns ? "turns back" : "ends") + " at " + degrees(range.max_angle) +
+                  ", " + number(range.max_radius) + " px from its centre, and the region reaches " + number(farthest) +
+                  " px: set max_angle to less than " + number(range.max_angle) +
+                  " rad, make the region smaller, or correct the lens");
+}
+
+Status check_response(const Response& response) {
+  if (response.curve == Response::Curve::kGamma) return in_range("response.gamma", response.gamma, 0.1, 10);
+  if (response.curve != Response::Curve::kPolynomial) return {};
+  if (Status s = check_count("response.coefficients", response.coefficients.size()); !s) return s;
+  if (Status s = coefficients_in_range("response.coefficients", response.coefficients); !s) return s;
+  double sum = 0;
+  for (const double c : response.coefficients) sum += c;
+  if (!(std::abs(sum - 1) <= 1e-6)) {
+    return fail(Errc::kBadValue, "response.coefficients sum to " + number(sum) + "; they must sum to 1, so that full light is full value");
+  }
+  std::vector<double> whole{0.0};
+  whole.insert(whole.end(), response.coefficients.begin(), response.coefficients.end());
+  const double turn = rising_until(whole, 1.0);
+  if (turn < 1) {
+    return fail(Errc::kBadValue, "response.coefficients stop rising at an encoded value of " + number(turn) +
+                                     "; more light must always give more value, from 0 to 1");
+  }
+  return {};
+}
+
+Status check_vignetting(const HeadCalibration& head) {
+  const Vignetting& v = head.vignetting;
+  if (Status s = in_range("vignetting.x", v.x, -kMaxPlace, kMaxPlace); !s) return s;
+  if (Status s = in_range("vignetting.y", v.y, -kMaxPlace, kMaxPlace); !s) return s;
+  if (Status s = in_range("vignetting.radius", v.radius, 1, kMaxPlace); !s) return s;
+  if (Status s = coefficients_in_range("vignetting.coefficients", v.coefficients); !s) return s;
+  double reach = farthest_radius(head.region, v.x, v.y, head.aspect);
+  if (head.max_angle > 0) {
+    // Beyond max_angle nothing is used, so nothing needs light there.
+    const double offset = std::hypot(v.x - head.center_x, (v.y - head.center_y) / head.aspect);
+    reach = std::min(reach, lens_radius(head.lens, head.max_angle) + offset);
+  }
+  const std::array<double, 4> c{1, v.coefficients[0], v.coefficients[1], v.coefficients[2]};
+  const double s = (reach / v.radius) * (reach / v.radius);
+  const double darkest = polynomial_minimum(c, 0, s);
+  if (darkest >= 0.01) return {};
+  return fail(Errc::kBadValue, "vignetting falls to " + number(darkest) +
+                                   " of the light inside the region; below 0.01 nothing can be made up for: "
+                                   "correct the coefficients or make the region smaller");
+}
+
+Status check_gain(const std::array<double, 3>& gain) {
+  constexpr std::array kColours{"gain.red", "gain.green", "gain.blue"};
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (Status s = in_range(kColours[c], gain[c], 0.01, 100); !s) return s;
+  }
+  return {};
+}
+
+bool printable(std::string_view text) {
+  return std::none_of(text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+Status check_fields(const HeadCalibration& head) {
+  if (Status s = check_picture(head); !s) return s;
+  if (Status s = check_region(head); !s) return s;
+  if (Status s = check_lens(head.lens, head.max_angle); !s) return s;
+  if (Status s = check_lens_covers_region(head); !s) return s;
+  if (Status s = check_rotation(head.R_head_rig); !s) return s;
+  if (Status s = check_response(head.response); !s) return s;
+  if (Status s = check_vignetting(head); !s) return s;
+  return check_gain(head.gain);
+}
+
+}  // namespace
+
+Status check_lens(const LensModel& lens, double max_angle) {
+  if (Status s = std::visit([](const auto& model) { return check_model(model); }, lens); !s) return s;
+  const LensRange range = lens_range(lens);
+  if (!(range.max_radius >= 1)) {
+    return fail(Errc::kLensDomain, "the lens turns back within a pixel of its centre: its coefficients are for another unit");
+  }
+  if (!(max_angle >= 0 && max_angle <= kPi)) {
+    return fail(Errc::kBadValue, "max_angle is " + number(max_angle) + " rad; it must be 0 (as far as the lens goes) to pi");
+  }
+  if (max_angle > range.max_angle + 1e-9) {
+    return fail(Errc::kLensDomain, "max_angle is " + degrees(max_angle) + ", but the lens " +
+                                       (range.turns ? "turns back" : "ends") + " at " + degrees(range.max_angle) +
+                                       ": set it to at most " + number(range.max_angle) + " rad, or to 0");
+  }
+  return {};
+}
+
+Status check_head(const HeadCalibration& head) {
+  if (head.name.empty() || head.name.size() > kMaxNameBytes || !printable(head.name)) {
+    return fail(Errc::kBadValue, "a head's name must be 1 to 64 printable characters");
+  }
+  Status checked = check_fields(head);
+  if (!checked) return fail(checked.error().in("head '" + head.name + "'"));
+  return checked;
+}
+
+Status check_calibration(const Calibration& calibration) {
+  if (calibration.name.size() > kMaxTextBytes || calibration.comment.size() > kMaxTextBytes) {
+    return fail(Errc::kTooLarge, "name and comment may have 65536 bytes each");
+  }
+  if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxHeads) {
+    return fail(Errc::kBadValue, "the calibration has " + std::to_string(calibration.heads.size()) +
+                                     " heads; a rig has 1 to " + std::to_string(kMaxHeads));
+  }
+  for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
+    const HeadCalibration& head = calibration.heads[i];
+    if (Status s = check_head(head); !s) return fail(s.error().in("heads[" + std::to_string(i) + "]"));
+    for (std::size_t j = 0; j < i; ++j) {
+      if (calibration.heads[j].name == head.name) {
+        return fail(Errc::kBadValue, "heads[" + std::to_string(j) + "] and heads[" + std::to_string(i) +
+                                         "] are both called '" + head.name + "'; every head needs a name of its own");
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace nodal

@@ -1,0 +1,117 @@
+#include "stitch/geometry/head.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stitch/geometry/rotation.h"
+
+namespace nodal::geometry {
+
+Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig)
+    : calibration_(std::move(calibration)), lens_(std::move(lens)), R_head_rig_(R_head_rig) {}
+
+Result<Head> Head::make(const HeadCalibration& calibration) {
+  if (Status checked = check_head(calibration); !checked) return fail(checked.error());
+  Result<Lens> lens = Lens::make(calibration.lens, calibration.max_angle);
+  if (!lens) return fail(lens.error().in("head '" + calibration.name + "'"));
+  Result<Eigen::Matrix3d> R = nearest_rotation(matrix_of(calibration.R_head_rig));
+  if (!R) return fail(R.error().in("head '" + calibration.name + "': R_head_rig"));
+  return Head(calibration, std::move(*lens), *R);
+}
+
+Ray Head::axis() const { return R_head_rig_.transpose() * Ray(); }
+
+Eigen::Vector2d Head::from_center(Pixel pixel) const {
+  return {pixel.x - calibration_.center_x, (pixel.y - calibration_.center_y) / calibration_.aspect};
+}
+
+std::optional<Pixel> Head::project(const Ray& rig_ray) const {
+  const Eigen::Vector3d d = R_head_rig_ * rig_ray.direction();
+  const double s = std::hypot(d.x(), d.y());
+  const std::optional<double> r = lens_.radius(std::atan2(s, d.z()));
+  if (!r) return std::nullopt;
+  if (s == 0) return Pixel{calibration_.center_x, calibration_.center_y};
+  const double q = *r / s;
+  return Pixel{calibration_.center_x + q * d.x(), calibration_.center_y + calibration_.aspect * q * d.y()};
+}
+
+std::optional<Projection> Head::project_with_jacobian(const Ray& rig_ray) const {
+  const Eigen::Vector3d d = R_head_rig_ * rig_ray.direction();
+  const double s = std::hypot(d.x(), d.y());
+  const double a = std::atan2(s, d.z());
+  const std::optional<double> r = lens_.radius(a);
+  if (!r) return std::nullopt;
+  const double slope = lens_.slope(a, *r);
+  Eigen::Matrix<double, 2, 3> J;
+  double q = slope;
+  if (s < 1e-12) {
+    J << slope, 0, 0, 0, slope, 0;
+  } else {
+    // u = q x, v = q y with q = r / s; ds = (x dx + y dy) / s, da = z ds - s dz on the unit sphere.
+    q = *r / s;
+    const double dq_ds = (slope * d.z() - q) / s;
+    const Eigen::RowVector3d dq(dq_ds * d.x() / s, dq_ds * d.y() / s, -slope);
+    J.row(0) = d.x() * dq;
+    J.row(1) = d.y() * dq;
+    J(0, 0) += q;
+    J(1, 1) += q;
+  }
+  J.row(1) *= calibration_.aspect;
+  const Pixel pixel{calibration_.center_x + q * d.x(), calibration_.center_y + calibration_.aspect * q * d.y()};
+  return Projection{pixel, J * R_head_rig_};
+}
+
+std::optional<Ray> Head::unproject(Pixel pixel) const {
+  const Eigen::Vector2d p = from_center(pixel);
+  const double r = p.norm();
+  const std::optional<double> a = lens_.angle(r);
+  if (!a) return std::nullopt;
+  Eigen::Vector3d d(0, 0, 1);
+  if (r > 0) d = {std::sin(*a) * p.x() / r, std::sin(*a) * p.y() / r, std::cos(*a)};
+  return Ray::towards(R_head_rig_.transpose() * d);
+}
+
+double Head::distance_to_edge(Pixel pixel) const {
+  const Region& region = calibration_.region;
+  double distance = std::min({pixel.x - region.left, region.right - pixel.x, pixel.y - region.top,
+                              region.bottom - pixel.y});
+  if (region.circle) {
+    const double r = std::hypot(pixel.x - region.circle->x, pixel.y - region.circle->y);
+    distance = std::min(distance, region.circle->radius - r);
+  }
+  // Where the lens ends is an ellipse when the aspect is not 1; its distance is taken along the radius.
+  const Eigen::Vector2d p = from_center(pixel);
+  const double r = p.norm();
+  const double stretch = r > 0 ? std::hypot(p.x(), p.y() * calibration_.aspect) / r : 1.0;
+  return std::min(distance, (lens_.max_radius() - r) * stretch);
+}
+
+double Head::density(Pixel pixel) const {
+  const double r = from_center(pixel).norm();
+  const std::optional<double> a = lens_.angle(r);
+  if (!a) return 0;
+  const double slope = lens_.slope(*a, r);
+  // r / sin a tends to the slope on the axis.
+  const double across = *a > 1e-9 ? r / std::sin(*a) : slope;
+  return calibration_.aspect * slope * across;
+}
+
+double Head::vignetting(Pixel pixel) const {
+  const Vignetting& v = calibration_.vignetting;
+  const double r = std::hypot(pixel.x - v.x, (pixel.y - v.y) / calibration_.aspect) / v.radius;
+  const double s = r * r;
+  return 1 + s * (v.coefficients[0] + s * (v.coefficients[1] + s * v.coefficients[2]));
+}
+
+Result<std::vector<Head>> make_heads(const Calibration& calibration) {
+  if (Status checked = check_calibration(calibration); !checked) return fail(checked.error());
+  std::vector<Head> heads;
+  for (const HeadCalibration& head : calibration.heads) {
+    Result<Head> made = Head::make(head);
+    if (!made) return fail(made.error());
+    heads.push_back(std::move(*made));
+  }
+  return heads;
+}
+
+}  // namespace nodal::geometry

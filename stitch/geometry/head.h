@@ -1,0 +1,74 @@
+// A head of the rig: where a ray of the rig falls on its picture, and which ray a pixel saw (§4.1).
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/geometry/lens.h"
+#include "stitch/geometry/ray.h"
+
+namespace nodal::geometry {
+
+/// A pixel, and how it moves with the ray in the rig frame: d(pixel) = J d(ray), px per unit of the ray's
+/// (tangential) change.
+struct Projection {
+  Pixel pixel;
+  Eigen::Matrix<double, 2, 3> J;
+};
+
+/// One camera C_i: lens, place, region, radiometry. With (x, y, z) a ray in the head's frame, a its angle from
+/// the axis, psi its direction about it:  u = c_x + r(a) cos psi,  v = c_y + a_y r(a) sin psi.
+///
+/// Threading: immutable after make(); any thread.
+/// Ownership: a value that keeps nothing of the calibration alive.
+class Head {
+ public:
+  /// Errors: those of check_calibration for one head.
+  static Result<Head> make(const HeadCalibration& calibration);
+
+  const std::string& name() const { return calibration_.name; }
+  int width() const { return calibration_.width; }
+  int height() const { return calibration_.height; }
+  const HeadCalibration& calibration() const { return calibration_; }
+  const Lens& lens() const { return lens_; }
+  const Eigen::Matrix3d& R_head_rig() const { return R_head_rig_; }
+  /// The head's optical axis in the rig.
+  Ray axis() const;
+
+  /// Where a ray of the rig falls; nothing beyond the lens's max_angle. It may fall outside the picture or the
+  /// region: ask contains().
+  std::optional<Pixel> project(const Ray& rig_ray) const;
+  std::optional<Projection> project_with_jacobian(const Ray& rig_ray) const;
+  /// The ray of the rig that a place on the picture saw; nothing beyond the lens's max_radius.
+  std::optional<Ray> unproject(Pixel pixel) const;
+
+  /// Whether the picture is good there: inside the region and within the lens's max_angle.
+  bool contains(Pixel pixel) const { return distance_to_edge(pixel) >= 0; }
+  /// How far inside (negative: outside) what contains() says a place is, in px.
+  double distance_to_edge(Pixel pixel) const;
+
+  /// Original pixels per steradian there, a_y r r' / sin a: how precise the head is (§4.2, as meant).
+  /// 0 beyond the lens's max_radius.
+  double density(Pixel pixel) const;
+
+  /// V there, of the rig document; 1 where nothing falls off.
+  double vignetting(Pixel pixel) const;
+
+ private:
+  Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig);
+  /// From the lens's centre, aspect taken out.
+  Eigen::Vector2d from_center(Pixel pixel) const;
+
+  HeadCalibration calibration_;
+  Lens lens_;
+  Eigen::Matrix3d R_head_rig_;
+};
+
+/// Every head of a rig, in the document's order.
+Result<std::vector<Head>> make_heads(const Calibration& calibration);
+
+}  // namespace nodal::geometry

@@ -1,0 +1,61 @@
+// A raymap layout m(x, y) -> (theta, phi): which ray each pixel of a raymap holds (§3.2, §5).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/geometry/ray.h"
+
+namespace nodal::geometry {
+
+/// What every layout can say, whatever its shape. Width and height are those of the picture that carries it;
+/// a picture may have pixels that hold no ray.
+///
+/// Threading: immutable; any thread.
+class RaymapLayout {
+ public:
+  virtual ~RaymapLayout() = default;
+
+  /// As make_layout() takes it.
+  virtual std::string_view name() const = 0;
+  int width() const { return width_; }
+  int height() const { return height_; }
+
+  /// True when neighbouring pixels do not hold neighbouring rays (random, Hammersley): then nothing may be
+  /// interpolated between pixels, ray(x, y) is that of the pixel around (x, y), and pixel() gives the nearest
+  /// ray's pixel centre.
+  virtual bool scattered() const = 0;
+
+  /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5).
+  /// Nothing where the layout holds no ray.
+  virtual std::optional<Ray> ray(double x, double y) const = 0;
+
+  /// The solid angle pixel (i, j) stands for, exact, sr; 0 for a pixel that holds no ray. All sum to what the
+  /// layout covers: 4 pi for a whole sphere.
+  virtual double solid_angle(int i, int j) const = 0;
+
+  /// Where a ray is in the raymap; nothing when the layout does not hold it.
+  virtual std::optional<Pixel> pixel(const Ray& ray) const = 0;
+
+ protected:
+  RaymapLayout(int width, int height) : width_(width), height_(height) {}
+
+ private:
+  int width_;
+  int height_;
+};
+
+inline constexpr int kMaxRaymapSide = 32768;
+
+/// Names that make_layout() knows.
+std::vector<std::string_view> layout_names();
+
+/// Errors: kUnsupported for a name nobody knows (says which are), kBadValue for a size the layout cannot have
+/// (says the nearest that it can).
+Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view name, int width, int height);
+
+}  // namespace nodal::geometry

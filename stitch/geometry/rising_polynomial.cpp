@@ -1,0 +1,45 @@
+#include "stitch/geometry/rising_polynomial.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "protocol/base/polynomial.h"
+
+namespace nodal::geometry {
+
+RisingPolynomial::RisingPolynomial(std::span<const double> coefficients, double max_x)
+    : c_(coefficients.begin(), coefficients.end()) {
+  std::vector<double> whole{0.0};
+  whole.insert(whole.end(), c_.begin(), c_.end());
+  max_x_ = rising_until(whole, max_x);
+  max_value_ = value(max_x_);
+}
+
+double RisingPolynomial::value(double x) const { return x * polynomial_value(c_, x); }
+
+double RisingPolynomial::slope(double x) const {
+  double slope = 0;
+  for (std::size_t k = c_.size(); k-- > 0;) slope = slope * x + static_cast<double>(k + 1) * c_[k];
+  return slope;
+}
+
+std::optional<double> RisingPolynomial::inverse(double y) const {
+  if (!(y >= 0 && y <= max_value_)) return std::nullopt;
+  if (y == 0) return 0.0;
+  if (y == max_value_) return max_x_;
+  double low = 0, high = max_x_;
+  double x = std::min(y / c_[0], 0.5 * max_x_);
+  constexpr int kMaxSteps = 100;
+  for (int step = 0; step < kMaxSteps; ++step) {
+    const double error = value(x) - y;
+    (error < 0 ? low : high) = x;
+    const double steepness = slope(x);
+    double next = x - error / steepness;
+    if (!(steepness > 0 && next > low && next < high)) next = low + (high - low) / 2;
+    if (std::abs(next - x) <= 2e-16 * std::abs(next)) return next;
+    x = next;
+  }
+  return x;
+}
+
+}  // namespace nodal::geometry

@@ -1,0 +1,33 @@
+// A polynomial through zero that rises over all of its domain, and its inverse: what every lens here is made of.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace nodal::geometry {
+
+/// p(x) = c1 x + c2 x^2 + ... on [0, max_x], rising there.
+class RisingPolynomial {
+ public:
+  /// `coefficients` are c1, c2, ... The domain ends at max_x or at the first turning point before it.
+  RisingPolynomial(std::span<const double> coefficients, double max_x);
+
+  double max_x() const { return max_x_; }
+  double max_value() const { return max_value_; }
+
+  /// Not checked against the domain.
+  double value(double x) const;
+  double slope(double x) const;
+
+  /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's steps, each kept inside
+  /// a bracket that bisection halves, so that it also ends at a turning point, where the slope is 0.
+  std::optional<double> inverse(double y) const;
+
+ private:
+  std::vector<double> c_;  // c_[k] multiplies x^(k+1)
+  double max_x_ = 0;
+  double max_value_ = 0;
+};
+
+}  // namespace nodal::geometry

@@ -1,0 +1,36 @@
+// The one place where people's angles become rotations: yaw to the right, pitch up, roll clockwise, degrees.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "protocol/base/result.h"
+
+namespace nodal::geometry {
+
+/// How a head stands in the rig as people say it: first turned right by yaw, then tilted up by pitch, then
+/// rolled clockwise (as seen from behind the head) by roll. Degrees.
+struct YawPitchRoll {
+  double yaw = 0;
+  double pitch = 0;
+  double roll = 0;
+};
+
+/// R_head_rig of a head that stands so: the transpose of Ry(yaw) Rx(pitch) Rz(roll).
+Eigen::Matrix3d to_R_head_rig(const YawPitchRoll& degrees);
+
+/// Back: yaw and roll in -180..180, pitch in -90..90. Straight up or down roll is 0 and yaw says it all.
+YawPitchRoll to_yaw_pitch_roll(const Eigen::Matrix3d& R_head_rig);
+
+/// The rotation nearest to a matrix that is one up to rounding (at most `tolerance` per element of R Rᵀ - 1).
+/// Errors: kNotARotation, and whether it is a reflection or not orthonormal at all.
+Result<Eigen::Matrix3d> nearest_rotation(const Eigen::Matrix3d& R, double tolerance = 1e-6);
+
+/// The turn by |w| radians about w, right-handed; the identity for w = 0. For registration's small steps.
+Eigen::Matrix3d rotation_about(const Eigen::Vector3d& w);
+
+/// Row-major, as the calibration document has it.
+Eigen::Matrix3d matrix_of(const std::array<double, 9>& rows);
+std::array<double, 9> rows_of(const Eigen::Matrix3d& R);
+
+}  // namespace nodal::geometry
