@@ -43,8 +43,11 @@ inline constexpr std::size_t kMaxPieceBytes = kMaxBulkBytes - kPieceHeaderBytes;
 /// The meta is always whole in an item's first piece.
 inline constexpr std::size_t kMaxMetaBytes = 4096;
 inline constexpr std::uint64_t kMaxItemBytes = std::uint64_t{1} << 40;
-/// What a receiver lets a sender have under way on one stream before anything is consumed.
+/// What a receiver lets a sender have under way on one stream before anything is consumed. Small for live
+/// streams, since everything under way is already old; a rig has less memory to lend than a host. A window
+/// is never less than kMaxMetaBytes * 4, so that an item's first piece can always go.
 inline constexpr std::uint64_t kStreamWindowBytes = 1U << 20;
+inline constexpr std::uint64_t kHostLosslessWindowBytes = 4U << 20;
 inline constexpr std::size_t kMaxStreams = 16;  ///< open at once, each way
 /// Items a lossless stream holds before offer() says kOverload.
 inline constexpr std::size_t kLosslessQueueItems = 8;

@@ -20,7 +20,8 @@ namespace nodal {
 class BulkReceiver {
  public:
   /// The peer's streams are numbered first, first + 2, ...
-  explicit BulkReceiver(StreamId first) : next_id_(first) {}
+  explicit BulkReceiver(StreamId first, std::uint64_t lossless_window = kStreamWindowBytes)
+      : next_id_(first), lossless_window_(lossless_window) {}
 
   Status open(StreamId stream, std::uint32_t policy);
   /// A bulk frame's payload; nothing when the stream was stopped and the piece is thrown away.
@@ -44,6 +45,7 @@ class BulkReceiver {
 
  private:
   struct Stream {
+    std::uint64_t window = kStreamWindowBytes;
     StreamPolicy policy = StreamPolicy::kLossless;
     bool stopped = false;
     std::uint64_t received = 0;  // item bytes, all of them
@@ -55,11 +57,18 @@ class BulkReceiver {
     std::uint64_t next_offset = 0;
     std::uint32_t meta = 0;
     std::uint64_t next_item = 0;
-    std::uint64_t dropped = 0;
+    std::uint64_t whole = 0;  // items received to their end
   };
+
+  struct PieceHeader {
+    std::uint64_t item, total, offset;
+    std::uint32_t meta;
+  };
+  static Status check_order(const Stream& stream, const PieceHeader& header, std::size_t bytes);
 
   std::map<StreamId, Stream> streams_;
   StreamId next_id_;
+  std::uint64_t lossless_window_;
 };
 
 }  // namespace nodal

@@ -56,6 +56,7 @@ class BulkSender {
     std::uint64_t number = 0;
     BulkItem item;
     std::uint64_t sent = 0;  // of meta and body
+    bool begun = false;      // no longer to be replaced: a piece of it is out
     std::uint64_t total() const;
   };
   struct Stream {

@@ -33,13 +33,24 @@ std::string_view frame_type_name(FrameType type) {
 }
 
 std::size_t max_payload_bytes(FrameType type) {
-  if (type == FrameType::kBulk) return kMaxBulkBytes;
-  return frame_type_name(type).empty() ? 0 : kMaxControlBytes;
+  switch (type) {
+    case FrameType::kRequest: return kMaxRequestBytes;
+    case FrameType::kReply: return kMaxReplyBytes;
+    case FrameType::kBulk: return kMaxBulkBytes;
+    default: return frame_type_name(type).empty() ? 0 : kMaxMessageBytes;
+  }
 }
 
 std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeader& header,
                                                                 std::span<const std::uint8_t> payload) {
-  NODAL_ASSERT(payload.size() <= max_payload_bytes(header.type));
+  return encode_frame_header(header, payload, {});
+}
+
+std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeader& header,
+                                                                std::span<const std::uint8_t> first,
+                                                                std::span<const std::uint8_t> second) {
+  const std::size_t length = first.size() + second.size();
+  NODAL_ASSERT(length <= max_payload_bytes(header.type));
   std::array<std::uint8_t, kFrameHeaderBytes> raw{};
   ByteWriter out(raw);
   out.u32(kMagic);
@@ -48,8 +59,8 @@ std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeade
   out.u16(header.flags);
   out.u32(header.stream);
   out.u32(header.sequence);
-  out.u32(static_cast<std::uint32_t>(payload.size()));
-  out.u32(crc32c(payload));
+  out.u32(static_cast<std::uint32_t>(length));
+  out.u32(crc32c(second, crc32c(first)));
   out.u32(crc32c(std::span(raw).first(kCheckedHeaderBytes)));
   return raw;
 }

@@ -41,8 +41,11 @@ std::string_view frame_type_name(FrameType type);
 
 inline constexpr std::uint8_t kFramingVersion = 1;
 inline constexpr std::size_t kFrameHeaderBytes = 28;
-/// A control message may hold one calibration document and what is around it.
-inline constexpr std::size_t kMaxControlBytes = (1U << 20) + (1U << 14);
+/// A reply may hold one calibration document and what is around it.
+inline constexpr std::size_t kMaxReplyBytes = (1U << 20) + (1U << 14);
+inline constexpr std::size_t kMaxRequestBytes = 64U << 10;
+/// Of every other message. Small, because a message in memory can be tens of times what it was on the wire.
+inline constexpr std::size_t kMaxMessageBytes = 8U << 10;
 /// A bulk frame's payload, its piece header included.
 inline constexpr std::size_t kMaxBulkBytes = 64U << 10;
 
@@ -60,6 +63,10 @@ std::size_t max_payload_bytes(FrameType type);
 /// The header that goes before `payload`.
 std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeader& header,
                                                                 std::span<const std::uint8_t> payload);
+/// The same for a payload that lies in two places; crc32c(second, crc32c(first)) is its CRC.
+std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeader& header,
+                                                                std::span<const std::uint8_t> first,
+                                                                std::span<const std::uint8_t> second);
 
 /// One whole, checked frame.
 struct FrameView {

@@ -7,7 +7,9 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <variant>
+#include <vector>
 
 #include "protocol/base/result.h"
 #include "protocol/bulk.h"
@@ -17,6 +19,10 @@
 #include "protocol/nodal.pb.h"
 
 namespace nodal {
+
+/// Control frames that may wait to be written, and events to be taken, before a session says kOverload.
+inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
+inline constexpr std::size_t kMaxEventQueueBytes = 8U << 20;
 
 enum class Role : std::uint8_t { kHost, kRig };
 
@@ -54,19 +60,25 @@ using Event =
 ///   while (output() is not empty)      link.write(output()), session.sent(what it took)
 ///
 /// Memory is bounded both ways: received pieces by credits, which are given back as next_event() hands
-/// pieces out; control frames by kMaxControlQueueBytes. While !wants_input(), leave bytes in the link.
+/// pieces out; control frames and events by the limits above.
+/// While !wants_input(), leave bytes in the link.
 ///
 /// Threading: thread-bound.
 /// Ownership: holds the bodies it was offered until they are sent or dropped.
-/// Errors: kProtocol, kChecksum, kTooLarge, kVersionMismatch, or what the peer said in its farewell. The
-///   first is final: the session is dead, every call gives that error, and output() holds a farewell that
-///   tells the peer, worth one try at writing before the link is dropped.
+/// Errors: kProtocol, kChecksum, kTooLarge, kVersionMismatch from receive(), or what the peer said in its
+///   farewell. The first is final: the session is dead, every call gives that error, events that came before
+///   it can still be taken, and output() holds a farewell that tells the peer, worth one try at writing
+///   before the link is dropped. What send(), offer() and open_stream() refuse (kTooLarge, kOverload,
+///   kWrongState) changes nothing.
 class Session {
  public:
   Session(Role role, const wire::Hello& mine);
 
   // --- bytes in
+  /// Takes all of it; kOverload, and nothing taken, while !wants_input(). Give it what one read gave: its
+  /// events may take some ten times as many bytes as it has.
   Status receive(std::span<const std::uint8_t> bytes);
+  /// False while events are not taken or replies not written: time to leave bytes in the link.
   bool wants_input() const;
   /// The oldest event not yet taken. The peer's Hello is the first of them.
   std::optional<Event> next_event();
@@ -79,6 +91,7 @@ class Session {
   void sent(std::size_t bytes);
 
   // --- what to say
+  /// Hosts make requests, rigs give replies.
   Status send(const wire::Request& request);
   Status send(const wire::Reply& reply);
   /// Ends the conversation from this end: the peer is told why.
@@ -104,22 +117,33 @@ class Session {
   const Error* error() const { return dead_ ? &*dead_ : nullptr; }
 
  private:
-  struct Control {
+  struct QueuedFrame {
     FrameType type;
     StreamId stream;
     std::string payload;
+  };
+  struct QueuedEvent {
+    Event event;
+    std::size_t bytes;
   };
 
   Status handle(const FrameView& frame);
   Status handle_hello(const FrameView& frame);
   Status handle_bye(const FrameView& frame);
-  Status handle_stream_frame(const FrameView& frame);
+  Status handle_stream_open(const FrameView& frame);
+  Status handle_stream_close(const FrameView& frame);
+  Status handle_stream_stop(const FrameView& frame);
+  Status handle_credit(const FrameView& frame);
+  Status handle_bulk(const FrameView& frame);
+  void push_event(Event event, std::size_t bytes);
+
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
   void push_control(FrameType type, StreamId stream, const google::protobuf::MessageLite& message);
-  void push_event(Event event, std::size_t bytes);
-  tl::unexpected<Error> die(Error error, bool tell_peer);
   void next_front();
-  void append_frame(const FrameHeader& header, std::span<const std::uint8_t> payload);
+  void append_control(FrameType type, StreamId stream, const std::string& payload);
+  tl::unexpected<Error> die(Error error, bool tell_peer);
+  /// "the rig (nodald 0.1.0)".
+  std::string peer_name() const;
 
   const Role role_;
   const wire::Hello mine_;
@@ -129,15 +153,11 @@ class Session {
 
   FrameDecoder decoder_;
   BulkReceiver receiver_;
-  struct Queued {
-    Event event;
-    std::size_t bytes;
-  };
-  std::deque<Queued> events_;
+  std::deque<QueuedEvent> events_;
   std::size_t event_bytes_ = 0;
 
   BulkSender sender_;
-  std::deque<Control> control_;
+  std::deque<QueuedFrame> control_;
   std::size_t control_bytes_ = 0;
   std::uint32_t sequence_ = 0;
   // What is being written: frames of our own, then a slice of somebody's body.
@@ -146,8 +166,5 @@ class Session {
   std::span<const std::uint8_t> front_slice_;
   std::size_t front_sent_ = 0;
 };
-
-/// Control frames that may wait, either way, before the session says kOverload.
-inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
 
 }  // namespace nodal

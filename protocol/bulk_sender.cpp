@@ -1,0 +1,161 @@
+#include "protocol/bulk_sender.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "protocol/base/bytes.h"
+
+namespace nodal {
+namespace {
+
+std::string name(StreamId stream) { return "stream " + std::to_string(stream); }
+
+std::uint64_t body_bytes(const BulkItem& item) { return item.body ? item.body->size() - item.offset : 0; }
+
+}  // namespace
+
+std::uint64_t BulkSender::Pending::total() const { return item.meta.size() + body_bytes(item); }
+
+Result<StreamId> BulkSender::open(StreamPolicy policy) {
+  if (streams_.size() >= kMaxStreams) {
+    return fail(Errc::kOverload, std::to_string(kMaxStreams) + " streams are open already; close one first");
+  }
+  const StreamId id = next_id_;
+  next_id_ += 2;
+  streams_[id].policy = policy;
+  return id;
+}
+
+Status BulkSender::offer(StreamId id, BulkItem item) {
+  const auto found = streams_.find(id);
+  if (found == streams_.end() || found->second.closing) {
+    return fail(Errc::kWrongState, name(id) + " is closed; nothing can be offered to it");
+  }
+  if (item.offset > (item.body ? item.body->size() : 0)) {
+    return fail(Errc::kBadValue, name(id) + ": an item that begins after its own end");
+  }
+  if (item.meta.size() > kMaxMetaBytes || item.meta.size() + body_bytes(item) > kMaxItemBytes) {
+    return fail(Errc::kTooLarge, name(id) + ": an item's meta of " + std::to_string(item.meta.size()) +
+                                     " bytes or its body of " + std::to_string(body_bytes(item)) +
+                                     " bytes is over the limit");
+  }
+  Stream& stream = found->second;
+  if (stream.policy == StreamPolicy::kLossless && stream.queue.size() >= kLosslessQueueItems) {
+    return fail(Errc::kOverload, name(id) + " has " + std::to_string(kLosslessQueueItems) +
+                                     " items waiting; offer again when counts() shows fewer");
+  }
+  const bool replaces = stream.policy == StreamPolicy::kLatest && !stream.queue.empty() && !stream.queue.back().begun;
+  if (replaces) {
+    stream.queue.pop_back();
+    ++stream.counts.dropped;
+  }
+  stream.queue.push_back(Pending{stream.counts.offered, std::move(item), 0, false});
+  ++stream.counts.offered;
+  return {};
+}
+
+void BulkSender::close(StreamId id, std::optional<Error> error) {
+  const auto found = streams_.find(id);
+  if (found == streams_.end()) return;
+  Stream& stream = found->second;
+  stream.closing = true;
+  if (!error) return;
+  stream.counts.dropped += stream.queue.size();
+  stream.queue.clear();
+  stream.error = std::move(error);
+}
+
+std::optional<StreamCounts> BulkSender::counts(StreamId id) const {
+  const auto found = streams_.find(id);
+  if (found == streams_.end()) return std::nullopt;
+  StreamCounts counts = found->second.counts;
+  counts.pending = found->second.queue.size();
+  return counts;
+}
+
+Status BulkSender::credit(StreamId id, std::uint64_t allowed) {
+  const auto found = streams_.find(id);
+  if (found == streams_.end()) {
+    const bool was_ours = id < next_id_ && id % 2 == next_id_ % 2;
+    if (was_ours) return {};
+    return fail(Errc::kProtocol, "a credit for " + name(id) + ", which this end never opened");
+  }
+  if (allowed < found->second.allowed) {
+    return fail(Errc::kProtocol, name(id) + ": a credit was taken back, from " +
+                                     std::to_string(found->second.allowed) + " to " + std::to_string(allowed));
+  }
+  found->second.allowed = allowed;
+  return {};
+}
+
+bool BulkSender::stop(StreamId id, const Error& why) {
+  if (!streams_.contains(id)) return false;
+  close(id, why);
+  return true;
+}
+
+BulkSender::Piece BulkSender::cut(StreamId id, Stream& stream) {
+  Pending& pending = stream.queue.front();
+  const std::uint64_t total = pending.total();
+  const std::uint64_t credit = stream.allowed - stream.sent;
+  const std::uint64_t n = std::min({std::uint64_t{kMaxPieceBytes}, total - pending.sent, credit});
+  const std::size_t meta = pending.item.meta.size();
+  const std::size_t meta_now = pending.begun ? 0 : meta;
+
+  Piece piece;
+  piece.stream = id;
+  piece.head.resize(kPieceHeaderBytes + meta_now);
+  ByteWriter out(piece.head);
+  out.u64(pending.number);
+  out.u64(total);
+  out.u64(pending.sent);
+  out.u32(static_cast<std::uint32_t>(meta));
+  if (meta_now > 0) out.bytes({reinterpret_cast<const std::uint8_t*>(pending.item.meta.data()), meta_now});
+  NODAL_ASSERT(out.ok());
+  if (n > meta_now) {
+    piece.body = pending.item.body;
+    const std::uint64_t from = pending.item.offset + pending.sent + meta_now - meta;
+    piece.slice = std::span(*piece.body).subspan(from, n - meta_now);
+  }
+
+  pending.begun = true;
+  pending.sent += n;
+  stream.sent += n;
+  if (pending.sent == total) {
+    stream.queue.pop_front();
+    ++stream.counts.delivered;
+  }
+  return piece;
+}
+
+std::optional<BulkSender::Piece> BulkSender::next_piece() {
+  const auto may_go = [](const Stream& stream) {
+    if (stream.queue.empty()) return false;
+    const Pending& pending = stream.queue.front();
+    const std::uint64_t credit = stream.allowed - stream.sent;
+    if (pending.begun) return credit > 0;
+    return credit >= std::max<std::uint64_t>(pending.item.meta.size(), pending.total() > 0 ? 1 : 0);
+  };
+  // In turns: from the stream after the one served last, once around.
+  auto candidate = streams_.upper_bound(last_served_);
+  for (std::size_t i = 0; i < streams_.size(); ++i, ++candidate) {
+    if (candidate == streams_.end()) candidate = streams_.begin();
+    if (!may_go(candidate->second)) continue;
+    last_served_ = candidate->first;
+    return cut(candidate->first, candidate->second);
+  }
+  return std::nullopt;
+}
+
+std::optional<BulkSender::Closed> BulkSender::next_closed() {
+  for (auto it = streams_.begin(); it != streams_.end(); ++it) {
+    if (!it->second.closing || !it->second.queue.empty()) continue;
+    Closed closed{it->first, it->second.counts, std::move(it->second.error)};
+    streams_.erase(it);
+    return closed;
+  }
+  return std::nullopt;
+}
+
+}  // namespace nodal

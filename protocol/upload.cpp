@@ -1,0 +1,140 @@
+#include "protocol/upload.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace nodal {
+namespace {
+
+std::string short_name(const Sha256& sha256) { return "upload " + to_hex(sha256).substr(0, 12); }
+
+}  // namespace
+
+Result<Sha256> sha256_from_wire(const std::string& bytes) {
+  Sha256 digest{};
+  if (bytes.size() != digest.size()) {
+    return fail(Errc::kBadValue, "a SHA-256 has 32 bytes, not " + std::to_string(bytes.size()));
+  }
+  std::copy(bytes.begin(), bytes.end(), digest.begin());
+  return digest;
+}
+
+std::string sha256_to_wire(const Sha256& digest) { return {digest.begin(), digest.end()}; }
+
+UploadReceiver::UploadReceiver(UploadLimits limits) : limits_(limits) { NODAL_ASSERT(limits_.documents > 0); }
+
+std::list<UploadReceiver::Document>::iterator UploadReceiver::find(const Sha256& sha256) {
+  return std::find_if(documents_.begin(), documents_.end(),
+                      [&](const Document& document) { return document.sha256 == sha256; });
+}
+
+Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t length) {
+  if (length > limits_.document_bytes) {
+    return fail(Errc::kTooLarge, short_name(sha256) + " has " + std::to_string(length) + " bytes; at most " +
+                                     std::to_string(limits_.document_bytes) + " are allowed");
+  }
+  const auto found = find(sha256);
+  // The same name with another length: one of the two is wrong, and nobody knows which. The newer is tried.
+  if (found != documents_.end() && found->length != length) documents_.erase(found);
+  if (const auto again = find(sha256); again != documents_.end()) {
+    documents_.splice(documents_.begin(), documents_, again);
+    return documents_.front().bytes.size();
+  }
+  if (documents_.size() == limits_.documents) documents_.pop_back();
+  documents_.push_front(Document{sha256, length, {}});
+  return 0;
+}
+
+Status UploadReceiver::write(const Sha256& sha256, std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+  const auto found = find(sha256);
+  if (found == documents_.end()) {
+    return fail(Errc::kNotFound, short_name(sha256) + ": bytes came, but nobody said its length first; begin again");
+  }
+  documents_.splice(documents_.begin(), documents_, found);
+  Document& document = documents_.front();
+  const std::uint64_t have = document.bytes.size();
+  if (offset > document.length || bytes.size() > document.length - offset) {
+    return fail(Errc::kBadValue, short_name(sha256) + ": " + std::to_string(bytes.size()) + " bytes at " +
+                                     std::to_string(offset) + " go past its end at " +
+                                     std::to_string(document.length));
+  }
+  if (offset > have) {
+    return fail(Errc::kBadValue, short_name(sha256) + ": bytes at " + std::to_string(offset) + ", but only " +
+                                     std::to_string(have) + " are here; begin again to learn where to go on");
+  }
+  const std::uint64_t known = std::min<std::uint64_t>(have - offset, bytes.size());
+  const auto fresh = bytes.subspan(known);
+  document.bytes.insert(document.bytes.end(), fresh.begin(), fresh.end());
+  return {};
+}
+
+Result<std::vector<std::uint8_t>> UploadReceiver::take(const Sha256& sha256) {
+  const auto found = find(sha256);
+  if (found == documents_.end()) {
+    return fail(Errc::kNotFound, short_name(sha256) + " is not here; begin it first");
+  }
+  if (found->bytes.size() < found->length) {
+    return fail(Errc::kTruncated, short_name(sha256) + ": " + std::to_string(found->bytes.size()) + " of " +
+                                      std::to_string(found->length) + " bytes are here; begin again to go on");
+  }
+  std::vector<std::uint8_t> bytes = std::move(found->bytes);
+  documents_.erase(found);
+  if (const Sha256 actual = nodal::sha256(bytes); actual != sha256) {
+    return fail(Errc::kChecksum, short_name(sha256) + ": the bytes that came have SHA-256 " +
+                                     to_hex(actual).substr(0, 12) + "; they are thrown away, upload again");
+  }
+  return bytes;
+}
+
+void UploadReceiver::forget(const Sha256& sha256) {
+  if (const auto found = find(sha256); found != documents_.end()) documents_.erase(found);
+}
+
+Status UploadStream::piece(const BulkPiece& piece, UploadReceiver& receiver) {
+  if (piece.first) {
+    wire::UploadPart part;
+    if (!part.ParseFromString(piece.meta)) {
+      return fail(Errc::kBadFormat, "an upload's item does not begin with an UploadPart");
+    }
+    const auto sha256 = sha256_from_wire(part.sha256());
+    if (!sha256) return fail(sha256.error().in("an upload's item"));
+    sha256_ = *sha256;
+    offset_ = part.offset();
+  }
+  if (!sha256_) return fail(Errc::kWrongState, "an upload's item goes on that never began");
+  if (piece.offset > UINT64_MAX - offset_) {
+    return fail(Errc::kBadValue, short_name(*sha256_) + ": an offset beyond all numbers");
+  }
+  return receiver.write(*sha256_, offset_ + piece.offset, piece.data);
+}
+
+UploadSender::UploadSender(SharedBytes document) : document_(std::move(document)) {
+  NODAL_ASSERT(document_ != nullptr);
+  sha256_ = nodal::sha256(*document_);
+}
+
+wire::UploadBegin UploadSender::begin() const {
+  wire::UploadBegin begin;
+  begin.set_length(document_->size());
+  begin.set_sha256(sha256_to_wire(sha256_));
+  return begin;
+}
+
+Result<BulkItem> UploadSender::item(std::uint64_t offset) const {
+  if (offset > document_->size()) {
+    return fail(Errc::kProtocol, short_name(sha256_) + ": the rig wants to go on from byte " +
+                                     std::to_string(offset) + " of " + std::to_string(document_->size()));
+  }
+  wire::UploadPart part;
+  part.set_sha256(sha256_to_wire(sha256_));
+  part.set_offset(offset);
+  return BulkItem{part.SerializeAsString(), document_, offset};
+}
+
+wire::UploadCommit UploadSender::commit() const {
+  wire::UploadCommit commit;
+  commit.set_sha256(sha256_to_wire(sha256_));
+  return commit;
+}
+
+}  // namespace nodal
