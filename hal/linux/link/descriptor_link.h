@@ -1,0 +1,61 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "hal/link.h"
+#include "hal/linux/link/socket_link.h"
+#include "protocol/base/result.h"
+
+namespace nodal::hal {
+
+/// Closes with its scope.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd = -1) : fd_(fd) {}
+  ~Descriptor();
+  Descriptor(Descriptor&& other) noexcept : fd_(other.release()) {}
+  Descriptor& operator=(Descriptor&& other) noexcept;
+  int get() const { return fd_; }
+  int release();
+
+ private:
+  int fd_;
+};
+
+/// "unix:/run/nodal.sock: connection refused".
+tl::unexpected<Error> system_error(Errc code, const std::string& where, int number);
+
+/// A link over open descriptors: the whole of a socket link, and the base of a spawned program's.
+///
+/// Threading: thread-bound to its stage.
+/// Ownership: closes both descriptors, and gives them their old flags back.
+/// Errors: kLinkClosed, kIo.
+class DescriptorLink : public LinkPort {
+ public:
+  /// Both may be the same number, which is then closed once.
+  DescriptorLink(Descriptor read_from, int write_to, std::string peer);
+  ~DescriptorLink() override;
+  DescriptorLink(const DescriptorLink&) = delete;
+  DescriptorLink& operator=(const DescriptorLink&) = delete;
+
+  Result<std::size_t> read(std::span<std::uint8_t> into) override;
+  Result<std::size_t> write(std::span<const std::uint8_t> from) override;
+  const std::string& peer() const override { return peer_; }
+  LinkDescriptors descriptors() const { return {read_.get(), write_}; }
+
+ protected:
+  /// Why the other end closed, when it can be known.
+  virtual std::string closed_because() { return "the other end closed the link"; }
+  void close_descriptors();
+
+ private:
+  Descriptor read_;
+  int write_;
+  bool write_is_socket_ = false;
+  int read_flags_ = 0;
+  int write_flags_ = 0;
+  std::string peer_;
+};
+
+}  // namespace nodal::hal

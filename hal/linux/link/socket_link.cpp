@@ -1,0 +1,222 @@
+#include "hal/linux/link/socket_link.h"
+
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <utility>
+
+#include "hal/linux/link/address.h"
+#include "hal/linux/link/descriptor_link.h"
+
+namespace nodal::hal {
+namespace {
+
+constexpr int kConnectTimeoutMs = 2000;
+constexpr int kBacklog = 16;
+constexpr mode_t kSocketMode = 0660;
+
+void set_option(int fd, int level, int option) {
+  const int on = 1;
+  setsockopt(fd, level, option, &on, sizeof(on));
+}
+
+// Requests are small and wanted at once; a peer that lost power is found out by the kernel.
+void tune_tcp(int fd) {
+  set_option(fd, IPPROTO_TCP, TCP_NODELAY);
+  set_option(fd, SOL_SOCKET, SO_KEEPALIVE);
+}
+
+Descriptor open_socket(const SocketAddress& address) {
+  return Descriptor(::socket(address.storage.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
+
+/// 0 when connected, else an errno.
+int connect_within(int fd, const SocketAddress& address, int timeout_ms) {
+  while (::connect(fd, address.get(), address.size) < 0) {
+    if (errno == EINTR) continue;
+    if (errno == EISCONN) return 0;
+    if (errno != EINPROGRESS && errno != EALREADY) return errno;
+    pollfd wait{fd, POLLOUT, 0};
+    const int ready = ::poll(&wait, 1, timeout_ms);
+    if (ready == 0) return ETIMEDOUT;
+    if (ready < 0 && errno != EINTR) return errno;
+    int error = 0;
+    socklen_t size = sizeof(error);
+    if (ready > 0) {
+      getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size);
+      return error;
+    }
+  }
+  return 0;
+}
+
+class SocketListener final : public LinkListenerPort {
+ public:
+  SocketListener(Descriptor socket, std::string address, std::string path)
+      : socket_(std::move(socket)), address_(std::move(address)), path_(std::move(path)) {
+    if (!path_.empty()) known_ = ::stat(path_.c_str(), &file_) == 0;
+  }
+
+  // The file goes only when it is still ours: somebody may have put his own in its place.
+  ~SocketListener() override {
+    struct stat now {};
+    if (known_ && ::stat(path_.c_str(), &now) == 0 && now.st_ino == file_.st_ino && now.st_dev == file_.st_dev) {
+      ::unlink(path_.c_str());
+    }
+  }
+  SocketListener(const SocketListener&) = delete;
+  SocketListener& operator=(const SocketListener&) = delete;
+
+  Result<std::unique_ptr<LinkPort>> accept() override {
+    while (true) {
+      Descriptor link(::accept4(socket_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+      if (link.get() >= 0) {
+        const int fd = link.get();
+        std::string peer = who_is(fd);
+        return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer));
+      }
+      if (errno == EINTR || errno == ECONNABORTED) continue;  // gave up while waiting; the next may not have
+      if (errno == EAGAIN || errno == EWOULDBLOCK) return nullptr;
+      return system_error(Errc::kIo, address_ + ": taking a new link", errno);
+    }
+  }
+
+  const std::string& address() const { return address_; }
+  int descriptor() const { return socket_.get(); }
+
+ private:
+  std::string who_is(int fd) const {
+    if (!path_.empty()) {
+      ucred who{};
+      socklen_t size = sizeof(who);
+      if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return address_;
+      return address_ + " (process " + std::to_string(who.pid) + " of user " + std::to_string(who.uid) + ")";
+    }
+    tune_tcp(fd);
+    sockaddr_storage from{};
+    socklen_t size = sizeof(from);
+    if (getpeername(fd, reinterpret_cast<sockaddr*>(&from), &size) != 0) return address_;
+    return tcp_text(from);
+  }
+
+  Descriptor socket_;
+  std::string address_;
+  std::string path_;
+  struct stat file_ {};
+  bool known_ = false;
+};
+
+/// Removes a socket file nobody listens at; kExists when somebody does, or when it is something else.
+Status remove_stale(const SocketAddress& address) {
+  struct stat file {};
+  if (::lstat(address.path.c_str(), &file) != 0) return {};
+  if (!S_ISSOCK(file.st_mode)) {
+    return fail(Errc::kExists, address.text + ": there is something at that path that is not a socket; remove it or "
+                                              "choose another path");
+  }
+  const Descriptor probe = open_socket(address);
+  const int error = probe.get() < 0 ? errno : connect_within(probe.get(), address, kConnectTimeoutMs);
+  if (error != ECONNREFUSED && error != ENOENT) {
+    return fail(Errc::kExists, address.text + ": a program listens there already; stop it or choose another path");
+  }
+  if (error == ECONNREFUSED && ::unlink(address.path.c_str()) != 0 && errno != ENOENT) {
+    return system_error(Errc::kIo, address.text + ": removing what a dead program left", errno);
+  }
+  return {};
+}
+
+Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address) {
+  // Two programs that start at once must not both find a stale file, or the second removes the first's: the
+  // folder is locked meanwhile.
+  const std::filesystem::path parent = std::filesystem::path(address.path).parent_path();
+  const Descriptor folder(::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder.get() < 0) return system_error(Errc::kIo, address.text + ": its folder", errno);
+  while (::flock(folder.get(), LOCK_EX) != 0) {
+    if (errno != EINTR) return system_error(Errc::kIo, address.text + ": locking its folder", errno);
+  }
+  if (Status free = remove_stale(address); !free) return fail(free.error());
+
+  Descriptor socket = open_socket(address);
+  if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
+  // Before bind(), so that there is no moment in which others may connect; the umask may take more away,
+  // which chmod() then gives back.
+  ::fchmod(socket.get(), kSocketMode);
+  if (::bind(socket.get(), address.get(), address.size) != 0) return system_error(Errc::kIo, address.text, errno);
+  if (::chmod(address.path.c_str(), kSocketMode) != 0 || ::listen(socket.get(), kBacklog) != 0) {
+    const int error = errno;
+    ::unlink(address.path.c_str());
+    return system_error(Errc::kIo, address.text, error);
+  }
+  return std::make_unique<SocketListener>(std::move(socket), address.text, address.path);
+}
+
+Result<std::unique_ptr<LinkListenerPort>> listen_tcp(const SocketAddress& address) {
+  Descriptor socket = open_socket(address);
+  if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
+  set_option(socket.get(), SOL_SOCKET, SO_REUSEADDR);
+  if (::bind(socket.get(), address.get(), address.size) != 0 || ::listen(socket.get(), kBacklog) != 0) {
+    if (errno == EADDRINUSE) {
+      return fail(Errc::kExists, address.text + ": a program listens there already; stop it or choose another port");
+    }
+    return system_error(Errc::kIo, address.text, errno);
+  }
+  sockaddr_storage bound{};
+  socklen_t size = sizeof(bound);
+  if (getsockname(socket.get(), reinterpret_cast<sockaddr*>(&bound), &size) != 0) {
+    return system_error(Errc::kIo, address.text, errno);
+  }
+  return std::make_unique<SocketListener>(std::move(socket), tcp_text(bound), std::string());
+}
+
+}  // namespace
+
+Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
+  const auto address = parse_address(text);
+  if (!address) return fail(address.error());
+  Descriptor socket = open_socket(*address);
+  if (socket.get() < 0) return system_error(Errc::kIo, address->text, errno);
+  switch (const int error = connect_within(socket.get(), *address, kConnectTimeoutMs)) {
+    case 0: break;
+    case ENOENT:
+      return fail(Errc::kUnreachable, address->text + ": there is no such socket; is nodald running, and is this the "
+                                                      "socket its rig.toml names?");
+    case ECONNREFUSED:
+      return fail(Errc::kUnreachable, address->text + ": nobody listens there; is nodald running?");
+    case EACCES:
+    case EPERM:
+      return fail(Errc::kUnreachable, address->text + ": this user may not open the socket; its group may");
+    case EAGAIN:
+      return fail(Errc::kUnreachable, address->text + ": the program that listens there takes no links now");
+    default: return system_error(Errc::kUnreachable, address->text, error);
+  }
+  if (!address->is_unix()) tune_tcp(socket.get());
+  const int fd = socket.get();
+  return std::make_unique<DescriptorLink>(std::move(socket), fd, address->text);
+}
+
+Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view text) {
+  const auto address = parse_address(text);
+  if (!address) return fail(address.error());
+  return address->is_unix() ? listen_unix(*address) : listen_tcp(*address);
+}
+
+const std::string& listener_address(const LinkListenerPort& listener) {
+  static const std::string kNone;
+  const auto* known = dynamic_cast<const SocketListener*>(&listener);
+  return known != nullptr ? known->address() : kNone;
+}
+
+int listener_descriptor(const LinkListenerPort& listener) {
+  const auto* known = dynamic_cast<const SocketListener*>(&listener);
+  return known != nullptr ? known->descriptor() : -1;
+}
+
+}  // namespace nodal::hal

@@ -1,0 +1,116 @@
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <optional>
+#include <utility>
+
+#include "hal/linux/link/descriptor_link.h"
+#include "hal/linux/link/socket_link.h"
+
+namespace nodal::hal {
+namespace {
+
+constexpr int kPatienceMs = 1000;   // for a program whose input has ended
+constexpr int kExitCodeMs = 200;    // from the end of its output to its exit code
+
+/// Readable once the process has ended. By number: the C++ linkage of glibc 2.36's own is broken.
+Descriptor open_process(pid_t process) {
+  return Descriptor(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
+}
+
+class SpawnedLink final : public DescriptorLink {
+ public:
+  SpawnedLink(Descriptor socket, int fd, pid_t process, std::string command)
+      : DescriptorLink(std::move(socket), fd, std::move(command)), process_(process), handle_(open_process(process)) {}
+
+  ~SpawnedLink() override {
+    close_descriptors();
+    for (const int signal : {0, SIGTERM, SIGKILL}) {
+      if (exit_) return;
+      if (signal != 0) ::kill(process_, signal);
+      wait(kPatienceMs);
+    }
+  }
+  SpawnedLink(const SpawnedLink&) = delete;
+  SpawnedLink& operator=(const SpawnedLink&) = delete;
+
+ private:
+  /// Takes the program's exit when it comes in time.
+  void wait(int patience_ms) {
+    if (exit_) return;
+    pollfd done{handle_.get(), POLLIN, 0};
+    while (handle_.get() >= 0 && ::poll(&done, 1, patience_ms) < 0 && errno == EINTR) {
+    }
+    int status = 0;
+    if (::waitpid(process_, &status, WNOHANG) == process_) exit_ = status;
+  }
+
+  std::string closed_because() override {
+    wait(kExitCodeMs);
+    if (!exit_) return "the program closed its output";
+    if (WIFSIGNALED(*exit_)) return "the program was ended by signal " + std::to_string(WTERMSIG(*exit_));
+    return "the program ended with exit code " + std::to_string(WEXITSTATUS(*exit_));
+  }
+
+  pid_t process_;
+  Descriptor handle_;
+  std::optional<int> exit_;
+};
+
+std::string in_words(const std::vector<std::string>& command) {
+  std::string text;
+  for (const std::string& word : command) text += (text.empty() ? "" : " ") + word;
+  return text;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& command) {
+  if (command.empty() || command.front().empty()) return fail(Errc::kBadValue, "no program to start was named");
+  const std::string text = in_words(command);
+  int ends[2];
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return system_error(Errc::kIo, text, errno);
+  Descriptor ours(ends[0]);
+  const Descriptor theirs(ends[1]);
+
+  std::vector<std::string> words = command;
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawnattr_init(&attributes);
+  // dup2 takes close-on-exec away; every other descriptor of ours has it.
+  posix_spawn_file_actions_adddup2(&actions, theirs.get(), 0);
+  posix_spawn_file_actions_adddup2(&actions, theirs.get(), 1);
+  // The program must not inherit what this thread blocks or this process ignores.
+  sigset_t none, defaults;
+  sigemptyset(&none);
+  sigemptyset(&defaults);
+  sigaddset(&defaults, SIGPIPE);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &defaults);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+
+  pid_t process = -1;
+  const int error = posix_spawnp(&process, argv[0], &actions, &attributes, argv.data(), environ);
+  posix_spawnattr_destroy(&attributes);
+  posix_spawn_file_actions_destroy(&actions);
+  if (error == ENOENT) {
+    return fail(Errc::kNotFound, "there is no program \"" + command.front() + "\"; install it or correct PATH");
+  }
+  if (error != 0) return system_error(Errc::kIo, "starting \"" + text + "\"", error);
+  const int fd = ours.get();
+  return std::make_unique<SpawnedLink>(std::move(ours), fd, process, text);
+}
+
+}  // namespace nodal::hal

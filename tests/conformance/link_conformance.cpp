@@ -1,0 +1,221 @@
+#include "link_conformance.h"
+
+#include <array>
+#include <cstdint>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace nodal::hal {
+namespace {
+
+constexpr int kPatience = 20'000;  // calls that may give nothing before a test gives up
+
+struct Pair {
+  std::unique_ptr<LinkWorld> world;
+  std::unique_ptr<LinkPort> host;
+  std::unique_ptr<LinkPort> rig;
+};
+
+Pair make_pair(const LinkWorldKind& kind) {
+  Pair pair;
+  pair.world = kind.make();
+  pair.host = pair.world->connect();
+  for (int i = 0; i < kPatience && !pair.rig; ++i) {
+    pair.world->wait_knocking();
+    auto link = pair.world->listener().accept();
+    EXPECT_TRUE(link) << link.error().text();
+    if (!link) break;
+    pair.rig = std::move(*link);
+  }
+  return pair;
+}
+
+std::vector<std::uint8_t> numbered_bytes(std::size_t n) {
+  std::vector<std::uint8_t> bytes(n);
+  for (std::size_t i = 0; i < n; ++i) bytes[i] = static_cast<std::uint8_t>(i * 7 + i / 251);
+  return bytes;
+}
+
+void write_all(LinkWorld& world, LinkPort& link, std::span<const std::uint8_t> bytes) {
+  for (int i = 0; i < kPatience && !bytes.empty(); ++i) {
+    const auto n = link.write(bytes);
+    ASSERT_TRUE(n) << n.error().text();
+    ASSERT_LE(*n, bytes.size());
+    bytes = bytes.subspan(*n);
+    if (*n == 0) world.wait_writable(link);
+  }
+  ASSERT_TRUE(bytes.empty());
+}
+
+/// Reads until `n` bytes are there or the link fails.
+std::vector<std::uint8_t> read_bytes(LinkWorld& world, LinkPort& link, std::size_t n) {
+  std::vector<std::uint8_t> all;
+  std::array<std::uint8_t, 5000> part;
+  for (int i = 0; i < kPatience && all.size() < n; ++i) {
+    const auto got = link.read(std::span(part).first(std::min(part.size(), n - all.size())));
+    if (!got) break;
+    all.insert(all.end(), part.begin(), part.begin() + static_cast<std::ptrdiff_t>(*got));
+    if (*got == 0) world.wait_readable(link);
+  }
+  return all;
+}
+
+/// The error that ends reading; every byte before it goes to `rest`.
+Errc read_to_end(LinkWorld& world, LinkPort& link, std::vector<std::uint8_t>& rest) {
+  std::array<std::uint8_t, 4096> part;
+  for (int i = 0; i < kPatience; ++i) {
+    const auto got = link.read(part);
+    if (!got) return got.error().code;
+    rest.insert(rest.end(), part.begin(), part.begin() + static_cast<std::ptrdiff_t>(*got));
+    if (*got == 0) world.wait_readable(link);
+  }
+  ADD_FAILURE() << "the link never ended";
+  return Errc::kTimeout;
+}
+
+Errc write_until_it_fails(LinkPort& link) {
+  const std::vector<std::uint8_t> bytes(4096);
+  for (int i = 0; i < kPatience; ++i) {
+    const auto n = link.write(bytes);
+    if (!n) return n.error().code;
+  }
+  ADD_FAILURE() << "writing to nobody never failed";
+  return Errc::kTimeout;
+}
+
+TEST_P(LinkConformance, NothingWritten_ReadGivesZeroAtOnce) {
+  Pair pair = make_pair(GetParam());
+  std::array<std::uint8_t, 16> into;
+  const auto n = pair.rig->read(into);
+  ASSERT_TRUE(n) << n.error().text();
+  EXPECT_EQ(*n, 0u);
+}
+
+TEST_P(LinkConformance, EmptySpans_MoveNothingAndEndNothing) {
+  Pair pair = make_pair(GetParam());
+  EXPECT_EQ(pair.rig->read({}).value(), 0u);
+  EXPECT_EQ(pair.rig->write({}).value(), 0u);
+  const auto bytes = numbered_bytes(3);
+  write_all(*pair.world, *pair.host, bytes);
+  EXPECT_EQ(read_bytes(*pair.world, *pair.rig, 3), bytes);
+}
+
+TEST_P(LinkConformance, BytesBothWaysInPiecesOfAnySize_ArriveInOrder) {
+  Pair pair = make_pair(GetParam());
+  const auto bytes = numbered_bytes(300'000);
+  std::minstd_rand random(7);
+  for (auto [from, to] : {std::pair{pair.host.get(), pair.rig.get()}, std::pair{pair.rig.get(), pair.host.get()}}) {
+    std::vector<std::uint8_t> got;
+    for (std::size_t at = 0; at < bytes.size();) {
+      const std::size_t n = std::min<std::size_t>(1 + random() % 9000, bytes.size() - at);
+      ASSERT_NO_FATAL_FAILURE(write_all(*pair.world, *from, std::span(bytes).subspan(at, n)));
+      const auto part = read_bytes(*pair.world, *to, n);
+      got.insert(got.end(), part.begin(), part.end());
+      at += n;
+    }
+    EXPECT_EQ(got, bytes);
+  }
+}
+
+TEST_P(LinkConformance, PeerDoesNotRead_WriteGivesZeroAndNothingIsLost) {
+  Pair pair = make_pair(GetParam());
+  const auto bytes = numbered_bytes(64U << 20);
+  std::size_t written = 0;
+  for (int zeros = 0; zeros < 3;) {
+    const auto n = pair.host->write(std::span(bytes).subspan(written));
+    ASSERT_TRUE(n) << n.error().text();
+    written += *n;
+    zeros = *n == 0 ? zeros + 1 : 0;
+    ASSERT_LT(written, bytes.size()) << "nothing bounds what a peer that does not read costs";
+  }
+  EXPECT_TRUE(read_bytes(*pair.world, *pair.rig, written) ==
+              std::vector<std::uint8_t>(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(written)));
+  write_all(*pair.world, *pair.host, std::span(bytes).first(10));
+}
+
+TEST_P(LinkConformance, PeerClosed_EveryByteIsReadBeforeLinkClosed) {
+  Pair pair = make_pair(GetParam());
+  const auto bytes = numbered_bytes(10'000);
+  write_all(*pair.world, *pair.rig, bytes);
+  pair.rig.reset();
+  std::vector<std::uint8_t> rest;
+  EXPECT_EQ(read_to_end(*pair.world, *pair.host, rest), Errc::kLinkClosed);
+  EXPECT_EQ(rest, bytes);
+  std::array<std::uint8_t, 4> into;
+  EXPECT_EQ(pair.host->read(into).error().code, Errc::kLinkClosed) << "closed is final";
+}
+
+TEST_P(LinkConformance, PeerClosed_WriteReportsLinkClosedAndNoSignalEndsTheProgram) {
+  Pair pair = make_pair(GetParam());
+  pair.rig.reset();
+  EXPECT_EQ(write_until_it_fails(*pair.host), Errc::kLinkClosed);
+  EXPECT_EQ(write_until_it_fails(*pair.host), Errc::kLinkClosed);
+}
+
+TEST_P(LinkConformance, PeerClosedWithBytesItNeverRead_BothCallsReportLinkClosed) {
+  Pair pair = make_pair(GetParam());
+  write_all(*pair.world, *pair.host, numbered_bytes(100));
+  pair.rig.reset();
+  std::vector<std::uint8_t> rest;
+  EXPECT_EQ(read_to_end(*pair.world, *pair.host, rest), Errc::kLinkClosed);
+  EXPECT_TRUE(rest.empty());
+  EXPECT_EQ(write_until_it_fails(*pair.host), Errc::kLinkClosed);
+}
+
+TEST_P(LinkConformance, Links_SayWhoIsThere) {
+  Pair pair = make_pair(GetParam());
+  EXPECT_FALSE(pair.host->peer().empty());
+  EXPECT_FALSE(pair.rig->peer().empty());
+}
+
+TEST_P(LinkConformance, NobodyKnocks_AcceptGivesNullAtOnce) {
+  const auto world = GetParam().make();
+  const auto link = world->listener().accept();
+  ASSERT_TRUE(link) << link.error().text();
+  EXPECT_EQ(*link, nullptr);
+}
+
+TEST_P(LinkConformance, TwoHosts_HaveLinksOfTheirOwn) {
+  Pair a = make_pair(GetParam());
+  auto second = a.world->connect();
+  std::unique_ptr<LinkPort> rig_of_second;
+  for (int i = 0; i < kPatience && !rig_of_second; ++i) {
+    a.world->wait_knocking();
+    rig_of_second = a.world->listener().accept().value();
+  }
+  ASSERT_NE(rig_of_second, nullptr);
+  const std::vector<std::uint8_t> one{1}, two{2};
+  write_all(*a.world, *second, two);
+  write_all(*a.world, *a.host, one);
+  EXPECT_EQ(read_bytes(*a.world, *a.rig, 1), one);
+  EXPECT_EQ(read_bytes(*a.world, *rig_of_second, 1), two);
+}
+
+TEST_P(LinkConformance, HostLeavesBeforeItIsAccepted_ListenerGoesOn) {
+  const auto world = GetParam().make();
+  world->connect().reset();
+  auto host = world->connect();
+  const std::vector<std::uint8_t> one{1};
+  write_all(*world, *host, one);
+  // The first may be accepted and closed, or never show up; the second is there.
+  bool heard = false;
+  for (int i = 0; i < kPatience && !heard; ++i) {
+    world->wait_knocking();
+    auto link = world->listener().accept();
+    ASSERT_TRUE(link) << link.error().text();
+    if (*link) heard = read_bytes(*world, **link, 1) == one;
+  }
+  EXPECT_TRUE(heard);
+}
+
+TEST_P(LinkConformance, ListenerGone_LinksLiveOn) {
+  Pair pair = make_pair(GetParam());
+  pair.world->drop_listener();
+  const auto bytes = numbered_bytes(1000);
+  write_all(*pair.world, *pair.rig, bytes);
+  EXPECT_EQ(read_bytes(*pair.world, *pair.host, bytes.size()), bytes);
+}
+
+}  // namespace
+}  // namespace nodal::hal

@@ -1,0 +1,38 @@
+// What every LinkPort and LinkListenerPort must hold. An implementation takes part by a LinkWorld and one
+// INSTANTIATE_TEST_SUITE_P line.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <string>
+
+#include "hal/link.h"
+
+namespace nodal::hal {
+
+/// A place where links are made.
+class LinkWorld {
+ public:
+  virtual ~LinkWorld() = default;
+  virtual LinkListenerPort& listener() = 0;
+  virtual std::unique_ptr<LinkPort> connect() = 0;
+  /// Drops the listener; links live on.
+  virtual void drop_listener() = 0;
+  /// Until there is something to read, or room to write, as far as this world takes time for that.
+  virtual void wait_readable(LinkPort& link) = 0;
+  virtual void wait_writable(LinkPort& link) = 0;
+  virtual void wait_knocking() = 0;
+};
+
+struct LinkWorldKind {
+  std::string name;
+  std::function<std::unique_ptr<LinkWorld>()> make;
+  friend std::ostream& operator<<(std::ostream& out, const LinkWorldKind& kind) { return out << kind.name; }
+};
+
+class LinkConformance : public testing::TestWithParam<LinkWorldKind> {};
+
+}  // namespace nodal::hal

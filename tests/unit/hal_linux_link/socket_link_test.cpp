@@ -1,0 +1,210 @@
+#include "hal/linux/link/socket_link.h"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+namespace nodal::hal {
+namespace {
+
+class Folder {
+ public:
+  Folder() {
+    std::string name = std::filesystem::temp_directory_path() / "nodal-socket-XXXXXX";
+    path_ = ::mkdtemp(name.data());
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+};
+
+/// Leaves a socket file behind, as a program does that was killed.
+void leave_stale_socket(const std::string& path) {
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un where{};
+  where.sun_family = AF_UNIX;
+  std::strncpy(where.sun_path, path.c_str(), sizeof(where.sun_path) - 1);
+  ASSERT_EQ(::bind(fd, reinterpret_cast<const sockaddr*>(&where), sizeof(where)), 0);
+  ASSERT_EQ(::listen(fd, 1), 0);
+  ::close(fd);
+}
+
+/// Reads until the link ends or `n` bytes came.
+std::string read_text(LinkPort& link, std::size_t n, std::string* error = nullptr) {
+  std::string text;
+  while (text.size() < n) {
+    std::uint8_t part[256];
+    const auto got = link.read(part);
+    if (!got) {
+      if (error != nullptr) *error = got.error().message;
+      break;
+    }
+    text.append(reinterpret_cast<const char*>(part), *got);
+    if (*got > 0) continue;
+    pollfd wait{link_descriptors(link).read_from, POLLIN, 0};
+    if (::poll(&wait, 1, 5000) <= 0) break;
+  }
+  return text;
+}
+
+std::span<const std::uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+TEST(UnixListener, StaleSocketFile_IsReplaced) {
+  Folder folder;
+  leave_stale_socket(folder / "s");
+  const auto listener = listen_link("unix:" + (folder / "s"));
+  ASSERT_TRUE(listener) << listener.error().text();
+  EXPECT_TRUE(connect_link("unix:" + (folder / "s")));
+}
+
+TEST(UnixListener, SomebodyListens_ExistsAndHisSocketStays) {
+  Folder folder;
+  const auto first = listen_link("unix:" + (folder / "s"));
+  ASSERT_TRUE(first);
+  const auto second = listen_link("unix:" + (folder / "s"));
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, Errc::kExists);
+  ASSERT_TRUE(connect_link("unix:" + (folder / "s")));
+}
+
+TEST(UnixListener, SomethingElseAtThePath_ExistsAndItStays) {
+  Folder folder;
+  std::ofstream(folder / "s") << "precious";
+  const auto listener = listen_link("unix:" + (folder / "s"));
+  ASSERT_FALSE(listener);
+  EXPECT_EQ(listener.error().code, Errc::kExists);
+  EXPECT_EQ(std::filesystem::file_size(folder / "s"), 8u);
+}
+
+TEST(UnixListener, WhateverTheUmask_FileIsForOwnerAndGroupAndGoesWithTheListener) {
+  Folder folder;
+  for (const mode_t mask : {0000, 0022, 0077}) {
+    const mode_t before = ::umask(mask);
+    auto listener = listen_link("unix:" + (folder / "s"));
+    ::umask(before);
+    ASSERT_TRUE(listener) << listener.error().text();
+    struct stat file {};
+    ASSERT_EQ(::stat((folder / "s").c_str(), &file), 0);
+    EXPECT_EQ(file.st_mode & 0777, 0660u);
+    listener->reset();
+    EXPECT_FALSE(std::filesystem::exists(folder / "s"));
+  }
+}
+
+TEST(UnixListener, AnotherSocketInItsPlace_IsNotRemoved) {
+  Folder folder;
+  auto mine = listen_link("unix:" + (folder / "s"));
+  ASSERT_TRUE(mine);
+  std::filesystem::rename(folder / "s", folder / "mine");  // keeps the inode's number in use
+  leave_stale_socket(folder / "s");
+  mine->reset();
+  EXPECT_TRUE(std::filesystem::exists(folder / "s"));
+}
+
+TEST(Connect, NobodyThere_UnreachableSaysWhatToLookAt) {
+  Folder folder;
+  const auto none = connect_link("unix:" + (folder / "nothing"));
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, Errc::kUnreachable);
+  EXPECT_NE(none.error().message.find("is nodald running"), std::string::npos);
+  leave_stale_socket(folder / "s");
+  EXPECT_EQ(connect_link("unix:" + (folder / "s")).error().code, Errc::kUnreachable);
+  EXPECT_EQ(connect_link("tcp:127.0.0.1:1").error().code, Errc::kUnreachable);
+}
+
+TEST(Address, TcpBeyondThisMachine_IsRefusedAndPointsToSsh) {
+  for (const char* address : {"tcp:0.0.0.0:7700", "tcp:192.168.1.2:7700", "tcp:[::]:7700", "tcp:example.org:80",
+                              "tcp:128.0.0.1:7700", "tcp:[::ffff:10.0.0.1]:7700", "tcp::7700"}) {
+    for (const Error& error : {connect_link(address).error(), listen_link(address).error()}) {
+      EXPECT_EQ(error.code, Errc::kBadValue) << address;
+      EXPECT_NE(error.message.find("ssh://"), std::string::npos) << error.message;
+    }
+  }
+}
+
+TEST(Address, Unreadable_SaysWhatToWrite) {
+  for (const char* address : {"", "unix:", "tcp:", "tcp:127.0.0.1", "tcp:127.0.0.1:", "tcp:127.0.0.1:70000",
+                              "tcp:127.0.0.1:7x", "/run/nodal.sock", "http://x"}) {
+    const auto link = connect_link(address);
+    ASSERT_FALSE(link) << address;
+    EXPECT_EQ(link.error().code, Errc::kBadValue) << address;
+  }
+  const auto longer = listen_link("unix:/" + std::string(200, 'x'));
+  EXPECT_EQ(longer.error().code, Errc::kBadValue);
+  EXPECT_NE(longer.error().message.find("107"), std::string::npos);
+}
+
+TEST(TcpListener, PortZeroOnBothLoopbacks_TakesAFreeOneAndSaysIt) {
+  for (const std::string address : {"tcp:127.0.0.1:0", "tcp:localhost:0", "tcp:[::1]:0"}) {
+    const auto listener = listen_link(address);
+    if (!listener && address == "tcp:[::1]:0") GTEST_SKIP() << "no IPv6 here: " << listener.error().text();
+    ASSERT_TRUE(listener) << listener.error().text();
+    EXPECT_FALSE(listener_address(**listener).ends_with(":0"));
+    EXPECT_TRUE(connect_link(listener_address(**listener)));
+    EXPECT_EQ(listen_link(listener_address(**listener)).error().code, Errc::kExists);
+  }
+}
+
+TEST(SpawnLink, Program_TalksOnItsInputAndOutput) {
+  auto link = spawn_link({"cat"});
+  ASSERT_TRUE(link) << link.error().text();
+  EXPECT_EQ((*link)->peer(), "cat");
+  ASSERT_EQ((*link)->write(bytes_of("hello")).value(), 5u);
+  EXPECT_EQ(read_text(**link, 5), "hello");
+}
+
+TEST(SpawnLink, NoSuchProgram_NotFound) {
+  const auto link = spawn_link({"nodal-no-such-program"});
+  ASSERT_FALSE(link);
+  EXPECT_EQ(link.error().code, Errc::kNotFound);
+  EXPECT_EQ(spawn_link({}).error().code, Errc::kBadValue);
+}
+
+TEST(SpawnLink, ProgramEnds_ItsWordsComeFirstThenItsExitCode) {
+  auto link = spawn_link({"sh", "-c", "printf last; exit 3"});
+  ASSERT_TRUE(link) << link.error().text();
+  std::string error;
+  EXPECT_EQ(read_text(**link, 100, &error), "last");
+  EXPECT_NE(error.find("exit code 3"), std::string::npos) << error;
+}
+
+TEST(SpawnLink, LinkDropped_ProgramSeesTheEndOfItsInputAndEnds) {
+  Folder folder;
+  {
+    auto link = spawn_link({"sh", "-c", "cat; echo ended > " + (folder / "mark")});
+    ASSERT_TRUE(link) << link.error().text();
+  }
+  EXPECT_TRUE(std::filesystem::exists(folder / "mark"));
+}
+
+TEST(SpawnLink, ProgramThatDoesNotListen_IsTerminatedWithinSeconds) {
+  std::string pid;
+  {
+    auto link = spawn_link({"sh", "-c", "echo $$; exec sleep 1000"});
+    ASSERT_TRUE(link) << link.error().text();
+    while (pid.empty() || pid.back() != '\n') pid += read_text(**link, 1);
+  }
+  EXPECT_EQ(::kill(std::stoi(pid), 0), -1);
+}
+
+TEST(DescriptorLink, NotADescriptor_BadValue) {
+  const auto link = descriptor_link(1000, 1001, "nothing");
+  ASSERT_FALSE(link);
+  EXPECT_EQ(link.error().code, Errc::kBadValue);
+}
+
+}  // namespace
+}  // namespace nodal::hal
