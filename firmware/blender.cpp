@@ -1,0 +1,132 @@
+#include "firmware/blender.h"
+
+#include <algorithm>
+
+namespace nodal::firmware {
+namespace {
+
+void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memory_order_relaxed); }
+
+}  // namespace
+
+Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
+                 SpscRing<FrameSet*>& sets_back)
+    : config_(config),
+      bands_(static_cast<std::uint64_t>((config.height + kBandRows - 1) / kBandRows)),
+      clock_(clock),
+      sets_in_(sets_in),
+      sets_back_(sets_back),
+      tables_in_(1),  // so that a full ring says that the newest is not in force yet
+      tables_out_(8),
+      pixels_free_(kMaxBuffers),
+      raymaps_out_(kRaymapsWaiting) {
+  NODAL_ASSERT(bands_ < kNoBands);
+}
+
+bool Blender::step() {
+  if (run_band()) return true;
+  if (coordinating_.test_and_set(std::memory_order_acquire)) return false;
+  const bool busy = coordinate();
+  coordinating_.clear(std::memory_order_release);
+  return busy;
+}
+
+bool Blender::run_band() {
+  std::uint64_t ticket = next_band_.load(std::memory_order_acquire);
+  for (;;) {
+    if ((ticket & kNoBands) >= bands_) return false;
+    if (next_band_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire)) {
+      break;
+    }
+  }
+  const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
+  const blend::BlendTable& table = installed_->table;
+  blend::blend_rows(table, std::span(pictures_).first(table.sources.size()), into_, row,
+                    std::min(row + kBandRows, config_.height));
+  bands_done_.fetch_add(1, std::memory_order_acq_rel);
+  return true;
+}
+
+bool Blender::coordinate() {
+  if (set_) {
+    if (bands_done_.load(std::memory_order_acquire) < bands_) return false;
+    return finish();
+  }
+  const bool adopted = adopt();
+  return begin() || adopted;
+}
+
+bool Blender::finish() {
+  if (raymaps_out_.full()) return false;  // the encoder, or a lossless client, is behind
+  times_.add(clock_.now() - begun_);
+  raymaps_out_.push(std::move(raymap_));
+  raymap_ = {};
+  give_back(set_);
+  set_ = nullptr;
+  count(counts_.blended);
+  idle_.store(sets_in_.empty(), std::memory_order_release);
+  return true;
+}
+
+bool Blender::adopt() {
+  if (tables_out_.full()) return false;
+  auto installed = tables_in_.pop();
+  if (!installed) return false;
+  std::swap(installed_, *installed);
+  if (*installed) tables_out_.push(std::move(*installed));
+  count(counts_.adopted);
+  return true;
+}
+
+bool Blender::begin() {
+  auto next = sets_in_.pop();
+  if (!next) {
+    idle_.store(true, std::memory_order_release);
+    return false;
+  }
+  FrameSet* set = *next;
+  idle_.store(false, std::memory_order_release);
+  std::optional<Buffer> pixels;
+  if (!installed_) {
+    count(counts_.without_calibration);
+  } else if (pixels = take_pixels(); !pixels) {
+    count(counts_.without_buffer);
+  }
+  if (!pixels) {
+    give_back(set);
+    return true;
+  }
+  const blend::BlendTable& table = installed_->table;
+  raymap_.info = {set->number,  set->trigger, set->mid_exposure, set->spread,
+                  set->genlock, 0,            installed_->id};
+  raymap_.pixels = std::move(*pixels);
+  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
+  for (std::size_t i = 0; i < table.sources.size(); ++i) {
+    pictures_[i] = {};
+    if (!set->has(i)) continue;
+    const ImageView& picture = set->frames[i].image;
+    const blend::BlendTable::Source& fits = table.sources[i];
+    if (picture.format != fits.format || picture.width != fits.width || picture.height != fits.height) {
+      count(counts_.unfit_frames);
+      continue;
+    }
+    pictures_[i] = picture;
+    raymap_.info.heads |= head_bit(i);
+  }
+  set_ = set;
+  begun_ = clock_.now();
+  bands_done_.store(0, std::memory_order_relaxed);
+  next_band_.store(++number_ << kBandBits, std::memory_order_release);
+  return true;
+}
+
+std::optional<Buffer> Blender::take_pixels() {
+  if (auto free = pixels_free_.pop()) return free;
+  if (buffers_made_ == kMaxBuffers) return std::nullopt;
+  ++buffers_made_;  // only when clients hold more than ever before
+  return std::make_shared<std::vector<std::uint8_t>>(packed_size(config_.format, config_.width, config_.height));
+}
+
+void Blender::give_back(FrameSet* set) { sets_back_.push(std::move(set)); }
+
+}  // namespace nodal::firmware

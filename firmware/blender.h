@@ -1,0 +1,103 @@
+// The stage that blends frame sets into raymaps, on as many threads as call it.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "firmware/config.h"
+#include "firmware/frame_set.h"
+#include "firmware/raymap.h"
+#include "firmware/statistics.h"
+#include "hal/clock.h"
+#include "protocol/base/image.h"
+#include "protocol/base/spsc_ring.h"
+#include "stitch/blend/blend.h"
+
+namespace nodal::firmware {
+
+/// Every call of step() does one piece of work: a band of rows of the raymap under way, or what comes between two
+/// raymaps: finishing one, adopting a new calibration, taking the next set. So a swap of calibrations always falls
+/// between two sets, and every raymap names the one calibration that made it. No thread ever waits for another:
+/// whoever finds nothing to do goes away.
+///
+/// Threading: step() is thread-safe; the rings' other ends are capture's, the encoder's, the keeper's and
+///   control's, one thread each; the counts may be read by any.
+/// Ownership: frame sets are lent and given back; pixels come from pixels_free() and go with the raymap.
+/// Errors: none; sets that make no raymap are counted.
+class Blender {
+ public:
+  Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
+          SpscRing<FrameSet*>& sets_back);
+
+  /// True when it did something.
+  bool step();
+
+  SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
+  /// Calibrations that are no longer in force, to be freed off the frame path.
+  SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
+  SpscRing<Buffer>& pixels_free() { return pixels_free_; }
+  SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
+
+  struct Counts {
+    std::atomic<std::uint64_t> blended{0};
+    std::atomic<std::uint64_t> without_calibration{0};  ///< sets
+    std::atomic<std::uint64_t> without_buffer{0};       ///< sets: every buffer was still with a client
+    std::atomic<std::uint64_t> unfit_frames{0};         ///< frames that are not what the calibration is for
+    std::atomic<std::uint64_t> adopted{0};              ///< calibrations taken into force
+  };
+  const Counts& counts() const { return counts_; }
+  const RecentTimes& times() const { return times_; }
+  /// No set is waiting or under way.
+  bool idle() const { return idle_.load(std::memory_order_acquire); }
+
+  static constexpr int kBandRows = 32;
+  static constexpr std::size_t kMaxBuffers = 24;
+  static constexpr std::size_t kRaymapsWaiting = 2;
+
+ private:
+  // The band to take next, and whose it is: a raymap's number above, a band below. One compare-and-swap hands out a
+  // band, and fails for a thread that comes from an older raymap.
+  static constexpr int kBandBits = 16;
+  static constexpr std::uint64_t kNoBands = (std::uint64_t{1} << kBandBits) - 1;
+
+  bool run_band();
+  bool coordinate();
+  bool finish();
+  bool adopt();
+  bool begin();
+  std::optional<Buffer> take_pixels();
+  void give_back(FrameSet* set);
+
+  const RaymapConfig config_;
+  const std::uint64_t bands_;
+  hal::ClockPort& clock_;
+  SpscRing<FrameSet*>& sets_in_;
+  SpscRing<FrameSet*>& sets_back_;
+  SpscRing<InstalledPtr> tables_in_;
+  SpscRing<InstalledPtr> tables_out_;
+  SpscRing<Buffer> pixels_free_;
+  SpscRing<Raymap> raymaps_out_;
+
+  // Between raymaps, by whoever holds coordinating_.
+  std::atomic_flag coordinating_;
+  InstalledPtr installed_;
+  std::size_t buffers_made_ = 0;
+  std::uint64_t number_ = 0;
+  FrameSet* set_ = nullptr;  ///< under way
+  Instant begun_;
+
+  // The raymap under way; still while bands of it are out.
+  Raymap raymap_;
+  std::array<ImageView, kMaxHeads> pictures_;
+  MutableImageView into_;
+  std::atomic<std::uint64_t> next_band_{kNoBands};
+  std::atomic<std::uint64_t> bands_done_{0};
+
+  Counts counts_;
+  RecentTimes times_;
+  std::atomic<bool> idle_{true};
+};
+
+}  // namespace nodal::firmware

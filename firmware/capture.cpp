@@ -1,0 +1,173 @@
+#include "firmware/capture.h"
+
+#include <bit>
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kPoolSets = Capture::kMaxOpenSets + Capture::kSetsWaiting + 4;
+constexpr std::size_t kCommands = 64;
+constexpr Duration kReportEvery = Duration::milliseconds(20);
+
+std::string port_path(const PortAddress& port) {
+  return (port.kind == PortKind::kSim ? "sim:" : "replay:") + port.name;
+}
+
+}  // namespace
+
+Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
+    : trigger_config_(config.trigger),
+      genlock_(trigger),
+      clock_(config.rate),
+      rate_(config.rate),
+      rate_now_(config.rate),
+      genlock_wanted_(config.trigger.start),
+      pool_(kPoolSets),
+      sets_out_(kSetsWaiting),
+      sets_back_(kPoolSets),
+      commands_(kCommands),
+      answers_(kCommands) {
+  for (const HeadConfig& head : config.heads) heads_.emplace_back(head, port_path(head.port), heads);
+  report_.heads.resize(heads_.size());
+  free_.reserve(pool_.size());
+  for (FrameSet& set : pool_) free_.push_back(&set);
+  open_.reserve(kMaxOpenSets);
+  clock_.restart(rate_, false);
+}
+
+Capture::~Capture() { close(); }
+
+void Capture::close() {
+  close_all(Instant());
+  while (auto set = sets_out_.pop()) give_back(*set);
+  take_back_sets();
+  genlock_.stop();
+  for (CaptureHead& head : heads_) head.close();
+  update_report(Instant(), true);
+}
+
+bool Capture::step(Instant now) {
+  now_ = now;
+  bool busy = take_back_sets();
+  busy |= run_commands(now);
+  while (const auto edge = genlock_.take_edge()) {
+    clock_.on_edge(*edge);
+    busy = true;
+  }
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    busy |= heads_[i].step(now, mode_);
+    busy |= take_frames(i, now);
+  }
+  busy |= close_due_sets(now);
+  genlock_.step(now);
+  if (genlock_wanted_) {
+    genlock_wanted_ = false;
+    (void)start_genlock({}, now);  // without a trigger the state stays "off", which status shows
+    busy = true;
+  }
+  check();
+  update_report(now, busy);
+  return busy;
+}
+
+bool Capture::run_commands(Instant now) {
+  bool any = false;
+  while (!answers_.full()) {
+    auto command = commands_.pop();
+    if (!command) break;
+    any = true;
+    Status status;
+    if (const auto* change = std::get_if<HeadChange>(&command->what)) {
+      status = change_heads(*change);
+    } else if (const auto* start = std::get_if<GenlockStart>(&command->what)) {
+      status = start_genlock(*start, now);
+    } else {
+      stop_genlock(now);
+    }
+    answers_.push(CaptureAnswer{command->ticket, std::move(status)});
+  }
+  return any;
+}
+
+Status Capture::change_heads(const HeadChange& change) {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((change.heads & head_bit(i)) == 0) continue;
+    if (Status allowed = heads_[i].check(change.change); !allowed) return allowed;
+  }
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((change.heads & head_bit(i)) == 0) continue;
+    if (Status changed = heads_[i].change(change.change); !changed) return changed;
+  }
+  return {};
+}
+
+Status Capture::start_genlock(const GenlockStart& wish, Instant now) {
+  hal::TriggerSettings settings;
+  settings.rate = wish.rate.value_or(rate_);
+  settings.pulse_width = wish.pulse_width.value_or(trigger_config_.pulse_width);
+  settings.active_high = trigger_config_.active_high;
+  if (Status started = genlock_.start(settings, now); !started) {
+    stop_genlock(now);
+    return started;
+  }
+  mode_ = hal::TriggerMode::kExternal;
+  rate_now_ = settings.rate;
+  close_all(now);
+  clock_.restart(rate_now_, true);
+  return {};
+}
+
+void Capture::stop_genlock(Instant now) {
+  genlock_.stop();
+  if (mode_ == hal::TriggerMode::kFreeRun) return;
+  mode_ = hal::TriggerMode::kFreeRun;
+  rate_now_ = rate_;
+  close_all(now);
+  clock_.restart(rate_now_, false);
+}
+
+bool Capture::take_back_sets() {
+  bool any = false;
+  while (auto set = sets_back_.pop()) {
+    give_back(*set);
+    any = true;
+  }
+  return any;
+}
+
+void Capture::give_back(FrameSet* set) {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (set->has(i)) heads_[i].release(set->frames[i].slot);
+  }
+  set->mask = 0;
+  free_.push_back(set);
+}
+
+void Capture::check() const {
+  FrameCounts all;
+  for (const CaptureHead& head : heads_) {
+    NODAL_ASSERT(head.conserved());
+    all.add(head.report().counts);
+  }
+  std::uint64_t held = 0;
+  for (const OpenSet& open : open_) held += static_cast<std::uint64_t>(std::popcount(open.set->mask));
+  NODAL_ASSERT(all.held == held && all.conserved());
+}
+
+void Capture::update_report(Instant now, bool changed) {
+  if (!changed && now < next_report_) return;
+  report_.frames = {};
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    report_.heads[i] = heads_[i].report();
+    report_.frames.add(heads_[i].report().counts);
+  }
+  report_.genlock = genlock_.report();
+  if (!genlock_.running()) report_.genlock.rate = rate_;
+  if (now >= next_report_ || report_.sets != reported_sets_) {
+    snapshot_.publish(report_);
+    next_report_ = now + kReportEvery;
+    reported_sets_ = report_.sets;
+  }
+}
+
+}  // namespace nodal::firmware

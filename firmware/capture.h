@@ -1,0 +1,133 @@
+// Takes frames from the heads and makes sets of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "firmware/capture_head.h"
+#include "firmware/config.h"
+#include "firmware/frame_set.h"
+#include "firmware/genlock.h"
+#include "firmware/set_clock.h"
+#include "firmware/snapshot.h"
+#include "hal/head.h"
+#include "hal/trigger.h"
+#include "protocol/base/result.h"
+#include "protocol/base/spsc_ring.h"
+
+namespace nodal::firmware {
+
+/// What control asks of capture, and the answer to it.
+struct HeadChange {
+  HeadMask heads = 0;
+  SettingsChange change;
+};
+struct GenlockStart {
+  std::optional<FrameRate> rate;
+  std::optional<Duration> pulse_width;
+};
+struct GenlockStop {};
+struct CaptureCommand {
+  std::uint64_t ticket = 0;
+  std::variant<HeadChange, GenlockStart, GenlockStop> what;
+};
+struct CaptureAnswer {
+  std::uint64_t ticket = 0;
+  Status status;
+};
+
+/// Capture as status tells of it.
+struct CaptureReport {
+  std::vector<HeadReport> heads;
+  FrameCounts frames;                    ///< of all heads
+  std::uint64_t sets = 0;
+  std::uint64_t full_sets = 0;           ///< of them, with every head of the rig
+  std::uint64_t sets_not_taken = 0;      ///< the blend had no room for them
+  GenlockReport genlock;
+};
+
+/// Frames wait in open sets until every head that delivers has given one, or until kPeriodsToWait after the middle of
+/// their exposure; then the set goes on with what it has, in order. Sets the blend has no room for are counted and
+/// given back here, so that capture never waits.
+///
+/// Threading: thread-bound to capture; sets_out(), sets_back(), commands() and answers() are SPSC rings whose other
+///   ends are the blend's and control's; snapshot() is read by control.
+/// Ownership: a FrameSet belongs to capture and is lent from sets_out() until sets_back().
+/// Errors: none of its own; a head's shows in its report.
+class Capture {
+ public:
+  Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger);
+  ~Capture();
+
+  /// True when something happened.
+  bool step(Instant now);
+  /// Ends: the blend must have given every set back. Heads and trigger are stopped.
+  void close();
+
+  SpscRing<FrameSet*>& sets_out() { return sets_out_; }
+  SpscRing<FrameSet*>& sets_back() { return sets_back_; }
+  SpscRing<CaptureCommand>& commands() { return commands_; }
+  SpscRing<CaptureAnswer>& answers() { return answers_; }
+  Snapshot<CaptureReport>& snapshot() { return snapshot_; }
+  const CaptureReport& report() const { return report_; }
+
+  static constexpr std::size_t kMaxOpenSets = 4;
+  static constexpr std::size_t kSetsWaiting = 1;  ///< between capture and blend: newer is better than more
+  static constexpr int kHalfPeriodsToWait = 5;
+
+ private:
+  struct OpenSet {
+    SetClock::Slot slot = 0;
+    FrameSet* set = nullptr;
+    bool all_triggered = true;  ///< every frame of it has its pulse
+    Duration worst_skew;        ///< of those that have
+  };
+
+  bool run_commands(Instant now);
+  Status change_heads(const HeadChange& change);
+  Status start_genlock(const GenlockStart& wish, Instant now);
+  void stop_genlock(Instant now);
+  bool take_back_sets();
+  bool take_frames(std::size_t head, Instant now);
+  void place(std::size_t head, const hal::FrameView& frame, Instant now);
+  OpenSet* open_set(SetClock::Slot slot);
+  bool close_due_sets(Instant now);
+  bool complete(const OpenSet& open) const;
+  void close_oldest();
+  static void describe(FrameSet& set);
+  void give_back(FrameSet* set);
+  void close_all(Instant now);
+  void update_report(Instant now, bool changed);
+  void check() const;
+
+  const TriggerConfig trigger_config_;
+  std::deque<CaptureHead> heads_;  ///< they never move
+  Genlock genlock_;
+  SetClock clock_;
+  const FrameRate rate_;           ///< of rig.toml
+  FrameRate rate_now_;             ///< or as the host started the genlock
+  bool genlock_wanted_;            ///< at start, by rig.toml
+  hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
+
+  std::vector<FrameSet> pool_;
+  std::vector<FrameSet*> free_;
+  std::vector<OpenSet> open_;      ///< by slot, oldest first
+  std::optional<SetClock::Slot> newest_closed_;
+  Instant now_;                    ///< of the step under way
+
+  SpscRing<FrameSet*> sets_out_;
+  SpscRing<FrameSet*> sets_back_;
+  SpscRing<CaptureCommand> commands_;
+  SpscRing<CaptureAnswer> answers_;
+  Snapshot<CaptureReport> snapshot_;
+  CaptureReport report_;
+  Instant next_report_;
+  std::uint64_t reported_sets_ = 0;
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,140 @@
+// The half of Capture that makes sets of frames.
+#include <algorithm>
+#include <array>
+
+#include "firmware/capture.h"
+
+namespace nodal::firmware {
+namespace {
+
+Duration distance(Duration d) { return d < Duration() ? -d : d; }
+
+}  // namespace
+
+bool Capture::take_frames(std::size_t head, Instant now) {
+  constexpr int kFramesAStep = 8;  // so that a head that floods cannot starve the others
+  bool any = false;
+  for (int i = 0; i < kFramesAStep; ++i) {
+    const auto frame = heads_[head].take_frame();
+    if (!frame) break;
+    place(head, *frame, now);
+    any = true;
+  }
+  return any;
+}
+
+void Capture::place(std::size_t head, const hal::FrameView& frame, Instant now) {
+  const auto match =
+      clock_.match(frame.mid_exposure, frame.in_effect.exposure, genlock_.settings().delay[head], now);
+  if (!match) return heads_[head].lose(frame, LossReason::kUnmatched);
+  SetClock::Slot slot = match->slot;
+  OpenSet* open = nullptr;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (newest_closed_ && slot <= *newest_closed_) return heads_[head].lose(frame, LossReason::kLate);
+    open = open_set(slot);
+    if (!open) return heads_[head].lose(frame, LossReason::kOverload);
+    if (!open->set->has(head)) break;
+    // In free run the grid moves under a head near its border: its next frame is then the next slot's.
+    const Duration apart = frame.mid_exposure - open->set->frames[head].mid_exposure;
+    if (attempt > 0 || match->trigger || apart <= clock_.period() / 2) {
+      return heads_[head].lose(frame, LossReason::kDuplicate);
+    }
+    ++slot;
+  }
+  FrameSet& set = *open->set;
+  set.frames[head] = frame;
+  set.mask |= head_bit(head);
+  if (match->trigger) {
+    set.trigger = match->trigger;
+    open->worst_skew = std::max(open->worst_skew, distance(match->skew));
+  } else {
+    open->all_triggered = false;
+  }
+  heads_[head].hold(frame);
+}
+
+Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
+  const auto at = std::lower_bound(open_.begin(), open_.end(), slot,
+                                   [](const OpenSet& open, SetClock::Slot s) { return open.slot < s; });
+  if (at != open_.end() && at->slot == slot) return &*at;
+  if (free_.empty()) return nullptr;
+  const auto index = at - open_.begin();
+  if (open_.size() == kMaxOpenSets) {
+    if (index == 0) return nullptr;  // older than everything that waits
+    close_oldest();
+    return open_set(slot);
+  }
+  FrameSet* set = free_.back();
+  free_.pop_back();
+  set->mask = 0;
+  set->trigger.reset();
+  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, true, Duration()});
+}
+
+bool Capture::complete(const OpenSet& open) const {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (!open.set->has(i) && heads_[i].expected()) return false;
+  }
+  return true;
+}
+
+bool Capture::close_due_sets(Instant now) {
+  bool any = false;
+  while (!open_.empty()) {
+    const OpenSet& oldest = open_.front();
+    const Instant deadline = clock_.middle_of(oldest.slot) + clock_.period() * kHalfPeriodsToWait / 2;
+    if (!complete(oldest) && now < deadline) break;
+    close_oldest();
+    any = true;
+  }
+  return any;
+}
+
+void Capture::close_all(Instant now) {
+  now_ = now;
+  while (!open_.empty()) close_oldest();
+}
+
+void Capture::close_oldest() {
+  const OpenSet open = open_.front();
+  open_.erase(open_.begin());
+  newest_closed_ = open.slot;
+  FrameSet& set = *open.set;
+  describe(set);
+  set.number = report_.sets++;
+  bool every_present = true;
+  bool every_head = true;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (set.has(i)) {
+      heads_[i].put_in_set(set.offset[i]);
+      continue;
+    }
+    every_head = false;
+    if (heads_[i].streaming()) every_present = false;
+    heads_[i].missed_set();
+  }
+  if (every_head) ++report_.full_sets;
+  genlock_.on_set(set, open.all_triggered ? std::optional(open.worst_skew) : std::nullopt, every_present, now_);
+  set.genlock = genlock_.state();
+  FrameSet* lent = &set;
+  if (sets_out_.push(std::move(lent))) return;
+  ++report_.sets_not_taken;
+  give_back(&set);
+}
+
+void Capture::describe(FrameSet& set) {
+  std::array<Instant, kMaxHeads> middles;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < middles.size(); ++i) {
+    if (set.has(i)) middles[count++] = set.frames[i].mid_exposure;
+  }
+  NODAL_ASSERT(count > 0);
+  std::sort(middles.begin(), middles.begin() + static_cast<std::ptrdiff_t>(count));
+  set.mid_exposure = middles[count / 2];
+  set.spread = middles[count - 1] - middles[0];
+  for (std::size_t i = 0; i < middles.size(); ++i) {
+    set.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();
+  }
+}
+
+}  // namespace nodal::firmware

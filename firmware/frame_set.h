@@ -1,0 +1,50 @@
+// What travels the frame path: the frames of all heads that one trigger exposed, and why a frame is in no set.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "hal/head.h"
+#include "protocol/base/units.h"
+
+namespace nodal::firmware {
+
+/// Why a frame that was taken is in no set.
+enum class LossReason : std::uint8_t {
+  kLate,         ///< its set had gone
+  kDuplicate,    ///< its set had one of this head
+  kCorrupt,      ///< the port said so
+  kTorn,         ///< the port said so
+  kNoSignal,     ///< the port said so
+  kWrongFormat,  ///< not the size or pixels the head promised
+  kUnmatched,    ///< genlocked, and no trigger near its exposure
+  kOverload,     ///< no room for another open set
+};
+inline constexpr std::size_t kLossReasons = 8;
+/// "late", "no-signal": as the wire and people have it.
+std::string_view loss_reason_name(LossReason reason);
+
+enum class GenlockState : std::uint8_t { kOff, kAcquiring, kLocked, kLost };
+std::string_view genlock_state_name(GenlockState state);
+
+using HeadMask = std::uint32_t;
+inline constexpr HeadMask head_bit(std::size_t head) { return HeadMask{1} << head; }
+
+/// The frames of one trigger. Heads whose bit is not in `mask` have no picture in it.
+struct FrameSet {
+  std::uint64_t number = 0;               ///< counts the rig's sets from 0, without gaps
+  std::optional<std::uint64_t> trigger;   ///< the pulse that exposed it, when genlocked
+  Instant mid_exposure;                   ///< median over its frames
+  Duration spread;                        ///< latest minus earliest mid-exposure
+  GenlockState genlock = GenlockState::kOff;  ///< when it was closed
+  HeadMask mask = 0;
+  std::array<hal::FrameView, kMaxHeads> frames;
+  std::array<Duration, kMaxHeads> offset;  ///< each frame's mid-exposure after the set's
+
+  bool has(std::size_t head) const { return (mask & head_bit(head)) != 0; }
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,124 @@
+#include "firmware/jpeg.h"
+
+#include <turbojpeg.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::string_view kXmpName("http://ns.adobe.com/xap/1.0/\0", 29);
+constexpr std::uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kComment = 0xfe;
+
+int subsampling(PixelFormat format) {
+  switch (format) {
+    case PixelFormat::kI420: return TJSAMP_420;
+    case PixelFormat::kGrey8: return TJSAMP_GRAY;
+    default: return TJSAMP_444;
+  }
+}
+
+/// A JPEG segment: marker, length of what follows with itself, body (ITU T.81, B.1.1.4).
+void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::initializer_list<std::string_view> body) {
+  std::size_t length = 2;
+  for (const std::string_view part : body) length += part.size();
+  NODAL_ASSERT(length <= 0xffff);
+  to.insert(to.end(), {0xff, marker, static_cast<std::uint8_t>(length >> 8), static_cast<std::uint8_t>(length)});
+  for (const std::string_view part : body) to.insert(to.end(), part.begin(), part.end());
+}
+
+/// Bytes of SOI and, where it is there, JFIF's APP0, which must come first.
+std::size_t lead_bytes(const std::uint8_t* jpeg, std::size_t size) {
+  if (size < 6 || jpeg[2] != 0xff || jpeg[3] != kApp0) return 2;
+  const std::size_t end = 4 + (static_cast<std::size_t>(jpeg[4]) << 8 | jpeg[5]);
+  return end <= size ? end : 2;
+}
+
+}  // namespace
+
+std::string gpano_packet(int width, int height) {
+  const std::string w = std::to_string(width);
+  const std::string h = std::to_string(height);
+  return "<?xpacket begin=\"\xef\xbb\xbf\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>\n"
+         "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\" x:xmptk=\"Nodal\">\n"
+         " <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">\n"
+         "  <rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\"\n"
+         "   GPano:ProjectionType=\"equirectangular\"\n"
+         "   GPano:UsePanoramaViewer=\"True\"\n"
+         "   GPano:StitchingSoftware=\"Nodal\"\n"
+         "   GPano:PoseHeadingDegrees=\"0\"\n"
+         "   GPano:CroppedAreaImageWidthPixels=\"" + w + "\"\n"
+         "   GPano:CroppedAreaImageHeightPixels=\"" + h + "\"\n"
+         "   GPano:FullPanoWidthPixels=\"" + w + "\"\n"
+         "   GPano:FullPanoHeightPixels=\"" + h + "\"\n"
+         "   GPano:CroppedAreaLeftPixels=\"0\"\n"
+         "   GPano:CroppedAreaTopPixels=\"0\"/>\n"
+         " </rdf:RDF>\n"
+         "</x:xmpmeta>\n"
+         "<?xpacket end=\"r\"?>";
+}
+
+std::string raymap_comment(const RaymapInfo& info) {
+  std::array<char, 256> text{};
+  const int length = std::snprintf(
+      text.data(), text.size(), "nodal set=%llu mid_exposure_ns=%lld spread_ns=%lld heads=0x%x genlock=%s calibration=",
+      static_cast<unsigned long long>(info.set), static_cast<long long>(info.mid_exposure.ns()),
+      static_cast<long long>(info.spread.ns()), info.heads, genlock_state_name(info.genlock).data());
+  NODAL_ASSERT(length > 0 && static_cast<std::size_t>(length) < text.size());
+  std::string comment(text.data(), static_cast<std::size_t>(length));
+  comment += to_hex(info.calibration);
+  if (info.trigger) comment += " trigger=" + std::to_string(*info.trigger);
+  return comment;
+}
+
+JpegEncoder::JpegEncoder(const RaymapConfig& config)
+    : config_(config),
+      handle_(tjInitCompress()),
+      scratch_bytes_(tjBufSize(config.width, config.height, subsampling(config.format))) {
+  NODAL_ASSERT(handle_);
+  scratch_ = std::make_unique_for_overwrite<std::uint8_t[]>(scratch_bytes_);
+  if (config.layout == RaymapLayout::kEquirectangular) {
+    append_segment(gpano_, kApp1, {kXmpName, gpano_packet(config.width, config.height)});
+  }
+}
+
+JpegEncoder::~JpegEncoder() { tjDestroy(handle_); }
+
+Result<std::size_t> JpegEncoder::compress(const ImageView& raymap) {
+  unsigned char* out = scratch_.get();
+  unsigned long size = scratch_bytes_;
+  constexpr int kFlags = TJFLAG_NOREALLOC;
+  int failed = 0;
+  if (config_.format == PixelFormat::kRgb24) {
+    failed = tjCompress2(handle_, raymap.planes[0].data, raymap.width, static_cast<int>(raymap.planes[0].row_stride),
+                         raymap.height, TJPF_RGB, &out, &size, TJSAMP_444, config_.jpeg_quality, kFlags);
+  } else {
+    std::array<const unsigned char*, kMaxPlanes> planes{};
+    std::array<int, kMaxPlanes> strides{};
+    for (std::size_t c = 0; c < planes.size(); ++c) {
+      planes[c] = raymap.planes[c].data;
+      strides[c] = static_cast<int>(raymap.planes[c].row_stride);
+    }
+    failed = tjCompressFromYUVPlanes(handle_, planes.data(), raymap.width, strides.data(), raymap.height,
+                                     subsampling(config_.format), &out, &size, config_.jpeg_quality, kFlags);
+  }
+  if (failed != 0) return fail(Errc::kInternal, std::string("JPEG encoder: ") + tjGetErrorStr2(handle_));
+  return static_cast<std::size_t>(size);
+}
+
+Status JpegEncoder::encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into) {
+  NODAL_ASSERT(raymap.format == config_.format && raymap.width == config_.width && raymap.height == config_.height);
+  const auto size = compress(raymap);
+  if (!size) return fail(size.error());
+  const std::uint8_t* jpeg = scratch_.get();
+  const std::size_t lead = lead_bytes(jpeg, *size);
+  into.assign(jpeg, jpeg + lead);
+  into.insert(into.end(), gpano_.begin(), gpano_.end());
+  append_segment(into, kComment, {raymap_comment(info)});
+  into.insert(into.end(), jpeg + lead, jpeg + *size);
+  return {};
+}
+
+}  // namespace nodal::firmware

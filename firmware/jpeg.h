@@ -1,0 +1,50 @@
+// Raymaps as JPEG files that 360-degree viewers open as a sphere.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware/config.h"
+#include "firmware/raymap.h"
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+
+namespace nodal::firmware {
+
+/// The XMP packet of Google's Photo Sphere metadata (ns.google.com/photos/1.0/panorama) for a whole sphere,
+/// 360 x 180 degrees, middle column forward.
+std::string gpano_packet(int width, int height);
+
+/// What the comment of a raymap's JPEG says: "nodal set=12 calibration=<64 hex digits> heads=0x3ff ...".
+std::string raymap_comment(const RaymapInfo& info);
+
+/// Compresses packed raymaps with TurboJPEG and writes their metadata: GPano in an APP1 segment when the layout is
+/// equirectangular, and raymap_comment().
+///
+/// Threading: thread-bound.
+/// Ownership: keeps a scratch buffer of the largest JPEG a raymap can become.
+/// Errors: kInternal with TurboJPEG's words.
+class JpegEncoder {
+ public:
+  explicit JpegEncoder(const RaymapConfig& config);
+  ~JpegEncoder();
+  JpegEncoder(const JpegEncoder&) = delete;
+  JpegEncoder& operator=(const JpegEncoder&) = delete;
+
+  /// Replaces what is in `into`; it keeps its capacity, so that in the long run nothing is allocated.
+  Status encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into);
+
+ private:
+  Result<std::size_t> compress(const ImageView& raymap);
+
+  const RaymapConfig config_;
+  void* handle_;
+  std::vector<std::uint8_t> gpano_;            ///< the whole APP1 segment; empty for other layouts
+  std::unique_ptr<std::uint8_t[]> scratch_;    ///< not cleared: pages that no JPEG reaches stay unused
+  std::size_t scratch_bytes_ = 0;
+};
+
+}  // namespace nodal::firmware
