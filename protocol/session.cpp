@@ -1,7 +1,11 @@
 #include "protocol/session.h"
 
+#include <google/protobuf/stubs/logging.h>
+
 #include <algorithm>
 #include <utility>
+
+#include "protocol/base/text.h"
 
 namespace nodal {
 namespace {
@@ -9,29 +13,28 @@ namespace {
 // Control frames that go out together: few writes, and still no long wait for whoever comes next.
 constexpr std::size_t kFrontBytes = 64U << 10;
 
-/// What a peer calls itself, fit for a message: short, and without characters that move a cursor.
-std::string printable(const std::string& text, std::size_t limit) {
-  std::string clean;
-  for (const char c : text) {
-    if (clean.size() == limit) break;
-    const auto code = static_cast<unsigned char>(c);
-    clean += code < 0x20 || code == 0x7F ? '?' : c;
-  }
-  return clean;
-}
-
 constexpr std::size_t kLongestMessage = 1000;
 
 wire::Error to_wire(const Error& error) {
   wire::Error message;
   message.set_code(static_cast<std::uint32_t>(error.code));
-  message.set_message(error.message.substr(0, kLongestMessage));
+  message.set_message(printable(error.message, kLongestMessage));
   return message;
 }
 
 Error from_wire(const wire::Error& message) {
   const std::uint32_t code = std::min<std::uint32_t>(message.code(), UINT16_MAX);
   return Error{static_cast<Errc>(code), printable(message.message(), kLongestMessage)};
+}
+
+/// protobuf writes to standard error about every message it cannot read, which a hostile peer would use to
+/// fill the log. What it found is said in our own errors.
+void silence_protobuf() {
+  static const bool once = [] {
+    google::protobuf::SetLogHandler(nullptr);
+    return true;
+  }();
+  static_cast<void>(once);
 }
 
 template <class Message>
@@ -66,8 +69,9 @@ Session::Session(Role role, const wire::Hello& mine)
       mine_(mine),
       receiver_(role == Role::kHost ? 2 : 1, role == Role::kHost ? kHostLosslessWindowBytes : kStreamWindowBytes),
       sender_(role == Role::kHost ? 1 : 2) {
+  silence_protobuf();
   NODAL_ASSERT(mine_.ByteSizeLong() <= kMaxMessageBytes);
-  push_control(FrameType::kHello, 0, mine_);
+  push_control(FrameType::kHello, 0, mine_.SerializeAsString());
 }
 
 std::string Session::peer_name() const {
@@ -78,7 +82,7 @@ std::string Session::peer_name() const {
 
 tl::unexpected<Error> Session::die(Error error, bool tell_peer) {
   NODAL_ASSERT(!dead_);
-  if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error));
+  if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error).SerializeAsString());
   dead_ = std::move(error);
   sender_ = BulkSender(0);  // gives every body back
   return fail(*dead_);
@@ -303,8 +307,8 @@ void Session::sent(std::size_t bytes) {
   front_sent_ += bytes;
 }
 
-void Session::push_control(FrameType type, StreamId stream, const google::protobuf::MessageLite& message) {
-  control_.push_back(QueuedFrame{type, stream, message.SerializeAsString()});
+void Session::push_control(FrameType type, StreamId stream, std::string payload) {
+  control_.push_back(QueuedFrame{type, stream, std::move(payload)});
   control_bytes_ += control_.back().payload.size() + kFrameHeaderBytes;
 }
 
@@ -319,7 +323,12 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
     return fail(Errc::kOverload, peer_name() + " does not read: " + std::to_string(control_bytes_) +
                                      " bytes of messages wait for it");
   }
-  push_control(type, 0, message);
+  // The other end refuses a message it cannot read, and the session with it; better to refuse it here.
+  std::string payload = message.SerializeAsString();
+  if (!std::unique_ptr<google::protobuf::MessageLite>(message.New())->ParseFromString(payload)) {
+    return fail(Errc::kBadValue, "a text in a " + std::string(frame_type_name(type)) + " is not UTF-8");
+  }
+  push_control(type, 0, std::move(payload));
   return {};
 }
 
@@ -330,7 +339,11 @@ Status Session::send(const wire::Request& request) {
 
 Status Session::send(const wire::Reply& reply) {
   NODAL_ASSERT(role_ == Role::kRig);
-  return send_message(FrameType::kReply, reply);
+  if (!reply.has_error()) return send_message(FrameType::kReply, reply);
+  // Error messages name files and devices, which are called what they like.
+  wire::Reply clean = reply;
+  clean.mutable_error()->set_message(valid_utf8(reply.error().message()));
+  return send_message(FrameType::kReply, clean);
 }
 
 // --- bulk --------------------------------------------------------------------------------------------
@@ -341,7 +354,7 @@ Result<StreamId> Session::open_stream(StreamPolicy policy) {
   if (!stream) return stream;
   wire::StreamOpen message;
   message.set_policy(static_cast<std::uint32_t>(policy));
-  push_control(FrameType::kStreamOpen, *stream, message);
+  push_control(FrameType::kStreamOpen, *stream, message.SerializeAsString());
   return stream;
 }
 
@@ -364,7 +377,7 @@ void Session::stop_stream(StreamId stream, const Error& why) {
   });
   wire::StreamStop message;
   *message.mutable_why() = to_wire(why);
-  push_control(FrameType::kStreamStop, stream, message);
+  push_control(FrameType::kStreamStop, stream, message.SerializeAsString());
 }
 
 std::optional<StreamCounts> Session::counts(StreamId stream) const { return sender_.counts(stream); }

@@ -91,7 +91,7 @@ class Session {
   void sent(std::size_t bytes);
 
   // --- what to say
-  /// Hosts make requests, rigs give replies.
+  /// Hosts make requests, rigs give replies. kBadValue when a text is not UTF-8 (valid_utf8() makes it so).
   Status send(const wire::Request& request);
   Status send(const wire::Reply& reply);
   /// Ends the conversation from this end: the peer is told why.
@@ -138,7 +138,7 @@ class Session {
   void push_event(Event event, std::size_t bytes);
 
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
-  void push_control(FrameType type, StreamId stream, const google::protobuf::MessageLite& message);
+  void push_control(FrameType type, StreamId stream, std::string payload);
   void next_front();
   void append_control(FrameType type, StreamId stream, const std::string& payload);
   tl::unexpected<Error> die(Error error, bool tell_peer);
