@@ -21,6 +21,13 @@ std::array<double, 9> kannala_brandt_coefficients(const KannalaBrandtLens& lens)
 
 bool within(double value, double end) { return value >= 0 && value <= end; }
 
+/// What rounding may have carried past the end is the end; farther out is outside.
+std::optional<double> up_to(double value, double end) {
+  constexpr double kRounding = 1e-12;
+  if (!within(value, end * (1 + kRounding))) return std::nullopt;
+  return std::min(value, end);
+}
+
 }  // namespace
 
 Tsai::Tsai(const TsaiLens& lens)
@@ -102,13 +109,17 @@ Result<Lens> Lens::make(const LensModel& model, double max_angle) {
 }
 
 std::optional<double> Lens::radius(double angle) const {
-  if (!within(angle, max_angle_)) return std::nullopt;
-  return std::visit([angle](const auto& m) { return m.radius(angle); }, model_);
+  const std::optional<double> a = up_to(angle, max_angle_);
+  if (!a) return std::nullopt;
+  const std::optional<double> radius = std::visit([&](const auto& m) { return m.radius(*a); }, model_);
+  if (!radius) return std::nullopt;
+  return std::min(*radius, max_radius_);
 }
 
 std::optional<double> Lens::angle(double radius) const {
-  if (!within(radius, max_radius_)) return std::nullopt;
-  const std::optional<double> angle = std::visit([radius](const auto& m) { return m.angle(radius); }, model_);
+  const std::optional<double> r = up_to(radius, max_radius_);
+  if (!r) return std::nullopt;
+  const std::optional<double> angle = std::visit([&](const auto& m) { return m.angle(*r); }, model_);
   if (!angle) return std::nullopt;
   return std::min(*angle, max_angle_);
 }

@@ -26,9 +26,9 @@ class Lens {
   double max_angle() const { return max_angle_; }
   double max_radius() const { return max_radius_; }
 
-  /// Nothing beyond max_angle.
+  /// Nothing beyond max_angle (by more than rounding: 1e-12 of it).
   std::optional<double> radius(double angle) const;
-  /// Nothing beyond max_radius.
+  /// Nothing beyond max_radius, in the same way.
   std::optional<double> angle(double radius) const;
   /// dr/da in px per radian at an angle within max_angle.
   double slope(double angle) const;

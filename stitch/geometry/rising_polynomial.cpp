@@ -12,10 +12,10 @@ RisingPolynomial::RisingPolynomial(std::span<const double> coefficients, double 
   std::vector<double> whole{0.0};
   whole.insert(whole.end(), c_.begin(), c_.end());
   max_x_ = rising_until(whole, max_x);
-  max_value_ = value(max_x_);
+  max_value_ = max_x_ * polynomial_value(c_, max_x_);
 }
 
-double RisingPolynomial::value(double x) const { return x * polynomial_value(c_, x); }
+double RisingPolynomial::value(double x) const { return std::min(x * polynomial_value(c_, x), max_value_); }
 
 double RisingPolynomial::slope(double x) const {
   double slope = 0;

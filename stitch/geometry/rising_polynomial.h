@@ -16,8 +16,9 @@ class RisingPolynomial {
   double max_x() const { return max_x_; }
   double max_value() const { return max_value_; }
 
-  /// Not checked against the domain.
+  /// For x in the domain. Never more than max_value(), which rounding near a turning point would pass.
   double value(double x) const;
+  /// For x in the domain.
   double slope(double x) const;
 
   /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's steps, each kept inside

@@ -1,0 +1,301 @@
+// From JSON to a checked Calibration. Every field must be there and known; the first fault is the error.
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+#include "protocol/strict_json.h"
+
+namespace nodal {
+namespace {
+
+using nlohmann::json;
+
+/// The fields of one object, taken one by one; what is left at the end is unknown. The first fault is kept in
+/// `error`, and what follows it gives harmless values.
+class Fields {
+ public:
+  Fields(const json* object, std::string where, std::optional<Error>& error)
+      : object_(object), where_(std::move(where)), error_(error) {
+    if (object_ && !object_->is_object()) refuse(Errc::kBadValue, "must be an object, { }");
+  }
+
+  void rename(std::string where) { where_ = std::move(where); }
+
+  double number(const char* key) {
+    const json* value = take(key);
+    if (value && !value->is_number()) refuse(key, "must be a number");
+    return value && value->is_number() ? value->get<double>() : 0;
+  }
+
+  int whole(const char* key) {
+    const double value = number(key);
+    if (value >= -1e9 && value <= 1e9 && value == std::floor(value)) return static_cast<int>(value);
+    refuse(key, "must be a whole number");
+    return 0;
+  }
+
+  std::string text(const char* key) {
+    const json* value = take(key);
+    if (value && !value->is_string()) refuse(key, "must be text, in quotes");
+    return value && value->is_string() ? value->get<std::string>() : std::string();
+  }
+
+  /// `count` numbers; any count when it is 0.
+  std::vector<double> numbers(const char* key, std::size_t count) { return list(take(key), key, count); }
+
+  /// Row-major.
+  std::array<double, 9> matrix(const char* key) {
+    std::array<double, 9> rows{};
+    const json* value = take(key);
+    if (!value) return rows;
+    if (!value->is_array() || value->size() != 3) {
+      refuse(key, "must be three rows of three numbers");
+      return rows;
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::vector<double> row = list(&(*value)[i], key, 3);
+      for (std::size_t j = 0; j < row.size(); ++j) rows[3 * i + j] = row[j];
+    }
+    return rows;
+  }
+
+  Fields object(const char* key) { return Fields(take(key), where_ + ": " + key, error_); }
+
+  bool has(const char* key) const { return object_ && object_->is_object() && object_->contains(key); }
+
+  const json* array(const char* key) {
+    const json* value = take(key);
+    if (value && !value->is_array()) refuse(key, "must be a list, [ ]");
+    return value && value->is_array() ? value : nullptr;
+  }
+
+  void refuse(Errc code, const std::string& what) {
+    if (error_) return;
+    error_ = Error{code, what};
+    if (!where_.empty()) error_ = error_->in(where_);
+  }
+
+  /// Call when every field has been taken.
+  void done() {
+    if (error_ || !object_ || !object_->is_object()) return;
+    for (const auto& [key, value] : object_->items()) {
+      if (known_.find("'" + key + "'") == std::string::npos) {
+        refuse(Errc::kUnknownField, "'" + key.substr(0, 64) + "' is not a field here; there are " + known_);
+      }
+    }
+  }
+
+ private:
+  const json* take(const char* key) {
+    if (!known_.empty()) known_ += ", ";
+    known_.append("'").append(key).append("'");
+    if (error_ || !object_ || !object_->is_object()) return nullptr;
+    const auto found = object_->find(key);
+    if (found != object_->end()) return &*found;
+    refuse(Errc::kMissingField, "the field '" + std::string(key) + "' is missing");
+    return nullptr;
+  }
+
+  std::vector<double> list(const json* value, const char* key, std::size_t count) {
+    if (!value) return {};
+    std::vector<double> numbers;
+    bool good = value->is_array() && (count == 0 || value->size() == count);
+    if (good) {
+      for (const json& element : *value) {
+        good = good && element.is_number();
+        if (good) numbers.push_back(element.get<double>());
+      }
+    }
+    if (good) return numbers;
+    refuse(key, count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
+    return {};
+  }
+
+  void refuse(const char* key, const std::string& what) { refuse(Errc::kBadValue, std::string(key) + " " + what); }
+
+  const json* object_;
+  std::string where_;
+  std::optional<Error>& error_;
+  std::string known_;
+};
+
+template <std::size_t N>
+std::array<double, N> fixed(const std::vector<double>& values) {
+  std::array<double, N> result{};
+  for (std::size_t k = 0; k < std::min(N, values.size()); ++k) result[k] = values[k];
+  return result;
+}
+
+LensModel parse_lens(Fields fields) {
+  LensModel lens;
+  const std::string model = fields.text("model");
+  if (model == "tsai") {
+    TsaiLens tsai;
+    tsai.focal = fields.number("focal");
+    tsai.kappa1 = fields.number("kappa1");
+    tsai.kappa2 = fields.number("kappa2");
+    lens = tsai;
+  } else if (model == "rectilinear") {
+    lens = RectilinearLens{fields.numbers("coefficients", 0)};
+  } else if (model == "equidistant") {
+    lens = EquidistantLens{fields.numbers("coefficients", 0)};
+  } else if (model == "kannala_brandt") {
+    KannalaBrandtLens kannala_brandt;
+    kannala_brandt.focal = fields.number("focal");
+    kannala_brandt.k = fixed<4>(fields.numbers("k", 4));
+    lens = kannala_brandt;
+  } else {
+    fields.refuse(Errc::kUnsupported, "no lens model is called '" + model.substr(0, 64) +
+                                          "'; there are tsai, rectilinear, equidistant and kannala_brandt");
+  }
+  fields.done();
+  return lens;
+}
+
+Region parse_region(Fields fields) {
+  Region region;
+  region.left = fields.number("left");
+  region.top = fields.number("top");
+  region.right = fields.number("right");
+  region.bottom = fields.number("bottom");
+  if (fields.has("circle")) {
+    Fields circle = fields.object("circle");
+    region.circle.emplace();
+    region.circle->x = circle.number("x");
+    region.circle->y = circle.number("y");
+    region.circle->radius = circle.number("radius");
+    circle.done();
+  }
+  fields.done();
+  return region;
+}
+
+Response parse_response(Fields fields) {
+  Response response;
+  const std::string curve = fields.text("curve");
+  if (curve == "linear") {
+    response.curve = Response::Curve::kLinear;
+  } else if (curve == "srgb") {
+    response.curve = Response::Curve::kSrgb;
+  } else if (curve == "gamma") {
+    response.curve = Response::Curve::kGamma;
+    response.gamma = fields.number("gamma");
+  } else if (curve == "polynomial") {
+    response.curve = Response::Curve::kPolynomial;
+    response.coefficients = fields.numbers("coefficients", 0);
+  } else {
+    fields.refuse(Errc::kUnsupported, "no response curve is called '" + curve.substr(0, 64) +
+                                          "'; there are linear, gamma, srgb and polynomial");
+  }
+  fields.done();
+  return response;
+}
+
+Vignetting parse_vignetting(Fields fields) {
+  Vignetting vignetting;
+  vignetting.x = fields.number("x");
+  vignetting.y = fields.number("y");
+  vignetting.radius = fields.number("radius");
+  vignetting.coefficients = fixed<3>(fields.numbers("coefficients", 3));
+  fields.done();
+  return vignetting;
+}
+
+/// Two steps of Newton's iteration to the nearest rotation, for a matrix that is one to 1e-6. One that is a
+/// rotation to the last digits stays as it is to the bit, so that reading back what was written changes nothing.
+std::array<double, 9> orthonormal(std::array<double, 9> R) {
+  for (int step = 0; step < 2; ++step) {
+    std::array<double, 9> excess{};  // R R^T - 1
+    double off = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        double& e = excess[3 * i + j];
+        e = i == j ? -1 : 0;
+        for (std::size_t k = 0; k < 3; ++k) e += R[3 * i + k] * R[3 * j + k];
+        off = std::max(off, std::abs(e));
+      }
+    }
+    if (!(off > 1e-14 && off < 1e-3)) return R;
+    const std::array<double, 9> before = R;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        for (std::size_t k = 0; k < 3; ++k) R[3 * i + j] -= 0.5 * excess[3 * i + k] * before[3 * k + j];
+      }
+    }
+  }
+  return R;
+}
+
+HeadCalibration parse_head(Fields fields) {
+  HeadCalibration head;
+  head.name = fields.text("name");
+  if (!head.name.empty()) fields.rename("head '" + head.name.substr(0, 64) + "'");
+  head.width = fields.whole("width");
+  head.height = fields.whole("height");
+  const auto center = fixed<2>(fields.numbers("center", 2));
+  head.center_x = center[0];
+  head.center_y = center[1];
+  head.aspect = fields.number("aspect");
+  head.lens = parse_lens(fields.object("lens"));
+  head.max_angle = fields.number("max_angle");
+  head.R_head_rig = orthonormal(fields.matrix("R_head_rig"));
+  head.region = parse_region(fields.object("region"));
+  head.response = parse_response(fields.object("response"));
+  head.vignetting = parse_vignetting(fields.object("vignetting"));
+  Fields gain = fields.object("gain");
+  head.gain = {gain.number("red"), gain.number("green"), gain.number("blue")};
+  gain.done();
+  fields.done();
+  return head;
+}
+
+/// Before anything else is looked at: a newer document may have fields that nobody here knows.
+Status check_version(const json& document) {
+  if (!document.is_object() || !document.contains("nodal_calibration")) {
+    return fail(Errc::kBadFormat,
+                "this is not a Nodal calibration: it has no field 'nodal_calibration' that states the version; "
+                "files of other programs go through `nodal import` first");
+  }
+  const json& version = document["nodal_calibration"];
+  if (!version.is_number_integer() || version < 1) {
+    return fail(Errc::kBadValue, "nodal_calibration must be the document's version, a whole number from 1 on");
+  }
+  if (version > kCalibrationVersion) {
+    return fail(Errc::kFutureVersion, "the calibration is of version " + version.dump() + ", and this Nodal reads up to " +
+                                          std::to_string(kCalibrationVersion) +
+                                          ": update Nodal here, or write the calibration again with a Nodal of this age");
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Calibration> parse_calibration(std::string_view text) {
+  Result<json> document = parse_strict_json(text, {kMaxCalibrationBytes, 8});
+  if (!document) return fail(document.error());
+  if (Status s = check_version(*document); !s) return fail(s.error());
+
+  std::optional<Error> error;
+  Fields fields(&*document, "", error);
+  Calibration calibration;
+  fields.whole("nodal_calibration");
+  calibration.name = fields.text("name");
+  calibration.comment = fields.text("comment");
+  if (const json* heads = fields.array("heads")) {
+    if (heads->size() > kMaxHeads) {
+      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) + " heads; a rig has 1 to " +
+                                       std::to_string(kMaxHeads));
+    }
+    for (std::size_t i = 0; i < heads->size(); ++i) {
+      calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));
+    }
+  }
+  fields.done();
+  if (error) return fail(*error);
+  if (Status s = check_calibration(calibration); !s) return fail(s.error());
+  return calibration;
+}
+
+}  // namespace nodal

@@ -1,0 +1,20 @@
+// JSON as documents of ours are read: nothing twice, nothing too deep, and an error that says where.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "protocol/base/result.h"
+
+namespace nodal {
+
+struct JsonLimits {
+  std::size_t bytes = 1 << 20;
+  int depth = 16;
+};
+
+/// Errors: kTooLarge over a limit; kTruncated when the text ends early; kBadFormat otherwise, with line and
+/// column; a key given twice in one object is named.
+Result<nlohmann::json> parse_strict_json(std::string_view text, const JsonLimits& limits);
+
+}  // namespace nodal
