@@ -12,11 +12,9 @@ namespace nodal::hal::sim {
 /// Errors: none. Moving backwards, or moving real time, is a programmer's error.
 class SimClock final : public ClockPort {
  public:
-  /// Time stands still at `start` until advanced.
-  explicit SimClock(Instant start = Instant::from_ns(1'000'000'000)) : now_ns_(start.ns()) {}
-  /// CLOCK_MONOTONIC.
-  struct RealTime {};
-  explicit SimClock(RealTime) : real_(true) {}
+  /// Virtual time stands still at one second until advanced; real time is CLOCK_MONOTONIC.
+  enum class Kind : std::uint8_t { kVirtual, kReal };
+  explicit SimClock(Kind kind = Kind::kVirtual) : real_(kind == Kind::kReal) {}
 
   // What the daemon sees.
   Instant now() override;
@@ -27,8 +25,8 @@ class SimClock final : public ClockPort {
   void advance(Duration by) { advance_to(now() + by); }
 
  private:
-  const bool real_ = false;
-  std::atomic<std::int64_t> now_ns_{0};
+  const bool real_;
+  std::atomic<std::int64_t> now_ns_{1'000'000'000};
 };
 
 }  // namespace nodal::hal::sim

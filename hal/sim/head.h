@@ -33,6 +33,8 @@ struct HeadFaults {
 
 HeadLimits default_head_limits();
 
+inline constexpr std::uint16_t kWhiteBalanceMin = 256;  ///< a sixteenth
+
 struct HeadOptions {
   PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
   FrameRate rate;
@@ -40,7 +42,7 @@ struct HeadOptions {
   HeadLimits limits = default_head_limits();
   HeadSettings settings;                    ///< as the head comes
   Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
-  int supersampling = 3;                    ///< n x n samples a pixel
+  int supersampling = 2;                    ///< n x n samples a pixel
   NoiseModel noise;
   int buffers = 4;
   Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
@@ -90,7 +92,7 @@ class SimHead final : public PulseSink {
   void duplicate_next_frame() { duplicate_next_ = true; }
   void delay_next_frame(Duration by) { delay_next_ = by; }
   /// The device's own count goes on from here.
-  void set_sequence(std::uint32_t next) { sequence_ = next; }
+  void set_sequence(std::uint32_t next);
   /// The input loses its picture: frames go on coming, grey, with kNoSignal.
   void set_signal(bool there) { signal_ = there; }
   void set_faults(const HeadFaults& faults) { options_.faults = faults; }
@@ -124,12 +126,6 @@ class SimHead final : public PulseSink {
     HeadSettings settings;
     FrameVerdict verdict = FrameVerdict::kGood;
   };
-  struct Buffer {
-    enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
-    std::vector<std::uint8_t> bytes;
-    std::uint64_t holds = 0;  ///< which rendering is in it already, 0: unknown
-    Exposed frame;
-  };
   struct Pending {
     HeadSettings settings;
     int frames_left = 0;
@@ -138,15 +134,12 @@ class SimHead final : public PulseSink {
   Status start(TriggerMode mode);
   void stop();
   void change(const HeadSettings& wanted);
-  Result<std::optional<FrameView>> take_frame();
-  void release(BufferSlot slot);
   void step(Instant now);
   void expose(Instant begin, std::optional<std::uint64_t> pulse);
   void deliver_until(Instant now);
   void fill(const Exposed& frame);
-  void discard_all();
-  FrameView lend(BufferSlot slot);
-  Error gone() const;
+  void discard_waiting();
+  FrameView picture(const Exposed& frame, std::vector<std::uint8_t>& bytes, std::uint64_t& holds);
 
   ClockPort& clock_;
   SimTrigger& trigger_;
@@ -168,10 +161,10 @@ class SimHead final : public PulseSink {
   Instant free_run_from_;
   std::uint64_t free_run_next_ = 0;
   Instant busy_until_;
+  Instant last_received_;
   std::uint32_t sequence_ = 0;
+  bool keep_sequence_ = false;       ///< set by the test before a start
   std::deque<Exposed> exposed_;      ///< in the sensor or on the wire, in order of arrival
-  std::vector<Buffer> buffers_;
-  std::deque<BufferSlot> filled_;
   std::array<FrameTruth, 64> newest_{};
   HeadCounts counts_;
   int lose_ = 0;

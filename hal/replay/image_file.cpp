@@ -1,0 +1,106 @@
+#include "hal/replay/image_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "hal/replay/jpeg.h"
+#include "hal/replay/png_image.h"
+
+namespace nodal::hal::replay {
+
+namespace {
+
+constexpr std::array<std::uint8_t, 8> kPngMagic{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+constexpr std::array<std::uint8_t, 3> kJpegMagic{0xFF, 0xD8, 0xFF};
+
+enum class Kind : std::uint8_t { kJpeg, kPng };
+
+template <std::size_t kSize>
+bool begins_with(std::span<const std::uint8_t> bytes, const std::array<std::uint8_t, kSize>& magic) {
+  return bytes.size() >= kSize && std::equal(magic.begin(), magic.end(), bytes.begin());
+}
+
+Result<Kind> kind_of(std::span<const std::uint8_t> bytes, const std::string& name) {
+  if (bytes.empty()) return fail(Errc::kTruncated, "picture '" + name + "': the file is empty");
+  if (begins_with(bytes, kJpegMagic)) return Kind::kJpeg;
+  if (begins_with(bytes, kPngMagic)) return Kind::kPng;
+  return fail(Errc::kBadFormat, "picture '" + name + "': is neither a JPEG nor a PNG by its first bytes");
+}
+
+Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::string& name) {
+  const auto kind = kind_of(bytes, name);
+  if (!kind) return fail(kind.error());
+  auto header = *kind == Kind::kJpeg ? jpeg_header(bytes, name) : png_header(bytes, name);
+  if (header && (header->width > kMaxImageSide || header->height > kMaxImageSide)) {
+    return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
+                                     std::to_string(header->height) + ", over the limit of " +
+                                     std::to_string(kMaxImageSide) + " a side");
+  }
+  return header;
+}
+
+/// At most `limit` bytes from the beginning.
+Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, std::size_t limit) {
+  struct Close {
+    void operator()(std::FILE* f) const { std::fclose(f); }
+  };
+  std::error_code ignored;
+  if (std::filesystem::is_directory(file, ignored)) {
+    return fail(Errc::kBadFormat, "picture '" + file.string() + "': is a folder");
+  }
+  const std::unique_ptr<std::FILE, Close> in(std::fopen(file.c_str(), "rb"));
+  if (!in) {
+    return fail(errno == ENOENT || errno == ENOTDIR ? Errc::kNotFound : Errc::kIo,
+                "picture '" + file.string() + "': cannot be opened: " + std::strerror(errno));
+  }
+  std::vector<std::uint8_t> bytes;
+  std::array<std::uint8_t, 65536> piece;
+  while (bytes.size() < limit) {
+    const std::size_t got = std::fread(piece.data(), 1, std::min(piece.size(), limit - bytes.size()), in.get());
+    if (got == 0) break;
+    bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
+  }
+  if (std::ferror(in.get()) != 0) {
+    return fail(Errc::kIo, "picture '" + file.string() + "': cannot be read: " + std::strerror(errno));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
+                                  std::optional<PixelFormat> as) {
+  if (as == PixelFormat::kMjpeg) return fail(Errc::kUnsupported, "picture '" + name + "': is not decoded to MJPEG");
+  if (const auto header = header_of(bytes, name); !header) return fail(header.error());
+  auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name) : decode_png(bytes, name);
+  if (!image || !as || *as == image->format) return image;
+  return convert_image(image->view(), *as);
+}
+
+Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
+  auto bytes = read_file(file, kMaxImageFileBytes + 1);
+  if (!bytes) return fail(bytes.error());
+  if (bytes->size() > kMaxImageFileBytes) {
+    return fail(Errc::kTooLarge, "picture '" + file.string() + "': is over " +
+                                     std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+  }
+  return decode_image(*bytes, file.string(), as);
+}
+
+Result<ImageHeader> read_image_header(const std::filesystem::path& file) {
+  // Most headers lie in the first bytes; a JPEG may have megabytes of metadata before its own.
+  constexpr std::size_t kFirst = 64 * 1024;
+  auto bytes = read_file(file, kFirst);
+  if (!bytes) return fail(bytes.error());
+  auto header = header_of(*bytes, file.string());
+  if (header || bytes->size() < kFirst) return header;
+  bytes = read_file(file, kMaxImageFileBytes);
+  if (!bytes) return fail(bytes.error());
+  return header_of(*bytes, file.string());
+}
+
+}  // namespace nodal::hal::replay

@@ -1,0 +1,83 @@
+#include "hal/replay/jpeg.h"
+
+#include <turbojpeg.h>
+
+#include <memory>
+
+namespace nodal::hal::replay {
+
+namespace {
+
+struct Close {
+  void operator()(void* handle) const { tjDestroy(handle); }
+};
+using Decoder = std::unique_ptr<void, Close>;
+
+Error broken(void* decoder, const std::string& name) {
+  std::string why = tjGetErrorStr2(decoder);
+  const bool early = why.find("Premature end") != std::string::npos;
+  return {early ? Errc::kTruncated : Errc::kBadFormat,
+          "picture '" + name + "': " + (early ? "the JPEG ends early" : "the JPEG is broken") + " (" + why +
+              "); fetch or export it again"};
+}
+
+struct Header {
+  ImageHeader image;
+  int subsampling = 0;
+  int colours = 0;
+};
+
+Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const std::string& name) {
+  Header h;
+  if (tjDecompressHeader3(decoder, bytes.data(), bytes.size(), &h.image.width, &h.image.height, &h.subsampling,
+                          &h.colours) != 0) {
+    return fail(broken(decoder, name));
+  }
+  if (h.colours == TJCS_CMYK || h.colours == TJCS_YCCK) {
+    return fail(Errc::kUnsupported, "picture '" + name + "': the JPEG is for print (CMYK); save it as RGB");
+  }
+  if (h.colours == TJCS_GRAY) {
+    h.image.natural = PixelFormat::kGrey8;
+  } else if (h.colours == TJCS_YCbCr && h.subsampling == TJSAMP_420) {
+    h.image.natural = PixelFormat::kI420;
+  }
+  return h;
+}
+
+}  // namespace
+
+Result<ImageHeader> jpeg_header(std::span<const std::uint8_t> bytes, const std::string& name) {
+  const Decoder decoder(tjInitDecompress());
+  auto h = header(decoder.get(), bytes, name);
+  if (!h) return fail(h.error());
+  return h->image;
+}
+
+Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name) {
+  const Decoder decoder(tjInitDecompress());
+  auto h = header(decoder.get(), bytes, name);
+  if (!h) return fail(h.error());
+  DecodedImage image{h->image.natural, h->image.width, h->image.height, {}};
+  image.bytes.resize(packed_size(image.format, image.width, image.height));
+  // Where data end or break, libjpeg warns and paints grey; here that is an error.
+  constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT;
+  int status = 0;
+  if (image.format == PixelFormat::kI420) {
+    const MutableImageView view = packed_image(image.format, image.width, image.height, image.bytes.data());
+    unsigned char* planes[3];
+    int strides[3];
+    for (std::size_t c = 0; c < 3; ++c) {
+      planes[c] = view.planes[c].data;
+      strides[c] = static_cast<int>(view.planes[c].row_stride);
+    }
+    status = tjDecompressToYUVPlanes(decoder.get(), bytes.data(), bytes.size(), planes, image.width, strides,
+                                     image.height, kFlags);
+  } else {
+    status = tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0,
+                           image.height, image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
+  }
+  if (status != 0) return fail(broken(decoder.get(), name));
+  return image;
+}
+
+}  // namespace nodal::hal::replay

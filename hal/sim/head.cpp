@@ -1,0 +1,380 @@
+#include "hal/sim/head.h"
+
+#include <algorithm>
+
+#include "hal/sim/sensor.h"
+
+namespace nodal::hal::sim {
+
+HeadLimits default_head_limits() {
+  HeadLimits limits;
+  limits.exposure_min = Exposure::microseconds(10);
+  limits.exposure_max = Exposure::microseconds(33'000);
+  limits.gain_min = Gain::millidecibels(0);
+  limits.gain_max = Gain::millidecibels(24'000);
+  limits.has_white_balance = true;
+  limits.has_trigger_input = true;
+  limits.control_latency_frames = 2;
+  return limits;
+}
+
+/// The head as opened. It owns the buffers, so that what was lent stays readable after the head is gone.
+class SimHead::Port final : public HeadPort {
+ public:
+  explicit Port(SimHead& head)
+      : head_(&head), identity_(head.identity_), format_(head.format_), limits_(head.options_.limits),
+        buffers_(static_cast<std::size_t>(head.options_.buffers)) {
+    const std::size_t size = packed_size(format_.pixels, format_.width, format_.height);
+    for (Buffer& buffer : buffers_) buffer.bytes.resize(size);
+  }
+  ~Port() override {
+    stop();
+    if (head_ != nullptr) head_->port_ = nullptr;
+  }
+
+  const HeadIdentity& identity() const override { return identity_; }
+  const HeadFormat& format() const override { return format_; }
+  const HeadLimits& limits() const override { return limits_; }
+
+  Status start(TriggerMode trigger) override {
+    if (head_ == nullptr) return fail(gone());
+    return head_->start(trigger);
+  }
+  void stop() override {
+    if (head_ != nullptr) head_->stop();
+  }
+  Status set_exposure(Exposure exposure) override;
+  Status set_gain(Gain gain) override;
+  Status set_white_balance(WhiteBalance balance) override;
+  Result<std::optional<FrameView>> take_frame() override;
+  void release(BufferSlot slot) override {
+    if (slot < buffers_.size() && buffers_[slot].state == Buffer::State::kLent) {
+      buffers_[slot].state = Buffer::State::kFree;
+    }
+  }
+
+  /// The driver's half. False: no buffer is free.
+  bool fill(const Exposed& frame) {
+    for (std::size_t slot = 0; slot < buffers_.size(); ++slot) {
+      if (buffers_[slot].state != Buffer::State::kFree) continue;
+      buffers_[slot].state = Buffer::State::kFilled;
+      buffers_[slot].frame = frame;
+      filled_.push_back(static_cast<BufferSlot>(slot));
+      return true;
+    }
+    return false;
+  }
+  /// Takes every buffer back; how many held a frame that nobody took.
+  std::size_t take_back() {
+    const std::size_t untaken = filled_.size();
+    filled_.clear();
+    for (Buffer& buffer : buffers_) buffer.state = Buffer::State::kFree;
+    return untaken;
+  }
+  /// From now on every call says so; what was lent stays lent.
+  std::size_t vanish() {
+    const std::size_t untaken = filled_.size();
+    filled_.clear();
+    head_ = nullptr;
+    return untaken;
+  }
+
+ private:
+  struct Buffer {
+    enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
+    std::vector<std::uint8_t> bytes;
+    std::uint64_t holds = 0;  ///< which rendering is in it already, 0: unknown
+    Exposed frame;
+  };
+
+  Error gone() const { return {Errc::kDeviceGone, "head '" + identity_.path + "': unplugged; plug it in again"}; }
+
+  SimHead* head_;  ///< null once unplugged
+  const HeadIdentity identity_;
+  const HeadFormat format_;
+  const HeadLimits limits_;
+  std::vector<Buffer> buffers_;
+  std::deque<BufferSlot> filled_;
+};
+
+Status SimHead::Port::set_exposure(Exposure exposure) {
+  if (head_ == nullptr) return fail(gone());
+  if (exposure < limits_.exposure_min || exposure > limits_.exposure_max) {
+    return fail(Errc::kBadValue, "head '" + identity_.path + "': exposure " + std::to_string(exposure.us()) +
+                                     " us is not between " + std::to_string(limits_.exposure_min.us()) + " and " +
+                                     std::to_string(limits_.exposure_max.us()) + " us");
+  }
+  HeadSettings wanted = head_->settings_;
+  wanted.exposure = exposure;
+  head_->change(wanted);
+  return {};
+}
+
+Status SimHead::Port::set_gain(Gain gain) {
+  if (head_ == nullptr) return fail(gone());
+  if (gain < limits_.gain_min || gain > limits_.gain_max) {
+    return fail(Errc::kBadValue, "head '" + identity_.path + "': gain " + std::to_string(gain.mdb()) +
+                                     " mdB is not between " + std::to_string(limits_.gain_min.mdb()) + " and " +
+                                     std::to_string(limits_.gain_max.mdb()) + " mdB");
+  }
+  HeadSettings wanted = head_->settings_;
+  wanted.gain = gain;
+  head_->change(wanted);
+  return {};
+}
+
+Status SimHead::Port::set_white_balance(WhiteBalance balance) {
+  if (head_ == nullptr) return fail(gone());
+  if (!limits_.has_white_balance) {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no white balance to set");
+  }
+  if (balance.red_q12 < kWhiteBalanceMin || balance.blue_q12 < kWhiteBalanceMin) {
+    return fail(Errc::kBadValue, "head '" + identity_.path + "': white balance " + std::to_string(balance.red_q12) +
+                                     ", " + std::to_string(balance.blue_q12) + " is not between " +
+                                     std::to_string(kWhiteBalanceMin) + " and 65535");
+  }
+  HeadSettings wanted = head_->settings_;
+  wanted.white_balance = balance;
+  head_->change(wanted);
+  return {};
+}
+
+Result<std::optional<FrameView>> SimHead::Port::take_frame() {
+  if (head_ == nullptr) return fail(gone());
+  if (!head_->streaming_) {
+    return fail(Errc::kWrongState, "head '" + identity_.path + "': take_frame() before start()");
+  }
+  head_->step(head_->clock_.now());
+  if (filled_.empty()) return std::optional<FrameView>{};
+  const BufferSlot slot = filled_.front();
+  filled_.pop_front();
+  Buffer& buffer = buffers_[slot];
+  buffer.state = Buffer::State::kLent;
+  --head_->counts_.waiting;
+  ++head_->counts_.taken;
+  FrameView view = head_->picture(buffer.frame, buffer.bytes, buffer.holds);
+  view.slot = slot;
+  return std::optional<FrameView>{view};
+}
+
+SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const HeadCalibration& truth,
+                 const HeadOptions& options, std::uint64_t seed)
+    : clock_(clock), trigger_(trigger), scene_(std::move(scene)), truth_(truth), options_(options),
+      identity_{"sim:" + truth.name, "sim-" + truth.name, "Nodal simulated head"},
+      format_{options.pixels, truth.width, truth.height, options.interlaced, options.rate},
+      random_(seed, identity_.path), seed_(random_.next()),
+      sensor_(std::make_unique<Sensor>(truth, options, scene_, seed_)), settings_(options.settings),
+      in_effect_(options.settings) {
+  NODAL_ASSERT(options.buffers >= 1);
+}
+
+SimHead::~SimHead() {
+  NODAL_ASSERT(port_ == nullptr);  // a port outlived its world
+}
+
+void SimHead::set_sequence(std::uint32_t next) {
+  sequence_ = next;
+  keep_sequence_ = !streaming_;
+}
+
+void SimHead::prepare() { sensor_->prepare(); }
+
+void SimHead::unplug() {
+  if (!present_) return;
+  if (streaming_) step(clock_.now());
+  present_ = false;
+  streaming_ = false;
+  discard_waiting();
+  if (port_ != nullptr) {
+    const std::size_t untaken = port_->vanish();
+    counts_.discarded += untaken;
+    counts_.waiting -= untaken;
+    port_ = nullptr;
+  }
+}
+
+void SimHead::replug() {
+  present_ = true;
+  settings_ = in_effect_ = options_.settings;  // it lost its power, and with it what it was set to
+  changes_.clear();
+}
+
+std::optional<FrameTruth> SimHead::truth_of(std::uint32_t sequence) const {
+  const FrameTruth& truth = newest_[sequence % newest_.size()];
+  if (counts_.exposed == 0 || truth.sequence != sequence || truth.exposure_begin == Instant{}) return std::nullopt;
+  return truth;
+}
+
+Result<std::unique_ptr<HeadPort>> SimHead::open() {
+  if (!present_) return fail(Errc::kNoSuchDevice, "head '" + identity_.path + "': is not plugged in");
+  if (port_ != nullptr) return fail(Errc::kBusy, "head '" + identity_.path + "': is open already");
+  auto port = std::make_unique<Port>(*this);
+  port_ = port.get();
+  return port;
+}
+
+Status SimHead::start(TriggerMode mode) {
+  if (streaming_) return fail(Errc::kWrongState, "head '" + identity_.path + "': is started already; stop it first");
+  if (mode == TriggerMode::kExternal && !options_.limits.has_trigger_input) {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no trigger input; start it in free run");
+  }
+  const Instant now = clock_.now();
+  trigger_.step(now);  // pulses from before the start are not for this stream
+  mode_ = mode;
+  streaming_ = true;
+  if (!keep_sequence_) sequence_ = 0;
+  keep_sequence_ = false;
+  busy_until_ = last_received_ = now;
+  free_run_next_ = 0;
+  const Duration period = options_.rate.period();
+  const Duration drawn = Duration::nanoseconds(
+      static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(period.ns()))));
+  free_run_from_ = now + options_.free_run_phase.value_or(drawn);
+  return {};
+}
+
+void SimHead::stop() {
+  if (!streaming_) return;
+  step(clock_.now());
+  streaming_ = false;
+  discard_waiting();
+  const std::size_t untaken = port_->take_back();
+  counts_.discarded += untaken;
+  counts_.waiting -= untaken;
+  // Registers keep what was written to them, and no frame is left to wait for.
+  in_effect_ = settings_;
+  changes_.clear();
+}
+
+void SimHead::discard_waiting() {
+  counts_.discarded += exposed_.size();
+  counts_.waiting -= exposed_.size();
+  exposed_.clear();
+}
+
+void SimHead::change(const HeadSettings& wanted) {
+  if (streaming_) step(clock_.now());
+  settings_ = wanted;
+  if (!streaming_) {
+    in_effect_ = wanted;
+    return;
+  }
+  changes_.push_back({wanted, options_.limits.control_latency_frames});
+}
+
+void SimHead::step(Instant now) {
+  trigger_.step(now);
+  if (streaming_ && mode_ == TriggerMode::kFreeRun) {
+    for (;;) {
+      const Duration ideal = options_.rate.start_of(free_run_next_);
+      const Instant begin =
+          free_run_from_ + ideal + Duration::nanoseconds(ideal.us() * options_.free_run_drift_ppm / 1000);
+      if (begin > now) break;
+      ++free_run_next_;
+      deliver_until(begin);
+      expose(begin, std::nullopt);
+    }
+  }
+  deliver_until(now);
+}
+
+void SimHead::on_pulse(std::uint64_t number, Instant at) {
+  if (!streaming_ || mode_ != TriggerMode::kExternal) return;
+  deliver_until(std::min(at, clock_.now()));  // a delayed pulse lies ahead
+  expose(at + options_.trigger_latency + random_.around_zero(options_.trigger_jitter), number);
+}
+
+void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
+  if (begin < busy_until_) {
+    ++counts_.pulses_ignored;
+    return;
+  }
+  while (!changes_.empty() && changes_.front().frames_left == 0) {
+    in_effect_ = changes_.front().settings;
+    changes_.pop_front();
+  }
+  for (Pending& change : changes_) --change.frames_left;
+
+  Exposed frame;
+  frame.sequence = sequence_++;
+  frame.settings = in_effect_;
+  const Duration exposure = in_effect_.exposure.duration();
+  frame.begin = begin;
+  frame.mid = begin + exposure / 2;
+  busy_until_ = begin + std::max(exposure, options_.readout);
+  newest_[frame.sequence % newest_.size()] = {frame.sequence, pulse, begin, frame.mid};
+  ++counts_.exposed;
+
+  const HeadFaults& faults = options_.faults;
+  if (lose_ > 0 || random_.chance(faults.lose)) {
+    if (lose_ > 0) --lose_;
+    ++counts_.by_fault;
+    return;
+  }
+  Duration late = delay_next_;
+  delay_next_ = {};
+  if (random_.chance(faults.delay) && faults.longest_delay.ns() > 0) {
+    late = late + Duration::nanoseconds(
+                      static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(faults.longest_delay.ns()))));
+  }
+  frame.received = last_received_ = std::max(last_received_, begin + exposure + options_.readout + late);
+  if (!signal_) {
+    frame.verdict = FrameVerdict::kNoSignal;
+  } else if (tear_next_ || random_.chance(faults.tear)) {
+    frame.verdict = FrameVerdict::kTorn;
+    tear_next_ = false;
+  } else if (corrupt_next_ || random_.chance(faults.corrupt)) {
+    frame.verdict = FrameVerdict::kCorrupt;
+    corrupt_next_ = false;
+  }
+  exposed_.push_back(frame);
+  ++counts_.waiting;
+  if (duplicate_next_ || random_.chance(faults.duplicate)) {
+    duplicate_next_ = false;
+    exposed_.push_back(frame);
+    ++counts_.waiting;
+    ++counts_.duplicated;
+  }
+}
+
+void SimHead::deliver_until(Instant now) {
+  while (!exposed_.empty() && exposed_.front().received <= now) {
+    if (!port_->fill(exposed_.front())) {
+      --counts_.waiting;
+      ++counts_.without_buffer;
+    }
+    exposed_.pop_front();
+  }
+}
+
+FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& bytes, std::uint64_t& holds) {
+  FrameView view;
+  view.sequence = frame.sequence;
+  view.mid_exposure = frame.mid;
+  view.received = frame.received;
+  view.in_effect = frame.settings;
+  view.verdict = frame.verdict;
+  if (frame.verdict == FrameVerdict::kNoSignal) {
+    std::fill(bytes.begin(), bytes.end(), std::uint8_t{128});
+    holds = 0;
+  } else {
+    holds = sensor_->render(frame.settings, frame.mid, frame.sequence, bytes, holds);
+  }
+  view.image = packed_image(options_.pixels, truth_.width, truth_.height, std::as_const(bytes).data());
+  if (frame.verdict == FrameVerdict::kTorn) {
+    // The transfer ended early: the rest is what was in memory, here nothing.
+    view.image.bytes = bytes.size() / 2;
+    std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(view.image.bytes), bytes.end(), std::uint8_t{0});
+    holds = 0;
+  }
+  if (frame.verdict == FrameVerdict::kCorrupt) {
+    Random garbage(seed_ + frame.sequence, "garbage");
+    for (std::size_t i = bytes.size() / 3; i < bytes.size() / 3 * 2; ++i) {
+      bytes[i] = static_cast<std::uint8_t>(garbage.next());
+    }
+    holds = 0;
+  }
+  return view;
+}
+
+}  // namespace nodal::hal::sim

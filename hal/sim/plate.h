@@ -1,0 +1,46 @@
+// The light that falls on a head's sensor: the scene through the lens, before any electronics.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "hal/sim/lens.h"
+#include "hal/sim/scene.h"
+#include "protocol/calibration.h"
+
+namespace nodal::hal::sim {
+
+/// Linear red, green and blue of every pixel, with vignetting and the head's gain; rows packed.
+struct Plate {
+  int width = 0;
+  int height = 0;
+  std::array<std::vector<float>, 3> light;
+};
+
+/// What vignetting and gain leave of light 1 at (u, v), in red, green, blue; never below 0.
+std::array<float, 3> falloff(const HeadCalibration& head, double u, double v);
+
+/// The scene without its movers, n x n samples a pixel.
+Plate expose_plate(const HeadCalibration& head, const LensTruth& lens, const Scene& scene, int supersampling);
+
+/// A thing that moves, where it is at one moment, and how it looks from a direction.
+class PlacedMover {
+ public:
+  PlacedMover(const Mover& mover, Instant at);
+  /// How much of what is behind it a pixel at `from` loses to it, 0..1, and what it sends instead.
+  struct Cover {
+    float share = 0;
+    Light light;
+  };
+  Cover cover(const Direction& from, double footprint_rad) const;
+  /// Whether a pixel of the cap about `middle`, given by its angle's cosine and sine, may see it.
+  bool may_touch(const Direction& middle, double cap_cosine, double cap_sine) const;
+
+ private:
+  Direction centre_, spin_, side_;
+  double radius_;
+  double reach_cosine_, reach_sine_;  ///< of the radius and a margin for blurred rims
+  Light colour_, stripes_;
+};
+
+}  // namespace nodal::hal::sim

@@ -1,0 +1,91 @@
+// A head's electronics: light becomes numbers. Exposure, gain, white balance, noise, response, clipping, eight
+// bits, and the head's pixel format.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "hal/head.h"
+#include "hal/sim/head.h"
+#include "hal/sim/lens.h"
+#include "hal/sim/plate.h"
+#include "protocol/calibration.h"
+
+namespace nodal::hal::sim {
+
+/// Renders frames. What does not move is rendered once a setting, in a few versions with noise of their own, and
+/// copied; movers are drawn over it. That makes ten 720x480 heads a small part of one core.
+///
+/// Threading: thread-bound, except that different sensors share nothing.
+/// Ownership: none; the scene is shared.
+/// Errors: none.
+class Sensor {
+ public:
+  Sensor(const HeadCalibration& truth, const HeadOptions& options, ScenePtr scene, std::uint64_t seed);
+
+  /// Everything that does not depend on settings.
+  void prepare();
+
+  /// The frame `number` as the settings and the moment make it, packed, into `into` (packed_size() bytes).
+  /// `holds` is what an earlier call returned for the bytes that are in `into` now, 0 for none: they are then not
+  /// written again when they would be the same. With interlaced heads odd rows are half a period later.
+  std::uint64_t render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
+                       std::span<std::uint8_t> into, std::uint64_t holds);
+
+ private:
+  struct Curve {  ///< light to numbers under one setting
+    std::array<float, 3> scale{};
+    std::array<float, 3> shot{};  ///< variance per light
+    std::array<float, 3> read{};  ///< variance
+    float levels = 0;             ///< standard deviation in 1/128 levels
+  };
+  struct Rect {
+    int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  };
+  using Movers = std::vector<PlacedMover>;
+
+  void use(const HeadSettings& settings);
+  void develop(const Rect& rect, std::uint32_t version, std::span<const PlacedMover> top,
+               std::span<const PlacedMover> bottom, const MutableImageView& into);
+  void develop_row(int y, int x0, int x1, std::uint32_t version, std::span<const PlacedMover> movers,
+                   std::array<std::int16_t*, 3> out);
+  void paint_movers(int y, int x0, std::size_t count, std::span<const PlacedMover> movers);
+  bool any_touches(const Movers& top, const Movers& bottom) const;
+  void draw_touched(const Movers& top, const Movers& bottom, std::uint32_t number, const MutableImageView& into);
+
+  struct Block {
+    Direction middle;
+    bool sees = false;           ///< something
+    double cosine = 1, sine = 0; ///< of the angle around all it sees
+  };
+
+  const HeadCalibration truth_;
+  const NoiseModel noise_;
+  const PixelFormat format_;
+  const int supersampling_;
+  const bool interlaced_;
+  const Duration half_period_;
+  const Exposure reference_;
+  const ScenePtr scene_;
+  const std::uint64_t seed_;
+  LensTruth lens_;
+
+  bool prepared_ = false;
+  Plate plate_;
+  std::vector<Block> blocks_;
+  std::vector<std::uint16_t> encoded_;  ///< response in 1/128 levels, by the square root of light
+  std::vector<float> normal_;           ///< standard normal deviates
+
+  std::optional<HeadSettings> settings_;
+  Curve curve_;
+  std::uint64_t still_id_ = 0;                      ///< of versions_[0] under these settings
+  std::vector<std::vector<std::uint8_t>> versions_; ///< of the still part; those in use come first
+  std::size_t versions_ready_ = 0;
+  std::optional<std::uint32_t> last_number_;
+  std::vector<float> light_row_;
+  std::vector<std::int16_t> rows_;
+};
+
+}  // namespace nodal::hal::sim

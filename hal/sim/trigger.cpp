@@ -1,0 +1,96 @@
+#include "hal/sim/trigger.h"
+
+namespace nodal::hal::sim {
+
+namespace {
+
+/// Edges that wait to be taken, at most: eight seconds of NTSC.
+constexpr std::size_t kEdgesKept = 256;
+
+Duration stretched(Duration d, std::int64_t ppb) {
+  // In microseconds first, so that a year of it does not overflow.
+  return d + Duration::nanoseconds(d.us() * ppb / 1'000'000);
+}
+
+}  // namespace
+
+SimTrigger::SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed)
+    : clock_(clock), options_(options), random_(seed, "trigger") {}
+
+Status SimTrigger::start(const TriggerSettings& settings) {
+  if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
+  if (settings.rate.numerator == 0 || settings.rate.denominator == 0 ||
+      settings.rate.period() < options_.fastest.period()) {
+    return fail(Errc::kBadValue, "trigger 'sim': rate " + std::to_string(settings.rate.numerator) + "/" +
+                                     std::to_string(settings.rate.denominator) + " is not between 0 and " +
+                                     std::to_string(options_.fastest.numerator) + "/" +
+                                     std::to_string(options_.fastest.denominator) + " a second");
+  }
+  const Duration period = settings.rate.period();
+  if (settings.pulse_width.ns() <= 0 || settings.pulse_width >= period) {
+    return fail(Errc::kBadValue, "trigger 'sim': a pulse of " + std::to_string(settings.pulse_width.us()) +
+                                     " us does not fit a period of " + std::to_string(period.us()) + " us");
+  }
+  for (std::size_t head = 0; head < settings.delay.size(); ++head) {
+    if (settings.delay[head].ns() < 0 || settings.delay[head] >= period) {
+      return fail(Errc::kBadValue, "trigger 'sim': the delay of head " + std::to_string(head) +
+                                       " is not between 0 and the period of " + std::to_string(period.us()) + " us");
+    }
+  }
+  stop();
+  settings_ = settings;
+  running_ = true;
+  started_ = clock_.now() + options_.first_pulse;
+  next_ = 0;
+  next_at_ = planned(0);
+  edges_.clear();
+  return {};
+}
+
+void SimTrigger::stop() {
+  if (gone_ || !running_) return;
+  step(clock_.now());
+  running_ = false;
+}
+
+Result<std::optional<TriggerEdge>> SimTrigger::take_edge() {
+  if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
+  step(clock_.now());
+  if (edges_.empty()) return std::optional<TriggerEdge>{};
+  const TriggerEdge edge = edges_.front();
+  edges_.pop_front();
+  return std::optional<TriggerEdge>{edge};
+}
+
+void SimTrigger::step(Instant now) {
+  if (gone_ || !running_) return;
+  while (next_at_ <= now) {
+    const std::uint64_t number = next_;
+    const Instant at = next_at_;
+    ++next_;
+    next_at_ = planned(next_) + random_.around_zero(options_.jitter);
+    if (pulses_to_lose_ > 0) {
+      --pulses_to_lose_;
+      continue;
+    }
+    send(number, at);
+  }
+}
+
+Instant SimTrigger::planned(std::uint64_t number) const {
+  return started_ + stretched(settings_.rate.start_of(number), options_.drift_ppb);
+}
+
+void SimTrigger::send(std::uint64_t number, Instant at) {
+  ++sent_;
+  if (edges_.size() == kEdgesKept) {
+    edges_.pop_front();
+    ++forgotten_;
+  }
+  edges_.push_back({number, at});
+  for (std::size_t head = 0; head < sinks_.size(); ++head) {
+    if (sinks_[head] != nullptr) sinks_[head]->on_pulse(number, at + settings_.delay[head]);
+  }
+}
+
+}  // namespace nodal::hal::sim
