@@ -192,8 +192,12 @@ Status check_gain(const std::array<double, 3>& gain) {
   return {};
 }
 
-bool printable(std::string_view text) {
-  return std::none_of(text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+/// As rig.toml's names, so that the two can match.
+bool is_name(std::string_view text) {
+  const auto plain = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' || c == '-';
+  };
+  return !text.empty() && text.size() <= kMaxNameBytes && std::ranges::all_of(text, plain);
 }
 
 Status check_fields(const HeadCalibration& head) {
@@ -227,8 +231,8 @@ Status check_lens(const LensModel& lens, double max_angle) {
 }
 
 Status check_head(const HeadCalibration& head) {
-  if (head.name.empty() || head.name.size() > kMaxNameBytes || !printable(head.name)) {
-    return fail(Errc::kBadValue, "a head's name must be 1 to 64 printable characters");
+  if (!is_name(head.name)) {
+    return fail(Errc::kBadValue, "a head's name must be 1 to 64 characters of A-Z a-z 0-9 . _ -");
   }
   Status checked = check_fields(head);
   if (!checked) return fail(checked.error().in("head '" + head.name + "'"));
@@ -245,7 +249,7 @@ Status check_calibration(const Calibration& calibration) {
   }
   for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
     const HeadCalibration& head = calibration.heads[i];
-    if (Status s = check_head(head); !s) return fail(s.error().in("heads[" + std::to_string(i) + "]"));
+    if (Status s = check_head(head); !s) return is_name(head.name) ? s : fail(s.error().in("heads[" + std::to_string(i) + "]"));
     for (std::size_t j = 0; j < i; ++j) {
       if (calibration.heads[j].name == head.name) {
         return fail(Errc::kBadValue, "heads[" + std::to_string(j) + "] and heads[" + std::to_string(i) +

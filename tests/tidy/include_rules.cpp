@@ -47,7 +47,7 @@ const std::vector<FolderRule>& folder_rules() {
                       "hal/trigger.h", "hal/watchdog.h", "hal/linux/"}},
       {"stitch/blend/", {"protocol/base/", "stitch/blend/"}},
       {"stitch/geometry/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/"}},
-      {"stitch/calibration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",
+      {"stitch/calibration/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/",
                                "stitch/calibration/"}},
       {"stitch/registration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",
                                 "stitch/registration/"}},

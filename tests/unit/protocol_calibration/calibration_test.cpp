@@ -46,7 +46,7 @@ Response any_response() {
 
 HeadCalibration any_head(int index) {
   HeadCalibration head;
-  head.name = "head-" + std::to_string(index) + *rc::gen::element<std::string>("", " a", "\"q\"", "é", "\\");
+  head.name = "head-" + std::to_string(index) + *rc::gen::element<std::string>("", ".a", "_B");
   head.width = *rc::gen::inRange(64, 4000);
   head.height = *rc::gen::inRange(64, 3000);
   head.center_x = between(0.4, 0.6) * head.width;
@@ -64,7 +64,7 @@ HeadCalibration any_head(int index) {
 }
 
 Calibration any_calibration() {
-  Calibration calibration{"rig", *rc::gen::element<std::string>("", "two\nlines", "ü \t"), {}};
+  Calibration calibration{*rc::gen::element<std::string>("rig", "\"q\" \\", "é"), *rc::gen::element<std::string>("", "two\nlines", "ü \t"), {}};
   const int count = *rc::gen::inRange(1, 17);
   for (int i = 0; i < count; ++i) calibration.heads.push_back(any_head(i));
   return calibration;

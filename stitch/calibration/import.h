@@ -1,0 +1,41 @@
+// Calibrations from other programs' project files: Hugin's .pto and PTGui's text .pts.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/geometry/ray.h"
+
+namespace nodal::calibration {
+
+/// One thing in the world as two heads saw it; pixels as Nodal counts them (a centre is at + 1/2).
+struct ControlPoint {
+  std::size_t head_a = 0;
+  geometry::Pixel pixel_a;
+  std::size_t head_b = 0;
+  geometry::Pixel pixel_b;
+};
+
+/// What a project said. The calibration has passed check_calibration; `notes` are whole sentences for the user
+/// about what did not fit or had to be guessed.
+struct ImportResult {
+  Calibration calibration;
+  std::vector<std::string> notes;
+  std::vector<ControlPoint> control_points;
+};
+
+inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // masks inside a .pts are long
+
+/// Pure functions of the text; `name` becomes the calibration's name.
+/// Errors: kTooLarge, kTruncated, kBadFormat, kBadValue, kMissingField with the line's number; kUnsupported for a
+/// projection that Nodal has no lens for; those of check_calibration with the head's name.
+Result<ImportResult> import_pto(std::string_view text, std::string_view name);
+Result<ImportResult> import_pts(std::string_view text, std::string_view name);
+
+/// Whichever of them the text is.
+Result<ImportResult> import_project(std::string_view text, std::string_view name);
+
+}  // namespace nodal::calibration

@@ -1,0 +1,54 @@
+#include "stitch/calibration/project.h"
+
+#include <array>
+#include <cstdio>
+
+namespace nodal::calibration {
+
+std::string short_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, double shift, ImportResult& result) {
+  const double heads = static_cast<double>(result.calibration.heads.size());
+  for (const ScriptLine& line : lines) {
+    if (line.kind != 'c') continue;
+    const std::string* type = line.find("t");
+    if (type != nullptr && *type != "0") continue;  // lines to be straightened, not points
+    std::array<double, 6> numbers{};
+    constexpr std::array kNames{"n", "N", "x", "y", "X", "Y"};
+    for (std::size_t k = 0; k < kNames.size(); ++k) {
+      const std::string* value = line.find(kNames[k]);
+      if (value == nullptr) {
+        return fail(Errc::kMissingField, "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
+      }
+      const Result<double> number = to_number(line, kNames[k], *value);
+      if (!number) return fail(number.error());
+      numbers[k] = *number - (k < 2 ? first_image : 0);
+    }
+    if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
+      return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
+    }
+    result.control_points.push_back({static_cast<std::size_t>(numbers[0]), {numbers[2] + shift, numbers[3] + shift},
+                                     static_cast<std::size_t>(numbers[1]), {numbers[4] + shift, numbers[5] + shift}});
+  }
+  return {};
+}
+
+Result<ImportResult> import_project(std::string_view text, std::string_view name) {
+  const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
+  if (!lines) return fail(lines.error());
+  bool ptgui = false, hugin = false;
+  for (const ScriptLine& line : *lines) {
+    ptgui = ptgui || line.comment.starts_with("# ptGui") || line.comment.starts_with("#-imgfile");
+    hugin = hugin || line.kind == 'i' || line.comment.starts_with("# hugin");
+  }
+  if (ptgui) return import_pts(text, name);
+  if (hugin) return import_pto(text, name);
+  return fail(Errc::kBadFormat, "it is neither a Hugin project (.pto) nor a PTGui text project (.pts, PTGui 9 and "
+                                "older; newer ones save as JSON: export them as a text project)");
+}
+
+}  // namespace nodal::calibration

@@ -1,0 +1,20 @@
+// What both importers share once the lines are read.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/calibration/import.h"
+#include "stitch/calibration/panotools_script.h"
+
+namespace nodal::calibration {
+
+/// Four digits: enough for a note.
+std::string short_number(double value);
+
+/// The c lines of type t0. Images are counted from `first_image`, and `shift` makes their pixels Nodal's.
+/// Errors: kBadValue for a point that names an image that is not there.
+Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, double shift, ImportResult& result);
+
+}  // namespace nodal::calibration
