@@ -52,7 +52,10 @@ Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header
   if (bytes > header.total - header.offset) return wrong("a piece goes past its item's end");
   if (bytes == 0 && header.total > 0) return wrong("a piece without bytes");
   if (header.offset == 0 && bytes < header.meta) return wrong("an item's meta was cut in two");
-  if (bytes > stream.told - stream.received) return wrong("more bytes came than there was credit for");
+  // By what has room, told or not: so what is an error does not depend on when a credit was written.
+  if (bytes > stream.consumed + stream.window - stream.received) {
+    return wrong("more bytes came than there was credit for");
+  }
   return {};
 }
 
