@@ -82,7 +82,7 @@ double Head::distance_to_edge(Pixel pixel) const {
   // Where the lens ends is an ellipse when the aspect is not 1; its distance is taken along the radius.
   const Eigen::Vector2d p = from_center(pixel);
   const double r = p.norm();
-  const double stretch = r > 0 ? std::hypot(p.x(), p.y() * calibration_.aspect) / r : 1.0;
+  const double stretch = r > 0 ? Eigen::Vector2d(p.x(), p.y() * calibration_.aspect).norm() / r : 1.0;
   return std::min(distance, (lens_.max_radius() - r) * stretch);
 }
 
@@ -98,8 +98,9 @@ double Head::density(Pixel pixel) const {
 
 double Head::vignetting(Pixel pixel) const {
   const Vignetting& v = calibration_.vignetting;
-  const double r = std::hypot(pixel.x - v.x, (pixel.y - v.y) / calibration_.aspect) / v.radius;
-  const double s = r * r;
+  const double x = pixel.x - v.x;
+  const double y = (pixel.y - v.y) / calibration_.aspect;
+  const double s = (x * x + y * y) / (v.radius * v.radius);
   return 1 + s * (v.coefficients[0] + s * (v.coefficients[1] + s * v.coefficients[2]));
 }
 

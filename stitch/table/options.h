@@ -1,0 +1,27 @@
+// What a table's maker may choose; why the defaults are what they are is in stitch/table/README.md.
+#pragma once
+
+#include <cstdint>
+
+namespace nodal::table {
+
+enum class Interpolation : std::uint8_t {
+  kPixel,  ///< bilinear in the pixel's fractions
+  kRay,    ///< bilinear in the rays of the four neighbours (§4.5)
+};
+
+struct TableOptions {
+  Interpolation interpolation = Interpolation::kRay;
+  /// How far from the edge of its region a head's weight has grown to its full, as a part of half the region's
+  /// shorter side.
+  double feather = 0.5;
+  /// The weight is density to this power (§4.2).
+  double density_power = 1.0;
+  /// Heads with less than this share of a sample are left out of it.
+  double least_weight = 1.0 / 1024;
+  /// Undo each head's vignetting, and each head's gain.
+  bool undo_vignetting = true;
+  bool undo_gain = true;
+};
+
+}  // namespace nodal::table

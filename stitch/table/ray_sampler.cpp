@@ -1,0 +1,276 @@
+#include "stitch/table/ray_sampler.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "stitch/table/ray_interpolation.h"
+
+namespace nodal::table {
+namespace {
+
+constexpr int kSmallestHead = 4;  // px; so that chroma of half size still has two samples each way
+/// Keeps a head in the running where it is the only one, however near its edge.
+constexpr double kLeastFeather = 1e-6;
+/// Rays nearer to a region's edge than this are outside, so that rounding never decides.
+constexpr double kEdge = 1e-6;
+
+enum class Family { kGrey, kRgb, kYuv, kNone };
+
+Family family_of(PixelFormat format) {
+  switch (format) {
+    case PixelFormat::kGrey8: return Family::kGrey;
+    case PixelFormat::kRgb24: return Family::kRgb;
+    case PixelFormat::kI420:
+    case PixelFormat::kNv12:
+    case PixelFormat::kYuyv:
+    case PixelFormat::kUyvy: return Family::kYuv;
+    case PixelFormat::kMjpeg: return Family::kNone;
+  }
+  return Family::kNone;
+}
+
+Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
+                     std::span<const PixelFormat> head_formats) {
+  if (raymap_format != PixelFormat::kGrey8 && raymap_format != PixelFormat::kRgb24 &&
+      raymap_format != PixelFormat::kI420) {
+    return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap_format)) +
+                                        " cannot be blended; ask for GREY, RGB24 or I420");
+  }
+  if (head_formats.size() != calibration.heads.size()) {
+    return fail(Errc::kHeadMismatch, "the calibration has " + std::to_string(calibration.heads.size()) +
+                                         " heads, but the rig has " + std::to_string(head_formats.size()) +
+                                         "; upload the calibration of this rig");
+  }
+  for (std::size_t h = 0; h < head_formats.size(); ++h) {
+    const HeadCalibration& head = calibration.heads[h];
+    if (family_of(head_formats[h]) != family_of(raymap_format)) {
+      return fail(Errc::kUnsupported,
+                  "head '" + head.name + "': its " + std::string(pixel_format_name(head_formats[h])) +
+                      " pictures cannot be blended into a raymap of " +
+                      std::string(pixel_format_name(raymap_format)) +
+                      "; GREY heads make GREY, RGB24 make RGB24, and I420, NV12, YUYV and UYVY make I420 (decode "
+                      "MJPEG first)");
+    }
+    if (head.width < kSmallestHead || head.height < kSmallestHead || head.width > 65535 || head.height > 65535) {
+      return fail(Errc::kBadValue, "head '" + head.name + "': pictures of " + std::to_string(head.width) + " x " +
+                                       std::to_string(head.height) + " px; each side must be 4 to 65535");
+    }
+  }
+  return {};
+}
+
+/// The largest angle from the axis that anything inside the region has.
+double reach_of(const geometry::Head& head) {
+  const HeadCalibration& c = head.calibration();
+  double radius = 0;
+  for (const double x : {c.region.left, c.region.right}) {
+    for (const double y : {c.region.top, c.region.bottom}) {
+      radius = std::max(radius, std::hypot(x - c.center_x, (y - c.center_y) / c.aspect));
+    }
+  }
+  // Some pixels more, for the sample centres just outside that ray interpolation looks at.
+  return head.lens().angle(std::min(radius + 4, head.lens().max_radius())).value_or(head.lens().max_angle());
+}
+
+double feather_px(const Region& region, double part) {
+  double half = std::min(region.right - region.left, region.bottom - region.top) / 2;
+  if (region.circle) half = std::min(half, region.circle->radius);
+  return std::max(1e-3, half * part);
+}
+
+RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, const TableOptions& options) {
+  const double reach = reach_of(head);
+  RaySampler::Optics optics{TabledLens(head.lens(), reach), std::cos(reach) - 1e-9,
+                            feather_px(head.calibration().region, options.feather),
+                            EncodedGain(head.calibration().response)};
+  if (!options.undo_gain) return optics;
+  const std::array<double, 3>& gain = head.calibration().gain;
+  if (family_of(raymap_format) == Family::kRgb) {
+    for (std::size_t k = 0; k < 3; ++k) optics.gain[k] = optics.undo.undo(gain[k]);
+  } else {
+    // Y, U and V each mix all three colours, so a gain of one colour alone cannot be undone component by
+    // component. The mean weighted as luma is keeps the brightness of grey right, whatever the colours do.
+    optics.gain.fill(optics.undo.undo(0.299 * gain[0] + 0.587 * gain[1] + 0.114 * gain[2]));
+  }
+  return optics;
+}
+
+/// Where a direction in the head's frame falls, and how many original pixels a steradian has there: what
+/// Head::project and Head::density say (a test holds them together), in one go and by tables.
+struct Projected {
+  geometry::Pixel pixel;
+  double density = 0;
+};
+
+std::optional<Projected> project(const HeadCalibration& head, const TabledLens& lens, const Eigen::Vector3d& d) {
+  const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
+  const std::optional<TabledLens::Radius> r = lens.radius(std::atan2(sine, d.z()));
+  if (!r) return std::nullopt;
+  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
+  return Projected{{head.center_x + across * d.x(), head.center_y + head.aspect * across * d.y()},
+                   head.aspect * r->slope * across};
+}
+
+double feather(double part) {
+  const double t = std::clamp(part, 0.0, 1.0);
+  return std::max(kLeastFeather, t * t * (3 - 2 * t));
+}
+
+}  // namespace
+
+Result<RaySampler> RaySampler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
+                                    PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
+                                    const TableOptions& options) {
+  if (Status checked = check_formats(calibration, raymap_format, head_formats); !checked) return fail(checked.error());
+  Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
+  if (!heads) return fail(heads.error());
+
+  RaySampler sampler;
+  sampler.layout_ = &layout;
+  sampler.raymap_format_ = raymap_format;
+  sampler.options_ = options;
+  sampler.head_formats_.assign(head_formats.begin(), head_formats.end());
+  sampler.heads_ = std::move(*heads);
+  for (const geometry::Head& head : sampler.heads_) {
+    sampler.optics_.push_back(optics_of(head, raymap_format, options));
+  }
+  const auto* nowhere = static_cast<const std::uint8_t*>(nullptr);
+  const ImageView raymap = packed_image(raymap_format, layout.width(), layout.height(), nowhere);
+  const int grids = raymap_format == PixelFormat::kI420 ? 2 : 1;
+  for (int g = 0; g < grids; ++g) {
+    const auto c = static_cast<std::size_t>(g);  // I420's component 1 is the first of the chroma grid
+    sampler.grids_.push_back({g, raymap.planes[c].width, raymap.planes[c].height, component_grid(raymap_format, g)});
+    std::array<Plane, kMaxHeads> planes;
+    for (std::size_t h = 0; h < sampler.heads_.size(); ++h) {
+      const geometry::Head& head = sampler.heads_[h];
+      const ImageView picture = packed_image(head_formats[h], head.width(), head.height(), nowhere);
+      planes[h] = {picture.planes[c].width, picture.planes[c].height, component_grid(head_formats[h], g)};
+    }
+    sampler.planes_.push_back(planes);
+  }
+  return sampler;
+}
+
+std::span<const RaySample> RowSampler::at(int x) const {
+  const auto i = static_cast<std::size_t>(x);
+  const std::uint32_t begin = i == 0 ? 0 : ends_[i - 1];
+  return std::span(samples_).subspan(begin, ends_[i] - begin);
+}
+
+void RowSampler::sample(int grid, int y) {
+  const RaySampler::Grid& lie = rig_.grids()[static_cast<std::size_t>(grid)];
+  if (grid != grid_) {
+    for (auto& rays : rays_) rays.clear();
+    grid_ = grid;
+  }
+  ends_.clear();
+  samples_.clear();
+  const geometry::RaymapLayout& layout = rig_.layout();
+  const double row = std::min<double>(layout.height(), (y + 0.5 - lie.on_raymap.offset_y) * lie.on_raymap.step_y);
+  std::array<Sight, kMaxHeads> sights;
+  for (int x = 0; x < lie.width; ++x) {
+    const double column = std::min<double>(layout.width(), (x + 0.5 - lie.on_raymap.offset_x) * lie.on_raymap.step_x);
+    if (const std::optional<geometry::Ray> ray = layout.ray(column, row)) {
+      const int count = find_sights(*ray, sights);
+      const TangentPlane plane(ray->direction());
+      for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], plane));
+    }
+    ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
+  }
+}
+
+/// Fills in the heads that see the ray, weights summing to 1, and says how many they are.
+int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const {
+  const std::span<const geometry::Head> heads = rig_.heads();
+  std::size_t count = 0;
+  double sum = 0;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const RaySampler::Optics& optics = rig_.optics()[h];
+    const Eigen::Matrix3d& R = heads[h].R_head_rig();
+    const double ahead = R.row(2).dot(ray.direction());  // the cosine with the head's axis
+    if (ahead < optics.cos_reach) continue;
+    const Eigen::Vector3d in_head(R.row(0).dot(ray.direction()), R.row(1).dot(ray.direction()), ahead);
+    const std::optional<Projected> seen = project(heads[h].calibration(), optics.lens, in_head);
+    if (!seen) continue;
+    const double inside = heads[h].distance_to_edge(seen->pixel);
+    if (inside < kEdge) continue;
+    const double power = rig_.options().density_power;
+    const double weight =
+        (power == 1 ? seen->density : std::pow(seen->density, power)) * feather(inside / optics.feather_px);
+    if (!(weight > 0)) continue;
+    sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
+    sum += weight;
+  }
+  const double least = sum * rig_.options().least_weight;
+  std::size_t kept = 0;
+  double kept_sum = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    if (sights[k].weight < least) continue;
+    kept_sum += sights[k].weight;
+    sights[kept++] = sights[k];
+  }
+  for (std::size_t k = 0; k < kept; ++k) sights[k].weight /= kept_sum;
+  return static_cast<int>(kept);
+}
+
+RaySample RowSampler::place(const Sight& sight, const TangentPlane& plane) {
+  const geometry::Head& head = rig_.heads()[sight.head];
+  const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
+  const PlaneGrid& lie = picture.on_picture;
+  // Within half a sample of the picture's edge there is no sample beyond: the edge's own is taken.
+  RaySample sample{sight.head, std::clamp(sight.pixel.x / lie.step_x + lie.offset_x - 0.5, 0.0, picture.width - 1.0),
+                   std::clamp(sight.pixel.y / lie.step_y + lie.offset_y - 0.5, 0.0, picture.height - 1.0), sight.weight,
+                   1};
+  if (rig_.options().undo_vignetting) {
+    sample.gain = rig_.optics()[sight.head].undo.undo(head.vignetting(sight.pixel));
+  }
+  if (rig_.options().interpolation == Interpolation::kPixel) return sample;
+
+  const auto x = std::min(static_cast<std::int32_t>(sample.x), picture.width - 2);
+  const auto y = std::min(static_cast<std::int32_t>(sample.y), picture.height - 2);
+  std::array<Eigen::Vector3d, 4> neighbours;
+  for (std::int32_t k = 0; k < 4; ++k) {
+    const CachedRay& neighbour = ray_of(sight.head, x + (k & 1), y + (k >> 1));
+    if (!neighbour.exists) return sample;  // beyond the lens: there is no ray to interpolate
+    neighbours[static_cast<std::size_t>(k)] = neighbour.direction;
+  }
+  const Fractions at = ray_fractions(plane, neighbours, {sample.x - x, sample.y - y});
+  sample.x = x + at.x;
+  sample.y = y + at.y;
+  return sample;
+}
+
+const RowSampler::CachedRay& RowSampler::ray_of(HeadIndex head, std::int32_t x, std::int32_t y) {
+  // Direct-mapped: the rays of a raymap row run along a curve on the picture, the next row right beside it.
+  constexpr std::int32_t kColumns = 1024;
+  constexpr std::int32_t kRows = 8;
+  std::vector<CachedRay>& rays = rays_[head];
+  if (rays.empty()) rays.resize(static_cast<std::size_t>(kColumns) * kRows);
+  CachedRay& cached = rays[static_cast<std::size_t>((x & (kColumns - 1)) + (y & (kRows - 1)) * kColumns)];
+  if (cached.x == x && cached.y == y) return cached;
+  const PlaneGrid& lie = rig_.plane(grid_, head).on_picture;
+  const geometry::Pixel pixel{(x + 0.5 - lie.offset_x) * lie.step_x, (y + 0.5 - lie.offset_y) * lie.step_y};
+  const std::optional<Eigen::Vector3d> direction = unproject(head, pixel);
+  cached.x = x;
+  cached.y = y;
+  cached.exists = direction.has_value();
+  if (direction) cached.direction = *direction;
+  return cached;
+}
+
+/// What Head::unproject says, by tables.
+std::optional<Eigen::Vector3d> RowSampler::unproject(HeadIndex head, geometry::Pixel pixel) const {
+  const geometry::Head& h = rig_.heads()[head];
+  const double x = pixel.x - h.calibration().center_x;
+  const double y = (pixel.y - h.calibration().center_y) / h.calibration().aspect;
+  const double r = std::sqrt(x * x + y * y);
+  const std::optional<double> a = rig_.optics()[head].lens.angle(r);
+  if (!a) return std::nullopt;
+  const double across = r > 0 ? std::sin(*a) / r : 0;
+  const Eigen::Vector3d d(across * x, across * y, std::cos(*a));
+  const Eigen::Matrix3d& R = h.R_head_rig();
+  return Eigen::Vector3d(R.col(0).dot(d), R.col(1).dot(d), R.col(2).dot(d));
+}
+
+}  // namespace nodal::table

@@ -1,0 +1,129 @@
+// Which places on which heads' pictures make a raymap sample, in double precision: what the fixed-point table
+// is a rounding of, and what it is compared with.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+#include "stitch/geometry/head.h"
+#include "stitch/geometry/ray.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/encoded_gain.h"
+#include "stitch/table/options.h"
+#include "stitch/table/ray_interpolation.h"
+#include "stitch/table/tabled_lens.h"
+
+namespace nodal::table {
+
+/// One head's share of one raymap sample. Bilinear between samples floor(x), floor(y) and the next ones of the
+/// head's component plane, whose sample (i, j) is at (i, j) here; 0 <= x <= width - 1.
+struct RaySample {
+  HeadIndex head = 0;
+  double x = 0;
+  double y = 0;
+  double weight = 0;  ///< > 0; those of one raymap sample sum to 1
+  double gain = 1;    ///< undoes the vignetting there, in encoded values about black
+};
+
+/// A calibration, a layout and formats, made ready to be sampled.
+///
+/// Threading: immutable after make(); any thread.
+/// Ownership: keeps the layout by reference.
+class RaySampler {
+ public:
+  /// Errors: see compile_blend_table.
+  static Result<RaySampler> make(const Calibration& calibration, const geometry::RaymapLayout& layout,
+                                 PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
+                                 const TableOptions& options);
+
+  /// A sample grid of the raymap: 0 is full resolution, 1 the chroma of I420.
+  struct Grid {
+    int component = 0;  ///< the first that has it
+    int width = 0;
+    int height = 0;
+    PlaneGrid on_raymap;
+  };
+  /// A head's component plane.
+  struct Plane {
+    int width = 0;
+    int height = 0;
+    PlaneGrid on_picture;
+  };
+  /// What is worked out once a head.
+  struct Optics {
+    TabledLens lens;
+    double cos_reach = -1;  ///< no ray whose cosine with the axis is less is inside the region
+    double feather_px = 1;
+    EncodedGain undo;
+    std::array<double, 3> gain{1, 1, 1};  ///< undoes the head's own gain, by ComponentRule::gain_row
+  };
+
+  PixelFormat raymap_format() const { return raymap_format_; }
+  const geometry::RaymapLayout& layout() const { return *layout_; }
+  const TableOptions& options() const { return options_; }
+  std::span<const PixelFormat> head_formats() const { return head_formats_; }
+  std::span<const geometry::Head> heads() const { return heads_; }
+  std::span<const Optics> optics() const { return optics_; }
+  std::span<const Grid> grids() const { return grids_; }
+  const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
+
+ private:
+  RaySampler() = default;
+
+  const geometry::RaymapLayout* layout_ = nullptr;
+  PixelFormat raymap_format_ = PixelFormat::kRgb24;
+  TableOptions options_;
+  std::vector<PixelFormat> head_formats_;
+  std::vector<geometry::Head> heads_;
+  std::vector<Optics> optics_;
+  std::vector<Grid> grids_;
+  std::vector<std::array<Plane, kMaxHeads>> planes_;  ///< by grid, then head
+};
+
+/// Samples the raymap row by row, and remembers the rays of source samples that neighbouring rows share.
+///
+/// Threading: thread-bound; one a thread.
+/// Ownership: keeps the sampler by reference.
+class RowSampler {
+ public:
+  explicit RowSampler(const RaySampler& sampler) : rig_(sampler) {}
+
+  /// Works out row y of a grid; at() then answers for it.
+  void sample(int grid, int y);
+  int width() const { return static_cast<int>(ends_.size()); }
+  /// What makes sample x of the row; empty where no head sees its ray.
+  std::span<const RaySample> at(int x) const;
+
+ private:
+  struct CachedRay {
+    std::int32_t x = -1;
+    std::int32_t y = -1;
+    bool exists = false;
+    Eigen::Vector3d direction;
+  };
+  /// A head that sees the ray in hand.
+  struct Sight {
+    HeadIndex head = 0;
+    geometry::Pixel pixel;
+    double weight = 0;
+  };
+  int find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const;
+  RaySample place(const Sight& sight, const TangentPlane& plane);
+  const CachedRay& ray_of(HeadIndex head, std::int32_t x, std::int32_t y);
+  std::optional<Eigen::Vector3d> unproject(HeadIndex head, geometry::Pixel pixel) const;
+
+  const RaySampler& rig_;
+  int grid_ = -1;
+  std::vector<std::uint32_t> ends_;
+  std::vector<RaySample> samples_;
+  std::array<std::vector<CachedRay>, kMaxHeads> rays_;
+};
+
+}  // namespace nodal::table

@@ -1,0 +1,18 @@
+// The proof a table needs before it runs (kernels do not check).
+#pragma once
+
+#include "protocol/base/result.h"
+#include "stitch/blend/blend_table.h"
+
+namespace nodal::table {
+
+/// Proves that blend_rows and validity_rows, given heads and a raymap as the table says, read and write only
+/// inside them, never overflow, and that weights sum to exactly one wherever there are any: sizes and grids fit
+/// the format, first[] never falls and ends at the last tap, heads exist, all 2x2 samples are inside the head's
+/// plane, fractions, weights and gains are in range.
+///
+/// Threading: thread-safe.
+/// Errors: kTableInvalid, naming the grid, sample and tap.
+Status validate_blend_table(const blend::BlendTable& table);
+
+}  // namespace nodal::table

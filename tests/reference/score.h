@@ -1,0 +1,30 @@
+// How near a raymap is to the truth, as every figure of Nodal's is made (the reference data's score.py does the
+// same in Python).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "protocol/base/image.h"
+#include "stitch/geometry/raymap/layout.h"
+
+namespace nodal::test {
+
+struct Score {
+  double psnr_db = 0;
+  double covered = 0;  ///< share of the sphere whose pixels are not black
+};
+
+/// PSNR over all components, each pixel weighted by its solid angle, after one least-squares gain a component.
+/// Pixels that are all black count as not covered and are left out. RGB24 or GREY, both of the layout's size.
+Score score(const ImageView& raymap, const ImageView& truth, const geometry::RaymapLayout& layout);
+
+/// PSNR of two pictures as they are, every byte alike, and the largest difference.
+struct Difference {
+  double psnr_db = 0;
+  int largest = 0;
+  std::size_t differing = 0;
+};
+Difference difference(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b);
+
+}  // namespace nodal::test
