@@ -19,6 +19,7 @@ nodal_pkgconfig_package(eigen eigen3)
 nodal_pkgconfig_package(turbojpeg libturbojpeg)
 nodal_pkgconfig_package(png libpng)
 nodal_pkgconfig_package(crypto libcrypto)
+nodal_pkgconfig_package(fmt fmt)
 nodal_pkgconfig_package(spdlog spdlog)
 nodal_pkgconfig_package(protobuf protobuf-lite)
 nodal_package(json)      # nlohmann-json: headers in /usr/include

@@ -1,0 +1,105 @@
+// What the user sees: answers on standard output, everything else on standard error, colour only where
+// somebody looks.
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// Keys stay in the order they were written in.
+using Json = nlohmann::ordered_json;
+
+enum class Colour { kGood, kWarning, kBad, kDim, kStrong };
+
+/// Threading: thread-bound.
+/// Ownership: the streams are not closed.
+/// Errors: none; a reader that went away (`nodal status | head`) is seen by output_gone().
+class Console {
+ public:
+  Console(std::FILE* out, std::FILE* err);
+
+  void set_json(bool json) { json_ = json; }
+  bool json() const { return json_; }
+  bool out_is_terminal() const { return out_terminal_; }
+  bool err_is_terminal() const { return err_terminal_; }
+  bool output_gone() const;
+
+  /// Answers, for people: a line on standard output. Nothing when --json was asked for.
+  void line(std::string_view text);
+  /// Answers, for programs: one JSON document on one line of standard output. Nothing without --json.
+  void document(const Json& document);
+  /// Bytes on standard output, as `raymap pull --out -` writes them.
+  Status bytes(const void* data, std::size_t size);
+
+  /// Remarks on standard error: what was done on the way, notes, warnings.
+  void note(std::string_view text);
+  void warning(std::string_view text);
+  /// The one clear error; with --json also as {"error": {...}} on standard output.
+  void error(const Error& error);
+
+  /// The text in colour when standard output is a terminal and NO_COLOR is not set.
+  std::string paint(Colour colour, std::string_view text) const;
+
+  /// Clears the terminal's screen from the top, for a display that is drawn again and again.
+  void home();
+
+  /// A line on standard error that is drawn over, as progress is; ends with finish_progress().
+  void progress(std::string_view text);
+  void finish_progress();
+
+ private:
+  std::string paint_for(bool terminal, Colour colour, std::string_view text) const;
+
+  std::FILE* out_;
+  std::FILE* err_;
+  bool out_terminal_;
+  bool err_terminal_;
+  bool colour_;
+  bool json_ = false;
+  bool progress_shown_ = false;
+};
+
+/// Columns of text, each as wide as its widest cell; numbers to the right.
+class Table {
+ public:
+  enum class Align { kLeft, kRight };
+  struct Column {
+    std::string title;
+    Align align = Align::kLeft;
+  };
+  explicit Table(std::vector<Column> columns) : columns_(std::move(columns)) {}
+  void row(std::vector<std::string> cells);
+  /// One line a row, the titles first.
+  std::vector<std::string> lines() const;
+
+ private:
+  std::vector<Column> columns_;
+  std::vector<std::vector<std::string>> rows_;
+};
+
+/// How far a job has come: a bar that is redrawn on a terminal, a line every few seconds elsewhere.
+class Progress {
+ public:
+  /// `total` 0: nobody knows how much there is.
+  Progress(Console& console, std::string what, std::uint64_t total);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void update(std::uint64_t done, std::string_view remark);
+
+ private:
+  Console& console_;
+  std::string what_;
+  std::uint64_t total_;
+  std::int64_t last_ns_;
+};
+
+}  // namespace nodal::host

@@ -1,0 +1,32 @@
+// What `nodal` says to the shell. Scripts depend on these numbers: they are never renumbered.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+enum class ExitCode : int {
+  kOk = 0,
+  kFailed = 1,       ///< Nodal itself went wrong (9xx), or nothing below fits
+  kUsage = 2,        ///< the command line cannot be understood
+  kUnreachable = 3,  ///< no rig, or the link to it was lost (3xx)
+  kBadInput = 4,     ///< a file, value or calibration is refused (1xx, 2xx)
+  kDevice = 5,       ///< a head or another device of the rig (4xx)
+  kStorage = 6,      ///< a file or disk, here or on the rig (5xx)
+  kNotNow = 7,       ///< the right request at the wrong moment (6xx)
+};
+
+/// By the hundreds of the error's number.
+ExitCode exit_code_of(Errc code);
+
+struct ExitCodeHelp {
+  ExitCode code;
+  std::string_view meaning;
+};
+/// Every code with one line for --help and the manual page.
+const std::array<ExitCodeHelp, 8>& exit_code_help();
+
+}  // namespace nodal::host

@@ -1,0 +1,28 @@
+// Files of the host, written so that a reader sees the old one or the whole new one, never a half.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// Errors: kNotFound, kTooLarge (over `limit`), kIo.
+Result<std::string> read_file(const std::string& path, std::size_t limit);
+
+/// Writes beside `path`, then renames over it. Nothing of it stays when that fails.
+/// Errors: kDiskFull, kNotFound (the folder), kIo.
+Status write_file(const std::string& path, std::span<const std::uint8_t> bytes);
+Status write_file(const std::string& path, std::string_view text);
+
+/// `pattern` with its %d or %06d replaced by `number`, and %% by %. At most one number.
+/// Errors: kBadValue for anything else behind a %.
+Result<std::string> numbered_name(const std::string& pattern, std::uint64_t number);
+/// Whether numbered_name() gives every number a name of its own.
+bool has_number(const std::string& pattern);
+
+}  // namespace nodal::host

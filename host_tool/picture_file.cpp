@@ -1,0 +1,185 @@
+#include "host_tool/picture_file.h"
+
+#include <fmt/format.h>
+#include <png.h>
+#include <turbojpeg.h>
+
+#include <array>
+#include <csetjmp>
+#include <memory>
+#include <optional>
+
+#include "host_tool/console.h"
+#include "host_tool/wire_json.h"
+#include "protocol/base/image.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::uint32_t kMaxRaymapSide = 32768;
+
+std::optional<PixelFormat> raw_format(const std::string& coding) {
+  for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8}) {
+    if (coding == pixel_format_name(format)) return format;
+  }
+  return std::nullopt;
+}
+
+Result<std::vector<std::uint8_t>> to_rgb(const ReceivedRaymap& raymap) {
+  const int width = static_cast<int>(raymap.header.width());
+  const int height = static_cast<int>(raymap.header.height());
+  const ImageView view = packed_image(PixelFormat::kI420, width, height, raymap.bytes.data());
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3);
+  const std::unique_ptr<void, int (*)(void*)> decoder(tjInitDecompress(), tjDestroy);
+  std::array<const unsigned char*, 3> planes{view.planes[0].data, view.planes[1].data, view.planes[2].data};
+  std::array<int, 3> strides{static_cast<int>(view.planes[0].row_stride), static_cast<int>(view.planes[1].row_stride),
+                             static_cast<int>(view.planes[2].row_stride)};
+  if (decoder == nullptr || tjDecodeYUVPlanes(decoder.get(), planes.data(), strides.data(), TJSAMP_420, rgb.data(),
+                                              width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT) != 0) {
+    return fail(Errc::kInternal, fmt::format("colours of the raymap: {}", tjGetErrorStr2(decoder.get())));
+  }
+  return rgb;
+}
+
+/// libpng ends errors by longjmp: nothing here may own memory while it can.
+bool write_png(png_structp png, png_infop info, const ReceivedRaymap& raymap, const std::uint8_t* pixels, int channels,
+               const char* xmp, std::vector<std::uint8_t>* out) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_set_write_fn(
+      png, out,
+      [](png_structp writer, png_bytep data, png_size_t size) {
+        auto* bytes = static_cast<std::vector<std::uint8_t>*>(png_get_io_ptr(writer));
+        bytes->insert(bytes->end(), data, data + size);
+      },
+      nullptr);
+  png_set_user_limits(png, kMaxRaymapSide, kMaxRaymapSide);
+  png_set_compression_level(png, 3);  // a third of the time of the usual 6 for a twentieth more bytes
+  png_set_IHDR(png, info, raymap.header.width(), raymap.header.height(), 8,
+               channels == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  if (*xmp != '\0') {
+    png_text text{};
+    text.compression = PNG_ITXT_COMPRESSION_NONE;
+    text.key = const_cast<char*>("XML:com.adobe.xmp");
+    text.text = const_cast<char*>(xmp);
+    png_set_text(png, info, &text, 1);
+  }
+  png_write_info(png, info);
+  const std::size_t stride = static_cast<std::size_t>(raymap.header.width()) * static_cast<std::size_t>(channels);
+  for (std::size_t y = 0; y < raymap.header.height(); ++y) png_write_row(png, pixels + y * stride);
+  png_write_end(png, nullptr);
+  return true;
+}
+
+void quiet_png(png_structp png, png_const_charp) { png_longjmp(png, 1); }
+
+}  // namespace
+
+Result<RaymapFormat> parse_raymap_format(std::string_view text) {
+  if (text == "jpg") return RaymapFormat::kJpg;
+  if (text == "png") return RaymapFormat::kPng;
+  if (text == "raw") return RaymapFormat::kRaw;
+  return fail(Errc::kBadValue, fmt::format("format '{}': it is jpg, png or raw", text));
+}
+
+Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
+  if (name.ends_with(".jpg") || name.ends_with(".jpeg")) return RaymapFormat::kJpg;
+  if (name.ends_with(".png")) return RaymapFormat::kPng;
+  if (name.ends_with(".raw") || name.ends_with(".yuv")) return RaymapFormat::kRaw;
+  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png or .raw, or say --format", name));
+}
+
+Status check_raymap(const ReceivedRaymap& raymap) {
+  const wire::RaymapHeader& header = raymap.header;
+  const std::size_t size = raymap.bytes.size();
+  if (header.width() == 0 || header.height() == 0 || header.width() > kMaxRaymapSide ||
+      header.height() > kMaxRaymapSide) {
+    return fail(Errc::kBadFormat, fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(),
+                                              header.height()));
+  }
+  if (header.coding() == "jpeg") {
+    const auto& b = raymap.bytes;
+    if (size < 4 || b[0] != 0xFF || b[1] != 0xD8) {
+      return fail(Errc::kBadFormat, fmt::format("raymap of set {}: it does not begin as a JPEG", header.set()));
+    }
+    if (b[size - 2] != 0xFF || b[size - 1] != 0xD9) {
+      return fail(Errc::kTruncated, fmt::format("raymap of set {}: its JPEG has no end", header.set()));
+    }
+    return {};
+  }
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) {
+    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
+                                                "than this program?", header.set(), header.coding()));
+  }
+  const std::size_t wanted =
+      packed_size(*format, static_cast<int>(header.width()), static_cast<int>(header.height()));
+  if (size != wanted) {
+    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, wanted));
+  }
+  return {};
+}
+
+std::string gpano_xmp(std::uint32_t width, std::uint32_t height) {
+  return fmt::format(
+      "<?xpacket begin=\"\xEF\xBB\xBF\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>"
+      "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">"
+      "<rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\""
+      " GPano:ProjectionType=\"equirectangular\" GPano:UsePanoramaViewer=\"True\" GPano:PoseHeadingDegrees=\"0\""
+      " GPano:CroppedAreaImageWidthPixels=\"{0}\" GPano:CroppedAreaImageHeightPixels=\"{1}\""
+      " GPano:FullPanoWidthPixels=\"{0}\" GPano:FullPanoHeightPixels=\"{1}\""
+      " GPano:CroppedAreaLeftPixels=\"0\" GPano:CroppedAreaTopPixels=\"0\"/>"
+      "</rdf:RDF></x:xmpmeta><?xpacket end=\"r\"?>",
+      width, height);
+}
+
+Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
+  const std::optional<PixelFormat> format = raw_format(raymap.header.coding());
+  if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", raymap.header.coding()));
+  std::vector<std::uint8_t> rgb;
+  const std::uint8_t* pixels = raymap.bytes.data();
+  if (*format == PixelFormat::kI420) {
+    Result<std::vector<std::uint8_t>> converted = to_rgb(raymap);
+    if (!converted) return fail(converted.error());
+    rgb = std::move(*converted);
+    pixels = rgb.data();
+  }
+  const std::string xmp = raymap.header.layout() == "equirectangular"
+                              ? gpano_xmp(raymap.header.width(), raymap.header.height())
+                              : std::string();
+  std::vector<std::uint8_t> out;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, quiet_png, nullptr);
+  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
+  const bool written = info != nullptr && write_png(png, info, raymap, pixels,
+                                                    *format == PixelFormat::kGrey8 ? 1 : 3, xmp.c_str(), &out);
+  png_destroy_write_struct(&png, &info);
+  if (!written) return fail(Errc::kInternal, "the PNG could not be made");
+  return out;
+}
+
+std::string raw_sidecar(const ReceivedRaymap& raymap) {
+  Json json = to_json(raymap.header);
+  const std::optional<PixelFormat> format = raw_format(raymap.header.coding());
+  Json planes = Json::array();
+  if (format) {
+    const ImageView view = packed_image(*format, static_cast<int>(raymap.header.width()),
+                                        static_cast<int>(raymap.header.height()), raymap.bytes.data());
+    const std::array<std::string_view, 3> names = *format == PixelFormat::kRgb24
+                                                      ? std::array<std::string_view, 3>{"R", "G", "B"}
+                                                      : std::array<std::string_view, 3>{"Y", "U", "V"};
+    for (int c = 0; c < component_count(*format); ++c) {
+      const PlaneView& plane = view.planes[static_cast<std::size_t>(c)];
+      planes.push_back({{"component", names[static_cast<std::size_t>(c)]},
+                        {"offset", plane.data - raymap.bytes.data()},
+                        {"width", plane.width},
+                        {"height", plane.height},
+                        {"row_stride", plane.row_stride},
+                        {"pixel_stride", plane.pixel_stride}});
+    }
+  }
+  json["planes"] = planes;
+  json["range"] = "full";
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace nodal::host

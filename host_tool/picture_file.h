@@ -1,0 +1,41 @@
+// A raymap as it came over the link, and the files that are made of it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::host {
+
+enum class RaymapFormat { kJpg, kPng, kRaw };
+
+/// "jpg", "png", "raw". Errors: kBadValue.
+Result<RaymapFormat> parse_raymap_format(std::string_view text);
+/// By a file name's end; nothing known is an error that lists what is.
+Result<RaymapFormat> raymap_format_of_name(std::string_view name);
+
+struct ReceivedRaymap {
+  wire::RaymapHeader header;
+  std::vector<std::uint8_t> bytes;
+};
+
+/// Refuses what does not hold together: a size that is not what the coding says, a JPEG without its ends.
+/// Errors: kBadFormat, kTruncated, kUnsupported.
+Status check_raymap(const ReceivedRaymap& raymap);
+
+/// GPano metadata (Google's photo sphere namespace) of a full sphere, as an XMP packet.
+std::string gpano_xmp(std::uint32_t width, std::uint32_t height);
+
+/// The PNG of a raymap that came raw (I420, RGB24 or GREY), with GPano metadata when it is equirectangular.
+/// Y, U, V are full range, as in JPEG. Errors: kUnsupported, kInternal.
+Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap);
+
+/// The sidecar that says what a raw file's bytes are: planes in order, their sizes and offsets.
+std::string raw_sidecar(const ReceivedRaymap& raymap);
+
+}  // namespace nodal::host

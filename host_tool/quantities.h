@@ -1,0 +1,33 @@
+// What people write for exposures, gains and rates, and how they are shown again. A number without its unit
+// is refused where two units are in use.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+
+namespace nodal::host {
+
+/// "250us", "8ms", "0.5s", "2min". Errors: kBadValue, which says what would do.
+Result<Duration> parse_duration(std::string_view text);
+/// "8ms", "500us" or a fraction of a second as on cameras: "1/125".
+Result<Exposure> parse_exposure(std::string_view text);
+/// "6dB", "-3.5dB", "0dB".
+Result<Gain> parse_gain(std::string_view text);
+/// Red and blue against green: "1.5,1.25". "1,1" changes nothing.
+Result<WhiteBalance> parse_white_balance(std::string_view text);
+/// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
+Result<FrameRate> parse_rate(std::string_view text);
+
+std::string show_duration(std::uint64_t ns);       ///< "450 ns", "12.3 µs", "8 ms", "1.5 s", "2 h 03 min"
+std::string show_exposure(std::uint64_t ns);       ///< "8 ms"
+std::string show_gain(std::int32_t mdb);           ///< "6.02 dB"
+std::string show_white_balance(std::uint32_t red_q12, std::uint32_t blue_q12);  ///< "1.50, 1.25"
+std::string show_rate(std::uint32_t millihertz);   ///< "29.970"
+std::string show_bytes(std::uint64_t bytes);       ///< "512 B", "1.5 MB"
+std::string show_id(const std::string& id_bytes);  ///< the first 12 hexadecimal digits, or "none"
+
+}  // namespace nodal::host

@@ -1,0 +1,268 @@
+#include <fmt/format.h>
+
+#include <charconv>
+#include <chrono>
+#include <optional>
+
+#include "host_tool/command.h"
+#include "host_tool/files.h"
+#include "host_tool/interrupt.h"
+#include "host_tool/picture_file.h"
+#include "host_tool/quantities.h"
+#include "host_tool/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::uint64_t kMaxRaymapBytes = 1ULL << 31;
+
+struct Args {
+  std::uint64_t count = 1;
+  bool continuous = false;
+  bool lossless = false;
+  std::string seconds;
+  std::string out;
+  std::string format;
+};
+
+double now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+Result<std::uint64_t> parse_count(std::string_view text) {
+  std::uint64_t count = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
+  if (error != std::errc() || end != text.data() + text.size() || count == 0) {
+    return fail(Errc::kBadValue, fmt::format("count '{}': 1 or more; --continuous goes on until Ctrl-C", text));
+  }
+  return count;
+}
+
+/// What a pull has come to so far.
+struct Tally {
+  std::uint64_t pulled = 0;
+  std::uint64_t dropped = 0;
+  std::uint64_t bytes = 0;
+  double first_s = 0;
+  double last_s = 0;
+  std::uint64_t first_exposure_ns = 0;
+  std::uint64_t last_exposure_ns = 0;
+  std::uint64_t worst_spread_ns = 0;
+
+  void add(const ReceivedRaymap& raymap) {
+    last_s = now_s();
+    last_exposure_ns = raymap.header.mid_exposure_ns();
+    if (pulled == 0) {
+      first_s = last_s;
+      first_exposure_ns = last_exposure_ns;
+    }
+    ++pulled;
+    bytes += raymap.bytes.size();
+    worst_spread_ns = std::max(worst_spread_ns, raymap.header.spread_ns());
+  }
+  /// Raymaps a second as they arrived; 0 for fewer than two.
+  double rate() const {
+    return pulled < 2 || last_s <= first_s ? 0 : static_cast<double>(pulled - 1) / (last_s - first_s);
+  }
+};
+
+/// Puts an item's pieces together.
+class Assembly {
+ public:
+  /// The whole raymap with its last piece.
+  Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
+    if (piece.first) {
+      raymap_ = {};
+      if (!raymap_.header.ParseFromString(piece.meta)) {
+        return fail(Errc::kBadFormat, "the rig sent a raymap without a header that can be read");
+      }
+      if (piece.total > kMaxRaymapBytes) {
+        return fail(Errc::kTooLarge, fmt::format("the rig sent a raymap of {}", show_bytes(piece.total)));
+      }
+      raymap_.bytes.reserve(piece.total);
+    }
+    raymap_.bytes.insert(raymap_.bytes.end(), piece.data.begin(), piece.data.end());
+    if (!piece.last) return std::nullopt;
+    return std::optional<ReceivedRaymap>(std::move(raymap_));
+  }
+
+ private:
+  ReceivedRaymap raymap_;
+};
+
+/// Where raymaps go, and as what.
+struct Sink {
+  std::string pattern;  ///< "-": standard output
+  RaymapFormat format = RaymapFormat::kJpg;
+};
+
+Result<Sink> make_sink(const Args& args, Console& console) {
+  Sink sink;
+  if (!args.format.empty()) {
+    sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
+  } else if (!args.out.empty() && args.out != "-") {
+    const Result<RaymapFormat> format = raymap_format_of_name(args.out);
+    if (!format) return fail(format.error());
+    sink.format = *format;
+  }
+  const bool many = args.continuous || args.count != 1 || !args.seconds.empty();
+  const std::string end = sink.format == RaymapFormat::kJpg ? "jpg" : sink.format == RaymapFormat::kPng ? "png" : "raw";
+  sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
+  if (sink.pattern == "-") {
+    if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
+    if (console.out_is_terminal()) {
+      return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+    }
+    return sink;
+  }
+  if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error());
+  if (many && !has_number(sink.pattern)) console.note(sink.pattern + " holds the newest raymap only; %06d keeps all");
+  return sink;
+}
+
+/// The name it went to.
+Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
+  std::vector<std::uint8_t> png;
+  std::span<const std::uint8_t> bytes = raymap.bytes;
+  if (sink.format == RaymapFormat::kPng) {
+    Result<std::vector<std::uint8_t>> encoded = encode_png(raymap);
+    if (!encoded) return fail(encoded.error());
+    png = std::move(*encoded);
+    bytes = png;
+  }
+  if (sink.pattern == "-") {
+    if (const Status written = console.bytes(bytes.data(), bytes.size()); !written) return fail(written.error());
+    return std::string("-");
+  }
+  const Result<std::string> name = numbered_name(sink.pattern, number);
+  if (!name) return fail(name.error());
+  if (const Status written = write_file(*name, bytes); !written) return fail(written.error());
+  if (sink.format == RaymapFormat::kRaw) {
+    if (const Status written = write_file(*name + ".json", raw_sidecar(raymap)); !written) return fail(written.error());
+  }
+  return *name;
+}
+
+void tell_frame(Console& console, const ReceivedRaymap& raymap, const std::string& name, std::uint64_t dropped) {
+  Json json = to_json(raymap.header);
+  json["file"] = name;
+  json["bytes"] = raymap.bytes.size();
+  json["dropped"] = dropped;
+  console.document({{"raymap", json}});
+}
+
+void tell_summary(Console& console, const Tally& tally, const std::string& last_name) {
+  console.document({{"summary",
+                     {{"pulled", tally.pulled},
+                      {"dropped", tally.dropped},
+                      {"bytes", tally.bytes},
+                      {"rate", tally.rate()},
+                      {"seconds", tally.last_s - tally.first_s},
+                      {"exposure_seconds", static_cast<double>(tally.last_exposure_ns - tally.first_exposure_ns) / 1e9},
+                      {"worst_spread_ns", tally.worst_spread_ns}}}});
+  if (last_name == "-") return;  // standard output holds pictures
+  std::string text = fmt::format("{} raymap{} ({})", tally.pulled, tally.pulled == 1 ? "" : "s", show_bytes(tally.bytes));
+  if (tally.pulled > 1) {
+    text += fmt::format(", {:.2f} a second, {} dropped on the way, worst spread {}", tally.rate(), tally.dropped,
+                        show_duration(tally.worst_spread_ns));
+  }
+  console.line(text + "; the last is " + last_name);
+}
+
+/// Pulls until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
+Status pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, Console& console) {
+  const bool endless = args.continuous || !args.seconds.empty();
+  const double until = args.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args.seconds)->ns()) / 1e9;
+  Progress progress(console, "raymap", endless ? 0 : args.count);
+  Tally tally;
+  Assembly assembly;
+  std::string name;
+  const Duration patience = Duration::seconds(10);
+  while ((endless || tally.pulled < args.count) && (until == 0 || now_s() < until) && !console.output_gone()) {
+    const Result<std::optional<Event>> event = rig.next_event(patience);
+    if (interrupted()) break;
+    if (!event) return fail(event.error());
+    if (!*event) {
+      console.note("no raymap for 10 s; `nodal status` says why (no calibration? genlock stopped?)");
+      continue;
+    }
+    if (const auto* closed = std::get_if<StreamClosed>(&**event); closed != nullptr && closed->stream == stream) {
+      tally.dropped = closed->dropped;
+      if (closed->error) return fail(*closed->error);
+      if (!endless && tally.pulled < args.count) {
+        return fail(Errc::kLinkClosed, fmt::format("the rig ended the stream after {} of {} raymaps", tally.pulled,
+                                                   args.count));
+      }
+      break;
+    }
+    const auto* piece = std::get_if<BulkPiece>(&**event);
+    if (piece == nullptr || piece->stream != stream) continue;
+    tally.dropped = piece->dropped;
+    Result<std::optional<ReceivedRaymap>> raymap = assembly.add(*piece);
+    if (!raymap) return fail(raymap.error());
+    if (!*raymap) continue;
+    if (const Status good = check_raymap(**raymap); !good) return good;
+    tally.add(**raymap);
+    const Result<std::string> stored = store(sink, **raymap, tally.pulled, console);
+    if (!stored) return fail(stored.error());
+    name = *stored;
+    tell_frame(console, **raymap, name, tally.dropped);
+    progress.update(tally.pulled, fmt::format("{:.2f}/s, {} dropped, set {}", tally.rate(), tally.dropped,
+                                              (*raymap)->header.set()));
+  }
+  rig.stop_stream(stream);
+  console.finish_progress();
+  if (tally.pulled == 0) {
+    return fail(interrupted() ? Errc::kCancelled : Errc::kNotReady,
+                "no raymap came; `nodal status` says what the rig is doing");
+  }
+  tell_summary(console, tally, name);
+  return {};
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<Sink> sink = make_sink(args, context.console());
+  if (!sink) return fail(sink.error());
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  wire::PullRequest& wanted = *request.mutable_pull();
+  wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
+  wanted.set_count(0);  // this end stops when it has enough: what is dropped on the way does not count
+  wanted.set_lossless(args.lossless);
+  const Result<wire::Reply> started = (*rig)->ask(request);
+  if (!started) return fail(started.error());
+  return pull(**rig, started->pull().stream(), args, *sink, context.console());
+}
+
+}  // namespace
+
+void add_raymap(CLI::App& app, CommandLine& line) {
+  CLI::App* raymap = add_command(app, "raymap", "The stitched sphere", "");
+  raymap->require_subcommand(1);
+  CLI::App* command = add_command(*raymap, "pull", "Get raymaps as files, as they are made",
+                                  "  nodal raymap pull                            raymap.jpg\n"
+                                  "  nodal raymap pull -n 100 --out r-%04d.png\n"
+                                  "  nodal raymap pull --continuous --out live.jpg    always the newest\n"
+                                  "  nodal raymap pull --continuous --out - | ffplay -f mjpeg -\n"
+                                  "With --json: one document a raymap, and one with the sum at the end.\n");
+  auto args = std::make_shared<Args>();
+  CLI::Option* count = command->add_option("-n,--count", args->count, "How many (1 when not given)")
+                           ->type_name("N")
+                           ->check(checked_by(parse_count));
+  CLI::Option* continuous = command->add_flag("--continuous", args->continuous, "Go on until Ctrl-C");
+  CLI::Option* seconds = command->add_option("--for", args->seconds, "Go on for so long, such as 10s")
+                             ->type_name("DURATION")
+                             ->check(checked_by(parse_duration));
+  count->excludes(continuous)->excludes(seconds);
+  continuous->excludes(seconds);
+  command->add_option("-o,--out", args->out, "File; %06d is replaced by the number, - is standard output")
+      ->type_name("PATTERN");
+  command->add_option("--format", args->format, "jpg as it comes, png, or raw with a .json beside it; else by --out")
+      ->type_name("jpg|png|raw")
+      ->check(checked_by(parse_raymap_format));
+  command->add_flag("--lossless", args->lossless, "Every raymap: the rig waits for this client instead of dropping");
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

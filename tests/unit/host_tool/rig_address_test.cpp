@@ -1,0 +1,59 @@
+#include "host_tool/rig_address.h"
+
+#include <gtest/gtest.h>
+
+namespace nodal::host {
+namespace {
+
+using Words = std::vector<std::string>;
+
+TEST(RigAddress, UnixPathsAndLoopbackTcp_GoToTheLinkAsTheyAre) {
+  EXPECT_EQ(parse_rig_address("unix:/run/nodal/nodal.sock", "ssh")->link, "unix:/run/nodal/nodal.sock");
+  EXPECT_EQ(parse_rig_address("/run/nodal/nodal.sock", "ssh")->link, "unix:/run/nodal/nodal.sock");
+  EXPECT_EQ(parse_rig_address("unix:here.sock", "ssh")->link, "unix:here.sock");
+  EXPECT_EQ(parse_rig_address("tcp:127.0.0.1:7700", "ssh")->link, "tcp:127.0.0.1:7700");
+  EXPECT_EQ(parse_rig_address("tcp:[::1]:7700", "ssh")->link, "tcp:[::1]:7700");
+}
+
+TEST(RigAddress, SshInAllItsForms_BecomesTheCommandThatBridges) {
+  EXPECT_EQ(parse_rig_address("ssh://rig.local", "ssh")->command, (Words{"ssh", "-T", "rig.local", "nodald", "--bridge"}));
+  EXPECT_EQ(parse_rig_address("ssh://ann@rig:2222/", "/opt/ssh")->command,
+            (Words{"/opt/ssh", "-T", "-p", "2222", "ann@rig", "nodald", "--bridge"}));
+  EXPECT_EQ(parse_rig_address("ssh://[fe80::1]:22", "ssh")->command,
+            (Words{"ssh", "-T", "-p", "22", "fe80::1", "nodald", "--bridge"}));
+}
+
+TEST(RigAddress, HostThatSshWouldTakeForAnOption_IsRefused) {
+  for (const char* text : {"ssh://-oProxyCommand=reboot", "ssh://-l@host", "ssh://a b", "ssh://host;reboot",
+                           "ssh://$(reboot)", "ssh://host/path"}) {
+    EXPECT_FALSE(parse_rig_address(text, "ssh")) << text;
+  }
+}
+
+TEST(RigAddress, TcpBeyondThisMachine_IsRefusedWithTheWayThatIsAllowed) {
+  const auto address = parse_rig_address("tcp:192.168.0.5:7700", "ssh");
+  ASSERT_FALSE(address);
+  EXPECT_EQ(address.error().code, Errc::kBadValue);
+  EXPECT_NE(address.error().message.find("ssh://"), std::string::npos);
+}
+
+TEST(RigAddress, WhatIsNoAddress_IsRefusedWithTheForms) {
+  for (const char* text : {"", "unix:", "tcp:127.0.0.1", "tcp:127.0.0.1:0", "tcp:127.0.0.1:65536", "tcp:127.0.0.1:x",
+                           "ssh://", "ssh://host:", "ssh://@host", "ssh://[fe80::1", "ssh://[::1]x", "ssh://host:0",
+                           "http://rig", "rig.local"}) {
+    const auto address = parse_rig_address(text, "ssh");
+    ASSERT_FALSE(address) << text;
+    EXPECT_EQ(address.error().code, Errc::kBadValue) << text;
+    EXPECT_NE(address.error().message.find("unix:PATH"), std::string::npos) << text;
+  }
+}
+
+TEST(RigAddress, SocketPathLongerThanTheKernelTakes_IsRefusedBeforeItIsTried) {
+  EXPECT_TRUE(parse_rig_address("unix:" + std::string(107, 'a'), "ssh"));
+  const auto address = parse_rig_address("unix:" + std::string(108, 'a'), "ssh");
+  ASSERT_FALSE(address);
+  EXPECT_NE(address.error().message.find("107"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace nodal::host
