@@ -1,5 +1,5 @@
-// A rig whose heads are image files: one file is a still that comes again every frame; a folder or a pattern such
-// as "pictures/cam0-*.png" is played in the order of its names, again from the first after the last.
+// A rig whose heads are image files: one file is a still that comes again every frame; a folder or a pattern such as
+// "pictures/cam0-*.png" is played in the order of its names, again from the first after the last.
 #pragma once
 
 #include <filesystem>
@@ -34,8 +34,8 @@ class Deck {
   TriggerPort& trigger();
 
   /// Paths are "replay:" and a file, folder or pattern. open() reads every picture's header and decodes the first.
-  /// Errors: kNoSuchDevice when nothing is there, kBusy when that path is open, and decode_image()'s; kHeadMismatch
-  ///   when pictures of one head differ in size.
+  /// Errors: kNoSuchDevice when nothing is there, kBusy when that path is open, and decode_image()'s; kBadValue
+  ///   when pictures of one head differ in size. list() knows the paths that were opened or asked a format of.
   HeadEnumerator& enumerator();
 
   /// What the head at `path` delivers; without a wish, what its first picture is.

@@ -1,0 +1,294 @@
+#include "hal/replay/deck.h"
+
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <set>
+
+#include "hal/replay/reel.h"
+
+namespace nodal::hal::replay {
+
+namespace {
+
+constexpr std::string_view kScheme = "replay:";
+
+/// Frames that started and were not looked at, at most; far more than a head has buffers for.
+constexpr std::size_t kStartsKept = 64;
+
+struct Start {
+  std::uint64_t number = 0;
+  Instant at;
+};
+
+/// Pulses for heads in external mode. What it sent is kept for the heads to read, each at its own place.
+class ReplayTrigger final : public TriggerPort {
+ public:
+  explicit ReplayTrigger(ClockPort& clock) : clock_(clock) {}
+
+  Status start(const TriggerSettings& settings) override {
+    if (settings.rate.numerator == 0 || settings.rate.denominator == 0 || settings.pulse_width.ns() <= 0 ||
+        settings.pulse_width >= settings.rate.period()) {
+      return fail(Errc::kBadValue, "trigger 'replay': a rate of " + std::to_string(settings.rate.numerator) + "/" +
+                                       std::to_string(settings.rate.denominator) + " with pulses of " +
+                                       std::to_string(settings.pulse_width.us()) +
+                                       " us cannot be made; pulses must be shorter than the period");
+    }
+    stop();
+    rate_ = settings.rate;
+    started_ = clock_.now();
+    next_ = 0;
+    running_ = true;
+    edges_.clear();
+    return {};
+  }
+  void stop() override {
+    step();
+    running_ = false;
+  }
+  Result<std::optional<TriggerEdge>> take_edge() override {
+    step();
+    if (edges_.empty()) return std::optional<TriggerEdge>{};
+    const TriggerEdge edge = edges_.front();
+    edges_.pop_front();
+    return std::optional<TriggerEdge>{edge};
+  }
+
+  void step() {
+    const Instant now = clock_.now();
+    for (; running_ && started_ + rate_.start_of(next_) <= now; ++next_) {
+      const Instant at = started_ + rate_.start_of(next_);
+      edges_.push_back({next_, at});
+      sent_.push_back({next_, at});
+      ++total_;
+      if (edges_.size() > kStartsKept) edges_.pop_front();
+      if (sent_.size() > kStartsKept) sent_.pop_front();
+    }
+  }
+  std::uint64_t total() const { return total_; }
+  /// The i-th pulse since the deck was made, when it is still known.
+  const Start* sent(std::uint64_t i) const {
+    const std::uint64_t oldest = total_ - sent_.size();
+    return i < oldest || i >= total_ ? nullptr : &sent_[static_cast<std::size_t>(i - oldest)];
+  }
+
+ private:
+  ClockPort& clock_;
+  FrameRate rate_;
+  Instant started_;
+  std::uint64_t next_ = 0;
+  bool running_ = false;
+  std::deque<TriggerEdge> edges_;
+  std::deque<Start> sent_;
+  std::uint64_t total_ = 0;
+};
+
+}  // namespace
+
+struct Deck::State {
+  class Head;
+  class Enumerator;
+
+  State(ClockPort& c, const DeckOptions& o);
+  ~State();
+
+  ClockPort& clock;
+  const DeckOptions options;
+  ReplayTrigger trigger;
+  std::map<std::string, std::optional<PixelFormat>> known;
+  std::set<std::string> open;
+  std::unique_ptr<Enumerator> enumerator;
+};
+
+class Deck::State::Head final : public HeadPort {
+ public:
+  Head(State& deck, const std::string& path, Reel reel)
+      : deck_(deck), identity_{path, "", "pictures"}, reel_(std::move(reel)),
+        format_{reel_.format(), reel_.width(), reel_.height(), false, deck.options.rate},
+        buffers_(static_cast<std::size_t>(std::max(1, deck.options.buffers))) {
+    limits_.exposure_min = limits_.exposure_max = settings_.exposure;
+    limits_.gain_min = limits_.gain_max = settings_.gain;
+    limits_.has_trigger_input = true;
+    deck_.open.insert(path);
+  }
+  ~Head() override { deck_.open.erase(identity_.path); }
+
+  const HeadIdentity& identity() const override { return identity_; }
+  const HeadFormat& format() const override { return format_; }
+  const HeadLimits& limits() const override { return limits_; }
+
+  Status start(TriggerMode trigger) override {
+    if (streaming_) return fail(Errc::kWrongState, "head '" + identity_.path + "': is started already; stop it first");
+    deck_.trigger.step();
+    streaming_ = true;
+    mode_ = trigger;
+    sequence_ = 0;
+    next_pulse_ = deck_.trigger.total();
+    next_free_ = first_after(deck_.clock.now());
+    return {};
+  }
+  void stop() override {
+    streaming_ = false;
+    filled_.clear();
+    for (Buffer& buffer : buffers_) buffer = {};
+  }
+  Status set_exposure(Exposure exposure) override { return fixed(exposure == settings_.exposure, "exposure"); }
+  Status set_gain(Gain gain) override { return fixed(gain == settings_.gain, "gain"); }
+  Status set_white_balance(WhiteBalance /*balance*/) override {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures have no white balance to set");
+  }
+  Result<std::optional<FrameView>> take_frame() override;
+  void release(BufferSlot slot) override {
+    if (slot < buffers_.size() && buffers_[slot].lent) buffers_[slot] = {};
+  }
+
+ private:
+  struct Buffer {
+    bool filled = false;
+    bool lent = false;
+    std::uint32_t sequence = 0;
+    Start start;
+    Reel::Picture picture;  ///< kept alive while lent
+  };
+
+  Status fixed(bool same, const std::string& what) const {
+    if (same) return {};
+    return fail(Errc::kBadValue, "head '" + identity_.path + "': the " + what +
+                                     " of pictures is what it was when they were taken; leave it out");
+  }
+  std::uint64_t first_after(Instant now) const {
+    const FrameRate rate = deck_.options.rate;
+    // From the whole second before; at most a second's frames are left to count.
+    auto n = static_cast<std::uint64_t>(now.ns() / 1'000'000'000) * rate.numerator / rate.denominator;
+    while (Instant{} + rate.start_of(n) <= now) ++n;
+    return n;
+  }
+  void step();
+  void fill(const Start& start);
+  Reel::Picture broken_picture();
+
+  State& deck_;
+  const HeadIdentity identity_;
+  Reel reel_;
+  const HeadFormat format_;
+  HeadLimits limits_;
+  const HeadSettings settings_;
+  bool streaming_ = false;
+  TriggerMode mode_ = TriggerMode::kFreeRun;
+  std::uint32_t sequence_ = 0;
+  std::uint64_t next_pulse_ = 0;
+  std::uint64_t next_free_ = 0;
+  std::vector<Buffer> buffers_;
+  std::deque<BufferSlot> filled_;
+  Reel::Picture grey_;
+};
+
+void Deck::State::Head::step() {
+  if (mode_ == TriggerMode::kExternal) {
+    deck_.trigger.step();
+    for (; next_pulse_ < deck_.trigger.total(); ++next_pulse_) {
+      if (const Start* start = deck_.trigger.sent(next_pulse_)) {
+        fill(*start);
+      } else {
+        ++sequence_;  // it came so long ago that no buffer was left for it anyway
+      }
+    }
+    return;
+  }
+  const Instant now = deck_.clock.now();
+  const FrameRate rate = deck_.options.rate;
+  for (; Instant{} + rate.start_of(next_free_) <= now; ++next_free_) {
+    fill({next_free_, Instant{} + rate.start_of(next_free_)});
+  }
+}
+
+void Deck::State::Head::fill(const Start& start) {
+  const std::uint32_t sequence = sequence_++;
+  for (std::size_t slot = 0; slot < buffers_.size(); ++slot) {
+    Buffer& buffer = buffers_[slot];
+    if (buffer.filled || buffer.lent) continue;
+    buffer = {true, false, sequence, start, nullptr};
+    filled_.push_back(static_cast<BufferSlot>(slot));
+    return;
+  }
+}
+
+Result<std::optional<FrameView>> Deck::State::Head::take_frame() {
+  if (!streaming_) return fail(Errc::kWrongState, "head '" + identity_.path + "': take_frame() before start()");
+  step();
+  if (filled_.empty()) return std::optional<FrameView>{};
+  const BufferSlot slot = filled_.front();
+  filled_.pop_front();
+  Buffer& buffer = buffers_[slot];
+  buffer.filled = false;
+  buffer.lent = true;
+  buffer.picture = reel_.picture(static_cast<std::size_t>(buffer.start.number % reel_.size()));
+  FrameView view;
+  if (!buffer.picture) {
+    buffer.picture = broken_picture();
+    view.verdict = FrameVerdict::kCorrupt;
+  }
+  view.slot = slot;
+  view.sequence = buffer.sequence;
+  view.mid_exposure = view.received = buffer.start.at;
+  view.in_effect = settings_;
+  view.image = buffer.picture->view();
+  return std::optional<FrameView>{view};
+}
+
+Reel::Picture Deck::State::Head::broken_picture() {
+  if (!grey_) {
+    DecodedImage grey{format_.pixels, format_.width, format_.height, {}};
+    grey.bytes.assign(packed_size(grey.format, grey.width, grey.height), 128);
+    grey_ = std::make_shared<const DecodedImage>(std::move(grey));
+  }
+  return grey_;
+}
+
+class Deck::State::Enumerator final : public HeadEnumerator {
+ public:
+  explicit Enumerator(State& deck) : deck_(deck) {}
+
+  Result<std::unique_ptr<HeadPort>> open(const std::string& path) override {
+    if (path.rfind(kScheme, 0) != 0) {
+      return fail(Errc::kNoSuchDevice, "head '" + path + "': a replay head's path begins with 'replay:'");
+    }
+    if (deck_.open.count(path) != 0) return fail(Errc::kBusy, "head '" + path + "': is open already");
+    const auto asked = deck_.known.find(path);
+    const auto as = asked == deck_.known.end() ? std::nullopt : asked->second;
+    auto reel = Reel::open(where(path), as, deck_.options.keep_bytes);
+    if (!reel) return fail(reel.error().in("head '" + path + "'"));
+    deck_.known.emplace(path, std::nullopt);
+    return std::make_unique<Head>(deck_, path, std::move(*reel));
+  }
+
+  std::vector<HeadIdentity> list() override {
+    std::vector<HeadIdentity> there;
+    for (const auto& [path, format] : deck_.known) {
+      if (Reel::present(where(path))) there.push_back({path, "", "pictures"});
+    }
+    return there;
+  }
+
+ private:
+  std::filesystem::path where(const std::string& path) const {
+    return deck_.options.base / path.substr(kScheme.size());
+  }
+
+  State& deck_;
+};
+
+Deck::State::State(ClockPort& c, const DeckOptions& o)
+    : clock(c), options(o), trigger(c), enumerator(std::make_unique<Enumerator>(*this)) {}
+Deck::State::~State() {
+  NODAL_ASSERT(open.empty());  // a head outlived its deck
+}
+
+Deck::Deck(ClockPort& clock, const DeckOptions& options) : state_(std::make_unique<State>(clock, options)) {}
+Deck::~Deck() = default;
+
+TriggerPort& Deck::trigger() { return state_->trigger; }
+HeadEnumerator& Deck::enumerator() { return *state_->enumerator; }
+void Deck::want_format(const std::string& path, PixelFormat format) { state_->known[path] = format; }
+
+}  // namespace nodal::hal::replay

@@ -1,0 +1,84 @@
+#include "hal/replay/reel.h"
+
+#include <glob.h>
+
+#include <algorithm>
+#include <cctype>
+
+namespace nodal::hal::replay {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_picture_name(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return ending == ".jpg" || ending == ".jpeg" || ending == ".png";
+}
+
+std::vector<fs::path> files_at(const fs::path& where) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  if (fs::is_directory(where, error)) {
+    for (fs::directory_iterator it(where, error), end; !error && it != end; it.increment(error)) {
+      if (is_picture_name(it->path())) files.push_back(it->path());
+    }
+  } else if (fs::exists(where, error)) {
+    files.push_back(where);
+  } else {
+    glob_t found{};
+    if (::glob(where.c_str(), 0, nullptr, &found) == 0) files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+    ::globfree(&found);
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+}  // namespace
+
+bool Reel::present(const fs::path& where) { return !files_at(where).empty(); }
+
+Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes) {
+  Reel reel;
+  reel.files_ = files_at(where);
+  if (reel.files_.empty()) {
+    return fail(Errc::kNoSuchDevice, "replay '" + where.string() + "': no JPEG or PNG is there");
+  }
+  const auto first = read_image_header(reel.files_.front());
+  if (!first) return fail(first.error());
+  reel.format_ = as.value_or(first->natural);
+  reel.width_ = first->width;
+  reel.height_ = first->height;
+  for (const fs::path& file : reel.files_) {
+    const auto header = read_image_header(file);
+    if (!header) return fail(header.error());
+    if (header->width != reel.width_ || header->height != reel.height_) {
+      return fail(Errc::kBadValue, "picture '" + file.string() + "': is " + std::to_string(header->width) + "x" +
+                                       std::to_string(header->height) + ", but the head's first is " +
+                                       std::to_string(reel.width_) + "x" + std::to_string(reel.height_));
+    }
+  }
+  const std::size_t each = packed_size(reel.format_, reel.width_, reel.height_);
+  reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / each);
+  reel.kept_.resize(reel.files_.size());
+  auto image = read_image(reel.files_.front(), reel.format_);
+  if (!image) return fail(image.error());
+  reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(*image));
+  reel.keeps_ = 1;
+  return reel;
+}
+
+Reel::Picture Reel::picture(std::size_t i) {
+  if (kept_[i]) return kept_[i];
+  auto image = read_image(files_[i], format_);
+  if (!image || image->width != width_ || image->height != height_) return nullptr;
+  auto picture = std::make_shared<const DecodedImage>(std::move(*image));
+  if (keeps_ < may_keep_) {
+    kept_[i] = picture;
+    ++keeps_;
+  }
+  return picture;
+}
+
+}  // namespace nodal::hal::replay
