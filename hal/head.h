@@ -88,18 +88,21 @@ class HeadPort {
   virtual const HeadFormat& format() const = 0;
   virtual const HeadLimits& limits() const = 0;
 
+  /// kWrongState when started already, kUnsupported for a trigger it has no input for; both change nothing.
   virtual Status start(TriggerMode trigger) = 0;
   /// Takes back every lent buffer. Safe in any state, any number of times.
   virtual void stop() = 0;
 
   /// Each takes effect some frames later; the frame that carries it says so in FrameView::in_effect.
-  /// A value outside the limits is kBadValue and changes nothing.
+  /// A value outside the limits is kBadValue, a setting that the head does not have kUnsupported; both change nothing.
+  /// What is set while stopped is carried by the first frame.
   virtual Status set_exposure(Exposure exposure) = 0;
   virtual Status set_gain(Gain gain) = 0;
   virtual Status set_white_balance(WhiteBalance balance) = 0;
 
-  /// The next frame, nothing when none is due, or an error.
+  /// The next frame, nothing when none is due, or an error: kWrongState when not started.
   virtual Result<std::optional<FrameView>> take_frame() = 0;
+  /// A slot that is not lent is ignored.
   virtual void release(BufferSlot slot) = 0;
 };
 
@@ -107,7 +110,7 @@ class HeadPort {
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: hands out heads; they may outlive neither the enumerator nor its world.
-/// Errors: kNoSuchDevice when nothing answers at `path` now; ask again later.
+/// Errors: kNoSuchDevice when nothing answers at `path` now, kBusy when it is open already; ask again later.
 class HeadEnumerator {
  public:
   virtual ~HeadEnumerator() = default;

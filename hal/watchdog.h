@@ -14,6 +14,7 @@ class WatchdogPort {
   virtual ~WatchdogPort() = default;
   virtual void ready() = 0;
   virtual void feed() = 0;
+  /// One line; what follows a line break is left out.
   virtual void status(std::string_view line) = 0;
 };
 

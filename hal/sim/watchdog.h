@@ -19,7 +19,7 @@ class SimWatchdog final : public WatchdogPort {
   // What the daemon sees.
   void ready() override { ready_ = true; last_ = clock_.now(); }
   void feed() override { ++feeds_; last_ = clock_.now(); }
-  void status(std::string_view line) override { lines_.emplace_back(line); }
+  void status(std::string_view line) override { lines_.emplace_back(line.substr(0, line.find_first_of("\r\n"))); }
 
   // What the test knows.
   bool is_ready() const { return ready_; }

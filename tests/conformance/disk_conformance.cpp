@@ -1,0 +1,230 @@
+// What every DiskPort must hold. An implementation takes part by a DiskWorld.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "../support/pictures.h"
+#include "hal/disk.h"
+#include "hal/linux/disk.h"
+#include "hal/sim/disk.h"
+
+namespace nodal::hal {
+
+namespace {
+
+class DiskWorld {
+ public:
+  virtual ~DiskWorld() = default;
+  virtual DiskPort& disk() = 0;
+};
+
+struct DiskWorldKind {
+  std::string name;
+  std::function<std::unique_ptr<DiskWorld>()> make;
+  friend std::ostream& operator<<(std::ostream& out, const DiskWorldKind& kind) { return out << kind.name; }
+};
+
+std::vector<std::uint8_t> bytes_of(const std::string& text) { return {text.begin(), text.end()}; }
+
+class DiskConformance : public testing::TestWithParam<DiskWorldKind> {
+ protected:
+  DiskPort& disk() { return world_->disk(); }
+  void put(const std::string& name, const std::string& text) {
+    const auto file = disk().create(name);
+    ASSERT_TRUE(file) << file.error().text();
+    ASSERT_TRUE(disk().write(*file, bytes_of(text)));
+    ASSERT_TRUE(disk().sync(*file));
+    disk().close(*file);
+  }
+  std::string get(const std::string& name) {
+    const auto bytes = disk().read(name, 1 << 20);
+    return bytes ? std::string(bytes->begin(), bytes->end()) : bytes.error().text();
+  }
+  using Names = std::vector<std::string>;
+
+  std::unique_ptr<DiskWorld> world_ = GetParam().make();
+};
+
+template <class T>
+void expect_error(const Result<T>& result, Errc code, const std::string& name) {
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, code) << result.error().text();
+  EXPECT_NE(result.error().message.find(name), std::string::npos) << result.error().message;
+}
+
+TEST_P(DiskConformance, Written_ReadsBackTheSame) {
+  put("a.json", "hello");
+  EXPECT_EQ(get("a.json"), "hello");
+  EXPECT_EQ(disk().size("a.json").value(), 5U);
+}
+
+TEST_P(DiskConformance, WrittenInPieces_EachGoesBehindTheLast) {
+  const FileHandle file = disk().create("log").value();
+  ASSERT_TRUE(disk().write(file, bytes_of("one ")));
+  ASSERT_TRUE(disk().write(file, {}));
+  ASSERT_TRUE(disk().write(file, bytes_of("two ")));
+  disk().close(file);
+  const FileHandle again = disk().open_append("log").value();
+  ASSERT_TRUE(disk().write(again, bytes_of("three")));
+  disk().close(again);
+  EXPECT_EQ(get("log"), "one two three");
+}
+
+TEST_P(DiskConformance, CreatedAgain_TheOlderOneIsReplaced) {
+  put("a", "a long first version");
+  put("a", "short");
+  EXPECT_EQ(get("a"), "short");
+}
+
+TEST_P(DiskConformance, NotThere_EveryCallSaysNotFoundAndNamesIt) {
+  expect_error(disk().open_append("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().read("gone", 10), Errc::kNotFound, "gone");
+  expect_error(disk().size("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().rename("gone", "new"), Errc::kNotFound, "gone");
+  expect_error(disk().remove("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().list("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().sync_folder("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().create("gone/a"), Errc::kNotFound, "gone");
+}
+
+TEST_P(DiskConformance, OverTheReadLimit_IsTooLargeAndAtItIsNot) {
+  put("a", "12345");
+  expect_error(disk().read("a", 4), Errc::kTooLarge, "a");
+  EXPECT_EQ(disk().read("a", 5).value(), bytes_of("12345"));
+  put("empty", "");
+  EXPECT_EQ(disk().read("empty", 0).value().size(), 0U);
+}
+
+TEST_P(DiskConformance, Renamed_ReplacesTheOtherWholeAndTheOldNameIsGone) {
+  put("current", "old calibration");
+  put("new.tmp", "new calibration");
+  ASSERT_TRUE(disk().rename("new.tmp", "current"));
+  EXPECT_EQ(get("current"), "new calibration");
+  expect_error(disk().size("new.tmp"), Errc::kNotFound, "new.tmp");
+  EXPECT_EQ(disk().list("").value(), Names{"current"});
+}
+
+TEST_P(DiskConformance, RenamedWhileOpen_TheHandleGoesOnWithTheFile) {
+  const FileHandle file = disk().create("a").value();
+  ASSERT_TRUE(disk().write(file, bytes_of("1")));
+  ASSERT_TRUE(disk().rename("a", "b"));
+  ASSERT_TRUE(disk().write(file, bytes_of("2")));
+  disk().close(file);
+  EXPECT_EQ(get("b"), "12");
+}
+
+TEST_P(DiskConformance, RenamedOntoItself_Stays) {
+  put("a", "x");
+  ASSERT_TRUE(disk().rename("a", "a"));
+  EXPECT_EQ(get("a"), "x");
+}
+
+TEST_P(DiskConformance, Removed_IsGone) {
+  put("a", "x");
+  ASSERT_TRUE(disk().remove("a"));
+  expect_error(disk().size("a"), Errc::kNotFound, "a");
+}
+
+TEST_P(DiskConformance, Folders_HoldFilesAndListSorted) {
+  ASSERT_TRUE(disk().make_folder("takes"));
+  ASSERT_TRUE(disk().make_folder("takes/7"));
+  ASSERT_TRUE(disk().make_folder("takes")) << "making one that is there is no error";
+  put("takes/b", "2");
+  put("takes/a", "1");
+  put("takes/7/c", "3");
+  put("takes-of-another-name", "4");
+  EXPECT_EQ(disk().list("takes").value(), (Names{"7", "a", "b"}));
+  EXPECT_EQ(disk().list("").value(), (Names{"takes", "takes-of-another-name"}));
+  ASSERT_TRUE(disk().rename("takes/7/c", "takes/c"));
+  EXPECT_EQ(get("takes/c"), "3");
+  ASSERT_TRUE(disk().sync_folder("takes"));
+  ASSERT_TRUE(disk().sync_folder(""));
+}
+
+TEST_P(DiskConformance, FolderWithFiles_IsNotRemovedAndAnEmptyOneIs) {
+  ASSERT_TRUE(disk().make_folder("f"));
+  put("f/a", "x");
+  expect_error(disk().remove("f"), Errc::kExists, "f");
+  EXPECT_EQ(get("f/a"), "x");
+  ASSERT_TRUE(disk().remove("f/a"));
+  ASSERT_TRUE(disk().remove("f"));
+  EXPECT_TRUE(disk().list("").value().empty());
+}
+
+TEST_P(DiskConformance, FolderForAFile_IsRefusedByName) {
+  ASSERT_TRUE(disk().make_folder("f"));
+  expect_error(disk().create("f"), Errc::kExists, "f");
+  expect_error(disk().read("f", 10), Errc::kIo, "f");
+  put("a", "x");
+  expect_error(disk().make_folder("a"), Errc::kExists, "a");
+  expect_error(disk().rename("a", "f"), Errc::kUnsupported, "f");
+}
+
+TEST_P(DiskConformance, NamesThatLeadOutside_AreBadValuesEverywhere) {
+  put("a", "x");
+  for (const std::string name : {"../a", "/etc/passwd", "f/../../a", "", ".", "..", "f//a", "f/", "./a"}) {
+    expect_error(disk().create(name), Errc::kBadValue, name);
+    expect_error(disk().open_append(name), Errc::kBadValue, name);
+    expect_error(disk().read(name, 10), Errc::kBadValue, name);
+    expect_error(disk().size(name), Errc::kBadValue, name);
+    expect_error(disk().rename(name, "b"), Errc::kBadValue, name);
+    expect_error(disk().rename("a", name), Errc::kBadValue, name);
+    expect_error(disk().remove(name), Errc::kBadValue, name);
+    expect_error(disk().make_folder(name), Errc::kBadValue, name);
+    if (!name.empty()) {
+      expect_error(disk().list(name), Errc::kBadValue, name);
+      expect_error(disk().sync_folder(name), Errc::kBadValue, name);
+    }
+  }
+  const std::string hidden("a\0b", 3);
+  EXPECT_EQ(disk().create(hidden).error().code, Errc::kBadValue);
+}
+
+TEST_P(DiskConformance, HandleNotOpen_IsWrongState) {
+  const FileHandle file = disk().create("a").value();
+  disk().close(file);
+  disk().close(file);
+  EXPECT_EQ(disk().write(file, bytes_of("x")).error().code, Errc::kWrongState);
+  EXPECT_EQ(disk().sync(file).error().code, Errc::kWrongState);
+}
+
+TEST_P(DiskConformance, AMegabyte_TakesThatMuchRoom) {
+  const std::uint64_t before = disk().free_bytes().value();
+  EXPECT_GT(before, 0U);
+  const FileHandle file = disk().create("big").value();
+  const std::vector<std::uint8_t> megabyte(1 << 20, 0xA5);
+  ASSERT_TRUE(disk().write(file, megabyte));
+  ASSERT_TRUE(disk().sync(file));
+  disk().close(file);
+  EXPECT_EQ(disk().read("big", 1 << 20).value(), megabyte);
+}
+
+class SimDiskWorld final : public DiskWorld {
+ public:
+  DiskPort& disk() override { return disk_; }
+
+ private:
+  sim::SimDisk disk_;
+};
+
+class LinuxDiskWorld final : public DiskWorld {
+ public:
+  DiskPort& disk() override { return *disk_; }
+
+ private:
+  test::TemporaryFolder folder_;
+  std::unique_ptr<linux_os::LinuxDisk> disk_ =
+      linux_os::LinuxDisk::open((folder_ / "made/on/the/way").string()).value();
+};
+
+INSTANTIATE_TEST_SUITE_P(All, DiskConformance,
+                         testing::Values(DiskWorldKind{"Sim", [] { return std::make_unique<SimDiskWorld>(); }},
+                                         DiskWorldKind{"Linux", [] { return std::make_unique<LinuxDiskWorld>(); }}),
+                         [](const auto& kind) { return kind.param.name; });
+
+}  // namespace
+}  // namespace nodal::hal

@@ -1,0 +1,150 @@
+// What every TriggerPort must hold. An implementation takes part by a TriggerWorld.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <vector>
+
+#include "hal/replay/deck.h"
+#include "hal/sim/clock.h"
+#include "hal/sim/trigger.h"
+#include "hal/trigger.h"
+
+namespace nodal::hal {
+
+namespace {
+
+class TriggerWorld {
+ public:
+  virtual ~TriggerWorld() = default;
+  virtual TriggerPort& trigger() = 0;
+  virtual void pass(Duration time) = 0;
+  /// How far a pulse may be from where it should be, to each side.
+  virtual Duration jitter() const { return {}; }
+};
+
+struct TriggerWorldKind {
+  std::string name;
+  std::function<std::unique_ptr<TriggerWorld>()> make;
+  friend std::ostream& operator<<(std::ostream& out, const TriggerWorldKind& kind) { return out << kind.name; }
+};
+
+class TriggerConformance : public testing::TestWithParam<TriggerWorldKind> {
+ protected:
+  TriggerPort& trigger() { return world_->trigger(); }
+  std::vector<TriggerEdge> edges() {
+    std::vector<TriggerEdge> all;
+    while (auto edge = trigger().take_edge().value()) all.push_back(*edge);
+    return all;
+  }
+  /// Lets time pass in small steps, as a daemon would, and takes what comes.
+  std::vector<TriggerEdge> edges_during(Duration time) {
+    std::vector<TriggerEdge> all;
+    for (int i = 0; i < 100; ++i) {
+      world_->pass(time / 100);
+      for (const TriggerEdge& edge : edges()) all.push_back(edge);
+    }
+    return all;
+  }
+
+  std::unique_ptr<TriggerWorld> world_ = GetParam().make();
+};
+
+TEST_P(TriggerConformance, NotStarted_NoPulses) { EXPECT_TRUE(edges_during(Duration::seconds(1)).empty()); }
+
+// At 30000/1001 the period is not a whole number of nanoseconds; pulse n stays at n * 1001 / 30000 s all the same.
+TEST_P(TriggerConformance, Started_PulsesCountFromZeroOnTheExactGridOfTheRate) {
+  ASSERT_TRUE(trigger().start({}));
+  const auto all = edges_during(Duration::seconds(20));
+  ASSERT_GE(all.size(), 598U);
+  ASSERT_LE(all.size(), 600U);
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    ASSERT_EQ(all[n].number, n);
+    const double exact = static_cast<double>(n) * 1001e9 / 30000;
+    const double off = static_cast<double>((all[n].at - all[0].at).ns()) - exact;
+    ASSERT_LE(std::abs(off), 2 * static_cast<double>(world_->jitter().ns()) + 2) << "pulse " << n;
+  }
+}
+
+TEST_P(TriggerConformance, Stopped_NoMorePulsesAndStoppingAgainIsHarmless) {
+  trigger().stop();
+  ASSERT_TRUE(trigger().start({}));
+  edges_during(Duration::milliseconds(500));
+  trigger().stop();
+  trigger().stop();
+  edges();
+  EXPECT_TRUE(edges_during(Duration::seconds(1)).empty());
+}
+
+TEST_P(TriggerConformance, StartedAgainAtAnotherRate_CountsFromZeroAtThatRate) {
+  ASSERT_TRUE(trigger().start({}));
+  edges_during(Duration::milliseconds(500));
+  TriggerSettings slow;
+  slow.rate = {10, 1};
+  ASSERT_TRUE(trigger().start(slow));
+  const auto all = edges_during(Duration::seconds(2));
+  ASSERT_GE(all.size(), 19U);
+  ASSERT_LE(all.size(), 21U);
+  EXPECT_EQ(all.front().number, 0U);
+  EXPECT_EQ(all.back().number, all.size() - 1);
+}
+
+TEST_P(TriggerConformance, ImpossibleSettings_AreBadValuesAndARunningTrainGoesOn) {
+  ASSERT_TRUE(trigger().start({}));
+  edges_during(Duration::milliseconds(100));
+  TriggerSettings zero;
+  zero.rate = {0, 1};
+  TriggerSettings nothing;
+  nothing.rate = {30, 0};
+  TriggerSettings wide;
+  wide.pulse_width = wide.rate.period();
+  TriggerSettings none;
+  none.pulse_width = {};
+  for (const TriggerSettings& settings : {zero, nothing, wide, none}) {
+    const Status status = trigger().start(settings);
+    ASSERT_FALSE(status);
+    EXPECT_EQ(status.error().code, Errc::kBadValue);
+    EXPECT_NE(status.error().message.find("trigger"), std::string::npos);
+  }
+  EXPECT_GE(edges_during(Duration::milliseconds(500)).size(), 14U);
+}
+
+class SimTriggerWorld final : public TriggerWorld {
+ public:
+  explicit SimTriggerWorld(Duration jitter) : jitter_(jitter), trigger_(clock_, options(jitter), 5) {}
+  TriggerPort& trigger() override { return trigger_; }
+  void pass(Duration time) override { clock_.advance(time); }
+  Duration jitter() const override { return jitter_; }
+
+ private:
+  static sim::TriggerOptions options(Duration jitter) {
+    sim::TriggerOptions options;
+    options.jitter = jitter;
+    return options;
+  }
+  const Duration jitter_;
+  sim::SimClock clock_;
+  sim::SimTrigger trigger_;
+};
+
+class ReplayTriggerWorld final : public TriggerWorld {
+ public:
+  TriggerPort& trigger() override { return deck_.trigger(); }
+  void pass(Duration time) override { clock_.advance(time); }
+
+ private:
+  sim::SimClock clock_;
+  replay::Deck deck_{clock_, {}};
+};
+
+INSTANTIATE_TEST_SUITE_P(
+    All, TriggerConformance,
+    testing::Values(TriggerWorldKind{"Sim", [] { return std::make_unique<SimTriggerWorld>(Duration{}); }},
+                    TriggerWorldKind{"SimJitter",
+                                     [] { return std::make_unique<SimTriggerWorld>(Duration::microseconds(50)); }},
+                    TriggerWorldKind{"Replay", [] { return std::make_unique<ReplayTriggerWorld>(); }}),
+    [](const auto& kind) { return kind.param.name; });
+
+}  // namespace
+}  // namespace nodal::hal
