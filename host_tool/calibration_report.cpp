@@ -39,6 +39,12 @@ double reach(const Head& head, double step_x, double step_y) {
   return angle * kDegrees;
 }
 
+/// Without "-0.00" and "-180.00".
+std::string show_degrees(double degrees) {
+  const double rounded = std::round(degrees * 100) / 100;
+  return fmt::format("{:.2f}°", rounded == 0 ? 0.0 : rounded == -180 ? 180.0 : rounded);
+}
+
 /// Ray i of kRays that lie evenly on the sphere, along a spiral of equal areas.
 Ray even_ray(int i) {
   const double y = 1 - (2 * i + 1.0) / kRays;
@@ -114,7 +120,7 @@ void show(Console& console, const CalibrationReport& report) {
   for (const HeadReport& head : report.heads) {
     table.row({head.name, fmt::format("{}×{}", head.width, head.height), head.lens,
                fmt::format("{:.1f}°×{:.1f}°", head.horizontal_field, head.vertical_field),
-               fmt::format("{:.2f}°", head.yaw), fmt::format("{:.2f}°", head.pitch), fmt::format("{:.2f}°", head.roll)});
+               show_degrees(head.yaw), show_degrees(head.pitch), show_degrees(head.roll)});
   }
   for (const std::string& line : table.lines()) console.line("  " + line);
   console.line(fmt::format("  {:.2f} heads see a ray on average; {:.1f} % of the sphere is seen by two or more",

@@ -77,6 +77,7 @@ CommandLine::CommandLine(Console& console)
   add_genlock(app_, *this);
   add_calibration(app_, *this);
   add_raymap(app_, *this);
+  add_import(app_, *this);
   add_completion(app_, *this);
 }
 

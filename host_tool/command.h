@@ -70,6 +70,7 @@ void add_heads(CLI::App& app, CommandLine& line);
 void add_genlock(CLI::App& app, CommandLine& line);
 void add_calibration(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);
+void add_import(CLI::App& app, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
 /// A command with the help text's examples below its options.

@@ -25,6 +25,7 @@ struct ImportResult {
   Calibration calibration;
   std::vector<std::string> notes;
   std::vector<ControlPoint> control_points;
+  std::vector<std::string> images;  ///< each head's picture, as the project names it; empty when it names none
 };
 
 inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // masks inside a .pts are long

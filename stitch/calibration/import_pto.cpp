@@ -131,6 +131,8 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
     Result<HeadCalibration> head = read_head(images, i, taken, result.notes);
     if (!head) return fail(head.error());
     taken.push_back(head->name);
+    const std::string* file = images[i].find("n");
+    result.images.push_back(file == nullptr ? "" : *file);
     result.calibration.heads.push_back(std::move(*head));
     const Result<Photometry> read = read_photometry(images, i);
     if (!read) return fail(read.error());

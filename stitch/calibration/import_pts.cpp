@@ -149,6 +149,7 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
     Result<HeadCalibration> head = read_head(*project, i, taken, result.notes);
     if (!head) return fail(head.error());
     taken.push_back(head->name);
+    result.images.emplace_back(project->files[i].path);
     result.calibration.heads.push_back(std::move(*head));
   }
   note_what_is_left_out(*project, result.notes);
