@@ -23,9 +23,15 @@ function(nodal_test name)
     list(APPEND links nodal_package_${package})
   endforeach()
   target_link_libraries(${test} PRIVATE nodal_flags ${links} GTest::gtest GTest::gtest_main)
-  target_compile_definitions(${test} PRIVATE
-    NODAL_SOURCE_DIR="${CMAKE_SOURCE_DIR}" NODAL_SHARED_DIR="${CMAKE_SOURCE_DIR}/../shared"
-    NODAL_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  # Only for sources that ask for them: the rest then compile to the same objects in every checkout, which a
+  # compiler cache makes use of.
+  foreach(source IN LISTS ARG_SOURCES)
+    file(STRINGS ${source} asks REGEX "NODAL_(SOURCE|SHARED|BIN)_DIR" LIMIT_COUNT 1)
+    if(asks)
+      set_source_files_properties(${source} PROPERTIES COMPILE_DEFINITIONS
+        "NODAL_SOURCE_DIR=\"${CMAKE_SOURCE_DIR}\";NODAL_SHARED_DIR=\"${CMAKE_SOURCE_DIR}/../shared\";NODAL_BIN_DIR=\"${CMAKE_RUNTIME_OUTPUT_DIRECTORY}\"")
+    endif()
+  endforeach()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 60)
   endif()
