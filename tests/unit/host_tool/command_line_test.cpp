@@ -1,0 +1,138 @@
+#include "host_tool/command.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "host_tool/completion.h"
+
+namespace nodal::host {
+namespace {
+
+std::string content_of(std::FILE* file) {
+  std::string text;
+  std::rewind(file);
+  for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text.push_back(static_cast<char>(c));
+  return text;
+}
+
+/// One run of `nodal` in this process, with what it printed.
+struct Outcome {
+  explicit Outcome(std::vector<const char*> words) {
+    words.insert(words.begin(), "nodal");
+    std::FILE* out_file = std::tmpfile();
+    std::FILE* err_file = std::tmpfile();
+    Console console(out_file, err_file);
+    CommandLine line(console);
+    testing::internal::CaptureStdout();  // the parser prints help there by itself
+    code = line.run(static_cast<int>(words.size()), words.data());
+    help = testing::internal::GetCapturedStdout();
+    out = content_of(out_file);
+    err = content_of(err_file);
+    std::fclose(out_file);
+    std::fclose(err_file);
+  }
+  ExitCode code;
+  std::string help, out, err;
+};
+
+TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
+  Console console(stdout, stderr);
+  CommandLine line(console);
+  for (const CommandWords& command : command_words(line.app())) {
+    std::vector<const char*> words;
+    for (const std::string& word : command.path) words.push_back(word.c_str());
+    words.push_back("--help");
+    const Outcome run(words);
+    EXPECT_EQ(run.code, ExitCode::kOk);
+    EXPECT_NE(run.help.find("Usage: nodal"), std::string::npos) << run.help;
+    if (command.subcommands.empty() || command.path.empty()) {
+      EXPECT_NE(run.help.find("Examples:\n  "), std::string::npos) << run.help;
+    }
+  }
+}
+
+TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
+  const std::vector<std::vector<const char*>> wrong{
+      {}, {"stauts"}, {"status", "--wacth"}, {"status", "more"}, {"head", "set", "0"}, {"head", "set", "--gain", "1dB"},
+      {"head", "set", "0", "--gain", "6"}, {"head", "set", "0", "--exposure", "0"}, {"genlock"}, {"genlock", "begin"},
+      {"genlock", "start", "--rate", "fast"}, {"calibration", "upload"}, {"calibration", "use"},
+      {"raymap", "pull", "-n", "0"}, {"raymap", "pull", "-n", "2", "--continuous"},
+      {"raymap", "pull", "--for", "5"}, {"raymap", "pull", "--format", "bmp"}, {"completion", "tcsh"},
+      {"--rig", "rig.local", "status"}, {"--timeout", "5", "status"}, {"import"}};
+  for (const auto& words : wrong) {
+    const Outcome run(words);
+    std::string line;
+    for (const char* word : words) line += std::string(" ") + word;
+    EXPECT_EQ(run.code, ExitCode::kUsage) << "nodal" << line;
+    EXPECT_NE(run.err.find("nodal: "), std::string::npos) << "nodal" << line;
+    EXPECT_EQ(run.out, "") << "nodal" << line;
+  }
+}
+
+TEST(CommandLine, NobodyAtTheAddress_IsUnreachableForPeopleAndPrograms) {
+  const Outcome run({"--rig", "unix:/nonexistent/nodal.sock", "--json", "status"});
+  EXPECT_EQ(run.code, ExitCode::kUnreachable);
+  EXPECT_NE(run.err.find("/nonexistent/nodal.sock"), std::string::npos) << run.err;
+  const auto json = nlohmann::json::parse(run.out);
+  EXPECT_EQ(json["error"]["code"], 305);
+  EXPECT_EQ(json["error"]["name"], "unreachable");
+}
+
+TEST(CommandLine, SshProgramThatIsNotThere_IsUnreachableAndNamesIt) {
+  setenv("NODAL_SSH", "/nonexistent/ssh", 1);
+  const Outcome run({"--rig", "ssh://rig.local", "status"});
+  unsetenv("NODAL_SSH");
+  EXPECT_EQ(run.code, ExitCode::kUnreachable);
+  EXPECT_NE(run.err.find("/nonexistent/ssh"), std::string::npos) << run.err;
+}
+
+TEST(CommandLine, RigFromTheEnvironment_IsUsedWhenNoneIsGiven) {
+  setenv("NODAL_RIG", "unix:/nonexistent/from-environment", 1);
+  const Outcome from_environment({"status"});
+  const Outcome from_option({"status", "--rig", "unix:/nonexistent/from-option"});
+  unsetenv("NODAL_RIG");
+  EXPECT_NE(from_environment.err.find("from-environment"), std::string::npos);
+  EXPECT_NE(from_option.err.find("from-option"), std::string::npos);
+}
+
+TEST(ExitCodes, EveryError_GoesByItsHundreds) {
+  EXPECT_EQ(exit_code_of(Errc::kBadValue), ExitCode::kBadInput);
+  EXPECT_EQ(exit_code_of(Errc::kNotARotation), ExitCode::kBadInput);
+  EXPECT_EQ(exit_code_of(Errc::kLinkClosed), ExitCode::kUnreachable);
+  EXPECT_EQ(exit_code_of(Errc::kDeviceGone), ExitCode::kDevice);
+  EXPECT_EQ(exit_code_of(Errc::kDiskFull), ExitCode::kStorage);
+  EXPECT_EQ(exit_code_of(Errc::kNotReady), ExitCode::kNotNow);
+  EXPECT_EQ(exit_code_of(Errc::kBusy), ExitCode::kNotNow);
+  EXPECT_EQ(exit_code_of(Errc::kInternal), ExitCode::kFailed);
+  EXPECT_EQ(exit_code_of(static_cast<Errc>(1234)), ExitCode::kFailed);
+}
+
+// --- the example calibration ----------------------------------------------------------------------------
+
+TEST(ExampleCalibration, TenHeads_SeeTheWholeSphere) {
+  const Outcome run({"--json", "calibration", "check", NODAL_SOURCE_DIR "/host_tool/example/ten_heads.json"});
+  ASSERT_EQ(run.code, ExitCode::kOk) << run.err;
+  const auto json = nlohmann::json::parse(run.out);
+  EXPECT_EQ(json["heads"].size(), 10U);
+  EXPECT_EQ(json["unseen"], 0.0);
+  EXPECT_GT(json["seen_twice"], 0.3);
+  const double places[10][2] = {{0, 30},  {90, 30},   {180, 30},  {-90, 30},  {45, -30},
+                                {135, -30}, {-135, -30}, {-45, -30}, {0, 90}, {45, -90}};
+  for (std::size_t i = 0; i < 10; ++i) {
+    const auto& head = json["heads"][i];
+    EXPECT_NEAR(head["horizontal_field_deg"], 98, 1.5);
+    EXPECT_NEAR(head["pitch_deg"], places[i][1], 1e-6);
+    EXPECT_NEAR(std::remainder(head["yaw_deg"].get<double>() - places[i][0], 360), 0, 1e-6);
+  }
+}
+
+TEST(CalibrationCheck, FileThatIsNotThere_IsAStorageError) {
+  EXPECT_EQ(Outcome({"calibration", "check", "/nonexistent.json"}).code, ExitCode::kStorage);
+}
+
+}  // namespace
+}  // namespace nodal::host
