@@ -1,6 +1,7 @@
 #include "firmware/blender.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace nodal::firmware {
 namespace {
@@ -24,11 +25,21 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Fra
 }
 
 bool Blender::step() {
-  if (run_band()) return true;
-  if (coordinating_.test_and_set(std::memory_order_acquire)) return false;
-  const bool busy = coordinate();
-  coordinating_.clear(std::memory_order_release);
+  bool busy = run_band();
+  if (!busy) {
+    if (coordinating_.test_and_set(std::memory_order_acquire)) return false;
+    busy = coordinate();
+    coordinating_.clear(std::memory_order_release);
+  }
+  if (busy) count(progress_);
   return busy;
+}
+
+void Blender::close() {
+  if (set_) give_back(std::exchange(set_, nullptr));
+  while (auto set = sets_in_.pop()) give_back(*set);
+  next_band_.store(kNoBands);
+  idle_.store(true);
 }
 
 bool Blender::run_band() {

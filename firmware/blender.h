@@ -33,6 +33,8 @@ class Blender {
 
   /// True when it did something.
   bool step();
+  /// Ends: gives every set back. No thread may be in step() any more.
+  void close();
 
   SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
   /// Calibrations that are no longer in force, to be freed off the frame path.
@@ -49,6 +51,8 @@ class Blender {
   };
   const Counts& counts() const { return counts_; }
   const RecentTimes& times() const { return times_; }
+  /// Rises with every piece of work; while !idle() and no client holds it up, it must.
+  std::uint64_t progress() const { return progress_.load(std::memory_order_relaxed); }
   /// No set is waiting or under way.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
@@ -98,6 +102,7 @@ class Blender {
   Counts counts_;
   RecentTimes times_;
   std::atomic<bool> idle_{true};
+  std::atomic<std::uint64_t> progress_{0};
 };
 
 }  // namespace nodal::firmware

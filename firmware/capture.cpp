@@ -67,6 +67,7 @@ bool Capture::step(Instant now) {
   }
   check();
   update_report(now, busy);
+  steps_.fetch_add(1, std::memory_order_relaxed);
   return busy;
 }
 
@@ -84,7 +85,7 @@ bool Capture::run_commands(Instant now) {
     } else {
       stop_genlock(now);
     }
-    answers_.push(CaptureAnswer{command->ticket, std::move(status)});
+    answers_.push(CaptureAnswer{command->ticket, std::move(status), genlock_report()});
   }
   return any;
 }
@@ -154,6 +155,12 @@ void Capture::check() const {
   NODAL_ASSERT(all.held == held && all.conserved());
 }
 
+GenlockReport Capture::genlock_report() const {
+  GenlockReport report = genlock_.report();
+  if (!genlock_.running()) report.rate = rate_;
+  return report;
+}
+
 void Capture::update_report(Instant now, bool changed) {
   if (!changed && now < next_report_) return;
   report_.frames = {};
@@ -161,8 +168,7 @@ void Capture::update_report(Instant now, bool changed) {
     report_.heads[i] = heads_[i].report();
     report_.frames.add(heads_[i].report().counts);
   }
-  report_.genlock = genlock_.report();
-  if (!genlock_.running()) report_.genlock.rate = rate_;
+  report_.genlock = genlock_report();
   if (now >= next_report_ || report_.sets != reported_sets_) {
     snapshot_.publish(report_);
     next_report_ = now + kReportEvery;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -39,6 +40,7 @@ struct CaptureCommand {
 struct CaptureAnswer {
   std::uint64_t ticket = 0;
   Status status;
+  GenlockReport genlock;  ///< after it
 };
 
 /// Capture as status tells of it.
@@ -75,6 +77,8 @@ class Capture {
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
   const CaptureReport& report() const { return report_; }
+  /// Counts calls of step(); read by any thread.
+  std::uint64_t steps() const { return steps_.load(std::memory_order_relaxed); }
 
   static constexpr std::size_t kMaxOpenSets = 4;
   static constexpr std::size_t kSetsWaiting = 1;  ///< between capture and blend: newer is better than more
@@ -102,6 +106,7 @@ class Capture {
   static void describe(FrameSet& set);
   void give_back(FrameSet* set);
   void close_all(Instant now);
+  GenlockReport genlock_report() const;
   void update_report(Instant now, bool changed);
   void check() const;
 
@@ -128,6 +133,7 @@ class Capture {
   CaptureReport report_;
   Instant next_report_;
   std::uint64_t reported_sets_ = 0;
+  std::atomic<std::uint64_t> steps_{0};
 };
 
 }  // namespace nodal::firmware

@@ -65,7 +65,8 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   if (raymap.height % 2 != 0 || !shaped) {
     reader.refuse("height", "is " + std::to_string(raymap.height) + " beside a width of " +
                                 std::to_string(raymap.width) +
-                                (cube ? "; a cube's is even, and 2/3 of its width" : "; an equirectangular raymap's is even, and half its width"));
+                                (cube ? "; a cube's is even, and 2/3 of its width"
+                                      : "; an equirectangular raymap's is even, and half its width"));
   }
   constexpr std::array formats = {PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8};
   raymap.format = formats[reader.choice("format", {"I420", "RGB24", "GREY"}, 0)];
@@ -84,8 +85,8 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
 void read_links(TomlReader reader, LinksConfig& links) {
   links.unix_path = reader.text("unix", links.unix_path);
   if (links.unix_path.size() > kMaxUnixPath) {
-    reader.refuse("unix", "is " + std::to_string(links.unix_path.size()) + " bytes long; a Unix socket's path has at most " +
-                              std::to_string(kMaxUnixPath));
+    reader.refuse("unix", "is " + std::to_string(links.unix_path.size()) +
+                              " bytes long; a Unix socket's path has at most " + std::to_string(kMaxUnixPath));
   }
   links.tcp_port = static_cast<std::uint16_t>(reader.integer("tcp_port", 0, 65535, 0));
 }
@@ -140,7 +141,9 @@ HeadConfig read_head(TomlReader reader) {
   head.name = name_of(reader);
   head.port = read_port(reader);
   head.format = kFormats[reader.choice("format", {"I420", "NV12", "YUYV", "UYVY", "RGB24", "GREY"}, 0)];
-  if (reader.has("exposure_us")) head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
+  if (reader.has("exposure_us")) {
+    head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
+  }
   if (reader.has("gain_mdb")) {
     head.gain = Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -60'000, 60'000, 0)));
   }
@@ -161,7 +164,8 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     return;
   }
   if (heads->size() > static_cast<std::size_t>(kMaxHeads)) {
-    file.refuse("heads", "has " + std::to_string(heads->size()) + " entries; a rig has at most " + std::to_string(kMaxHeads));
+    file.refuse("heads", "has " + std::to_string(heads->size()) + " entries; a rig has at most " +
+                             std::to_string(kMaxHeads));
     return;
   }
   std::set<std::string> names;

@@ -10,6 +10,11 @@
 
 namespace nodal::firmware {
 
+/// Thousandths of frames a second.
+constexpr std::uint32_t millihertz(FrameRate rate) {
+  return static_cast<std::uint32_t>(std::uint64_t{rate.numerator} * 1000 / rate.denominator);
+}
+
 /// The median of the newest times a stage took.
 ///
 /// Threading: add() by one thread at a time, median() by any.

@@ -85,6 +85,8 @@ Bytes as_operations(std::uint8_t role, std::span<const std::uint8_t> stream) {
   }
 }
 
+Bytes text(const std::string& words) { return {words.begin(), words.end()}; }
+
 Bytes with_front(std::uint8_t front, const Bytes& rest) {
   Bytes all{front};
   all.insert(all.end(), rest.begin(), rest.end());
@@ -108,8 +110,7 @@ int main(int argc, char** argv) {
   write(corpus / "framing/host_put_right", with_front(1, talk->from_host));
   write(corpus / "framing/rig_put_right", with_front(3, talk->from_rig));
   write(corpus / "framing/half_a_header", with_front(0, Bytes(talk->from_host.begin(), talk->from_host.begin() + 20)));
-  write(corpus / "framing/not_nodal", Bytes{0, 'G', 'E', 'T', ' ', '/', ' ', 'H', 'T', 'T', 'P', '/', '1', '.', '1', '\r',
-                                            '\n', 'H', 'o', 's', 't', ':', ' ', 'x', '\r', '\n', '\r', '\n', '\n'});
+  write(corpus / "framing/not_nodal", with_front(0, text("GET / HTTP/1.1\r\nHost: x\r\n\r\n")));
   const Bytes at_rig = as_operations(0, talk->from_host);
   const Bytes at_host = as_operations(1, talk->from_rig);
   write(corpus / "session/at_rig", at_rig);

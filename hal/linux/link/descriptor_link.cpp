@@ -113,7 +113,8 @@ Result<std::size_t> DescriptorLink::write(std::span<const std::uint8_t> from) {
 
 Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer) {
   for (const int fd : {read_from, write_to}) {
-    if (fcntl(fd, F_GETFD) < 0) return system_error(Errc::kBadValue, peer + ": descriptor " + std::to_string(fd), errno);
+    if (fcntl(fd, F_GETFD) >= 0) continue;
+    return system_error(Errc::kBadValue, peer + ": descriptor " + std::to_string(fd), errno);
   }
   return std::make_unique<DescriptorLink>(Descriptor(read_from), write_to, std::move(peer));
 }

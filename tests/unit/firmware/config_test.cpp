@@ -89,7 +89,8 @@ TEST(RigConfig, MissingThings_AreNamed) {
   expect_refused("", Errc::kMissingField, "rig must be there");
   expect_refused("[rig]\nname='r'\n", Errc::kMissingField, "heads must be there");
   expect_refused(replaced(kSmall, "name = \"small\"", ""), Errc::kMissingField, "rig.name must be there");
-  expect_refused(replaced(kSmall, "[sim]\ncalibration = \"truth.json\"\n", ""), Errc::kMissingField, "sim must be there");
+  expect_refused(replaced(kSmall, "[sim]\ncalibration = \"truth.json\"\n", ""), Errc::kMissingField,
+                 "sim must be there");
   expect_refused(replaced(kSmall, "calibration = \"truth.json\"", ""), Errc::kMissingField, "sim.calibration");
 }
 

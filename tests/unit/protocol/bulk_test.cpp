@@ -197,7 +197,8 @@ TEST(Bulk, Saturated_ControlWaitsForOnePieceAtMost) {
     std::vector<StreamId> streams;
     for (int i = 0; i < 3; ++i) streams.push_back(talk.rig->open_stream(StreamPolicy::kLossless).value());
     talk.run();
-    for (const StreamId stream : streams) ASSERT_TRUE(talk.rig->offer(stream, BulkItem{"", shared_bytes(2'000'000), 0}));
+    const auto body = shared_bytes(2'000'000);
+    for (const StreamId stream : streams) ASSERT_TRUE(talk.rig->offer(stream, BulkItem{"", body, 0}));
     BulkWorld::move(*talk.rig, *talk.host, written_before);
     take_events(*talk.host);
     wire::Reply reply;

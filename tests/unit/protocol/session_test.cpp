@@ -188,11 +188,17 @@ TEST(Session, RulesOfOrder_BrokenOnesAreNamed) {
     bool after_hello;
     const char* says;
   };
-  for (const Case& c : {Case{FrameType::kRequest, 0, false, "not a hello"}, Case{FrameType::kHello, 0, true, "second hello"},
-                        Case{FrameType::kReply, 0, true, "only rigs give"}, Case{FrameType::kRequest, 3, true, "on stream 3"},
-                        Case{FrameType::kBulk, 0, true, "on stream 0"}, Case{FrameType::kBulk, 1, true, "not open"},
-                        Case{FrameType::kCredit, 2, true, "never opened"}, Case{FrameType::kStreamClose, 1, true, "not open"},
-                        Case{FrameType::kStreamOpen, 1, true, "policy 0"}, Case{FrameType::kStreamOpen, 2, true, "turn"}}) {
+  const Case cases[] = {{FrameType::kRequest, 0, false, "not a hello"},
+                        {FrameType::kHello, 0, true, "second hello"},
+                        {FrameType::kReply, 0, true, "only rigs give"},
+                        {FrameType::kRequest, 3, true, "on stream 3"},
+                        {FrameType::kBulk, 0, true, "on stream 0"},
+                        {FrameType::kBulk, 1, true, "not open"},
+                        {FrameType::kCredit, 2, true, "never opened"},
+                        {FrameType::kStreamClose, 1, true, "not open"},
+                        {FrameType::kStreamOpen, 1, true, "policy 0"},
+                        {FrameType::kStreamOpen, 2, true, "turn"}};
+  for (const Case& c : cases) {
     Session rig(Role::kRig, make_hello("rig"));
     std::uint32_t sequence = 0;
     if (c.after_hello) {

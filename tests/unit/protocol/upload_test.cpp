@@ -37,8 +37,8 @@ class RigSide {
     };
     if (request.has_upload_begin()) {
       const auto sha256 = sha256_from_wire(request.upload_begin().sha256());
-      const auto offset =
-          sha256 ? receiver_.begin(*sha256, request.upload_begin().length()) : Result<std::uint64_t>(fail(sha256.error()));
+      if (!sha256) return refuse(sha256.error());
+      const auto offset = receiver_.begin(*sha256, request.upload_begin().length());
       if (!offset) return refuse(offset.error());
       reply.mutable_upload()->set_offset(*offset);
     } else {

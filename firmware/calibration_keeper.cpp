@@ -1,0 +1,251 @@
+#include "firmware/calibration_keeper.h"
+
+#include <algorithm>
+
+namespace nodal::firmware {
+namespace {
+
+std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
+
+std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector<HeadConfig>& rig,
+                               const HeadShapes& heads) {
+  Calibration fitted = calibration;
+  fitted.heads.clear();
+  for (std::size_t i = 0; i < rig.size(); ++i) {
+    const auto found = std::find_if(calibration.heads.begin(), calibration.heads.end(),
+                                    [&](const HeadCalibration& head) { return head.name == rig[i].name; });
+    if (found == calibration.heads.end()) {
+      return fail(Errc::kHeadMismatch, "the rig's head '" + rig[i].name + "' is not in the calibration '" +
+                                           calibration.name + "'; calibrate it, or rename it in rig.toml");
+    }
+    if (i < heads.size() && heads[i] && (heads[i]->width != found->width || heads[i]->height != found->height)) {
+      return fail(Errc::kHeadMismatch, "head '" + found->name + "' delivers " +
+                                           size_of(heads[i]->width, heads[i]->height) + 
+                                           ", but its calibration is for " + size_of(found->width, found->height));
+    }
+    fitted.heads.push_back(*found);
+  }
+  for (const HeadCalibration& head : calibration.heads) {
+    if (std::none_of(rig.begin(), rig.end(), [&](const HeadConfig& ours) { return ours.name == head.name; })) {
+      return fail(Errc::kHeadMismatch, "the calibration's head '" + head.name + "' is not in rig.toml");
+    }
+  }
+  return fitted;
+}
+
+CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
+                                     SpscRing<InstalledPtr>& tables_back)
+    : config_(config), disk_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {}
+
+bool CalibrationKeeper::step() {
+  bool busy = false;
+  while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
+  if (!started_) {
+    started_ = true;
+    load_at_start();
+    busy = true;
+  } else if (installing_) {
+    busy |= compile_some();
+  } else if (!to_try_.empty()) {
+    start_next_good();
+    busy = true;
+  }
+  busy |= take_request();
+  if (busy) publish();
+  return busy;
+}
+
+void CalibrationKeeper::load_at_start() {
+  auto opened = CalibrationStore::open(disk_);
+  if (!opened) {
+    store_status_ = fail(opened.error().in("calibration store"));
+    report_.problem = store_status_.error().message;
+    report_.ready = true;
+    return;
+  }
+  store_.emplace(std::move(*opened));
+  report_.problem = store_->note();
+  const auto in_force = store_->in_force();
+  for (auto entry = store_->entries().rbegin(); entry != store_->entries().rend(); ++entry) {
+    if (entry->id != in_force) to_try_.push_back(*entry);
+  }
+  for (const CalibrationStore::Entry& entry : store_->entries()) {
+    if (entry.id == in_force) to_try_.push_back(entry);
+  }
+  report_.ready = to_try_.empty();
+}
+
+/// The one in force, and when it does not fit the rig any more, the newest that does.
+void CalibrationKeeper::start_next_good() {
+  const CalibrationStore::Entry entry = to_try_.back();
+  to_try_.pop_back();
+  auto calibration = store_->load(entry.id);
+  Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
+                             : Status(fail(calibration.error()));
+  if (!begun) end(begun);
+}
+
+/// Questions are answered at once; changes wait for the one under way.
+bool CalibrationKeeper::take_request() {
+  const bool changing = installing_ || !to_try_.empty();
+  if (answers_.full() || (waiting_ && changing)) return false;
+  std::optional<KeeperRequest> request = waiting_ ? std::exchange(waiting_, std::nullopt) : requests_.pop();
+  if (!request) return false;
+  if (answer_at_once(*request)) return true;
+  if (changing) {
+    waiting_ = std::move(request);
+    return true;
+  }
+  if (Status begun = start(*request); !begun) answer(request->ticket, fail(begun.error()));
+  return true;
+}
+
+bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
+  if (!store_) {
+    answer(request.ticket, fail(store_status_.error()));
+  } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
+    answer(request.ticket, list());
+  } else if (const auto* wanted = std::get_if<KeeperRequest::Get>(&request.what)) {
+    answer(request.ticket, get(wanted->id_prefix));
+  } else {
+    return false;
+  }
+  return true;
+}
+
+Status CalibrationKeeper::start(const KeeperRequest& request) {
+  if (const auto* upload = std::get_if<KeeperRequest::Install>(&request.what)) return install(request, upload->json);
+  if (const auto* wish = std::get_if<KeeperRequest::Use>(&request.what)) {
+    const auto found = store_->find(wish->id_prefix);
+    return found ? use(request, found->id) : Status(fail(found.error()));
+  }
+  if (store_->before()) return use(request, Sha256(*store_->before()));
+  return fail(Errc::kNotFound, "there is no calibration before the one in force to go back to");
+}
+
+Status CalibrationKeeper::install(const KeeperRequest& request, const std::string& json) {
+  auto calibration = parse_calibration(json);
+  if (!calibration) return fail(calibration.error().in("calibration"));
+  if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
+  const Sha256 id = calibration_id(*calibration);
+  const bool known = store_->read(id).has_value();
+  if (auto stored = store_->put(*calibration); !stored) {
+    return fail(stored.error().in("storing calibration " + short_id(id)));
+  }
+  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
+  if (!begun && !known) store_->remove(id);
+  return begun;
+}
+
+Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
+  auto calibration = store_->load(id);
+  if (!calibration) return fail(calibration.error());
+  return begin(request.ticket, std::move(*calibration), id, false, request.heads);
+}
+
+Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
+                                bool newly_stored, const HeadShapes& heads) {
+  auto fitted = fit_to_rig(calibration, config_.heads, heads);
+  if (!fitted) return fail(fitted.error());
+  std::vector<PixelFormat> formats;
+  for (std::size_t i = 0; i < config_.heads.size(); ++i) {
+    formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
+  }
+  const RaymapConfig& raymap = config_.raymap;
+  auto job = table::TableJob::make(*fitted, raymap_layout_name(raymap.layout), raymap.width, raymap.height,
+                                   raymap.format, formats);
+  if (!job) return fail(job.error().in("calibration " + short_id(id)));
+  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), 0, false});
+  return {};
+}
+
+bool CalibrationKeeper::compile_some() {
+  Installation& now = *installing_;
+  const int rows = now.job->row_count();
+  if (now.rows_done < rows) {
+    const int until = std::min(rows, now.rows_done + kRowsAStep);
+    now.job->compile_rows(now.rows_done, until);
+    now.rows_done = until;
+    report_.activity = "compiling the table of calibration " + short_id(now.id) + ": " +
+                       std::to_string(100 * now.rows_done / rows) + " %";
+    return true;
+  }
+  if (tables_out_.full() || answers_.full()) return false;  // until the blend has taken it
+  if (now.handed_over) {
+    end({});
+  } else if (const Status status = put_in_force(now); !status) {
+    end(status);
+  }
+  return true;
+}
+
+Status CalibrationKeeper::put_in_force(Installation& done) {
+  auto table = std::move(*done.job).finish();
+  if (!table) return fail(table.error().in("calibration " + short_id(done.id)));
+  // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
+  if (done.ticket || store_->in_force() != done.id || !store_->note().empty()) {
+    if (Status kept = store_->set_in_force(done.id); !kept) {
+      if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
+      report_.problem = kept.error().message;  // runs all the same, this once
+    }
+  }
+  report_.in_force = done.id;
+  report_.name = done.calibration.name;
+  InstalledPtr installed = std::make_shared<const InstalledCalibration>(
+      InstalledCalibration{done.id, done.calibration.name, std::move(*table)});
+  NODAL_ASSERT(tables_out_.push(std::move(installed)));
+  done.handed_over = true;
+  return {};
+}
+
+void CalibrationKeeper::end(const Status& status) {
+  const bool at_start = !installing_ || !installing_->ticket;
+  report_.activity.clear();
+  if (at_start) {
+    report_.ready = status.has_value() || to_try_.empty();
+    if (status) {
+      to_try_.clear();
+    } else {
+      if (!report_.problem.empty()) report_.problem += "; ";
+      report_.problem += status.error().message;
+    }
+  } else {
+    if (!status && installing_->newly_stored) store_->remove(installing_->id);
+    if (status) report_.problem.clear();
+    Result<Answered> result = KeeperAnswer::Done{};
+    if (!status) result = fail(status.error());
+    answer(*installing_->ticket, std::move(result));
+  }
+  installing_.reset();
+}
+
+Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
+  return KeeperAnswer::Listed{store_->entries(), report_.in_force};
+}
+
+Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
+  if (id_prefix.empty() && !report_.in_force) return fail(Errc::kNotFound, "no calibration is in force");
+  Sha256 id{};
+  if (id_prefix.empty()) {
+    id = *report_.in_force;
+  } else {
+    const auto found = store_->find(id_prefix);
+    if (!found) return fail(found.error());
+    id = found->id;
+  }
+  auto json = store_->read(id);
+  if (!json) return fail(json.error());
+  return KeeperAnswer::Document{id, std::move(*json)};
+}
+
+void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
+  NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
+}
+
+void CalibrationKeeper::publish() { snapshot_.publish(report_); }
+
+}  // namespace nodal::firmware

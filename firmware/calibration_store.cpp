@@ -1,0 +1,236 @@
+#include "firmware/calibration_store.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <sstream>
+
+namespace nodal::firmware {
+namespace {
+
+const std::string kFolder = "calibrations";
+const std::string kPointer = kFolder + "/in-force";
+constexpr std::string_view kPointerHead = "nodal-in-force 1";
+constexpr std::size_t kMaxPointerBytes = 512;
+constexpr std::string_view kJson = ".json";
+constexpr std::string_view kTemporary = ".tmp";
+constexpr std::size_t kGenerationDigits = 8;
+
+std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
+
+std::optional<Sha256> from_hex(std::string_view hex) {
+  Sha256 id{};
+  if (hex.size() != 2 * id.size()) return std::nullopt;
+  for (std::size_t i = 0; i < id.size(); ++i) {
+    const char* two = hex.data() + 2 * i;
+    const auto [end, error] = std::from_chars(two, two + 2, id[i], 16);
+    if (error != std::errc{} || end != two + 2) return std::nullopt;
+  }
+  return id;
+}
+
+struct FileName {
+  std::uint64_t generation = 0;
+  Sha256 id{};
+};
+
+/// "00000007-<id>.json", or nothing.
+std::optional<FileName> parse_file_name(std::string_view name) {
+  FileName parsed;
+  const std::size_t dash = name.find('-');
+  if (dash < kGenerationDigits || dash == std::string_view::npos || !name.ends_with(kJson)) return std::nullopt;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + dash, parsed.generation);
+  if (error != std::errc{} || end != name.data() + dash) return std::nullopt;
+  const auto id = from_hex(name.substr(dash + 1, name.size() - dash - 1 - kJson.size()));
+  if (!id) return std::nullopt;
+  parsed.id = *id;
+  return parsed;
+}
+
+std::string file_name(std::uint64_t generation, const Sha256& id) {
+  const std::string digits = std::to_string(generation);
+  const std::string zeros(kGenerationDigits - std::min(kGenerationDigits, digits.size()), '0');
+  return kFolder + "/" + zeros + digits + "-" + to_hex(id) + std::string(kJson);
+}
+
+std::span<const std::uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+}  // namespace
+
+Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
+  CalibrationStore store(disk);
+  if (Status made = disk.make_folder(kFolder); !made && made.error().code != Errc::kExists) return fail(made.error());
+  // The folder itself must last before anything in it can.
+  if (Status synced = disk.sync_folder(""); !synced) return fail(synced.error());
+  if (Status read = store.read_folder(); !read) return fail(read.error());
+  store.read_pointer();
+  return store;
+}
+
+Status CalibrationStore::read_folder() {
+  const auto names = disk_->list(kFolder);
+  if (!names) return fail(names.error());
+  for (const std::string& name : *names) {
+    const std::string file = kFolder + "/" + name;
+    if (name.ends_with(kTemporary)) {
+      (void)disk_->remove(file);  // cut short by a crash; if it cannot be removed it will be overwritten
+      continue;
+    }
+    const auto parsed = parse_file_name(name);
+    if (!parsed) continue;
+    next_generation_ = std::max(next_generation_, parsed->generation + 1);
+    Entry found{parsed->generation, parsed->id, "", 0, file};
+    entries_.push_back(found);
+    const auto calibration = load(found.id);
+    if (!calibration) {
+      entries_.pop_back();
+      damaged_.push_back(file);
+      add_note("stored calibration " + short_id(found.id) + " cannot be used: " + calibration.error().message);
+      continue;
+    }
+    entries_.back().name = calibration->name;
+    entries_.back().heads = calibration->heads.size();
+  }
+  std::sort(entries_.begin(), entries_.end(),
+            [](const Entry& a, const Entry& b) { return a.generation > b.generation; });
+  return {};
+}
+
+void CalibrationStore::read_pointer() {
+  const auto bytes = disk_->read(kPointer, kMaxPointerBytes);
+  std::optional<Sha256> wanted;
+  if (bytes) {
+    std::istringstream text(std::string(bytes->begin(), bytes->end()));
+    std::string head, now, before;
+    std::getline(text, head);
+    text >> now >> before;
+    if (head == kPointerHead) {
+      wanted = from_hex(now);
+      before_ = from_hex(before);
+    }
+  }
+  if (wanted && entry(*wanted)) {
+    in_force_ = wanted;
+  } else if (!entries_.empty()) {
+    in_force_ = entries_.front().id;
+    add_note((wanted ? "calibration " + short_id(*wanted) + " was in force and is not there any more"
+                     : std::string("which calibration was in force is not known")) +
+             "; the newest good one, " + short_id(*in_force_) + ", took its place");
+  } else if (wanted) {
+    add_note("calibration " + short_id(*wanted) + " was in force and is not there any more; upload it again");
+  }
+  if (before_ && !entry(*before_)) before_.reset();
+}
+
+const CalibrationStore::Entry* CalibrationStore::entry(const Sha256& id) const {
+  const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.id == id; });
+  return found == entries_.end() ? nullptr : &*found;
+}
+
+void CalibrationStore::add_note(const std::string& sentence) {
+  if (!note_.empty()) note_ += "; ";
+  note_ += sentence;
+}
+
+Status CalibrationStore::write_file(const std::string& file, std::string_view text) {
+  const std::string temporary = file + std::string(kTemporary);
+  const auto handle = disk_->create(temporary);
+  if (!handle) return fail(handle.error());
+  Status done = disk_->write(*handle, bytes_of(text));
+  if (done) done = disk_->sync(*handle);
+  disk_->close(*handle);
+  if (done) done = disk_->rename(temporary, file);
+  if (!done) {
+    (void)disk_->remove(temporary);  // what is left of it takes room that may be scarce; open() removes it too
+    return fail(done.error());
+  }
+  return disk_->sync_folder(kFolder);
+}
+
+Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibration) {
+  const Sha256 id = calibration_id(calibration);
+  if (const Entry* there = entry(id)) return *there;
+  Entry added{next_generation_, id, calibration.name, calibration.heads.size(), file_name(next_generation_, id)};
+  if (Status written = write_file(added.file, canonical_json(calibration)); !written) return fail(written.error());
+  ++next_generation_;
+  entries_.insert(entries_.begin(), added);
+  return added;
+}
+
+Status CalibrationStore::write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before) {
+  std::string text(kPointerHead);
+  text += "\n" + (in_force ? to_hex(*in_force) : "-") + "\n" + (before ? to_hex(*before) : "-") + "\n";
+  return write_file(kPointer, text);
+}
+
+Status CalibrationStore::set_in_force(const Sha256& id) {
+  if (!entry(id)) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  if (in_force_ == id) return write_pointer(id, before_);  // it may be so only since a damaged one was passed over
+  if (Status written = write_pointer(id, in_force_); !written) {
+    // The rename may have happened and not lasted. What was in force stays so, if the disk takes that yet.
+    if (written.error().code != Errc::kDiskFull) (void)write_pointer(in_force_, before_);
+    return written;
+  }
+  before_ = in_force_;
+  in_force_ = id;
+  prune();
+  return {};
+}
+
+void CalibrationStore::remove(const Sha256& id) {
+  if (in_force_ == id || before_ == id) return;
+  const Entry* there = entry(id);
+  if (!there) return;
+  (void)disk_->remove(there->file);
+  entries_.erase(entries_.begin() + (there - entries_.data()));
+}
+
+void CalibrationStore::prune() {
+  while (!damaged_.empty() && entries_.size() + damaged_.size() > kKept) {
+    (void)disk_->remove(damaged_.front());
+    damaged_.erase(damaged_.begin());
+  }
+  for (std::size_t i = entries_.size(); i-- > 0 && entries_.size() > kKept;) {
+    remove(Sha256(entries_[i].id));
+  }
+  (void)disk_->sync_folder(kFolder);  // a removed one that comes back after a crash is removed again
+}
+
+Result<CalibrationStore::Entry> CalibrationStore::find(std::string_view id_prefix) const {
+  const Entry* found = nullptr;
+  for (const Entry& candidate : entries_) {
+    if (!std::equal(id_prefix.begin(), id_prefix.end(), candidate.id.begin(),
+                    candidate.id.begin() + static_cast<std::ptrdiff_t>(std::min(id_prefix.size(), candidate.id.size())),
+                    [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; })) {
+      continue;
+    }
+    if (found) {
+      return fail(Errc::kBadValue, "calibrations " + short_id(found->id) + " and " + short_id(candidate.id) +
+                                       " both begin like that; give more of the id");
+    }
+    found = &candidate;
+  }
+  if (!found) return fail(Errc::kNotFound, "no stored calibration has that id; the list says which there are");
+  return *found;
+}
+
+Result<std::string> CalibrationStore::read(const Sha256& id) const {
+  const Entry* there = entry(id);
+  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  const auto bytes = disk_->read(there->file, kMaxCalibrationBytes);
+  if (!bytes) return fail(bytes.error());
+  if (sha256(*bytes) != id) return fail(Errc::kChecksum, there->file + " is damaged: its SHA-256 is not its name's");
+  return std::string(bytes->begin(), bytes->end());
+}
+
+Result<Calibration> CalibrationStore::load(const Sha256& id) const {
+  const auto text = read(id);
+  if (!text) return fail(text.error());
+  auto calibration = parse_calibration(*text);
+  if (!calibration) return fail(calibration.error().in("calibration " + short_id(id)));
+  return calibration;
+}
+
+}  // namespace nodal::firmware

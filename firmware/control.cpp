@@ -1,0 +1,216 @@
+#include "firmware/control.h"
+
+#include <algorithm>
+
+#include "firmware/status.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr Duration kJudgeEvery = Duration::milliseconds(50);
+
+}  // namespace
+
+Control::Control(const RigConfig& config, std::string software, const Stages& stages,
+                 std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, Instant now)
+    : config_(config),
+      software_(std::move(software)),
+      stages_(stages),
+      listeners_(std::move(listeners)),
+      started_(now),
+      uploads_(UploadLimits{kMaxCalibrationBytes, 4}),
+      publisher_(config.raymap, stages.encoder.raymaps_out(), stages.blender.pixels_free(),
+                 stages.encoder.jpegs_free()),
+      capture_(&stages.capture.snapshot().read()),
+      keeper_(&stages.keeper.snapshot().read()),
+      newest_set_(now),
+      monitor_(watchdog) {}
+
+Control::~Control() = default;
+
+bool Control::step(Instant now) {
+  capture_ = &stages_.capture.snapshot().read();
+  keeper_ = &stages_.keeper.snapshot().read();
+  bool busy = accept(now);
+  for (const auto& client : clients_) busy |= serve(*client, now);
+  busy |= take_answers(now);
+  stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_));
+  busy |= publisher_.step(clients_, now);
+  for (const auto& client : clients_) busy |= client->pump_out(now);
+  drop_finished();
+  watch(now);
+  return busy;
+}
+
+std::vector<std::string> Control::take_news() { return std::exchange(news_, {}); }
+
+wire::Hello Control::hello() const {
+  wire::Hello hello = make_hello(software_);
+  hello.set_rig_name(config_.name);
+  for (const char* feature : {"calibration", "exposure", "genlock", "raymap-jpeg", "raymap-raw"}) {
+    hello.add_features(feature);
+  }
+  if (keeper_->in_force) hello.set_calibration_id(sha256_to_wire(*keeper_->in_force));
+  return hello;
+}
+
+bool Control::accept(Instant now) {
+  bool any = false;
+  for (hal::LinkListenerPort* listener : listeners_) {
+    auto link = listener->accept();
+    if (!link || !*link) continue;
+    any = true;
+    clients_.push_back(std::make_unique<Client>(next_client_++, std::move(*link), hello(), now));
+    Client& client = *clients_.back();
+    if (clients_.size() > kMaxClients) {
+      client.end(Error{Errc::kOverload, "this rig talks to " + std::to_string(kMaxClients) +
+                                            " hosts already; end one of them first"}, now);
+      continue;
+    }
+    news_.push_back(client.name() + " came");
+  }
+  return any;
+}
+
+void Control::drop_finished() {
+  std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
+    if (!client->finished()) return false;
+    const bool left = client->why().code == Errc::kLinkClosed;
+    news_.push_back(client->name() + (left ? " left" : " was dropped: " + client->why().text()));
+    return true;
+  });
+}
+
+bool Control::serve(Client& client, Instant now) {
+  const bool read = client.pump_in(now);
+  bool any = false;
+  while (client.requests_open < kMaxRequests) {
+    auto event = client.session().next_event();
+    if (!event) break;
+    handle(client, *event, now);
+    any = true;
+  }
+  return read || any;
+}
+
+void Control::handle(Client& client, Event& event, Instant now) {
+  if (const auto* request = std::get_if<wire::Request>(&event)) {
+    handle(client, *request, now);
+  } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
+    client.uploads[opened->stream];  // hosts open streams for uploads only
+  } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
+    const auto upload = client.uploads.find(piece->stream);
+    if (upload == client.uploads.end()) return;
+    if (const Status taken = upload->second.piece(*piece, uploads_); !taken) {
+      client.session().stop_stream(piece->stream, taken.error());
+      client.uploads.erase(upload);
+    }
+  } else if (const auto* closed = std::get_if<StreamClosed>(&event)) {
+    client.uploads.erase(closed->stream);
+  } else if (const auto* stopped = std::get_if<StreamStopped>(&event)) {
+    const auto pull = client.pulls.find(stopped->stream);
+    if (pull != client.pulls.end()) pull->second.ended = true;
+  }
+}
+
+bool Control::take_answers(Instant now) {
+  bool any = false;
+  const auto close = [&](std::uint64_t ticket) -> std::pair<Client*, Open> {
+    any = true;
+    const auto found = open_.find(ticket);
+    NODAL_ASSERT(found != open_.end());
+    const Open open = found->second;
+    open_.erase(found);
+    Client* client = find(open.client);
+    if (client) --client->requests_open;
+    return {client, open};
+  };
+  while (auto answer = stages_.capture.answers().pop()) {
+    const auto [client, open] = close(answer->ticket);
+    if (!client) continue;
+    if (!answer->status) {
+      refuse(*client, open.request, answer->status.error(), now);
+      continue;
+    }
+    wire::Reply message;
+    message.set_id(open.request);
+    if (open.genlock) {
+      fill_genlock(answer->genlock, *message.mutable_genlock());
+    } else {
+      message.mutable_done();
+    }
+    reply(*client, message, now);
+  }
+  while (auto answer = stages_.keeper.answers().pop()) {
+    const auto [client, open] = close(answer->ticket);
+    if (!answer->result) news_.push_back("calibration refused: " + answer->result.error().text());
+    if (!client) continue;
+    if (!answer->result) {
+      refuse(*client, open.request, answer->result.error(), now);
+      continue;
+    }
+    wire::Reply message;
+    message.set_id(open.request);
+    if (const auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) {
+      fill_calibrations(*listed, *message.mutable_calibrations());
+    } else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) {
+      message.mutable_calibration()->set_id(sha256_to_wire(document->id));
+      message.mutable_calibration()->set_json(std::move(document->json));
+    } else {
+      message.mutable_done();
+    }
+    reply(*client, message, now);
+  }
+  return any;
+}
+
+Client* Control::find(std::uint64_t number) {
+  const auto found = std::find_if(clients_.begin(), clients_.end(),
+                                  [&](const auto& client) { return client->number() == number; });
+  return found == clients_.end() ? nullptr : found->get();
+}
+
+void Control::reply(Client& client, const wire::Reply& message, Instant now) {
+  if (client.session().error()) return;
+  if (const Status sent = client.session().send(message); !sent && !client.session().error()) {
+    client.end(sent.error(), now);  // it asks and does not read
+  }
+}
+
+void Control::refuse(Client& client, std::uint64_t request, const Error& error, Instant now) {
+  wire::Reply message;
+  message.set_id(request);
+  *message.mutable_error() = to_wire(error);
+  reply(client, message, now);
+}
+
+void Control::watch(Instant now) {
+  if (capture_->sets != sets_seen_) {
+    sets_seen_ = capture_->sets;
+    newest_set_ = now;
+  }
+  if (judged_ && now - *judged_ < kJudgeEvery) return;
+  judged_ = now;
+  const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
+  rate_.observe(blended, now);
+  const Signs signs{*capture_,
+                    *keeper_,
+                    millihertz(capture_->genlock.rate),
+                    rate_.millihertz(),
+                    stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
+                    now - newest_set_,
+                    now - started_};
+  Health health = assess(config_, signs);
+  if (health.state != health_.state) {
+    news_.push_back("the rig is " + health.state + (health.problem.empty() ? "" : ": " + health.problem));
+  }
+  health_ = std::move(health);
+  // While a lossless client holds the rig up, the stages before it may rest.
+  const bool held_up = publisher_.held_up();
+  monitor_.step({{"capture", stages_.capture.steps(), false},
+                 {"blend", stages_.blender.progress(), stages_.blender.idle() || held_up},
+                 {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended || held_up}},
+                health_, now);
+}
+
+}  // namespace nodal::firmware

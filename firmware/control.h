@@ -1,0 +1,111 @@
+// The stage that talks to hosts.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/blender.h"
+#include "firmware/calibration_keeper.h"
+#include "firmware/capture.h"
+#include "firmware/client.h"
+#include "firmware/config.h"
+#include "firmware/encoder.h"
+#include "firmware/health.h"
+#include "firmware/publisher.h"
+#include "firmware/statistics.h"
+#include "hal/link.h"
+#include "hal/watchdog.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+
+/// The stages that control asks and tells of.
+struct Stages {
+  Capture& capture;
+  Blender& blender;
+  EncodeStage& encoder;
+  CalibrationKeeper& keeper;
+};
+
+/// Accepts hosts, answers their requests, takes their uploads, gives them raymaps. A request that another stage must
+/// carry out is passed on with a ticket, and answered when that stage answers; meanwhile everybody else is served.
+///
+/// Threading: step() is thread-bound to control; set_resident_bytes() is for any thread.
+/// Ownership: owns the clients; listeners and stages outlive it.
+/// Errors: a host's errors are answers to it; news() has what an operator should read.
+class Control {
+ public:
+  Control(const RigConfig& config, std::string software, const Stages& stages,
+          std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, Instant now);
+  ~Control();
+
+  /// True when it did something.
+  bool step(Instant now);
+
+  /// Sentences for the log since the last call: hosts that came and went, states that changed.
+  std::vector<std::string> take_news();
+  const Health& health() const { return health_; }
+  std::size_t clients() const { return clients_.size(); }
+  void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
+  wire::RigStatus status(Instant now);
+
+  static constexpr std::size_t kMaxClients = 8;
+  static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
+
+ private:
+  /// A request that another stage has.
+  struct Open {
+    std::uint64_t client = 0;
+    std::uint64_t request = 0;
+    bool genlock = false;  ///< answered with the genlock's state
+  };
+
+  bool accept(Instant now);
+  void drop_finished();
+  bool serve(Client& client, Instant now);
+  void handle(Client& client, Event& event, Instant now);
+  void handle(Client& client, const wire::Request& request, Instant now);
+  Status set_heads(Client& client, const wire::Request& request);
+  Status genlock(Client& client, const wire::Request& request);
+  Status ask_capture(Client& client, const wire::Request& request, CaptureCommand command);
+  Status ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what);
+  Status commit(Client& client, const wire::Request& request);
+  Status pull(Client& client, const wire::Request& request);
+  void reply(Client& client, const wire::Reply& reply, Instant now);
+  void refuse(Client& client, std::uint64_t request, const Error& error, Instant now);
+  bool take_answers(Instant now);
+  Client* find(std::uint64_t number);
+  HeadShapes head_shapes() const;
+  void watch(Instant now);
+  wire::Hello hello() const;
+
+  const RigConfig config_;
+  const std::string software_;
+  Stages stages_;
+  std::vector<hal::LinkListenerPort*> listeners_;
+  const Instant started_;
+
+  Clients clients_;
+  std::uint64_t next_client_ = 1;
+  std::uint64_t next_ticket_ = 1;
+  std::map<std::uint64_t, Open> open_;
+  UploadReceiver uploads_;
+  Publisher publisher_;
+
+  const CaptureReport* capture_;  ///< newest
+  const KeeperReport* keeper_;
+  std::uint64_t sets_seen_ = 0;
+  Instant newest_set_;
+  RecentRate rate_;
+  std::optional<Instant> judged_;
+  Health health_;
+  ProgressMonitor monitor_;
+  std::vector<std::string> news_;
+  std::atomic<std::uint64_t> resident_bytes_{0};
+};
+
+}  // namespace nodal::firmware

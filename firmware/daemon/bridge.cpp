@@ -1,0 +1,75 @@
+#include "firmware/daemon/bridge.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "firmware/daemon/options.h"
+#include "hal/linux/link/socket_link.h"
+
+namespace nodal::daemon {
+namespace {
+
+/// One direction: what was read and is not written yet.
+struct Flow {
+  hal::LinkPort& from;
+  hal::LinkPort& to;
+  std::vector<std::uint8_t> bytes = std::vector<std::uint8_t>(64 * 1024);
+  std::span<const std::uint8_t> rest{};
+  bool over = false;  ///< no more comes
+
+  bool move() {
+    if (!over && rest.empty()) {
+      const auto read = from.read(bytes);
+      over = !read;
+      if (read) rest = std::span(bytes).first(*read);
+    }
+    if (rest.empty()) return !over;
+    const auto wrote = to.write(rest);
+    if (!wrote) return false;
+    rest = rest.subspan(*wrote);
+    return true;
+  }
+};
+
+void wait_for(const Flow& flow, std::vector<pollfd>& waits) {
+  if (flow.rest.empty()) {
+    waits.push_back({hal::link_descriptors(flow.from).read_from, POLLIN, 0});
+  } else {
+    waits.push_back({hal::link_descriptors(flow.to).write_to, POLLOUT, 0});
+  }
+}
+
+}  // namespace
+
+int run_bridge(const std::string& path) {
+  auto rig = hal::connect_link("unix:" + path);
+  if (!rig) {
+    std::fprintf(stderr, "nodald --bridge: %s\n", rig.error().text().c_str());
+    return kExitCannotStart;
+  }
+  auto host = hal::descriptor_link(STDIN_FILENO, STDOUT_FILENO, "standard input and output");
+  if (!host) {
+    std::fprintf(stderr, "nodald --bridge: %s\n", host.error().text().c_str());
+    return kExitCannotStart;
+  }
+  Flow to_rig{**host, **rig};
+  Flow to_host{**rig, **host};
+  // Either end may go, as ends do; what it said before is still passed on.
+  while (to_rig.move() && to_host.move()) {
+    std::vector<pollfd> waits;
+    wait_for(to_rig, waits);
+    wait_for(to_host, waits);
+    ::poll(waits.data(), waits.size(), -1);
+  }
+  return kExitFine;
+}
+
+}  // namespace nodal::daemon

@@ -1,0 +1,140 @@
+// nodald: reads rig.toml, makes the ports, starts the threads, waits for a signal.
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cinttypes>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <thread>
+
+#include "firmware/daemon/bridge.h"
+#include "firmware/daemon/options.h"
+#include "firmware/daemon/threads.h"
+#include "firmware/daemon/version.h"
+#include "firmware/daemon/world.h"
+
+namespace nodal::daemon {
+namespace {
+
+void start_log(const std::string& level) {
+  auto logger = spdlog::stderr_color_mt("nodald");
+  // Under systemd the journal keeps the time.
+  logger->set_pattern(std::getenv("JOURNAL_STREAM") ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
+  logger->set_level(spdlog::level::from_str(level));
+  logger->flush_on(spdlog::level::debug);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+int give_up(const Error& error, int exit_code) {
+  spdlog::error("{}", error.text());
+  return exit_code;
+}
+
+/// Pages in memory, by /proc/self/statm's second number.
+std::uint64_t resident_bytes() {
+  std::FILE* file = std::fopen("/proc/self/statm", "r");
+  if (!file) return 0;
+  std::uint64_t all = 0;
+  std::uint64_t resident = 0;
+  const int read = std::fscanf(file, "%" SCNu64 " %" SCNu64, &all, &resident);
+  std::fclose(file);
+  return read == 2 ? resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) : 0;
+}
+
+sigset_t stop_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  return set;
+}
+
+std::string describe(const firmware::RigConfig& config) {
+  return fmt::format("rig '{}': {} heads at {}/{} frames a second, raymap {} {}x{} {}", config.name,
+                     config.heads.size(), config.rate.numerator, config.rate.denominator,
+                     firmware::raymap_layout_name(config.raymap.layout), config.raymap.width, config.raymap.height,
+                     pixel_format_name(config.raymap.format));
+}
+
+void wait_for_signal(firmware::Rig& rig) {
+  const sigset_t signals = stop_signals();
+  const timespec second{1, 0};
+  for (;;) {
+    rig.control().set_resident_bytes(resident_bytes());
+    const int signal = ::sigtimedwait(&signals, nullptr, &second);
+    if (signal < 0) continue;
+    spdlog::info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+    return;
+  }
+}
+
+int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base) {
+  spdlog::info("{}: {}", kSoftware, describe(config));
+  auto world = World::make(config, base);
+  if (!world) return give_up(world.error(), kExitBadInput);
+  if (options.check) {
+    std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
+    return kExitFine;
+  }
+  std::filesystem::path store = options.store;
+  if (store.empty()) store = base / config.store;
+  if (const Status opened = (*world)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
+  if (const Status listening = (*world)->listen(config.links); !listening) {
+    return give_up(listening.error(), kExitCannotStart);
+  }
+  firmware::Rig rig(config, (*world)->ports(), kSoftware);
+  for (const std::string& address : (*world)->addresses()) spdlog::info("hosts can connect at {}", address);
+
+  RigThreads::Hooks hooks;
+  hooks.log = [](const std::string& sentence) { spdlog::info("{}", sentence); };
+  if ((*world)->has_virtual_time()) {
+    hooks.idle_capture = [&world = **world, &rig] {
+      // Before there is anything to blend, virtual time goes no faster than the real one.
+      if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      world.advance(Duration::milliseconds(1));
+    };
+  }
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  const int blend_threads = options.blend_threads > 0 ? options.blend_threads : static_cast<int>(cores);
+  {
+    const RigThreads threads(rig, blend_threads, hooks);
+    wait_for_signal(rig);
+  }
+  rig.close();
+  const firmware::CaptureReport& capture = rig.capture().report();
+  spdlog::info("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps", capture.frames.frames,
+               capture.frames.in_sets, capture.frames.lost(), capture.sets, rig.blender().counts().blended.load());
+  return kExitFine;
+}
+
+int main(int argc, char** argv) {
+  const Parsed parsed = parse_options(argc, argv);
+  if (parsed.exit) return *parsed.exit;
+  const Options& options = parsed.options;
+  start_log(options.log_level);
+
+  // Before any thread is there, so that none of them is the one that a signal interrupts.
+  const sigset_t signals = stop_signals();
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+
+  firmware::RigConfig config;
+  if (!options.config.empty()) {
+    auto read = read_rig_config(options.config);
+    if (!read) return give_up(read.error(), kExitBadInput);
+    config = std::move(*read);
+  }
+  if (options.bridge) {
+    ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+    return run_bridge(options.socket.empty() ? config.links.unix_path : options.socket);
+  }
+  return run(options, config, std::filesystem::absolute(options.config).parent_path());
+}
+
+}  // namespace
+}  // namespace nodal::daemon
+
+int main(int argc, char** argv) { return nodal::daemon::main(argc, argv); }

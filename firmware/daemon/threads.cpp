@@ -1,0 +1,112 @@
+#include "firmware/daemon/threads.h"
+
+#include <pthread.h>
+
+#include <chrono>
+
+namespace nodal::daemon {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr microseconds kPollDevices{500};    ///< a frame waits for so long at most
+constexpr microseconds kPollSockets{1000};   ///< with hosts connected
+constexpr microseconds kPollKnocks{10'000};  ///< with none
+constexpr microseconds kSleep{100'000};      ///< of those that are rung for
+
+void name_thread(std::thread& thread, const char* name) { pthread_setname_np(thread.native_handle(), name); }
+
+}  // namespace
+
+RigThreads::RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks) : rig_(rig), hooks_(std::move(hooks)) {
+  const auto add = [this](const char* name, void (RigThreads::*run)()) {
+    threads_.emplace_back([this, run] { (this->*run)(); });
+    name_thread(threads_.back(), name);
+  };
+  add("nodal-control", &RigThreads::control);
+  add("nodal-keeper", &RigThreads::keep);
+  add("nodal-encode", &RigThreads::encode);
+  for (int i = 0; i < blend_threads; ++i) add("nodal-blend", &RigThreads::blend);
+  add("nodal-capture", &RigThreads::capture);
+}
+
+RigThreads::~RigThreads() {
+  stop_.store(true);
+  for (Bell* bell : {&capture_bell_, &blend_bell_, &encode_bell_, &keeper_bell_, &control_bell_}) bell->ring();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+bool RigThreads::frame_path_empty() const {
+  firmware::Blender& blender = rig_.blender();
+  return !rig_.capture().sets_out().full() && blender.idle() &&
+         blender.counts().blended.load() == rig_.encoder().steps();
+}
+
+void RigThreads::capture() {
+  while (!stop_.load()) {
+    const auto heard = capture_bell_.count();
+    if (rig_.step_capture()) {
+      blend_bell_.ring();
+      control_bell_.ring();  // a head came or went, a request was answered
+    } else if (hooks_.idle_capture && frame_path_empty()) {
+      hooks_.idle_capture();
+    } else {
+      capture_bell_.wait(heard, kPollDevices);
+    }
+  }
+}
+
+void RigThreads::blend() {
+  while (!stop_.load()) {
+    const auto heard = blend_bell_.count();
+    if (!rig_.step_blend()) {
+      blend_bell_.wait(heard, kSleep);
+      continue;
+    }
+    blend_bell_.ring();
+    encode_bell_.ring();
+    keeper_bell_.ring();
+  }
+}
+
+void RigThreads::encode() {
+  while (!stop_.load()) {
+    const auto heard = encode_bell_.count();
+    if (rig_.step_encode()) {
+      control_bell_.ring();
+      blend_bell_.ring();  // it may have waited for room
+    } else {
+      encode_bell_.wait(heard, kSleep);
+    }
+  }
+}
+
+void RigThreads::keep() {
+  while (!stop_.load()) {
+    const auto heard = keeper_bell_.count();
+    if (rig_.step_keeper()) {
+      blend_bell_.ring();
+      control_bell_.ring();
+    } else {
+      keeper_bell_.wait(heard, kSleep);
+    }
+  }
+}
+
+void RigThreads::control() {
+  while (!stop_.load()) {
+    const auto heard = control_bell_.count();
+    const bool busy = rig_.step_control();
+    for (const std::string& sentence : rig_.control().take_news()) hooks_.log(sentence);
+    if (busy) {
+      keeper_bell_.ring();
+      capture_bell_.ring();
+      encode_bell_.ring();
+    } else {
+      control_bell_.wait(heard, rig_.control().clients() > 0 ? kPollSockets : kPollKnocks);
+    }
+  }
+}
+
+}  // namespace nodal::daemon

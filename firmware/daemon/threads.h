@@ -1,0 +1,47 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "firmware/daemon/bell.h"
+#include "firmware/rig.h"
+
+namespace nodal::daemon {
+
+/// The rig's threads: capture, encode, keeper, control, and as many that blend as there are cores. Each calls its stage
+/// until that has nothing to do, and then sleeps until a neighbour rings or, where a device or socket cannot ring,
+/// for a moment.
+///
+/// Threading: start and stop on main.
+/// Ownership: the rig outlives it.
+/// Errors: none.
+class RigThreads {
+ public:
+  struct Hooks {
+    std::function<void(const std::string&)> log;  ///< a sentence; from the control thread
+    /// From the capture thread when the frame path is empty; may be empty.
+    std::function<void()> idle_capture;
+  };
+
+  RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks);
+  /// Stops and joins.
+  ~RigThreads();
+
+ private:
+  void capture();
+  void blend();
+  void encode();
+  void keep();
+  void control();
+  bool frame_path_empty() const;
+
+  firmware::Rig& rig_;
+  const Hooks hooks_;
+  std::atomic<bool> stop_{false};
+  Bell capture_bell_, blend_bell_, encode_bell_, keeper_bell_, control_bell_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace nodal::daemon

@@ -1,0 +1,261 @@
+#include "firmware/daemon/world.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <thread>
+
+#include "hal/linux/clock.h"
+#include "hal/linux/disk.h"
+#include "hal/linux/link/socket_link.h"
+#include "hal/linux/watchdog.h"
+#include "hal/replay/deck.h"
+#include "hal/replay/image_file.h"
+#include "hal/sim/response.h"
+#include "hal/sim/scene.h"
+#include "hal/sim/world.h"
+
+namespace nodal::daemon {
+namespace {
+
+using firmware::HeadConfig;
+using firmware::PortKind;
+using firmware::RigConfig;
+using firmware::SimConfig;
+
+constexpr int kHeadBuffers = 8;  ///< frames wait in up to four open sets, one queued and one blended
+
+Result<std::string> read_text(const std::filesystem::path& file, std::size_t limit) {
+  const auto closed = [](std::FILE* open) { std::fclose(open); };
+  const std::unique_ptr<std::FILE, decltype(closed)> in(std::fopen(file.c_str(), "rb"), closed);
+  if (!in) {
+    const int error = errno;
+    return fail(error == ENOENT ? Errc::kNotFound : Errc::kIo, file.string() + ": " + std::strerror(error));
+  }
+  std::string text(limit + 1, '\0');
+  text.resize(std::fread(text.data(), 1, text.size(), in.get()));
+  if (std::ferror(in.get()) != 0) return fail(Errc::kIo, file.string() + ": " + std::strerror(errno));
+  if (text.size() > limit) {
+    return fail(Errc::kTooLarge, file.string() + ": is over " + std::to_string(limit) + " bytes");
+  }
+  return text;
+}
+
+/// Asks simulation or replay, by the word before the colon.
+class Enumerators final : public hal::HeadEnumerator {
+ public:
+  hal::HeadEnumerator* sim = nullptr;
+  hal::HeadEnumerator* replay = nullptr;
+
+  Result<std::unique_ptr<hal::HeadPort>> open(const std::string& path) override {
+    hal::HeadEnumerator* const asked = path.starts_with("sim:") ? sim : replay;
+    if (!asked) return fail(Errc::kNoSuchDevice, "nothing opens heads at " + path);
+    return asked->open(path);
+  }
+  std::vector<hal::HeadIdentity> list() override {
+    std::vector<hal::HeadIdentity> all;
+    for (hal::HeadEnumerator* one : {sim, replay}) {
+      if (!one) continue;
+      auto some = one->list();
+      all.insert(all.end(), some.begin(), some.end());
+    }
+    return all;
+  }
+};
+
+/// Simulated and replayed heads in one rig: both are triggered, and the first one's edges are told.
+class BothTriggers final : public hal::TriggerPort {
+ public:
+  BothTriggers(hal::TriggerPort& first, hal::TriggerPort& second) : first_(first), second_(second) {}
+  Status start(const hal::TriggerSettings& settings) override {
+    if (Status started = first_.start(settings); !started) return started;
+    return second_.start(settings);
+  }
+  void stop() override {
+    first_.stop();
+    second_.stop();
+  }
+  Result<std::optional<hal::TriggerEdge>> take_edge() override {
+    for (;;) {
+      auto same = second_.take_edge();
+      if (!same || !*same) break;
+    }
+    return first_.take_edge();
+  }
+
+ private:
+  hal::TriggerPort& first_;
+  hal::TriggerPort& second_;
+};
+
+Result<hal::sim::ScenePtr> make_scene(const SimConfig& sim, const Calibration& truth,
+                                      const std::filesystem::path& base) {
+  switch (sim.scene) {
+    case SimConfig::Scene::kProcedural: return hal::sim::town_square_scene(sim.seed);
+    case SimConfig::Scene::kConstant: {
+      const Response& response = truth.heads.front().response;
+      const auto light = [&](std::size_t c) {
+        return static_cast<float>(hal::sim::decode(response, sim.constant[c] / 255.0));
+      };
+      return hal::sim::constant_scene({light(0), light(1), light(2)});
+    }
+    case SimConfig::Scene::kPhoto: break;
+  }
+  const auto photo = hal::replay::read_image(base / sim.photo, PixelFormat::kRgb24);
+  if (!photo) return fail(photo.error().in("sim.photo"));
+  Response encoding;
+  encoding.curve = Response::Curve::kSrgb;
+  auto scene = hal::sim::photo_scene(photo->view(), encoding);
+  if (!scene) return fail(scene.error().in("sim.photo " + sim.photo));
+  return scene;
+}
+
+Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const std::filesystem::path& base) {
+  const SimConfig& sim = *config.sim;
+  const auto text = read_text(base / sim.calibration, kMaxCalibrationBytes);
+  if (!text) return fail(text.error().in("sim.calibration"));
+  const auto truth = parse_calibration(*text);
+  if (!truth) return fail(truth.error().in("sim.calibration " + sim.calibration));
+
+  std::vector<const HeadConfig*> wanted(truth->heads.size(), nullptr);
+  for (const HeadConfig& head : config.heads) {
+    if (head.port.kind != PortKind::kSim) continue;
+    const auto found = std::find_if(truth->heads.begin(), truth->heads.end(),
+                                    [&](const HeadCalibration& true_head) { return true_head.name == head.port.name; });
+    if (found == truth->heads.end()) {
+      return fail(Errc::kNoSuchDevice, "head '" + head.name + "' (line " + std::to_string(head.line) +
+                                           " of rig.toml): " + sim.calibration + " has no head '" + head.port.name +
+                                           "'");
+    }
+    wanted[static_cast<std::size_t>(found - truth->heads.begin())] = &head;
+  }
+  auto scene = make_scene(sim, *truth, base);
+  if (!scene) return fail(scene.error());
+
+  hal::sim::WorldOptions options;
+  options.real_time = sim.clock == SimConfig::Clock::kReal;
+  options.seed = sim.seed;
+  options.scene = std::move(*scene);
+  options.head.rate = config.rate;
+  options.head.noise.levels = sim.noise;
+  options.head.buffers = kHeadBuffers;
+  options.adjust = [&](HeadIndex index, hal::sim::HeadOptions& head) {
+    if (wanted[index]) head.pixels = wanted[index]->format;
+  };
+  auto world = std::make_unique<hal::sim::World>(*truth, options);
+  // Each head's first look at the scene takes a quarter of a second and more; all at once, before any is opened.
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    if (wanted[i]) threads.emplace_back([&world, i] { world->prepare(static_cast<int>(i)); });
+  }
+  for (std::thread& thread : threads) thread.join();
+  return world;
+}
+
+std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std::filesystem::path& base,
+                                             hal::ClockPort& clock) {
+  hal::replay::DeckOptions options;
+  options.rate = config.rate;
+  options.base = base;
+  options.buffers = kHeadBuffers;
+  auto deck = std::make_unique<hal::replay::Deck>(clock, options);
+  for (const HeadConfig& head : config.heads) {
+    if (head.port.kind == PortKind::kReplay) deck->want_format("replay:" + head.port.name, head.format);
+  }
+  return deck;
+}
+
+}  // namespace
+
+struct World::State {
+  hal::linux_os::LinuxClock machine_clock;
+  std::unique_ptr<hal::sim::World> sim;
+  std::unique_ptr<hal::replay::Deck> deck;
+  Enumerators enumerators;
+  std::unique_ptr<BothTriggers> both;
+  hal::TriggerPort* trigger = nullptr;
+  std::unique_ptr<hal::linux_os::LinuxDisk> disk;
+  std::vector<std::unique_ptr<hal::LinkListenerPort>> listeners;
+  hal::linux_os::LinuxWatchdog watchdog;
+
+  hal::ClockPort& clock() {
+    if (sim) return sim->clock();
+    return machine_clock;
+  }
+};
+
+World::World(std::unique_ptr<State> state) : state_(std::move(state)) {}
+World::~World() = default;
+
+Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
+  const auto text = read_text(file, firmware::kMaxRigTomlBytes);
+  if (!text) return fail(text.error());
+  return firmware::parse_rig_config(*text, file.string());
+}
+
+Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::filesystem::path& base) {
+  auto state = std::make_unique<State>();
+  if (config.sim) {
+    auto sim = make_sim(config, base);
+    if (!sim) return fail(sim.error());
+    state->sim = std::move(*sim);
+    state->enumerators.sim = &state->sim->enumerator();
+    state->trigger = &state->sim->trigger();
+  }
+  const bool replays = std::any_of(config.heads.begin(), config.heads.end(),
+                                   [](const HeadConfig& head) { return head.port.kind == PortKind::kReplay; });
+  if (replays) {
+    state->deck = make_deck(config, base, state->clock());
+    state->enumerators.replay = &state->deck->enumerator();
+    if (state->trigger) {
+      state->both = std::make_unique<BothTriggers>(*state->trigger, state->deck->trigger());
+      state->trigger = state->both.get();
+    } else {
+      state->trigger = &state->deck->trigger();
+    }
+  }
+  return std::unique_ptr<World>(new World(std::move(state)));
+}
+
+Status World::open_store(const std::filesystem::path& folder) {
+  auto disk = hal::linux_os::LinuxDisk::open(folder.string());
+  if (!disk) return fail(disk.error().in("calibration store"));
+  state_->disk = std::move(*disk);
+  return {};
+}
+
+Status World::listen(const firmware::LinksConfig& links) {
+  std::vector<std::string> wanted;
+  if (!links.unix_path.empty()) wanted.push_back("unix:" + links.unix_path);
+  if (links.tcp_port != 0) wanted.push_back("tcp:127.0.0.1:" + std::to_string(links.tcp_port));
+  for (const std::string& address : wanted) {
+    auto listener = hal::listen_link(address);
+    if (!listener) return fail(listener.error());
+    state_->listeners.push_back(std::move(*listener));
+  }
+  return {};
+}
+
+firmware::RigPorts World::ports() {
+  NODAL_ASSERT(state_->disk);
+  firmware::RigPorts ports{state_->clock(), state_->enumerators, state_->trigger, *state_->disk, {}, &state_->watchdog};
+  for (const auto& listener : state_->listeners) ports.listeners.push_back(listener.get());
+  return ports;
+}
+
+bool World::has_virtual_time() const { return state_->sim && state_->sim->clock().is_virtual(); }
+
+bool World::advance(Duration by) {
+  if (!has_virtual_time()) return false;
+  state_->sim->clock().advance(by);
+  return true;
+}
+
+std::vector<std::string> World::addresses() const {
+  std::vector<std::string> all;
+  for (const auto& listener : state_->listeners) all.push_back(hal::listener_address(*listener));
+  return all;
+}
+
+}  // namespace nodal::daemon

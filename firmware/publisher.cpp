@@ -1,0 +1,163 @@
+#include "firmware/publisher.h"
+
+#include <algorithm>
+
+#include "firmware/blender.h"
+#include "firmware/encoder.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// Gives back those that no session holds any more. Sessions live on this thread, so the count is exact.
+bool reclaim_from(std::vector<Buffer>& out, SpscRing<Buffer>& free) {
+  bool any = false;
+  for (std::size_t i = out.size(); i-- > 0;) {
+    if (out[i].use_count() != 1) continue;
+    NODAL_ASSERT(free.push(std::move(out[i])));
+    out.erase(out.begin() + static_cast<std::ptrdiff_t>(i));
+    any = true;
+  }
+  return any;
+}
+
+}  // namespace
+
+Publisher::Publisher(const RaymapConfig& config, SpscRing<Raymap>& raymaps_in, SpscRing<Buffer>& pixels_free,
+                     SpscRing<Buffer>& jpegs_free)
+    : config_(config), raymaps_in_(raymaps_in), pixels_free_(pixels_free), jpegs_free_(jpegs_free) {
+  pixels_out_.reserve(Blender::kMaxBuffers);
+  jpegs_out_.reserve(EncodeStage::kMaxBuffers);
+}
+
+Result<StreamId> Publisher::start(Client& client, const wire::PullRequest& request) {
+  if (client.pulls.size() >= kMaxPulls) {
+    return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
+  }
+  const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
+  auto stream = client.session().open_stream(policy);
+  if (!stream) return stream;
+  Pull& pull = client.pulls[*stream];
+  pull.jpeg = request.coding() != wire::PullRequest::RAW;
+  pull.lossless = request.lossless();
+  pull.count = request.count();
+  return stream;
+}
+
+Status Publisher::stop(Client& client, StreamId stream) {
+  const auto pull = client.pulls.find(stream);
+  if (pull == client.pulls.end()) {
+    return fail(Errc::kNotFound, "no pull of this host goes by stream " + std::to_string(stream));
+  }
+  if (!pull->second.ended) client.session().close_stream(stream);
+  pull->second.ended = true;
+  return {};
+}
+
+bool Publisher::step(const Clients& clients, Instant now) {
+  bool any = reclaim();
+  held_up_ = false;
+  for (const auto& client : clients) {
+    forget_ended(*client);
+    held_up_ |= holds_up(*client, now);
+  }
+  if (held_up_) return any;
+  auto raymap = raymaps_in_.pop();
+  if (!raymap) return any;
+  bool given = false;
+  for (const auto& client : clients) given |= offer(*client, *raymap);
+  if (given) ++published_;
+  if (raymap->pixels) pixels_out_.push_back(std::move(raymap->pixels));
+  if (raymap->jpeg) jpegs_out_.push_back(std::move(raymap->jpeg));
+  reclaim();
+  return true;
+}
+
+bool Publisher::holds_up(Client& client, Instant now) {
+  bool held = false;
+  for (auto& [stream, pull] : client.pulls) {
+    const auto counts = client.session().counts(stream);
+    if (!pull.lossless || pull.ended || !counts || counts->pending < kLosslessQueue) {
+      pull.stuck_since.reset();
+      continue;
+    }
+    if (counts->delivered != pull.delivered || !pull.stuck_since) pull.stuck_since = now;
+    pull.delivered = counts->delivered;
+    if (now - *pull.stuck_since > kPatience) {
+      const Error why{Errc::kTimeout, "this lossless pull held the rig up and took nothing for " +
+                                          std::to_string(kPatience.ms() / 1000) + " s"};
+      client.session().close_stream(stream, why);
+      pull.ended = true;
+      continue;
+    }
+    held = true;
+  }
+  return held;
+}
+
+bool Publisher::offer(Client& client, const Raymap& raymap) {
+  bool given = false;
+  for (auto& [stream, pull] : client.pulls) {
+    const bool there = pull.jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
+    if (pull.ended || !there) continue;
+    if (!client.session().offer(stream, item(raymap, pull.jpeg))) continue;
+    given = true;
+    if (pull.count == 0) continue;
+    const auto counts = client.session().counts(stream);
+    if (!counts || counts->delivered + counts->pending < pull.count) continue;
+    client.session().close_stream(stream);
+    pull.ended = true;
+  }
+  return given;
+}
+
+BulkItem Publisher::item(const Raymap& raymap, bool jpeg) const {
+  const RaymapInfo& info = raymap.info;
+  wire::RaymapHeader header;
+  header.set_set(info.set);
+  header.set_mid_exposure_ns(static_cast<std::uint64_t>(info.mid_exposure.ns()));
+  header.set_coding(jpeg ? "jpeg" : std::string(pixel_format_name(config_.format)));
+  header.set_width(static_cast<std::uint32_t>(config_.width));
+  header.set_height(static_cast<std::uint32_t>(config_.height));
+  header.set_layout(std::string(raymap_layout_name(config_.layout)));
+  header.set_calibration_id(sha256_to_wire(info.calibration));
+  header.set_heads_mask(info.heads);
+  header.set_spread_ns(static_cast<std::uint64_t>(info.spread.ns()));
+  if (info.trigger) header.set_trigger(*info.trigger);
+  header.set_genlock(std::string(genlock_state_name(info.genlock)));
+  return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raymap.pixels, 0};
+}
+
+void Publisher::forget_ended(Client& client) {
+  for (auto entry = client.pulls.begin(); entry != client.pulls.end();) {
+    Pull& pull = entry->second;
+    const auto counts = client.session().counts(entry->first);
+    if (counts) pull.dropped = counts->dropped;
+    if (counts && !(pull.ended && counts->pending == 0)) {
+      ++entry;
+      continue;
+    }
+    client.dropped += pull.dropped;
+    entry = client.pulls.erase(entry);
+  }
+}
+
+std::uint64_t Publisher::dropped(const Client& client) {
+  std::uint64_t all = client.dropped;
+  for (const auto& [stream, pull] : client.pulls) all += pull.dropped;
+  return all;
+}
+
+bool Publisher::jpeg_wanted(const Clients& clients) {
+  return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
+    return std::any_of(client->pulls.begin(), client->pulls.end(),
+                       [](const auto& pull) { return pull.second.jpeg && !pull.second.ended; });
+  });
+}
+
+bool Publisher::reclaim() {
+  const bool pixels = reclaim_from(pixels_out_, pixels_free_);
+  return reclaim_from(jpegs_out_, jpegs_free_) || pixels;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "firmware/client.h"
+#include "firmware/config.h"
+#include "firmware/raymap.h"
+#include "protocol/base/result.h"
+#include "protocol/base/spsc_ring.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::firmware {
+
+using Clients = std::vector<std::unique_ptr<Client>>;
+
+/// Hands raymaps to the clients that pull, all from the same memory, and gives the buffers back when the last has
+/// sent them. A slow client is given the newest it can take and told how many it missed; a lossless one holds the
+/// rig up until it has taken its share, for at most kPatience without a sign of life.
+///
+/// Threading: thread-bound to control; the rings' other ends are the encoder's and the blend's.
+/// Ownership: keeps every raymap until no session holds it.
+/// Errors: start() says why a pull cannot begin.
+class Publisher {
+ public:
+  Publisher(const RaymapConfig& config, SpscRing<Raymap>& raymaps_in, SpscRing<Buffer>& pixels_free,
+            SpscRing<Buffer>& jpegs_free);
+
+  /// Opens the stream of a pull. Errors: kOverload when the client has too many already.
+  Result<StreamId> start(Client& client, const wire::PullRequest& request);
+  /// Ends one after what is pending.
+  Status stop(Client& client, StreamId stream);
+
+  /// True when it did something.
+  bool step(const Clients& clients, Instant now);
+  /// Whether any client pulls JPEGs.
+  static bool jpeg_wanted(const Clients& clients);
+  /// Raymaps this client was not given, on all its streams.
+  static std::uint64_t dropped(const Client& client);
+
+  /// A lossless client has not taken its share yet.
+  bool held_up() const { return held_up_; }
+  std::uint64_t published() const { return published_; }  ///< raymaps given to at least one client
+
+  static constexpr std::size_t kMaxPulls = 4;         ///< of a client
+  static constexpr std::uint64_t kLosslessQueue = 2;  ///< raymaps that wait for a lossless client
+  static constexpr Duration kPatience = Duration::seconds(10);
+
+ private:
+  bool holds_up(Client& client, Instant now);
+  bool offer(Client& client, const Raymap& raymap);
+  BulkItem item(const Raymap& raymap, bool jpeg) const;
+  static void forget_ended(Client& client);
+  bool reclaim();
+
+  const RaymapConfig config_;
+  SpscRing<Raymap>& raymaps_in_;
+  SpscRing<Buffer>& pixels_free_;
+  SpscRing<Buffer>& jpegs_free_;
+  std::vector<Buffer> pixels_out_;  ///< with clients
+  std::vector<Buffer> jpegs_out_;
+  bool held_up_ = false;
+  std::uint64_t published_ = 0;
+};
+
+}  // namespace nodal::firmware

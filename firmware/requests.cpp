@@ -1,0 +1,206 @@
+// The half of Control that answers requests.
+#include "firmware/control.h"
+#include "firmware/status.h"
+
+namespace nodal::firmware {
+
+void Control::handle(Client& client, const wire::Request& request, Instant now) {
+  wire::Reply answer;
+  answer.set_id(request.id());
+  Status done;
+  bool later = false;  // another stage answers
+  switch (request.what_case()) {
+    case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
+    case wire::Request::kHeads: fill_heads(config_, *capture_, *answer.mutable_heads()); break;
+    case wire::Request::kHeadSet:
+      later = true;
+      done = set_heads(client, request);
+      break;
+    case wire::Request::kGenlock:
+      later = request.genlock().action() != wire::GenlockRequest::SHOW;
+      if (later) done = genlock(client, request);
+      else fill_genlock(capture_->genlock, *answer.mutable_genlock());
+      break;
+    case wire::Request::kUploadBegin: {
+      const auto name = sha256_from_wire(request.upload_begin().sha256());
+      const auto offset = name ? uploads_.begin(*name, request.upload_begin().length()) : fail(name.error());
+      if (offset) answer.mutable_upload()->set_offset(*offset);
+      else done = fail(offset.error());
+      break;
+    }
+    case wire::Request::kUploadCommit:
+      later = true;
+      done = commit(client, request);
+      break;
+    case wire::Request::kCalibrationList:
+      later = true;
+      done = ask_keeper(client, request, KeeperRequest::List{});
+      break;
+    case wire::Request::kCalibrationGet:
+      later = true;
+      done = ask_keeper(client, request, KeeperRequest::Get{request.calibration_get().id()});
+      break;
+    case wire::Request::kCalibrationUse:
+      later = true;
+      done = ask_keeper(client, request, KeeperRequest::Use{request.calibration_use().id()});
+      break;
+    case wire::Request::kCalibrationRollback:
+      later = true;
+      done = ask_keeper(client, request, KeeperRequest::Rollback{});
+      break;
+    case wire::Request::kPull: {
+      if (!keeper_->in_force) {
+        done = fail(Errc::kNotReady, "no calibration is in force, so there are no raymaps; upload one first");
+        break;
+      }
+      const auto stream = publisher_.start(client, request.pull());
+      if (stream) answer.mutable_pull()->set_stream(*stream);
+      else done = fail(stream.error());
+      break;
+    }
+    case wire::Request::kPullStop:
+      done = publisher_.stop(client, request.pull_stop().stream());
+      if (done) answer.mutable_done();
+      break;
+    default:
+      done = fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that request");
+      break;
+  }
+  if (!done) return refuse(client, request.id(), done.error(), now);
+  if (!later) reply(client, answer, now);
+}
+
+Status Control::ask_capture(Client& client, const wire::Request& request, CaptureCommand command) {
+  command.ticket = next_ticket_++;
+  const std::uint64_t ticket = command.ticket;
+  if (!stages_.capture.commands().push(std::move(command))) {
+    return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
+  }
+  open_[ticket] = Open{client.number(), request.id(), request.has_genlock()};
+  ++client.requests_open;
+  return {};
+}
+
+Status Control::ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what) {
+  const std::uint64_t ticket = next_ticket_++;
+  if (!stages_.keeper.requests().push(KeeperRequest{ticket, std::move(what), head_shapes()})) {
+    return fail(Errc::kBusy, "the rig has more requests about calibrations than it can take; try again");
+  }
+  open_[ticket] = Open{client.number(), request.id(), false};
+  ++client.requests_open;
+  return {};
+}
+
+Status Control::set_heads(Client& client, const wire::Request& request) {
+  const wire::HeadSetRequest& wish = request.head_set();
+  HeadChange change;
+  for (const std::uint32_t head : wish.heads()) {
+    if (head >= config_.heads.size()) {
+      return fail(Errc::kBadValue, "there is no head " + std::to_string(head) + "; the rig has 0 to " +
+                                       std::to_string(config_.heads.size() - 1));
+    }
+    change.heads |= head_bit(head);
+  }
+  if (wish.heads().empty()) change.heads = head_bit(config_.heads.size()) - 1;
+  constexpr std::uint64_t kLongest = 3'600'000'000'000;  // an hour; a head's own limit is far below
+  if (wish.has_exposure_ns()) {
+    if (wish.exposure_ns() == 0 || wish.exposure_ns() > kLongest) {
+      return fail(Errc::kBadValue, "an exposure of " + std::to_string(wish.exposure_ns()) + " ns is not possible");
+    }
+    change.change.exposure = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.exposure_ns())));
+  }
+  if (wish.has_gain_mdb()) change.change.gain = Gain::millidecibels(wish.gain_mdb());
+  if (wish.has_red_q12() != wish.has_blue_q12()) {
+    return fail(Errc::kMissingField, "a white balance needs both red_q12 and blue_q12");
+  }
+  if (wish.has_red_q12()) {
+    if (wish.red_q12() < 256 || wish.red_q12() > 65535 || wish.blue_q12() < 256 || wish.blue_q12() > 65535) {
+      return fail(Errc::kBadValue, "white balance gains are 256 to 65535, in 1/4096");
+    }
+    change.change.white_balance =
+        WhiteBalance{static_cast<std::uint16_t>(wish.red_q12()), static_cast<std::uint16_t>(wish.blue_q12())};
+  }
+  return ask_capture(client, request, CaptureCommand{0, change});
+}
+
+Status Control::genlock(Client& client, const wire::Request& request) {
+  const wire::GenlockRequest& wish = request.genlock();
+  if (wish.action() == wire::GenlockRequest::STOP) {
+    return ask_capture(client, request, CaptureCommand{0, GenlockStop{}});
+  }
+  if (wish.action() != wire::GenlockRequest::START) {
+    return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that genlock action");
+  }
+  GenlockStart start;
+  if (wish.rate_numerator() != 0 || wish.rate_denominator() != 0) {
+    const std::uint64_t n = wish.rate_numerator();
+    const std::uint64_t d = wish.rate_denominator();
+    if (n == 0 || d == 0 || n > 1000 * d || d > 1000 * n) {
+      return fail(Errc::kBadValue, "a rate of " + std::to_string(n) + "/" + std::to_string(d) +
+                                       " is not between 1/1000 and 1000 frames a second");
+    }
+    start.rate = FrameRate{wish.rate_numerator(), wish.rate_denominator()};
+  }
+  if (wish.pulse_width_ns() != 0) {
+    const std::int64_t period = start.rate.value_or(config_.rate).period().ns();
+    if (wish.pulse_width_ns() >= static_cast<std::uint64_t>(period)) {
+      return fail(Errc::kBadValue, "a trigger pulse must be shorter than a frame, " + std::to_string(period) + " ns");
+    }
+    start.pulse_width = Duration::nanoseconds(static_cast<std::int64_t>(wish.pulse_width_ns()));
+  }
+  return ask_capture(client, request, CaptureCommand{0, start});
+}
+
+Status Control::commit(Client& client, const wire::Request& request) {
+  const auto name = sha256_from_wire(request.upload_commit().sha256());
+  if (!name) return fail(name.error());
+  auto document = uploads_.take(*name);
+  if (!document) return fail(document.error());
+  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end())});
+}
+
+HeadShapes Control::head_shapes() const {
+  HeadShapes shapes;
+  for (const HeadReport& head : capture_->heads) {
+    shapes.emplace_back();
+    if (head.format) shapes.back() = HeadShape{head.format->pixels, head.format->width, head.format->height};
+  }
+  return shapes;
+}
+
+wire::RigStatus Control::status(Instant now) {
+  wire::RigStatus status;
+  status.set_rig_name(config_.name);
+  status.set_state(health_.state);
+  status.set_problem(health_.problem);
+  status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
+  fill_capture(*capture_, status);
+
+  const Blender::Counts& counts = stages_.blender.counts();
+  const auto read = [](const std::atomic<std::uint64_t>& count) { return count.load(std::memory_order_relaxed); };
+  status.set_raymaps(read(counts.blended));
+  add_count(*status.mutable_set_losses(), "overload", capture_->sets_not_taken);
+  add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
+  add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
+  status.set_published(publisher_.published());
+  status.set_rate_wanted_millihertz(millihertz(capture_->genlock.rate));
+  status.set_rate_millihertz(rate_.millihertz());
+  status.set_blend_ns(static_cast<std::uint64_t>(stages_.blender.times().median().ns()));
+  status.set_encode_ns(static_cast<std::uint64_t>(stages_.encoder.times().median().ns()));
+  status.set_encode_failures(stages_.encoder.failed());
+
+  if (keeper_->in_force) {
+    status.set_calibration_id(sha256_to_wire(*keeper_->in_force));
+    status.set_calibration_name(keeper_->name);
+  }
+  status.set_activity(keeper_->activity);
+  status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
+  status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
+  status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));
+  for (const auto& client : clients_) {
+    add_count(*status.mutable_publish_drops(), client->name(), Publisher::dropped(*client));
+  }
+  return status;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,34 @@
+#include "firmware/rig.h"
+
+namespace nodal::firmware {
+
+Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& software)
+    : clock_(ports.clock),
+      capture_(config, ports.heads, ports.trigger),
+      blender_(config.raymap, ports.clock, capture_.sets_out(), capture_.sets_back()),
+      encoder_(config.raymap, ports.clock, blender_.raymaps_out()),
+      keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
+      control_(config, software, Stages{capture_, blender_, encoder_, keeper_}, ports.listeners, ports.watchdog,
+               ports.clock.now()) {}
+
+Rig::~Rig() { close(); }
+
+bool Rig::step_capture() { return capture_.step(clock_.now()); }
+
+bool Rig::step_control() { return control_.step(clock_.now()); }
+
+bool Rig::step_all() {
+  bool busy = step_capture();
+  while (step_blend()) busy = true;
+  while (step_encode()) busy = true;
+  busy |= step_keeper();
+  busy |= step_control();
+  return busy;
+}
+
+void Rig::close() {
+  blender_.close();
+  capture_.close();
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,69 @@
+// The whole rig: every stage and the rings between them. In the field each stage has threads of its own that call it;
+// in tests one executor calls them all.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "firmware/blender.h"
+#include "firmware/calibration_keeper.h"
+#include "firmware/capture.h"
+#include "firmware/config.h"
+#include "firmware/control.h"
+#include "firmware/encoder.h"
+#include "hal/clock.h"
+#include "hal/disk.h"
+#include "hal/head.h"
+#include "hal/link.h"
+#include "hal/trigger.h"
+#include "hal/watchdog.h"
+
+namespace nodal::firmware {
+
+/// The world, as a rig reaches it.
+struct RigPorts {
+  hal::ClockPort& clock;
+  hal::HeadEnumerator& heads;
+  hal::TriggerPort* trigger = nullptr;
+  hal::DiskPort& disk;
+  std::vector<hal::LinkListenerPort*> listeners;
+  hal::WatchdogPort* watchdog = nullptr;
+};
+
+/// Threading: each step_ function by one thread, step_blend() by as many as there are cores. close() when none is in
+///   any of them.
+/// Ownership: the ports outlive it.
+/// Errors: none; what goes wrong is in the status that hosts are told.
+class Rig {
+ public:
+  Rig(const RigConfig& config, const RigPorts& ports, const std::string& software);
+  ~Rig();
+
+  // Each is true when it did something.
+  bool step_capture();
+  bool step_blend() { return blender_.step(); }
+  bool step_encode() { return encoder_.step(); }
+  bool step_keeper() { return keeper_.step(); }
+  bool step_control();
+
+  /// Everything once, for an executor of one thread; bands until none are left.
+  bool step_all();
+  /// Ends: gives frames back, stops heads and trigger.
+  void close();
+
+  Capture& capture() { return capture_; }
+  Blender& blender() { return blender_; }
+  EncodeStage& encoder() { return encoder_; }
+  CalibrationKeeper& keeper() { return keeper_; }
+  Control& control() { return control_; }
+
+ private:
+  hal::ClockPort& clock_;
+  Capture capture_;
+  Blender blender_;
+  EncodeStage encoder_;
+  CalibrationKeeper keeper_;
+  Control control_;
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,19 @@
+// The rig's figures as the wire has them.
+#pragma once
+
+#include "firmware/calibration_keeper.h"
+#include "firmware/capture.h"
+#include "firmware/config.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::firmware {
+
+wire::Error to_wire(const Error& error);
+void fill_genlock(const GenlockReport& genlock, wire::Genlock& into);
+void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
+/// Frames, sets and genlock.
+void fill_capture(const CaptureReport& capture, wire::RigStatus& into);
+void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
+void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
+
+}  // namespace nodal::firmware

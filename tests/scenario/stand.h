@@ -1,0 +1,113 @@
+// A whole rig on simulated ports in virtual time, one thread, and hosts that talk to it.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/rig.h"
+#include "hal/sim/clock.h"
+#include "hal/sim/disk.h"
+#include "hal/sim/link.h"
+#include "hal/sim/watchdog.h"
+#include "hal/sim/world.h"
+#include "protocol/session.h"
+#include "protocol/upload.h"
+#include "small_rig.h"
+
+namespace nodal::scenario {
+
+class Stand;
+
+/// A raymap as a host got it.
+struct Pulled {
+  wire::RaymapHeader header;
+  std::vector<std::uint8_t> body;
+};
+
+/// A host at the far end of a simulated link.
+class TestHost {
+ public:
+  explicit TestHost(Stand& stand);
+
+  /// Asks, and runs the stand until the answer is there. Its id is set here.
+  wire::Reply ask(wire::Request request);
+  /// Asks and does not wait.
+  std::uint64_t post(wire::Request request);
+  const wire::Reply* reply(std::uint64_t id) const;
+
+  wire::RigStatus status();
+  wire::Heads heads();
+  /// Begins, sends and commits.
+  wire::Reply upload(const std::string& document);
+  /// Begins and sends, without a commit; the offset that the rig told.
+  std::uint64_t send_document(const std::string& document);
+  /// Starts a pull; its stream, or 0 when it was refused (see `refusal`).
+  StreamId pull(bool jpeg, std::uint64_t count, bool lossless = false);
+
+  void pump();
+  hal::sim::SimLink& link() { return *link_; }
+  Session& session() { return session_; }
+  bool dead() const { return gone_ || session_.error() != nullptr; }
+  /// What the rig said when it ended us.
+  const Error* farewell() const { return session_.error(); }
+
+  std::map<StreamId, std::vector<Pulled>> pulled;
+  std::map<StreamId, std::uint64_t> dropped;  ///< told with the newest piece, or at the end
+  std::map<StreamId, std::optional<Error>> closed;
+  wire::Error refusal;
+  bool reading = true;  ///< false: a host that is stuck
+
+ private:
+  Stand& stand_;
+  std::unique_ptr<hal::sim::SimLink> link_;
+  Session session_;
+  std::map<std::uint64_t, wire::Reply> replies_;
+  std::uint64_t next_id_ = 1;
+  std::optional<StreamId> uploading_;
+  bool gone_ = false;
+};
+
+struct StandOptions {
+  firmware::RigConfig config = small_config();
+  Calibration truth = small_calibration();
+  hal::sim::WorldOptions world;
+};
+
+class Stand {
+ public:
+  explicit Stand(StandOptions options = {}, std::unique_ptr<hal::sim::SimDisk> disk = nullptr);
+  ~Stand();
+
+  /// Moves time on by a millisecond at a time; everything steps until nothing has anything to do. After each of
+  /// them the frames are conserved.
+  void run(Duration duration);
+  /// Until it holds; false when it does not within so long.
+  bool run_until(const std::function<bool()>& holds, Duration at_most = Duration::seconds(20));
+  /// Everything steps until nothing has anything to do; time stands still.
+  void settle();
+
+  TestHost& connect();
+  /// With the small calibration in force.
+  TestHost& bring_up();
+
+  const firmware::CaptureReport& capture() { return rig->capture().report(); }
+  std::uint64_t losses(int head, firmware::LossReason reason);
+  std::string state() { return rig->control().health().state; }
+
+  StandOptions options;
+  hal::sim::World world;
+  std::unique_ptr<hal::sim::SimDisk> disk;
+  hal::sim::SimLinkListener listener;
+  hal::sim::SimWatchdog watchdog;
+  std::unique_ptr<firmware::Rig> rig;
+  std::vector<std::unique_ptr<TestHost>> hosts;
+
+ private:
+  void check_conserved();
+};
+
+}  // namespace nodal::scenario
