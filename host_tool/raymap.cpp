@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <bit>
 #include <charconv>
 #include <chrono>
 #include <optional>
@@ -20,6 +21,7 @@ struct Args {
   std::uint64_t count = 1;
   bool continuous = false;
   bool lossless = false;
+  bool complete = false;
   std::string seconds;
   std::string out;
   std::string format;
@@ -41,6 +43,7 @@ Result<std::uint64_t> parse_count(std::string_view text) {
 /// What a pull has come to so far.
 struct Tally {
   std::uint64_t pulled = 0;
+  std::uint64_t incomplete = 0;  ///< passed over, since a head is missing in them
   std::uint64_t dropped = 0;
   std::uint64_t bytes = 0;
   double first_s = 0;
@@ -154,6 +157,7 @@ void tell_frame(Console& console, const ReceivedRaymap& raymap, const std::strin
 void tell_summary(Console& console, const Tally& tally, const std::string& last_name) {
   console.document({{"summary",
                      {{"pulled", tally.pulled},
+                      {"incomplete", tally.incomplete},
                       {"dropped", tally.dropped},
                       {"bytes", tally.bytes},
                       {"rate", tally.rate()},
@@ -166,58 +170,106 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
     text += fmt::format(", {:.2f} a second, {} dropped on the way, worst spread {}", tally.rate(), tally.dropped,
                         show_duration(tally.worst_spread_ns));
   }
+  if (tally.incomplete != 0) text += fmt::format(", {} passed over for a missing head", tally.incomplete);
   console.line(text + "; the last is " + last_name);
 }
 
-/// Pulls until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
-Status pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, Console& console) {
-  const bool endless = args.continuous || !args.seconds.empty();
-  const double until = args.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args.seconds)->ns()) / 1e9;
-  Progress progress(console, "raymap", endless ? 0 : args.count);
-  Tally tally;
-  Assembly assembly;
-  std::string name;
-  const Duration patience = Duration::seconds(10);
-  while ((endless || tally.pulled < args.count) && (until == 0 || now_s() < until) && !console.output_gone()) {
-    const Result<std::optional<Event>> event = rig.next_event(patience);
-    if (interrupted()) break;
-    if (!event) return fail(event.error());
-    if (!*event) {
-      console.note("no raymap for 10 s; `nodal status` says why (no calibration? genlock stopped?)");
-      continue;
-    }
-    if (const auto* closed = std::get_if<StreamClosed>(&**event); closed != nullptr && closed->stream == stream) {
-      tally.dropped = closed->dropped;
-      if (closed->error) return fail(*closed->error);
-      if (!endless && tally.pulled < args.count) {
-        return fail(Errc::kLinkClosed, fmt::format("the rig ended the stream after {} of {} raymaps", tally.pulled,
-                                                   args.count));
+/// One pull, from the rig's first piece to the sum.
+class Pull {
+ public:
+  Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
+      : rig_(rig), stream_(stream), args_(args), sink_(sink), heads_(heads), console_(console),
+        endless_(args.continuous || !args.seconds.empty()),
+        progress_(console, "raymap", endless_ ? 0 : args.count) {}
+
+  /// Until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
+  Status run() {
+    const double until =
+        args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
+    while (!enough() && (until == 0 || now_s() < until) && !console_.output_gone()) {
+      const Result<std::optional<Event>> event = rig_.next_event(kRemindAfter);
+      if (interrupted()) break;
+      if (!event) return fail(event.error());
+      if (!*event) {
+        console_.note("no raymap for 10 s; `nodal status` says why (no calibration? genlock stopped?)");
+        continue;
       }
-      break;
+      const Result<bool> more = take(**event);
+      if (!more) return fail(more.error());
+      if (!*more) break;
     }
-    const auto* piece = std::get_if<BulkPiece>(&**event);
-    if (piece == nullptr || piece->stream != stream) continue;
-    tally.dropped = piece->dropped;
-    Result<std::optional<ReceivedRaymap>> raymap = assembly.add(*piece);
-    if (!raymap) return fail(raymap.error());
-    if (!*raymap) continue;
-    if (const Status good = check_raymap(**raymap); !good) return good;
-    tally.add(**raymap);
-    const Result<std::string> stored = store(sink, **raymap, tally.pulled, console);
-    if (!stored) return fail(stored.error());
-    name = *stored;
-    tell_frame(console, **raymap, name, tally.dropped);
-    progress.update(tally.pulled, fmt::format("{:.2f}/s, {} dropped, set {}", tally.rate(), tally.dropped,
-                                              (*raymap)->header.set()));
-  }
-  rig.stop_stream(stream);
-  console.finish_progress();
-  if (tally.pulled == 0) {
+    rig_.stop_stream(stream_);
+    console_.finish_progress();
+    if (tally_.pulled != 0) {
+      tell_summary(console_, tally_, name_);
+      return {};
+    }
     return fail(interrupted() ? Errc::kCancelled : Errc::kNotReady,
-                "no raymap came; `nodal status` says what the rig is doing");
+                tally_.incomplete != 0 ? fmt::format("{} raymaps came, and a head was missing in each; `nodal heads` "
+                                                     "says which", tally_.incomplete)
+                                       : "no raymap came; `nodal status` says what the rig is doing");
   }
-  tell_summary(console, tally, name);
-  return {};
+
+ private:
+  static constexpr Duration kRemindAfter = Duration::seconds(10);
+
+  bool enough() const { return !endless_ && tally_.pulled >= args_.count; }
+
+  /// Whether the stream goes on.
+  Result<bool> take(const Event& event) {
+    if (const auto* closed = std::get_if<StreamClosed>(&event); closed != nullptr && closed->stream == stream_) {
+      tally_.dropped = closed->dropped;
+      if (closed->error) return fail(*closed->error);
+      if (endless_) return false;
+      return fail(Errc::kLinkClosed,
+                  fmt::format("the rig ended the stream after {} of {} raymaps", tally_.pulled, args_.count));
+    }
+    const auto* piece = std::get_if<BulkPiece>(&event);
+    if (piece == nullptr || piece->stream != stream_) return true;
+    tally_.dropped = piece->dropped;
+    const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
+    if (!raymap) return fail(raymap.error());
+    if (!*raymap) return true;
+    if (const Status kept = keep(**raymap); !kept) return fail(kept.error());
+    return true;
+  }
+
+  Status keep(const ReceivedRaymap& raymap) {
+    if (const Status good = check_raymap(raymap); !good) return good;
+    if (args_.complete && std::popcount(raymap.header.heads_mask()) < heads_) {
+      ++tally_.incomplete;
+      return {};
+    }
+    tally_.add(raymap);
+    const Result<std::string> stored = store(sink_, raymap, tally_.pulled, console_);
+    if (!stored) return fail(stored.error());
+    name_ = *stored;
+    tell_frame(console_, raymap, name_, tally_.dropped);
+    progress_.update(tally_.pulled, fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped,
+                                                raymap.header.set()));
+    return {};
+  }
+
+  RigConnection& rig_;
+  StreamId stream_;
+  const Args& args_;
+  const Sink& sink_;
+  int heads_;
+  Console& console_;
+  bool endless_;
+  Progress progress_;
+  Tally tally_;
+  Assembly assembly_;
+  std::string name_;
+};
+
+/// How many heads the rig has, for --complete.
+Result<int> count_heads(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_heads();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  return reply->heads().heads_size();
 }
 
 Status run(Context& context, const Args& args) {
@@ -225,6 +277,8 @@ Status run(Context& context, const Args& args) {
   if (!sink) return fail(sink.error());
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
+  const Result<int> heads = args.complete ? count_heads(**rig) : 0;
+  if (!heads) return fail(heads.error());
   wire::Request request;
   wire::PullRequest& wanted = *request.mutable_pull();
   wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
@@ -232,7 +286,7 @@ Status run(Context& context, const Args& args) {
   wanted.set_lossless(args.lossless);
   const Result<wire::Reply> started = (*rig)->ask(request);
   if (!started) return fail(started.error());
-  return pull(**rig, started->pull().stream(), args, *sink, context.console());
+  return Pull(**rig, started->pull().stream(), args, *sink, *heads, context.console()).run();
 }
 
 }  // namespace
@@ -261,6 +315,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
   command->add_option("--format", args->format, "jpg as it comes, png, or raw with a .json beside it; else by --out")
       ->type_name("jpg|png|raw")
       ->check(checked_by(parse_raymap_format));
+  command->add_flag("--complete", args->complete, "Only raymaps that every head of the rig is in");
   command->add_flag("--lossless", args->lossless, "Every raymap: the rig waits for this client instead of dropping");
   line.on(command, [args](Context& context) { return run(context, *args); });
 }

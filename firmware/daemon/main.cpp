@@ -122,16 +122,19 @@ int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
 
   firmware::RigConfig config;
+  const std::filesystem::path base = std::filesystem::absolute(options.config).parent_path();
   if (!options.config.empty()) {
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);
+    std::string& socket = config.links.unix_path;
+    if (!socket.empty()) socket = (base / socket).string();  // paths of rig.toml count from its folder
   }
   if (options.bridge) {
     ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
     return run_bridge(options.socket.empty() ? config.links.unix_path : options.socket);
   }
-  return run(options, config, std::filesystem::absolute(options.config).parent_path());
+  return run(options, config, base);
 }
 
 }  // namespace
