@@ -190,6 +190,31 @@ TEST(Bulk, PiecesNotTaken_SenderStopsAtTheWindow) {
   }
 }
 
+// A sender that gives itself credit, against a receiver whose program takes nothing.
+TEST(Bulk, MoreBytesThanCredit_ProtocolAndNoMoreThanTheWindowIsHeld) {
+  BulkReceiver receiver(1);
+  ASSERT_TRUE(receiver.open(1, static_cast<std::uint32_t>(StreamPolicy::kLossless)));
+  BulkSender sender(1);
+  const StreamId stream = sender.open(StreamPolicy::kLossless).value();
+  ASSERT_TRUE(sender.credit(stream, UINT64_MAX));
+  ASSERT_TRUE(sender.offer(stream, BulkItem{"", shared_bytes(3'000'000), 0}));
+  std::uint64_t held = 0;
+  std::optional<Error> error;
+  while (!error) {
+    const auto piece = sender.next_piece();
+    ASSERT_TRUE(piece) << "all of it was taken";
+    std::vector<std::uint8_t> payload = piece->head;
+    payload.insert(payload.end(), piece->slice.begin(), piece->slice.end());
+    const auto taken = receiver.piece(stream, payload);
+    if (taken) held += (*taken)->data.size();
+    if (!taken) error = taken.error();
+  }
+  EXPECT_EQ(error->code, Errc::kProtocol);
+  EXPECT_NE(error->message.find("than there was credit for"), std::string::npos) << error->message;
+  EXPECT_LE(held, kStreamWindowBytes);
+  EXPECT_GT(held, kStreamWindowBytes - kMaxPieceBytes);
+}
+
 TEST(Bulk, Saturated_ControlWaitsForOnePieceAtMost) {
   constexpr std::size_t kOnePiece = kFrameHeaderBytes + kMaxBulkBytes;
   for (const std::size_t written_before : {1UL, 100UL, 30'000UL, 65'000UL, 65'564UL, 200'001UL}) {
