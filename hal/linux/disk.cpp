@@ -247,7 +247,9 @@ Status LinuxDisk::sync_folder(const std::string& name) {
   }
   const Descriptor folder(open_beneath(name.empty() ? "." : name, O_RDONLY | O_DIRECTORY));
   if (!folder) return fail(failure("syncing it", name, errno));
-  if (again_when_interrupted([&] { return ::fsync(folder.get()); }) < 0) return fail(failure("syncing it", name, errno));
+  if (again_when_interrupted([&] { return ::fsync(folder.get()); }) < 0) {
+    return fail(failure("syncing it", name, errno));
+  }
   return {};
 }
 

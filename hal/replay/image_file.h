@@ -47,8 +47,8 @@ struct ImageHeader {
 };
 Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 
-/// A picture in another format (neither is kMjpeg): RGB and YUV by full-range BT.601; chroma is interpolated where it is
-/// coarser and averaged where it becomes coarser. Not fast: for opening files, not for the frame path.
+/// A picture in another format (neither is kMjpeg): RGB and YUV by full-range BT.601; chroma is interpolated where
+/// it is coarser and averaged where it becomes coarser. Not fast: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);
 
 }  // namespace nodal::hal::replay

@@ -2,6 +2,8 @@
 
 #include <turbojpeg.h>
 
+#include <algorithm>
+#include <array>
 #include <memory>
 
 namespace nodal::hal::replay {
@@ -13,9 +15,16 @@ struct Close {
 };
 using Decoder = std::unique_ptr<void, Close>;
 
-Error broken(void* decoder, const std::string& name) {
-  std::string why = tjGetErrorStr2(decoder);
-  const bool early = why.find("Premature end") != std::string::npos;
+/// An end marker is somewhere in the last bytes; files may have padding behind it.
+bool has_end(std::span<const std::uint8_t> bytes) {
+  constexpr std::array<std::uint8_t, 2> kEnd{0xFF, 0xD9};
+  const auto tail = bytes.last(std::min<std::size_t>(bytes.size(), 4096));
+  return std::search(tail.begin(), tail.end(), kEnd.begin(), kEnd.end()) != tail.end();
+}
+
+Error broken(void* decoder, std::span<const std::uint8_t> bytes, const std::string& name) {
+  const std::string why = tjGetErrorStr2(decoder);
+  const bool early = !has_end(bytes);
   return {early ? Errc::kTruncated : Errc::kBadFormat,
           "picture '" + name + "': " + (early ? "the JPEG ends early" : "the JPEG is broken") + " (" + why +
               "); fetch or export it again"};
@@ -31,7 +40,10 @@ Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const 
   Header h;
   if (tjDecompressHeader3(decoder, bytes.data(), bytes.size(), &h.image.width, &h.image.height, &h.subsampling,
                           &h.colours) != 0) {
-    return fail(broken(decoder, name));
+    return fail(broken(decoder, bytes, name));
+  }
+  if (h.image.width <= 0 || h.image.height <= 0) {  // the data end before the picture's size, and it says nothing
+    return fail(Errc::kTruncated, "picture '" + name + "': the JPEG ends in its header; fetch or export it again");
   }
   if (h.colours == TJCS_CMYK || h.colours == TJCS_YCCK) {
     return fail(Errc::kUnsupported, "picture '" + name + "': the JPEG is for print (CMYK); save it as RGB");
@@ -76,7 +88,7 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
     status = tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0,
                            image.height, image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
-  if (status != 0) return fail(broken(decoder.get(), name));
+  if (status != 0) return fail(broken(decoder.get(), bytes, name));
   return image;
 }
 

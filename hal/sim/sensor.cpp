@@ -13,10 +13,11 @@ namespace nodal::hal::sim {
 
 namespace {
 
-constexpr int kBlock = 16;             ///< side of the squares that movers are looked for in, px
-constexpr int kCurveEntries = 1 << 14; ///< by the square root of light: even a steep response moves 0.02 levels an entry
+constexpr int kBlock = 16;  ///< side of the squares that movers are looked for in, px
+/// By the square root of light: even a steep response moves 0.02 levels an entry.
+constexpr int kCurveEntries = 1 << 14;
 constexpr std::size_t kDeviates = 1 << 16;
-constexpr std::size_t kVersions = 4;   ///< of the still part with noise; one without
+constexpr std::size_t kVersions = 4;      ///< of the still part with noise; one without
 constexpr std::uint32_t kBuildEvery = 8;  ///< frames between further versions, so that no frame pays for all
 constexpr int kMaxLevel = 255 << kLevelBits;
 

@@ -18,6 +18,9 @@ constexpr double kFar = 1e9;
 constexpr Direction kSun{0.4851, -0.7276, -0.4851};  // unit: high, behind to the right
 constexpr Light kHaze{0.62F, 0.72F, 0.84F};
 
+/// A factor about 1 that noise moves, never to darkness.
+float varied(double by) { return static_cast<float>(std::max(0.12, 1 + by)); }
+
 double dot(const Direction& a, const Direction& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // 5x7 letters, a row a byte, the leftmost cell in bit 4.
@@ -161,7 +164,7 @@ class TownSquare final : public Scene {
     if (slope > ridge) return;
     const double wood = fractal(60 * x, 60 * slope, 60 * z, 60 * footprint, 4, seed_ + 70);
     const Light green{0.13F, 0.20F, 0.10F};
-    light = mix(green * static_cast<float>(1 + 0.8 * wood), kHaze, 0.35 + 0.3 * std::clamp(1 - slope / 0.1, 0.0, 1.0));
+    light = mix(green * varied(0.8 * wood), kHaze, 0.35 + 0.3 * std::clamp(1 - slope / 0.1, 0.0, 1.0));
   }
 
   struct Hit {
@@ -228,10 +231,10 @@ class TownSquare final : public Scene {
     const double h = hit.h;
     const auto colour = static_cast<std::size_t>(cell_value(hit.lot, hit.side, 4, seed_) * 6.999);
     const double grain = fractal(s * 1.1, h * 1.1, static_cast<double>(hit.side) * 40, w * 1.1, 5, seed_ + 10);
-    Light light = kPlaster[colour] * static_cast<float>(1.35 + 0.5 * grain);
+    Light light = kPlaster[colour] * (1.35F * varied(0.4 * grain));
     if (h > hit.eaves) {
       const double tiles = pulse_train(h / 0.3, 0.75, w / 0.3) * 0.3 + 0.7;
-      return Light{0.42F, 0.16F, 0.10F} * static_cast<float>(tiles * (1.3 + 0.6 * grain));
+      return Light{0.42F, 0.16F, 0.10F} * (static_cast<float>(1.3 * tiles) * varied(0.5 * grain));
     }
     light = mix(light, {0.85F, 0.82F, 0.76F}, pulse_train(h / 3 + 0.02, 0.06, w / 3));
     // Joints between lots, drain pipes.
@@ -262,7 +265,7 @@ class TownSquare final : public Scene {
     if (door) return Light{0.22F, 0.13F, 0.07F} * static_cast<float>(0.8 + 0.4 * pulse_train(h / 0.55, 0.8, w / 0.55));
     if (h < 0.5 || along < 0.06 || along > 0.94) return wall * 0.7F;
     const double goods = fractal(s * 2.5, h * 2.5, static_cast<double>(hit.lot), w * 2.5, 4, seed_ + 30);
-    return Light{0.42F, 0.33F, 0.2F} * static_cast<float>(0.8 + 1.4 * goods);
+    return Light{0.42F, 0.33F, 0.2F} * (0.8F * varied(1.75 * goods));
   }
 
   /// The wall's word on a board between its first and second row of windows.
@@ -305,7 +308,7 @@ class TownSquare final : public Scene {
         light = std::abs(angle) < std::numbers::pi / 8 ? Light{0.50F, 0.06F, 0.05F} : Light{0.56F, 0.52F, 0.40F};
       }
     }
-    light = light * static_cast<float>(1 + 0.9 * fractal(x * 1.3, 0.2, z * 1.3, wide * 1.3, 7, seed_ + 80));
+    light = light * varied(0.9 * fractal(x * 1.3, 0.2, z * 1.3, wide * 1.3, 7, seed_ + 80));
     // Shadows of the crowns.
     const Direction from{x, kEyeHeight, z};
     for (const Ball& crown : crowns_) {
@@ -337,7 +340,7 @@ class TownSquare final : public Scene {
       const Direction normal{(p.x - crown.x) / crown.radius, (p.y - crown.y) / crown.radius,
                              (p.z - crown.z) / crown.radius};
       const double lit = 0.35 + 0.65 * std::max(0.0, dot(normal, kSun));
-      seen = Light{0.24F, 0.40F, 0.10F} * static_cast<float>(lit * (1 + 1.5 * leaf));
+      seen = Light{0.24F, 0.40F, 0.10F} * (static_cast<float>(lit) * varied(1.5 * leaf));
       nearest = t;
       any = true;
     }

@@ -26,8 +26,8 @@ class World::Enumerator final : public HeadEnumerator {
 };
 
 World::World(const Calibration& truth, WorldOptions options)
-    : truth_(truth), clock_(options.real_time ? SimClock::Kind::kReal : SimClock::Kind::kVirtual), trigger_(clock_, options.trigger, options.seed),
-      enumerator_(std::make_unique<Enumerator>(*this)) {
+    : truth_(truth), clock_(options.real_time ? SimClock::Kind::kReal : SimClock::Kind::kVirtual),
+      trigger_(clock_, options.trigger, options.seed), enumerator_(std::make_unique<Enumerator>(*this)) {
   NODAL_ASSERT(truth_.heads.size() <= static_cast<std::size_t>(kMaxHeads));
   if (!options.scene) options.scene = town_square_scene(options.seed);
   for (std::size_t i = 0; i < truth_.heads.size(); ++i) {

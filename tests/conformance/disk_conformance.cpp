@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "../support/pictures.h"
+#include "tests/support/pictures.h"
 #include "hal/disk.h"
 #include "hal/linux/disk.h"
 #include "hal/sim/disk.h"

@@ -15,7 +15,8 @@ Sha256 content(const FrameView& frame) {
   for (const PlaneView& plane : frame.image.planes) {
     if (plane.data == nullptr) continue;
     for (int y = 0; y < plane.height; ++y) {
-      for (int x = 0; x < plane.width; ++x) samples.push_back(plane.data[y * plane.row_stride + x * plane.pixel_stride]);
+      const std::uint8_t* row = plane.data + y * plane.row_stride;
+      for (int x = 0; x < plane.width; ++x) samples.push_back(row[x * plane.pixel_stride]);
     }
   }
   return sha256(samples);

@@ -1,5 +1,5 @@
-#include "../support/pictures.h"
-#include "../support/rigs.h"
+#include "tests/support/pictures.h"
+#include "tests/support/rigs.h"
 #include "hal/replay/deck.h"
 #include "hal/sim/world.h"
 #include "head_conformance.h"

@@ -14,7 +14,7 @@
 #include <ostream>
 #include <vector>
 
-#include "../support/pictures.h"
+#include "tests/support/pictures.h"
 #include "hal/linux/watchdog.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/watchdog.h"

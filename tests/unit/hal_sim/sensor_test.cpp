@@ -1,0 +1,280 @@
+#include "hal/sim/sensor.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "tests/support/pictures.h"
+#include "tests/support/rigs.h"
+#include "hal/replay/image_file.h"
+#include "hal/sim/response.h"
+
+namespace nodal::hal::sim {
+namespace {
+
+constexpr Instant kNow = Instant::from_ns(5'000'000'000);
+
+std::vector<std::uint8_t> render(Sensor& sensor, const HeadCalibration& head, const HeadOptions& options,
+                                 const HeadSettings& settings = {}, std::uint32_t number = 0, Instant at = kNow) {
+  std::vector<std::uint8_t> bytes(packed_size(options.pixels, head.width, head.height));
+  sensor.render(settings, at, number, bytes, 0);
+  return bytes;
+}
+
+std::vector<std::uint8_t> render_once(const HeadCalibration& head, const HeadOptions& options, const ScenePtr& scene,
+                                      const HeadSettings& settings = {}) {
+  Sensor sensor(head, options, scene, 1);
+  return render(sensor, head, options, settings);
+}
+
+HeadOptions with(PixelFormat pixels) {
+  HeadOptions options;
+  options.pixels = pixels;
+  return options;
+}
+
+struct Statistics {
+  double mean = 0, deviation = 0;
+};
+Statistics of(const std::vector<std::uint8_t>& bytes) {
+  double sum = 0, squares = 0;
+  for (const std::uint8_t b : bytes) {
+    sum += b;
+    squares += double(b) * b;
+  }
+  const auto n = static_cast<double>(bytes.size());
+  return {sum / n, std::sqrt(std::max(0.0, squares / n - sum * sum / n / n))};
+}
+
+Light grey(double level) {
+  const auto l = static_cast<float>(level / 255);
+  return {l, l, l};
+}
+
+class EveryFormat : public testing::TestWithParam<PixelFormat> {};
+
+TEST_P(EveryFormat, ConstantGrey_EverySampleIsExactlyThatLevelAndColourIsNeutral) {
+  for (const int level : {0, 1, 37, 128, 254, 255}) {
+    const HeadCalibration head = test::plain_head("cam0", 22, 14);
+    const auto bytes = render_once(head, with(GetParam()), constant_scene(grey(level)));
+    const ImageView image = packed_image(GetParam(), 22, 14, bytes.data());
+    for (int c = 0; c < component_count(GetParam()); ++c) {
+      const PlaneView& plane = image.planes[static_cast<std::size_t>(c)];
+      const int expected = c > 0 && GetParam() != PixelFormat::kRgb24 ? 128 : level;
+      for (int y = 0; y < plane.height; ++y) {
+        for (int x = 0; x < plane.width; ++x) {
+          ASSERT_EQ(plane.data[y * plane.row_stride + x * plane.pixel_stride], expected) << c << " " << x << " " << y;
+        }
+      }
+    }
+  }
+}
+
+// JFIF's own numbers for pure red: Y 76, Cb 85, Cr 255.5 clipped.
+TEST_P(EveryFormat, PureRed_IsWhatJfifSays) {
+  if (component_count(GetParam()) == 1) GTEST_SKIP() << "grey";
+  const auto bytes = render_once(test::plain_head("cam0", 16, 8), with(GetParam()), constant_scene({1, 0, 0}));
+  const ImageView image = packed_image(GetParam(), 16, 8, bytes.data());
+  const bool rgb = GetParam() == PixelFormat::kRgb24;
+  EXPECT_EQ(image.planes[0].data[0], rgb ? 255 : 76);
+  EXPECT_EQ(image.planes[1].data[0], rgb ? 0 : 85);
+  EXPECT_EQ(image.planes[2].data[0], rgb ? 0 : 255);
+}
+
+// The same frame in RGB, turned by other code, differs by rounding only.
+TEST_P(EveryFormat, TownSquare_IsTheRgbFrameInAnotherFormat) {
+  HeadCalibration head = test::plain_head("cam0", 160, 120, 20);
+  head.response = {Response::Curve::kSrgb, 1, {}};
+  const ScenePtr scene = town_square_scene();
+  const auto rgb = render_once(head, with(PixelFormat::kRgb24), scene);
+  const auto wanted = replay::convert_image(packed_image(PixelFormat::kRgb24, 160, 120, rgb.data()), GetParam());
+  const auto got = render_once(head, with(GetParam()), scene);
+  EXPECT_GT(test::psnr(got, wanted.bytes), 53);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, EveryFormat,
+                         testing::Values(PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12,
+                                         PixelFormat::kYuyv, PixelFormat::kUyvy, PixelFormat::kRgb24),
+                         [](const auto& format) { return std::string(pixel_format_name(format.param)); });
+
+TEST(Sensor, OddSizes_EveryFormatWithOddSizesRenders) {
+  for (const PixelFormat pixels : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24,
+                                   PixelFormat::kYuyv}) {
+    const auto bytes = render_once(test::plain_head("cam0", 33, 17), with(pixels), town_square_scene());
+    EXPECT_GT(of(bytes).mean, 10);
+  }
+}
+
+TEST(Sensor, ExposureGainAndBalance_MultiplyLight) {
+  const HeadCalibration head = test::plain_head("cam0", 8, 8);
+  const HeadOptions options = with(PixelFormat::kRgb24);
+  const auto level = [&](const HeadSettings& settings, std::size_t c) {
+    return render_once(head, options, constant_scene(grey(50)), settings)[c];
+  };
+  EXPECT_EQ(level({}, 0), 50);
+  EXPECT_EQ(level({Exposure::microseconds(20'000), {}, {}}, 1), 100);
+  EXPECT_EQ(level({Exposure::microseconds(2'000), {}, {}}, 1), 10);
+  EXPECT_EQ(level({{}, Gain::millidecibels(12'041), {}}, 2), 200) << "12.04 dB is four times";
+  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 0), 100);
+  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 1), 50);
+  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 2), 25);
+  EXPECT_EQ(level({Exposure::microseconds(33'000), Gain::millidecibels(24'000), {}}, 0), 255) << "clips";
+}
+
+TEST(Sensor, Response_EncodesLight) {
+  HeadCalibration head = test::plain_head("cam0", 8, 8);
+  head.response = {Response::Curve::kGamma, 2.2, {}};
+  EXPECT_EQ(render_once(head, with(PixelFormat::kRgb24), constant_scene({0.5F, 0.5F, 0.5F}))[0], 186);
+  head.response = {Response::Curve::kSrgb, 1, {}};
+  EXPECT_EQ(render_once(head, with(PixelFormat::kRgb24), constant_scene({0.5F, 0.5F, 0.5F}))[0], 188);
+}
+
+TEST(Sensor, VignettingAndHeadGain_AreWhatTheCalibrationSays) {
+  HeadCalibration head = test::plain_head("cam0", 200, 100);
+  head.aspect = 1.25;
+  head.vignetting = {100, 50, 100, {-0.3, -0.1, 0.05}};
+  head.gain = {1.1, 1, 0.9};
+  const auto bytes = render_once(head, with(PixelFormat::kRgb24), constant_scene(grey(200)));
+  for (const auto& [x, y] : {std::pair{100, 50}, {0, 0}, {199, 99}, {30, 80}, {150, 10}}) {
+    const double dx = x + 0.5 - 100;
+    const double dy = (y + 0.5 - 50) / 1.25;
+    const double s = (dx * dx + dy * dy) / 10'000;
+    const double v = 1 - 0.3 * s - 0.1 * s * s + 0.05 * s * s * s;
+    const auto at = static_cast<std::size_t>(3 * (200 * y + x));
+    EXPECT_NEAR(bytes[at], 200 * v * 1.1, 0.52);
+    EXPECT_NEAR(bytes[at + 1], 200 * v, 0.52);
+    EXPECT_NEAR(bytes[at + 2], 200 * v * 0.9, 0.52);
+  }
+}
+
+TEST(Sensor, LevelNoise_HasTheStatedDeviationAndNoBias) {
+  HeadOptions options = with(PixelFormat::kGrey8);
+  options.noise.levels = 3;
+  // Grey is made of three channels of noise each: 3 sqrt(0.299^2 + 0.587^2 + 0.114^2).
+  const double expected = 3 * std::sqrt(0.299 * 0.299 + 0.587 * 0.587 + 0.114 * 0.114);
+  const Statistics seen = of(render_once(test::plain_head("cam0", 300, 200), options, constant_scene(grey(120))));
+  EXPECT_NEAR(seen.mean, 120, 0.05);
+  EXPECT_NEAR(seen.deviation, std::sqrt(expected * expected + 1.0 / 12), 0.04);
+}
+
+// Poisson: light l of n electrons is uncertain by sqrt(l n) electrons; gain takes fewer electrons to the same level.
+TEST(Sensor, ShotAndReadNoise_FollowTheElectrons) {
+  HeadOptions options = with(PixelFormat::kRgb24);
+  options.noise.full_well_electrons = 5'000;
+  options.noise.read_electrons = 20;
+  const HeadCalibration head = test::plain_head("cam0", 200, 200);
+  for (const double level : {30.0, 120.0}) {
+    for (const int gain : {1, 4}) {
+      HeadSettings settings;
+      settings.gain = Gain::millidecibels(gain == 1 ? 0 : 12'041);
+      settings.exposure = Exposure::microseconds(10'000 / gain);
+      const double electrons = level / 255 * 5'000 / gain;
+      const double expected = std::sqrt(electrons + 20 * 20) / (5'000.0 / gain) * 255;
+      const Statistics seen = of(render_once(head, options, constant_scene(grey(level)), settings));
+      EXPECT_NEAR(seen.deviation, std::sqrt(expected * expected + 1.0 / 12), 0.03 * expected) << level << " " << gain;
+      EXPECT_NEAR(seen.mean, level, 0.2);
+    }
+  }
+}
+
+TEST(Sensor, SameSeed_SameBytesAndAnotherSeedOthers) {
+  HeadOptions options = with(PixelFormat::kI420);
+  options.noise.levels = 2;
+  const HeadCalibration head = test::plain_head("cam0", 64, 48);
+  const auto frames = [&](std::uint64_t seed) {
+    Sensor sensor(head, options, town_square_scene(), seed);
+    std::vector<std::uint8_t> all;
+    for (std::uint32_t n = 0; n < 40; ++n) {
+      const auto bytes = render(sensor, head, options, {}, n, kNow + Duration::milliseconds(33 * n));
+      all.insert(all.end(), bytes.begin(), bytes.end());
+    }
+    return all;
+  };
+  EXPECT_EQ(frames(4), frames(4));
+  EXPECT_NE(frames(4), frames(5));
+}
+
+TEST(Sensor, NoiseFromFrameToFrame_IsNotTheSame) {
+  HeadOptions options = with(PixelFormat::kGrey8);
+  options.noise.levels = 4;
+  const HeadCalibration head = test::plain_head("cam0", 64, 48);
+  Sensor sensor(head, options, constant_scene(grey(100)), 3);
+  std::vector<std::vector<std::uint8_t>> different;
+  for (std::uint32_t n = 0; n < 60; ++n) {
+    const auto bytes = render(sensor, head, options, {}, n);
+    if (std::find(different.begin(), different.end(), bytes) == different.end()) different.push_back(bytes);
+  }
+  EXPECT_GE(different.size(), 4U);
+}
+
+// Drawn over the still part in blocks, a frame is what it would be if drawn whole.
+TEST(Sensor, BalloonInView_MovesAndLeavesTheRestAlone) {
+  const ScenePtr scene = town_square_scene();
+  const HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
+  const HeadOptions options = with(PixelFormat::kRgb24);
+  Sensor sensor(head, options, scene, 1);
+  const auto first = render(sensor, head, options, {}, 0, Instant{});
+  const auto same = render(sensor, head, options, {}, 1, Instant{});
+  const auto later = render(sensor, head, options, {}, 2, Instant{} + Duration::seconds(3));
+  EXPECT_EQ(first, same);
+  std::size_t changed = 0;
+  for (std::size_t i = 0; i < first.size(); i += 3) changed += first[i] != later[i];
+  EXPECT_GT(changed, 50U);
+  EXPECT_LT(changed, first.size() / 3 / 10);
+  // Where the first balloon is, one sees its colours and not the sky.
+  const Mover& balloon = scene->movers()[0];
+  const LensTruth lens(head);
+  std::size_t on_it = 0;
+  for (int y = 0; y < 240; ++y) {
+    for (int x = 0; x < 320; ++x) {
+      const auto ray = lens.ray(x + 0.5, y + 0.5);
+      const auto cover = PlacedMover(balloon, Instant{}).cover(*ray, lens.footprint(x + 0.5, y + 0.5));
+      if (cover.share < 1) continue;
+      ++on_it;
+      const auto at = static_cast<std::size_t>(3 * (320 * y + x));
+      EXPECT_NEAR(first[at], 255 * std::min(1.0F, cover.light.r), 1.01);
+      EXPECT_NEAR(first[at + 1], 255 * std::min(1.0F, cover.light.g), 1.01);
+    }
+  }
+  EXPECT_GT(on_it, 30U);
+}
+
+TEST(Sensor, Interlaced_OddRowsAreHalfAPeriodLater) {
+  const HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
+  HeadOptions interlaced = with(PixelFormat::kRgb24);
+  interlaced.interlaced = true;
+  interlaced.rate = {1, 2};  // slow, so that the fields differ
+  Sensor sensor(head, interlaced, town_square_scene(), 1);
+  const HeadOptions progressive = with(PixelFormat::kRgb24);
+  Sensor whole(head, progressive, town_square_scene(), 1);
+  const auto woven = render(sensor, head, interlaced, {}, 0, kNow);
+  const auto top = render(whole, head, progressive, {}, 0, kNow);
+  const auto bottom = render(whole, head, progressive, {}, 0, kNow + Duration::seconds(1));
+  ASSERT_NE(top, bottom);
+  for (std::size_t y = 0; y < 240; ++y) {
+    const auto& expected = y % 2 == 0 ? top : bottom;
+    const auto row = static_cast<std::ptrdiff_t>(y * 960);
+    ASSERT_TRUE(std::equal(woven.begin() + row, woven.begin() + row + 960, expected.begin() + row)) << "row " << y;
+  }
+}
+
+TEST(Sensor, UnchangedStill_IsNotWrittenAgainAndAChangedOneIs) {
+  const HeadCalibration head = test::plain_head("cam0", 16, 16);
+  const HeadOptions options = with(PixelFormat::kGrey8);
+  Sensor sensor(head, options, constant_scene(grey(80)), 1);
+  std::vector<std::uint8_t> bytes(256);
+  const std::uint64_t holds = sensor.render({}, kNow, 0, bytes, 0);
+  ASSERT_NE(holds, 0U);
+  bytes[7] = 99;  // if it were written again, this would be gone
+  EXPECT_EQ(sensor.render({}, kNow, 1, bytes, holds), holds);
+  EXPECT_EQ(bytes[7], 99);
+  HeadSettings brighter;
+  brighter.exposure = Exposure::microseconds(20'000);
+  EXPECT_NE(sensor.render(brighter, kNow, 2, bytes, holds), holds);
+  EXPECT_EQ(bytes[7], 160);
+}
+
+}  // namespace
+}  // namespace nodal::hal::sim
