@@ -11,7 +11,9 @@ namespace nodal::blend {
 /// halved, row_end too unless it is the last. This scalar code is the specification: every other kernel gives
 /// the same bytes. Of one component of one raymap sample, with every sum exact in 64 bits:
 ///
-///   tap    = bilinear mean of its 2x2 source samples                       exact, 2 kFractionBits below a level
+///   sample = s + sharpen * (4 s - its four neighbours) / 64                rounded, halves up; 0 .. 255; the
+///            picture's edge is repeated beyond it. Where sharpen is 0: s
+///   tap    = bilinear mean of its 2x2 samples                              exact
 ///   light  = (tap - black) * min(kMaxGain, round(tap gain * head gain))    gains multiply about black
 ///   result = black + sum(light * weight) / sum(weight)                     rounded once, halves up; 0 .. 255
 ///

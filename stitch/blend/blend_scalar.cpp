@@ -7,6 +7,7 @@ namespace nodal::blend {
 namespace {
 
 constexpr std::int32_t kFractionOne = 1 << kFractionBits;
+constexpr std::int32_t kSharpenOne = 1 << kSharpenBits;
 constexpr std::int32_t kWeightOne = 1 << kWeightBits;
 constexpr std::int32_t kGainHalf = 1 << (kGainBits - 1);
 /// Of a tap's value times its gain, below one level.
@@ -19,6 +20,7 @@ struct Group {
   std::array<int, kMaxPlanes> component{};
   std::array<std::int32_t, kMaxPlanes> black{};
   std::array<std::array<std::int32_t, kMaxPlanes>, kMaxHeads> head_gain{};
+  std::array<std::int32_t, kMaxHeads> sharpen{};
 };
 
 Group group_of(const BlendTable& table, int grid) {
@@ -32,18 +34,45 @@ Group group_of(const BlendTable& table, int grid) {
     group.black[slot] = rule.black;
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
       group.head_gain[h][slot] = table.sources[h].gain[rule.gain_row];
+      group.sharpen[h] = table.sources[h].sharpen;
     }
   }
   return group;
 }
 
-/// 2x2 source samples mixed by the tap's fractions; 1 level is 1 << (2 * kFractionBits).
-inline std::int64_t bilinear(const PlaneView& plane, const Tap& tap) {
-  const std::uint8_t* upper = plane.data + tap.y * plane.row_stride + std::ptrdiff_t{tap.x} * plane.pixel_stride;
-  const std::uint8_t* lower = upper + plane.row_stride;
-  const std::int32_t fx = tap.fraction_x;
-  const std::int32_t top = upper[0] * (kFractionOne - fx) + upper[plane.pixel_stride] * fx;
-  const std::int32_t bottom = lower[0] * (kFractionOne - fx) + lower[plane.pixel_stride] * fx;
+/// The 2x2 samples of a tap: (0,0), (1,0), (0,1), (1,1).
+using Corners = std::array<std::int32_t, 4>;
+
+inline Corners corners(const PlaneView& plane, const Tap& tap) {
+  const std::uint8_t* at = plane.data + tap.y * plane.row_stride + std::ptrdiff_t{tap.x} * plane.pixel_stride;
+  const std::uint8_t* lower = at + plane.row_stride;
+  return {at[0], at[plane.pixel_stride], lower[0], lower[plane.pixel_stride]};
+}
+
+/// The same samples, each sharpened by its four neighbours; beyond the picture's edge the edge is repeated.
+inline Corners sharpened_corners(const PlaneView& plane, const Tap& tap, std::int32_t sharpen) {
+  const std::ptrdiff_t right = plane.pixel_stride;
+  const std::ptrdiff_t down = plane.row_stride;
+  const std::uint8_t* a = plane.data + tap.y * down + std::ptrdiff_t{tap.x} * right;
+  const std::uint8_t* b = a + right;
+  const std::uint8_t* c = a + down;
+  const std::uint8_t* d = b + down;
+  const std::ptrdiff_t west = tap.x > 0 ? right : 0;
+  const std::ptrdiff_t east = tap.x + 2 < plane.width ? right : 0;
+  const std::ptrdiff_t north = tap.y > 0 ? down : 0;
+  const std::ptrdiff_t south = tap.y + 2 < plane.height ? down : 0;
+  const auto level = [sharpen](std::int32_t own, std::int32_t around) {
+    const std::int32_t sum = (kSharpenOne + 4 * sharpen) * own - sharpen * around + kSharpenOne / 2;
+    return std::clamp(sum >> kSharpenBits, 0, 255);
+  };
+  return {level(*a, a[-west] + a[-north] + *b + *c), level(*b, b[east] + b[-north] + *a + *d),
+          level(*c, c[-west] + c[south] + *a + *d), level(*d, d[east] + d[south] + *b + *c)};
+}
+
+/// Mixed by the tap's fractions; 1 level is 1 << (2 * kFractionBits).
+inline std::int64_t bilinear(const Corners& at, const Tap& tap) {
+  const std::int32_t top = at[0] * (kFractionOne - tap.fraction_x) + at[1] * tap.fraction_x;
+  const std::int32_t bottom = at[2] * (kFractionOne - tap.fraction_x) + at[3] * tap.fraction_x;
   return std::int64_t{top} * (kFractionOne - tap.fraction_y) + std::int64_t{bottom} * tap.fraction_y;
 }
 
@@ -80,7 +109,10 @@ void blend_grid(const GridTable& grid, const Group& group, std::span<const Image
         if (head.planes[0].data == nullptr) continue;
         weight += tap->weight;
         for (std::size_t k = 0; k < kCount; ++k) {
-          const std::int64_t value = bilinear(head.planes[static_cast<std::size_t>(group.component[k])], *tap);
+          const PlaneView& plane = head.planes[static_cast<std::size_t>(group.component[k])];
+          const std::int32_t sharpen = group.sharpen[tap->head];
+          const Corners at = sharpen == 0 ? corners(plane, *tap) : sharpened_corners(plane, *tap, sharpen);
+          const std::int64_t value = bilinear(at, *tap);
           const std::int64_t above_black = value - (std::int64_t{group.black[k]} << (2 * kFractionBits));
           light[k] += above_black * gain_of(*tap, group.head_gain[tap->head][k]) * tap->weight;
         }

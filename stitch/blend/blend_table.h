@@ -16,6 +16,8 @@ namespace nodal::blend {
 inline constexpr int kFractionBits = 12;
 inline constexpr int kWeightBits = 15;    ///< weights of a covered sample sum to exactly 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< a gain of 1 is 1 << kGainBits
+inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
+inline constexpr int kMaxSharpen = 16;
 inline constexpr int kMaxGain = 32767;    ///< just below 8; with it every sum below fits 63 bits
 
 /// One head's share in one raymap sample: four source samples from (x, y) on, mixed by the fractions.
@@ -60,6 +62,9 @@ struct BlendTable {
     int height = 0;
     /// Undoes the head's own gain, by gain_row, 1 .. kMaxGain. Acts as tap gain * this, rounded to kGainBits.
     std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
+    /// How much of a sample's difference from each of its four neighbours is added to it before it is mixed, 0 ..
+    /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are.
+    std::uint8_t sharpen = 0;
   };
   std::vector<Source> sources;         ///< what each head must deliver, by head index
   std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own

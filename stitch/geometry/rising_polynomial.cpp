@@ -35,8 +35,10 @@ std::optional<double> RisingPolynomial::inverse(double y) const {
     (error < 0 ? low : high) = x;
     const double steepness = slope(x);
     double next = x - error / steepness;
+    // Newton's steps square the error, so that after one this small nothing is left that a double could tell.
+    if (steepness > 0 && std::abs(next - x) <= 1e-10 * x) return std::clamp(next, low, high);
     if (!(steepness > 0 && next > low && next < high)) next = low + (high - low) / 2;
-    if (std::abs(next - x) <= 2e-16 * std::abs(next)) return next;
+    if (next == x) return x;
     x = next;
   }
   return x;

@@ -47,6 +47,7 @@ std::uint16_t quantize_gain(double gain) {
 
 void append_taps(std::span<const RaySample> samples, const RaySampler& sampler, int grid,
                  std::vector<blend::Tap>& taps) {
+  if (samples.empty()) return;
   constexpr std::int64_t kMask = (1 << blend::kFractionBits) - 1;
   std::array<std::uint16_t, kMaxHeads> weights;
   share_out(samples, weights);

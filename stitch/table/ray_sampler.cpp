@@ -14,6 +14,8 @@ constexpr int kSmallestHead = 4;  // px; so that chroma of half size still has t
 constexpr double kLeastFeather = 1e-6;
 /// Rays nearer to a region's edge than this are outside, so that rounding never decides.
 constexpr double kEdge = 1e-6;
+/// The density of a lens at its turning point, which only its very last ray meets.
+constexpr double kEndless = 1e30;
 
 enum class Family { kGrey, kRgb, kYuv, kNone };
 
@@ -195,10 +197,8 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
     if (!seen) continue;
     const double inside = heads[h].distance_to_edge(seen->pixel);
     if (inside < kEdge) continue;
-    const double power = rig_.options().density_power;
-    const double weight =
-        (power == 1 ? seen->density : std::pow(seen->density, power)) * feather(inside / optics.feather_px);
-    if (!(weight > 0)) continue;
+    const double weight = seen->density * feather(inside / optics.feather_px);
+    if (!(weight > 0 && weight < kEndless)) continue;
     sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
     sum += weight;
   }

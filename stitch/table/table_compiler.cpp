@@ -1,5 +1,6 @@
 #include "stitch/table/table_compiler.h"
 
+#include <algorithm>
 #include <limits>
 #include <string>
 #include <vector>
@@ -110,6 +111,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     const geometry::Head& head = sampler.heads()[h];
     blend::BlendTable::Source source{sampler.head_formats()[h], head.width(), head.height()};
     for (std::size_t k = 0; k < 3; ++k) source.gain[k] = quantize_gain(sampler.optics()[h].gain[k]);
+    source.sharpen = static_cast<std::uint8_t>(std::clamp(sampler.options().sharpen, 0, blend::kMaxSharpen));
     table.sources.push_back(source);
   }
   std::span<Row> rows(work_->rows);

@@ -6,7 +6,7 @@
 namespace nodal::table {
 namespace {
 
-constexpr int kPieces = 1024;
+constexpr int kPieces = 512;
 
 template <class P>
 double value_at(const P& piece, double t) {
@@ -28,18 +28,24 @@ TabledLens::TabledLens(const geometry::Lens& lens, double reach)
   pieces_per_px_ = 1 / dr;
   const auto radius_at = [&](double k) { return lens.radius(std::min(k * da, max_angle_)).value_or(0); };
   const auto angle_at = [&](double k) { return lens.angle(std::min(k * dr, max_radius_)).value_or(0); };
+  double r0 = 0, r0_slope = lens.slope(0, 0) * da;
+  double a0 = 0, a0_slope = dr / lens.slope(0, 0);
   for (int k = 0; k < kPieces; ++k) {
-    const double r0 = radius_at(k);
     const double r1 = radius_at(k + 1);
-    Piece radius = hermite(r0, r1, lens.slope(k * da, r0) * da, lens.slope((k + 1) * da, r1) * da);
+    const double r1_slope = lens.slope(std::min((k + 1) * da, max_angle_), r1) * da;
+    Piece radius = hermite(r0, r1, r0_slope, r1_slope);
     radius.exact = !(std::abs(value_at(radius, 0.5) - radius_at(k + 0.5)) < kTolerance);
     radius_.push_back(radius);
+    r0 = r1;
+    r0_slope = r1_slope;
 
-    const double a0 = angle_at(k);
     const double a1 = angle_at(k + 1);
-    Piece angle = hermite(a0, a1, dr / lens.slope(a0, k * dr), dr / lens.slope(a1, (k + 1) * dr));
+    const double a1_slope = dr / lens.slope(a1, std::min((k + 1) * dr, max_radius_));
+    Piece angle = hermite(a0, a1, a0_slope, a1_slope);
     angle.exact = !(std::abs(value_at(angle, 0.5) - angle_at(k + 0.5)) * max_radius_ < kTolerance);
     angle_.push_back(angle);
+    a0 = a1;
+    a0_slope = a1_slope;
   }
 }
 

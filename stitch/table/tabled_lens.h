@@ -15,7 +15,7 @@ namespace nodal::table {
 /// Threading: immutable.
 class TabledLens {
  public:
-  static constexpr double kTolerance = 1e-9;
+  static constexpr double kTolerance = 1e-8;
 
   /// reach, rad: at most the lens's max_angle, more than 0.
   TabledLens(const geometry::Lens& lens, double reach);

@@ -45,6 +45,7 @@ Status check_shape(const BlendTable& table) {
     for (const std::uint16_t gain : source.gain) {
       if (gain < 1 || gain > blend::kMaxGain) return invalid(head + "gain " + std::to_string(gain));
     }
+    if (source.sharpen > blend::kMaxSharpen) return invalid(head + "sharpening " + std::to_string(source.sharpen));
   }
   return {};
 }

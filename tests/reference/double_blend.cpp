@@ -8,15 +8,37 @@ namespace {
 
 double black_of(PixelFormat format, int c) { return format == PixelFormat::kI420 && c > 0 ? 128.0 : 0.0; }
 
-double bilinear(const PlaneView& plane, double x, double y) {
+/// A plane in double precision, sharpened as TableOptions::sharpen says but not rounded.
+struct RealSource {
+  int width = 0;
+  int height = 0;
+  std::vector<double> values;
+  double at(int x, int y) const { return values[static_cast<std::size_t>(y * width + x)]; }
+};
+
+RealSource sharpened(const PlaneView& plane, int sharpen) {
+  const auto at = [&](int i, int j) -> double {
+    const int x = std::clamp(i, 0, plane.width - 1);
+    const int y = std::clamp(j, 0, plane.height - 1);
+    return plane.data[y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride];
+  };
+  RealSource source{plane.width, plane.height, {}};
+  for (int y = 0; y < plane.height; ++y) {
+    for (int x = 0; x < plane.width; ++x) {
+      const double detail = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
+      source.values.push_back(std::clamp(at(x, y) + sharpen * detail / 64, 0.0, 255.0));
+    }
+  }
+  return source;
+}
+
+double bilinear(const RealSource& plane, double x, double y) {
   const int x0 = std::min(static_cast<int>(x), plane.width - 2);
   const int y0 = std::min(static_cast<int>(y), plane.height - 2);
-  const auto at = [&](int i, int j) -> double {
-    return plane.data[(y0 + j) * plane.row_stride + std::ptrdiff_t{x0 + i} * plane.pixel_stride];
-  };
   const double a = x - x0;
   const double b = y - y0;
-  return (at(0, 0) * (1 - a) + at(1, 0) * a) * (1 - b) + (at(0, 1) * (1 - a) + at(1, 1) * a) * b;
+  return (plane.at(x0, y0) * (1 - a) + plane.at(x0 + 1, y0) * a) * (1 - b) +
+         (plane.at(x0, y0 + 1) * (1 - a) + plane.at(x0 + 1, y0 + 1) * a) * b;
 }
 
 }  // namespace
@@ -31,14 +53,17 @@ std::vector<RealPlane> blend_in_double(const table::RaySampler& sampler, std::sp
     RealPlane plane{grid.width, grid.height, {}, {}};
     const std::size_t colour = format == PixelFormat::kRgb24 ? static_cast<std::size_t>(c) : 0;
     const double black = black_of(format, c);
+    std::vector<RealSource> sources;
+    for (const ImageView& head : heads) {
+      sources.push_back(sharpened(head.planes[static_cast<std::size_t>(c)], sampler.options().sharpen));
+    }
     for (int y = 0; y < grid.height; ++y) {
       row.sample(g, y);
       for (int x = 0; x < grid.width; ++x) {
         double value = black;
         for (const table::RaySample& s : row.at(x)) {
           const double gain = std::min(s.gain * sampler.optics()[s.head].gain[colour], 32767.0 / 4096);
-          const PlaneView& source = heads[s.head].planes[static_cast<std::size_t>(c)];
-          value += s.weight * gain * (bilinear(source, s.x, s.y) - black);
+          value += s.weight * gain * (bilinear(sources[s.head], s.x, s.y) - black);
         }
         plane.values.push_back(value);
         plane.covered.push_back(!row.at(x).empty());

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <cmath>
 #include <thread>
 
 #include "small_tables.h"
@@ -11,14 +12,26 @@ namespace {
 
 constexpr std::array kHeadFormats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy};
 
+/// A sample sharpened as blend.h says, by floor(x / 64 + 1/2) on rationals.
+int sharpened(const PlaneView& plane, int x, int y, int sharpen) {
+  const auto at = [&](int i, int j) -> int {
+    const int ci = std::clamp(i, 0, plane.width - 1);
+    const int cj = std::clamp(j, 0, plane.height - 1);
+    return plane.data[cj * plane.row_stride + ci * plane.pixel_stride];
+  };
+  const int difference = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
+  const double exact = at(x, y) + sharpen * difference / 64.0;  // sixty-fourths are exact in a double
+  return static_cast<int>(std::clamp(std::floor(exact + 0.5), 0.0, 255.0));
+}
+
 /// The result by the definition in blend.h, in 128-bit fractions and without any of the kernel's shortcuts.
 std::uint8_t by_definition(const BlendTable& table, const std::vector<ImageView>& heads, int c, int x, int y) {
   const ComponentRule& rule = table.components[static_cast<std::size_t>(c)];
   const GridTable& grid = table.grids[rule.grid];
-  const auto sample = static_cast<std::size_t>(y * grid.width + x);
+  const auto index = static_cast<std::size_t>(y * grid.width + x);
   __int128 sum = 0;
   __int128 weights = 0;
-  for (std::uint32_t t = grid.first[sample]; t < grid.first[sample + 1]; ++t) {
+  for (std::uint32_t t = grid.first[index]; t < grid.first[index + 1]; ++t) {
     const Tap& tap = grid.taps[t];
     const PlaneView& plane = heads[tap.head].planes[static_cast<std::size_t>(c)];
     if (heads[tap.head].planes[0].data == nullptr) continue;
@@ -28,8 +41,8 @@ std::uint8_t by_definition(const BlendTable& table, const std::vector<ImageView>
       const int j = corner >> 1;
       const int share_x = i == 1 ? tap.fraction_x : 4096 - tap.fraction_x;
       const int share_y = j == 1 ? tap.fraction_y : 4096 - tap.fraction_y;
-      const std::ptrdiff_t at = (tap.y + j) * plane.row_stride + (tap.x + i) * plane.pixel_stride;
-      value += __int128{share_x} * share_y * (plane.data[at] - rule.black);
+      const int sample = sharpened(plane, tap.x + i, tap.y + j, table.sources[tap.head].sharpen);
+      value += __int128{share_x} * share_y * (sample - rule.black);
     }
     const int gain = std::min(32767, (tap.gain * table.sources[tap.head].gain[rule.gain_row] + 2048) / 4096);
     sum += value * gain * tap.weight;

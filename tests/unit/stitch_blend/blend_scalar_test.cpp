@@ -88,6 +88,21 @@ TEST(BlendRows, RgbGains_ActOnTheirOwnColour) {
   EXPECT_EQ(raymap.bytes, (std::vector<std::uint8_t>{100, 200, 25}));
 }
 
+TEST(BlendRows, Sharpening_AddsTheDifferenceFromFourNeighboursAndRepeatsTheEdge) {
+  Picture head(PixelFormat::kGrey8, 3, 3, 100);
+  head.bytes[4] = 140;  // in the middle
+  BlendTable table = grey_row({{{1, 1, 0, 0, kOneWeight, kOneGain, 0, 0}},   // the middle: 140 + 4 * 40 * 4 / 64
+                               {{0, 1, 0, 0, kOneWeight, kOneGain, 0, 0}},   // beside it: 100 - 40 * 4 / 64 = 97.5
+                               {{0, 0, 0, 0, kOneWeight, kOneGain, 0, 0}},   // a corner, which it does not touch
+                               {{0, 1, kHalf, 0, kOneWeight, kOneGain, 0, 0}}},  // (98 + 150) / 2
+                              1, 3, 3);
+  table.sources[0].sharpen = 4;
+  EXPECT_EQ(blend_grey(table, {head.view()}), (std::vector<std::uint8_t>{150, 98, 100, 124}));
+  head.bytes[4] = 255;
+  table.sources[0].sharpen = 16;  // 255 + 4 * 155 / 4 is more than white
+  EXPECT_EQ(blend_grey(table, {head.view()})[0], 255);
+}
+
 TEST(ValidityRows, ShareOfTheWeightThatIsThere_IsToldWithoutCallingLittleNothing) {
   const Picture head = grey2x2(0, 0, 0, 0);
   const BlendTable table = grey_row({{{0, 0, 0, 0, kOneWeight, kOneGain, 1, 0}},

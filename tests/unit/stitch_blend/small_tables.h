@@ -55,6 +55,7 @@ inline BlendTable random_table(std::mt19937& random, PixelFormat format, PixelFo
   if (with_gains) {
     for (auto& source : table.sources) {
       for (auto& gain : source.gain) gain = static_cast<std::uint16_t>(1 + below(kMaxGain));
+      source.sharpen = static_cast<std::uint8_t>(below(3) == 0 ? 0 : below(kMaxSharpen + 1));
     }
   }
   const bool chroma = format == PixelFormat::kI420;

@@ -1,0 +1,141 @@
+#include "stitch/table/table_compiler.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <thread>
+
+#include "rigs.h"
+#include "stitch/geometry/raymap/layout.h"
+
+namespace nodal::table {
+namespace {
+
+using test::cube_rig;
+
+void expect_equal(const blend::BlendTable& a, const blend::BlendTable& b) {
+  ASSERT_EQ(a.grids.size(), b.grids.size());
+  for (std::size_t g = 0; g < a.grids.size(); ++g) {
+    EXPECT_EQ(a.grids[g].first, b.grids[g].first);
+    EXPECT_EQ(a.grids[g].taps, b.grids[g].taps);
+  }
+}
+
+TEST(TableCompiler, AnyPartitionOnAnyThreads_GivesTheSameTable) {
+  const Calibration rig = cube_rig(48);
+  const RaymapSpec spec{"equirectangular", 64, 32, PixelFormat::kI420};
+  const std::vector<PixelFormat> formats(6, PixelFormat::kYuyv);
+  const Result<blend::BlendTable> whole = compile_blend_table(rig, spec, formats);
+  ASSERT_TRUE(whole) << whole.error().text();
+
+  Result<TableCompiler> compiler = TableCompiler::make(rig, spec, formats);
+  ASSERT_TRUE(compiler);
+  ASSERT_EQ(compiler->row_count(), 32 + 16);
+  {
+    std::vector<std::jthread> threads;
+    for (const auto& [begin, end] : {std::pair{30, 48}, std::pair{0, 7}, std::pair{7, 8}, std::pair{8, 30}}) {
+      threads.emplace_back([&compiler, begin = begin, end = end] { compiler->compile_rows(begin, end); });
+    }
+  }
+  const Result<blend::BlendTable> pieces = std::move(*compiler).finish();
+  ASSERT_TRUE(pieces) << pieces.error().text();
+  expect_equal(*whole, *pieces);
+}
+
+TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
+  const std::vector<PixelFormat> formats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
+                                         PixelFormat::kUyvy, PixelFormat::kI420, PixelFormat::kYuyv};
+  const Result<blend::BlendTable> table =
+      compile_blend_table(cube_rig(48), {"cube", 48, 32, PixelFormat::kI420}, formats);
+  ASSERT_TRUE(table) << table.error().text();
+  ASSERT_EQ(table->grids.size(), 2U);
+  EXPECT_EQ(table->grids[1].width, 24);
+  EXPECT_EQ(table->grids[1].height, 16);
+  int lowest_yuyv = 0;
+  for (const blend::Tap& tap : table->grids[1].taps) {
+    if (tap.head == 2) lowest_yuyv = std::max<int>(lowest_yuyv, tap.y);
+    if (tap.head == 0) {
+      EXPECT_LE(tap.y, 22);
+    }
+  }
+  EXPECT_GT(lowest_yuyv, 40);  // its chroma has all 48 rows
+}
+
+TEST(TableCompiler, GapBetweenHeads_HasNoTaps) {
+  Calibration rig = cube_rig(48);
+  rig.heads.resize(1);
+  const auto layout = geometry::make_layout("equirectangular", 64, 32).value();
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
+  const Result<blend::BlendTable> table = compile_blend_table(rig, *layout, PixelFormat::kGrey8, formats);
+  ASSERT_TRUE(table) << table.error().text();
+  const blend::GridTable& grid = table->grids[0];
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      const geometry::Ray ray = layout->ray(x + 0.5, y + 0.5).value();
+      const bool ahead = ray.z() > 0 && std::max(std::abs(ray.x()), std::abs(ray.y())) / ray.z() < 1.327;
+      const auto s = static_cast<std::size_t>(y * 64 + x);
+      EXPECT_EQ(grid.first[s + 1] - grid.first[s], ahead ? 1U : 0U) << x << ", " << y;
+    }
+  }
+}
+
+struct Refused {
+  const char* name;
+  Errc code;
+  const char* says;
+  Calibration rig;
+  RaymapSpec spec;
+  std::vector<PixelFormat> formats;
+};
+
+class TableCompilerRefuses : public testing::TestWithParam<Refused> {};
+
+std::vector<Refused> refused() {
+  using enum PixelFormat;
+  const RaymapSpec yuv{"equirectangular", 64, 32, kI420};
+  const RaymapSpec rgb{"equirectangular", 64, 32, kRgb24};
+  Calibration blind = cube_rig(48);
+  blind.heads.resize(1);
+  blind.heads[0].region = {0, 0, 0.01, 0.01, std::nullopt};
+  Calibration tiny = cube_rig(3);
+  Calibration flipped = cube_rig(48);
+  flipped.heads[4].R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, -1};
+  const RaymapSpec yuyv{"equirectangular", 64, 32, kYuyv};
+  const RaymapSpec mercator{"mercator", 64, 32, kRgb24};
+  const auto but_one = [](PixelFormat most, std::size_t odd, PixelFormat other) {
+    std::vector<PixelFormat> formats(6, most);
+    formats[odd] = other;
+    return formats;
+  };
+  const std::vector<PixelFormat> all_rgb(6, kRgb24);
+  std::vector<Refused> list;
+  const auto add = [&](const char* name, Errc code, const char* says, const Calibration& rig, const RaymapSpec& spec,
+                       const std::vector<PixelFormat>& formats) {
+    list.push_back({name, code, says, rig, spec, formats});
+  };
+  const Calibration cube = cube_rig(48);
+  add("TooFewHeads", Errc::kHeadMismatch, "6 heads, but the rig has 5", cube, yuv, std::vector(5, kI420));
+  add("RgbAmongYuv", Errc::kUnsupported, "head 'c3'", cube, yuv, but_one(kI420, 3, kRgb24));
+  add("MjpegUndecoded", Errc::kUnsupported, "decode MJPEG first", cube, yuv, but_one(kNv12, 0, kMjpeg));
+  add("GreyIntoRgb", Errc::kUnsupported, "GREY", cube, rgb, but_one(kRgb24, 5, kGrey8));
+  add("RaymapInYuyv", Errc::kUnsupported, "YUYV", cube, yuyv, std::vector(6, kYuyv));
+  add("UnknownLayout", Errc::kUnsupported, "mercator", cube, mercator, all_rgb);
+  add("NobodyLooks", Errc::kNoCoverage, "no head sees", blind, rgb, {kRgb24});
+  add("HeadTooSmall", Errc::kBadValue, "head 'c0'", tiny, rgb, all_rgb);
+  add("Reflection", Errc::kNotARotation, "c4", flipped, rgb, all_rgb);
+  return list;
+}
+
+TEST_P(TableCompilerRefuses, WithOneErrorThatNamesTheTrouble) {
+  const Refused& bad = GetParam();
+  const Result<blend::BlendTable> table = compile_blend_table(bad.rig, bad.spec, bad.formats);
+  ASSERT_FALSE(table);
+  EXPECT_EQ(errc_name(table.error().code), errc_name(bad.code)) << table.error().text();
+  EXPECT_NE(table.error().message.find(bad.says), std::string::npos) << table.error().text();
+}
+
+INSTANTIATE_TEST_SUITE_P(What, TableCompilerRefuses, testing::ValuesIn(refused()),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace nodal::table

@@ -1,0 +1,167 @@
+// Calibration to pixels: what the compiled table and the integer blend do together.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <random>
+
+#include "rigs.h"
+#include "stitch/blend/blend.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/table_compiler.h"
+#include "tests/reference/double_blend.h"
+#include "tests/reference/png_file.h"
+#include "tests/reference/score.h"
+
+namespace nodal::test {
+namespace {
+
+/// A raymap format with the head formats that may be mixed into it.
+struct Formats {
+  PixelFormat raymap;
+  std::vector<PixelFormat> heads;
+};
+
+Formats random_formats(std::mt19937& random, std::size_t heads) {
+  constexpr std::array kYuv{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy};
+  Formats formats{std::array{PixelFormat::kGrey8, PixelFormat::kRgb24, PixelFormat::kI420}[random() % 3], {}};
+  for (std::size_t h = 0; h < heads; ++h) {
+    formats.heads.push_back(formats.raymap == PixelFormat::kI420 ? kYuv[random() % 4] : formats.raymap);
+  }
+  return formats;
+}
+
+struct Heads {
+  std::vector<Picture> pictures;
+  std::vector<ImageView> views;
+
+  template <class Fill>
+  Heads(const Calibration& rig, const std::vector<PixelFormat>& formats, Fill fill) {
+    for (std::size_t h = 0; h < rig.heads.size(); ++h) {
+      pictures.emplace_back(formats[h], rig.heads[h].width, rig.heads[h].height);
+      for (std::uint8_t& byte : pictures.back().bytes) byte = fill();
+    }
+    for (const Picture& picture : pictures) views.push_back(picture.view());
+  }
+};
+
+Picture blended(const blend::BlendTable& table, const std::vector<ImageView>& heads) {
+  Picture raymap(table.format, table.width, table.height, 77);
+  blend::blend_rows(table, heads, raymap.mutable_view(), 0, table.height);
+  return raymap;
+}
+
+RC_GTEST_PROP(WholeBlend, ConstantScene_IsExactlyThatConstantWhereAHeadLooksAndBlackElsewhere,
+              (std::uint32_t seed, std::uint8_t level)) {
+  std::mt19937 random(seed);
+  const Calibration rig = random_rig(random);
+  const Formats formats = random_formats(random, rig.heads.size());
+  const auto layout = geometry::make_layout("equirectangular", 38, 19).value();
+  const auto table = table::compile_blend_table(rig, *layout, formats.raymap, formats.heads);
+  RC_PRE(table.has_value());
+  const Picture raymap = blended(*table, Heads(rig, formats.heads, [&] { return level; }).views);
+  const std::vector<geometry::Head> heads = geometry::make_heads(rig).value();
+  for (int c = 0; c < component_count(formats.raymap); ++c) {
+    const PlaneView plane = raymap.view().planes[static_cast<std::size_t>(c)];
+    const PlaneGrid lie = component_grid(formats.raymap, c);
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        const geometry::Ray ray =
+            layout->ray(std::min(38.0, (x + 0.5) * lie.step_x), std::min(19.0, (y + 0.5) * lie.step_y)).value();
+        bool seen = false;
+        bool on_an_edge = false;
+        for (const geometry::Head& head : heads) {
+          const std::optional<geometry::Pixel> pixel = head.project(ray);
+          if (!pixel) continue;
+          seen |= head.contains(*pixel);
+          on_an_edge |= std::abs(head.distance_to_edge(*pixel)) < 2e-6;
+        }
+        const int got = plane.data[y * plane.row_stride + x * plane.pixel_stride];
+        const int black = formats.raymap == PixelFormat::kI420 && c > 0 ? 128 : 0;
+        RC_ASSERT(got == (seen ? level : black) || on_an_edge);
+      }
+    }
+  }
+}
+
+RC_GTEST_PROP(WholeBlend, PureNoise_IsWithinOneLevelOfDoublePrecision, (std::uint32_t seed)) {
+  std::mt19937 random(seed);
+  const Calibration rig = random_rig_with_light(random);
+  const Formats formats = random_formats(random, rig.heads.size());
+  const auto layout = geometry::make_layout("equirectangular", 40, 20).value();
+  table::TableOptions options;
+  options.sharpen = static_cast<int>(random() % 4);
+  const auto table = table::compile_blend_table(rig, *layout, formats.raymap, formats.heads, options);
+  RC_PRE(table.has_value());
+  // Black next to white: nothing is harder on a rounded coordinate.
+  const Heads heads(rig, formats.heads, [&] { return static_cast<std::uint8_t>(random() % 2 == 0 ? 0 : 255); });
+  const auto sampler = table::RaySampler::make(rig, *layout, formats.raymap, formats.heads, options).value();
+  const std::vector<RealPlane> real = blend_in_double(sampler, heads.views);
+  const std::vector<std::uint8_t> rounded = round_to_levels(formats.raymap, 40, 20, real);
+  RC_ASSERT(difference(blended(*table, heads.views).bytes, rounded).largest <= 1);
+}
+
+TEST(WholeBlend, NoiseWithoutSharpening_IsTheDoubleBlendRoundedButForTies) {
+  // The bound of kFractionBits: 255 / 8192 a axis, a share of which are across a rounding border.
+  std::mt19937 random(5);
+  const Calibration rig = cube_rig(64);
+  const std::vector<PixelFormat> formats(6, PixelFormat::kRgb24);
+  const auto layout = geometry::make_layout("equirectangular", 256, 128).value();
+  table::TableOptions options;
+  options.sharpen = 0;
+  const auto table = table::compile_blend_table(rig, *layout, PixelFormat::kRgb24, formats, options).value();
+  const Heads heads(rig, formats, [&] { return static_cast<std::uint8_t>(random() % 2 == 0 ? 0 : 255); });
+  const auto sampler = table::RaySampler::make(rig, *layout, PixelFormat::kRgb24, formats, options).value();
+  const auto rounded = round_to_levels(PixelFormat::kRgb24, 256, 128, blend_in_double(sampler, heads.views));
+  const Difference off = difference(blended(table, heads.views).bytes, rounded);
+  EXPECT_LE(off.largest, 1);
+  EXPECT_LT(static_cast<double>(off.differing), 0.03 * 3 * 256 * 128);
+}
+
+TEST(WholeBlend, QuarterTurnOfTheRig_ShiftsTheRaymapByAQuarterOfItsWidth) {
+  std::mt19937 random(9);
+  const Calibration rig = random_rig(random);
+  Calibration turned = rig;
+  // Everything a quarter to the right: the ray (x, y, z) of old is (z, y, -x) now.
+  const Eigen::Matrix3d R_new_old = (Eigen::Matrix3d() << 0, 0, 1, 0, 1, 0, -1, 0, 0).finished();
+  for (HeadCalibration& head : turned.heads) {
+    head.R_head_rig = geometry::rows_of(geometry::matrix_of(head.R_head_rig) * R_new_old.transpose());
+  }
+  const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kRgb24);
+  const table::RaymapSpec spec{"equirectangular", 256, 128, PixelFormat::kRgb24};
+  const Heads heads(rig, formats, [&] { return static_cast<std::uint8_t>(random()); });
+  const Picture before = blended(table::compile_blend_table(rig, spec, formats).value(), heads.views);
+  const Picture after = blended(table::compile_blend_table(turned, spec, formats).value(), heads.views);
+  std::vector<std::uint8_t> shifted;
+  for (int y = 0; y < 128; ++y) {
+    const auto row = after.bytes.begin() + y * 3 * 256;
+    shifted.insert(shifted.end(), row + 3 * 64, row + 3 * 256);
+    shifted.insert(shifted.end(), row, row + 3 * 64);
+  }
+  const Difference off = difference(before.bytes, shifted);
+  EXPECT_LE(off.largest, 1);          // sines of angles a quarter apart differ in their last bit,
+  EXPECT_LE(off.differing, 3U);       // which all but never crosses a step of the table
+}
+
+TEST(WholeBlend, HeadLost_OthersFillInAndOnlyItsOwnShareGoesBlack) {
+  const Calibration rig = cube_rig(64);
+  const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
+  const table::RaymapSpec spec{"equirectangular", 128, 64, PixelFormat::kGrey8};
+  const auto table = table::compile_blend_table(rig, spec, formats).value();
+  Heads heads(rig, formats, [] { return std::uint8_t{90}; });
+  heads.views[0] = {};
+  const Picture raymap = blended(table, heads.views);
+  Picture validity(PixelFormat::kGrey8, 128, 64);
+  blend::validity_rows(table, heads.views, validity.mutable_view().planes[0], 0, 64);
+  int black = 0;
+  int shared = 0;
+  for (std::size_t i = 0; i < raymap.bytes.size(); ++i) {
+    EXPECT_EQ(raymap.bytes[i], validity.bytes[i] == 0 ? 0 : 90);
+    black += validity.bytes[i] == 0 ? 1 : 0;
+    shared += validity.bytes[i] > 0 && validity.bytes[i] < 255 ? 1 : 0;
+  }
+  EXPECT_GT(black, 500);
+  EXPECT_GT(shared, 300);
+}
+
+}  // namespace
+}  // namespace nodal::test
