@@ -140,7 +140,7 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
   }
   set_photometry(photometry, result);
   if (masks) result.notes.push_back("Masks (k lines) are left out: a head's region is a rectangle and a circle.");
-  if (Status s = add_control_points(*lines, 0, 0.5, result); !s) return fail(s.error());
+  if (Status s = add_control_points(*lines, 0, result); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

@@ -153,7 +153,7 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
     result.calibration.heads.push_back(std::move(*head));
   }
   note_what_is_left_out(*project, result.notes);
-  if (Status s = add_control_points(*lines, project->has_dummy ? 1 : 0, 0, result); !s) return fail(s.error());
+  if (Status s = add_control_points(*lines, project->has_dummy ? 1 : 0, result); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

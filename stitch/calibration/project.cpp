@@ -11,7 +11,7 @@ std::string short_number(double value) {
   return text;
 }
 
-Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, double shift, ImportResult& result) {
+Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result) {
   const double heads = static_cast<double>(result.calibration.heads.size());
   for (const ScriptLine& line : lines) {
     if (line.kind != 'c') continue;
@@ -31,8 +31,8 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
     if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
       return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
     }
-    result.control_points.push_back({static_cast<std::size_t>(numbers[0]), {numbers[2] + shift, numbers[3] + shift},
-                                     static_cast<std::size_t>(numbers[1]), {numbers[4] + shift, numbers[5] + shift}});
+    result.control_points.push_back({static_cast<std::size_t>(numbers[0]), {numbers[2] + 0.5, numbers[3] + 0.5},
+                                     static_cast<std::size_t>(numbers[1]), {numbers[4] + 0.5, numbers[5] + 0.5}});
   }
   return {};
 }

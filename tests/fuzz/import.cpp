@@ -1,0 +1,27 @@
+// Project files of other programs, fed anything: a checked calibration comes out, or an error with a message.
+#include <cstdint>
+#include <string_view>
+
+#include "stitch/calibration/import.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace nodal;
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  using Import = Result<calibration::ImportResult> (*)(std::string_view, std::string_view);
+  for (const Import import : {&calibration::import_pto, &calibration::import_pts, &calibration::import_project}) {
+    const Result<calibration::ImportResult> result = import(text, "fuzz");
+    if (!result) {
+      NODAL_ASSERT(!result.error().message.empty());
+      continue;
+    }
+    NODAL_ASSERT(check_calibration(result->calibration).has_value());
+    // What was imported can be written down and read again.
+    const Result<Calibration> again = parse_calibration(to_json(result->calibration));
+    NODAL_ASSERT(again.has_value());
+    NODAL_ASSERT(calibration_id(*again) == calibration_id(result->calibration));
+    for (const calibration::ControlPoint& point : result->control_points) {
+      NODAL_ASSERT(point.head_a < again->heads.size() && point.head_b < again->heads.size());
+    }
+  }
+  return 0;
+}
