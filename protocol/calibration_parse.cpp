@@ -162,7 +162,7 @@ Region parse_region(Fields fields) {
   region.bottom = fields.number("bottom");
   if (fields.has("circle")) {
     Fields circle = fields.object("circle");
-    region.circle.emplace();
+    region.circle = Region::Circle{};
     region.circle->x = circle.number("x");
     region.circle->y = circle.number("y");
     region.circle->radius = circle.number("radius");

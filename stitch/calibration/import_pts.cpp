@@ -115,8 +115,7 @@ Result<HeadCalibration> read_head(const Project& project, std::size_t image, con
 
 void note_what_is_left_out(const Project& project, std::vector<std::string>& notes) {
   if (project.vignetting) {
-    notes.push_back("Vignetting (#-vignettingparams) is left out: PTGui does not say what its numbers mean. "
-                    "`nodal register` estimates it from the pictures.");
+    notes.push_back("Vignetting (#-vignettingparams) is left out: PTGui does not say what its numbers mean.");
   }
   if (project.curve) {
     notes.push_back("The camera curve (#-cameracurve) is left out, for the same reason; the response is taken as linear.");
