@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/polynomial.h"
 #include "stitch/geometry/rising_polynomial.h"
 
 namespace nodal::geometry {
@@ -14,7 +15,7 @@ double decode(const Response& response, double encoded) {
     case Response::Curve::kGamma: return std::pow(e, response.gamma);
     case Response::Curve::kSrgb: return e <= 0.04045 ? e / 12.92 : std::pow((e + 0.055) / 1.055, 2.4);
     case Response::Curve::kPolynomial:
-      return std::clamp(RisingPolynomial(response.coefficients, 1.0).value(e), 0.0, 1.0);
+      return std::clamp(e * polynomial_value(response.coefficients, e), 0.0, 1.0);
   }
   return e;
 }

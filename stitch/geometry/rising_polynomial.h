@@ -21,14 +21,16 @@ class RisingPolynomial {
   /// For x in the domain.
   double slope(double x) const;
 
-  /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's steps, each kept inside
-  /// a bracket that bisection halves, so that it also ends at a turning point, where the slope is 0.
+  /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's steps from a table's guess,
+  /// each kept inside a bracket that bisection halves, so that it also ends at a turning point, where the slope is 0.
   std::optional<double> inverse(double y) const;
 
  private:
   std::vector<double> c_;  // c_[k] multiplies x^(k+1)
   double max_x_ = 0;
   double max_value_ = 0;
+  double knot_step_ = 0;
+  std::vector<double> knots_;  // p at multiples of knot_step_, up to max_x
 };
 
 }  // namespace nodal::geometry

@@ -1,21 +1,13 @@
 // Test files from beside the checkout.
 #pragma once
 
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string>
 
 namespace nodal::calibration {
 
-/// A file below the shared folder; nothing when it is not there.
-inline std::optional<std::string> shared_file(const std::string& path) {
-  std::ifstream in(std::string(NODAL_SHARED_DIR) + "/data/" + path, std::ios::binary);
-  if (!in) return std::nullopt;
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
+/// A file below the shared folder's data/; nothing when it is not there.
+std::optional<std::string> shared_file(const std::string& path);
 
 }  // namespace nodal::calibration
 
