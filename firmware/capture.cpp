@@ -50,14 +50,9 @@ bool Capture::step(Instant now) {
   now_ = now;
   bool busy = take_back_sets();
   busy |= run_commands(now);
-  while (const auto edge = genlock_.take_edge()) {
-    clock_.on_edge(*edge);
-    busy = true;
-  }
-  for (std::size_t i = 0; i < heads_.size(); ++i) {
-    busy |= heads_[i].step(now, mode_);
-    busy |= take_frames(i, now);
-  }
+  busy |= take_edges();
+  for (CaptureHead& head : heads_) busy |= head.step(now, mode_);
+  busy |= take_frames(now);
   busy |= close_due_sets(now);
   genlock_.step(now);
   if (genlock_wanted_) {
@@ -69,6 +64,15 @@ bool Capture::step(Instant now) {
   update_report(now, busy);
   steps_.fetch_add(1, std::memory_order_relaxed);
   return busy;
+}
+
+bool Capture::take_edges() {
+  bool any = false;
+  while (const auto edge = genlock_.take_edge()) {
+    clock_.on_edge(*edge);
+    any = true;
+  }
+  return any;
 }
 
 bool Capture::run_commands(Instant now) {

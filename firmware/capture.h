@@ -97,9 +97,12 @@ class Capture {
   Status start_genlock(const GenlockStart& wish, Instant now);
   void stop_genlock(Instant now);
   bool take_back_sets();
-  bool take_frames(std::size_t head, Instant now);
+  bool take_edges();
+  bool take_frames(Instant now);
+  std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame, Instant now);
   void place(std::size_t head, const hal::FrameView& frame, Instant now);
   OpenSet* open_set(SetClock::Slot slot);
+  bool close_complete_sets();
   bool close_due_sets(Instant now);
   bool complete(const OpenSet& open) const;
   void close_oldest();

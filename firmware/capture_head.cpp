@@ -60,11 +60,12 @@ bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
     open(now);
     return port_ != nullptr;
   }
-  if (started_ && mode_ == mode) return false;
+  restarting_ = started_ && mode_ != mode;
+  if (started_ && !restarting_) return false;
   if (started_) {
     if (lent_ > 0) return false;  // the blend still reads; its frames come back within a raymap's time
     port_->stop();
-    started_ = false;
+    started_ = restarting_ = false;
   }
   if (next_try_ && now < *next_try_) return false;
   start(mode, now);
@@ -107,7 +108,7 @@ void CaptureHead::start(hal::TriggerMode mode, Instant now) {
 
 void CaptureHead::vanish(const Error& why) {
   gone_ = true;
-  started_ = false;
+  started_ = restarting_ = false;
   report_.present = false;
   report_.problem = why.message;
 }

@@ -76,7 +76,8 @@ class CaptureHead {
   /// Asks it of the head; one that is away is asked when it returns.
   Status change(const SettingsChange& change);
 
-  bool streaming() const { return port_ && started_ && !gone_; }
+  /// While it waits to be started in another mode, frames of the old one are not taken.
+  bool streaming() const { return port_ && started_ && !restarting_ && !gone_; }
   /// Sets wait for it: it delivers, or has not had the time to yet.
   bool expected() const { return streaming() && missed_in_row_ < kMissedUntilSilent; }
   const HeadReport& report() const { return report_; }
@@ -98,6 +99,7 @@ class CaptureHead {
   SettingsChange wanted_;
   std::unique_ptr<hal::HeadPort> port_;
   bool started_ = false;
+  bool restarting_ = false;
   bool gone_ = false;  ///< the port is dead and waits for its frames
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
   std::optional<Instant> next_try_;

@@ -11,21 +11,36 @@ Duration distance(Duration d) { return d < Duration() ? -d : d; }
 
 }  // namespace
 
-bool Capture::take_frames(std::size_t head, Instant now) {
-  constexpr int kFramesAStep = 8;  // so that a head that floods cannot starve the others
+/// One frame of every head, then the next: after a stall, heads that are taken one by one would fill all open sets
+/// with the first head's frames and find the others late.
+bool Capture::take_frames(Instant now) {
+  constexpr int kRounds = 8;  // so that a head that floods cannot keep the step from ending
   bool any = false;
-  for (int i = 0; i < kFramesAStep; ++i) {
-    const auto frame = heads_[head].take_frame();
-    if (!frame) break;
-    place(head, *frame, now);
+  for (int round = 0; round < kRounds; ++round) {
+    bool more = false;
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      const auto frame = heads_[i].take_frame();
+      if (!frame) continue;
+      place(i, *frame, now);
+      more = true;
+    }
+    if (!more) break;
     any = true;
+    close_complete_sets();
   }
   return any;
 }
 
+std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::FrameView& frame, Instant now) {
+  const Duration delay = genlock_.settings().delay[head];
+  auto match = clock_.match(frame.mid_exposure, frame.in_effect.exposure, delay, now);
+  // Its pulse may have been sent since the pulses were looked at, when this thread had to wait in between.
+  if (!match && take_edges()) match = clock_.match(frame.mid_exposure, frame.in_effect.exposure, delay, now);
+  return match;
+}
+
 void Capture::place(std::size_t head, const hal::FrameView& frame, Instant now) {
-  const auto match =
-      clock_.match(frame.mid_exposure, frame.in_effect.exposure, genlock_.settings().delay[head], now);
+  const auto match = this->match(head, frame, now);
   if (!match) return heads_[head].lose(frame, LossReason::kUnmatched);
   SetClock::Slot slot = match->slot;
   OpenSet* open = nullptr;
@@ -78,13 +93,22 @@ bool Capture::complete(const OpenSet& open) const {
   return true;
 }
 
-bool Capture::close_due_sets(Instant now) {
+bool Capture::close_complete_sets() {
   bool any = false;
-  while (!open_.empty()) {
-    const OpenSet& oldest = open_.front();
-    const Instant deadline = clock_.middle_of(oldest.slot) + clock_.period() * kHalfPeriodsToWait / 2;
-    if (!complete(oldest) && now < deadline) break;
+  while (!open_.empty() && complete(open_.front())) {
     close_oldest();
+    any = true;
+  }
+  return any;
+}
+
+bool Capture::close_due_sets(Instant now) {
+  bool any = close_complete_sets();
+  while (!open_.empty()) {
+    const Instant deadline = clock_.middle_of(open_.front().slot) + clock_.period() * kHalfPeriodsToWait / 2;
+    if (now < deadline) break;
+    close_oldest();
+    close_complete_sets();
     any = true;
   }
   return any;

@@ -193,13 +193,16 @@ void Control::watch(Instant now) {
   judged_ = now;
   const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
   rate_.observe(blended, now);
+  const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
+  if (adopted != adopted_) adopted_at_ = now;
+  adopted_ = adopted;
   const Signs signs{*capture_,
                     *keeper_,
                     millihertz(capture_->genlock.rate),
                     rate_.millihertz(),
                     stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
                     now - newest_set_,
-                    now - started_};
+                    now - adopted_at_};
   Health health = assess(config_, signs);
   if (health.state != health_.state) {
     news_.push_back("the rig is " + health.state + (health.problem.empty() ? "" : ": " + health.problem));

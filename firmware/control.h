@@ -100,6 +100,8 @@ class Control {
   const KeeperReport* keeper_;
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
+  std::uint64_t adopted_ = 0;
+  Instant adopted_at_;
   RecentRate rate_;
   std::optional<Instant> judged_;
   Health health_;

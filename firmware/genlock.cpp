@@ -60,10 +60,7 @@ void Genlock::lose() {
 void Genlock::on_set(const FrameSet& set, std::optional<Duration> worst_skew, bool every_present_head, Instant now) {
   if (!running() || failed_) return;
   newest_set_ = now;
-  if (every_present_head) {
-    spread_ = set.spread;
-    spread_worst_ = std::max(spread_worst_, set.spread);
-  }
+  if (every_present_head) spread_ = set.spread;
   const bool overdue = now - newest_edge_ > settings_.rate.period() * 5 / 2;
   if (!worst_skew || *worst_skew > kLockLimit || overdue) {
     if (state_ == GenlockState::kLocked) lose();
@@ -71,6 +68,7 @@ void Genlock::on_set(const FrameSet& set, std::optional<Duration> worst_skew, bo
     return;
   }
   if (++good_sets_ >= kSetsToLock) state_ = GenlockState::kLocked;
+  if (state_ == GenlockState::kLocked) spread_worst_ = std::max(spread_worst_, set.spread);
 }
 
 GenlockReport Genlock::report() const {

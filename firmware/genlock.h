@@ -16,7 +16,7 @@ struct GenlockReport {
   std::uint64_t triggers = 0;   ///< pulses seen since start
   std::uint64_t missing = 0;    ///< pulses whose number never came
   Duration spread;              ///< of the newest set with every present head in it
-  Duration spread_worst;        ///< since the genlock was started
+  Duration spread_worst;        ///< of the sets while locked, since the genlock was started
 };
 
 /// | state     | pulse overdue / port failed | heads off, or no set | kSetsToLock good sets | start | stop |

@@ -48,7 +48,7 @@ std::string degradation(const RigConfig& config, const Signs& signs) {
   if (!signs.keeper.problem.empty()) return signs.keeper.problem;
   if (std::string problem = first_head_problem(config, signs.capture); !problem.empty()) return problem;
   const std::uint64_t enough = std::uint64_t{signs.rate_wanted_millihertz} * 95 / 100;
-  if (signs.uptime > kSettling && signs.rate_millihertz > 0 && signs.rate_millihertz < enough) {
+  if (signs.blending > kSettling && signs.rate_millihertz > 0 && signs.rate_millihertz < enough) {
     return hertz(signs.rate_millihertz) + " raymaps a second are made of the rig's " +
            hertz(signs.rate_wanted_millihertz) + "; the board is too slow for this size, or busy";
   }

@@ -72,13 +72,14 @@ void wait_for_signal(firmware::Rig& rig) {
 }
 
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base) {
-  spdlog::info("{}: {}", kSoftware, describe(config));
   auto world = World::make(config, base);
   if (!world) return give_up(world.error(), kExitBadInput);
   if (options.check) {
     std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
     return kExitFine;
   }
+  spdlog::info("{}: {}", kSoftware, describe(config));
+  (*world)->prepare();
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
   if (const Status opened = (*world)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
@@ -121,8 +122,8 @@ int main(int argc, char** argv) {
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 
-  firmware::RigConfig config;
   const std::filesystem::path base = std::filesystem::absolute(options.config).parent_path();
+  firmware::RigConfig config;
   if (!options.config.empty()) {
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);

@@ -1,6 +1,7 @@
 #include "firmware/daemon/world.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -143,14 +144,7 @@ Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const
   options.adjust = [&](HeadIndex index, hal::sim::HeadOptions& head) {
     if (wanted[index]) head.pixels = wanted[index]->format;
   };
-  auto world = std::make_unique<hal::sim::World>(*truth, options);
-  // Each head's first look at the scene takes a quarter of a second and more; all at once, before any is opened.
-  std::vector<std::thread> threads;
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    if (wanted[i]) threads.emplace_back([&world, i] { world->prepare(static_cast<int>(i)); });
-  }
-  for (std::thread& thread : threads) thread.join();
-  return world;
+  return std::make_unique<hal::sim::World>(*truth, options);
 }
 
 std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std::filesystem::path& base,
@@ -216,6 +210,18 @@ Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::f
     }
   }
   return std::unique_ptr<World>(new World(std::move(state)));
+}
+
+void World::prepare() {
+  if (!state_->sim) return;
+  std::atomic<int> next{0};
+  std::vector<std::thread> threads;
+  for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i) {
+    threads.emplace_back([&] {
+      for (int head = next++; head < state_->sim->head_count(); head = next++) state_->sim->prepare(head);
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
 }
 
 Status World::open_store(const std::filesystem::path& folder) {

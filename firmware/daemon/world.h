@@ -20,10 +20,12 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file);
 /// Errors: make() gives one that names the file, head or socket.
 class World {
  public:
-  /// `base` is rig.toml's folder, that paths in it count from. Opens what heads and trigger need, nothing else.
+  /// `base` is rig.toml's folder, that paths in it count from. Reads what rig.toml names, and opens nothing.
   static Result<std::unique_ptr<World>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~World();
 
+  /// What takes long and is better done before the first frame: simulated heads look at their scene.
+  void prepare();
   /// Opens the store and the sockets.
   Status open_store(const std::filesystem::path& folder);
   Status listen(const firmware::LinksConfig& links);
