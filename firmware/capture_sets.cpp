@@ -19,10 +19,10 @@ bool Capture::take_frames(Instant now) {
   for (int round = 0; round < kRounds; ++round) {
     bool more = false;
     for (std::size_t i = 0; i < heads_.size(); ++i) {
+      const std::uint64_t before = heads_[i].report().counts.frames;
       const auto frame = heads_[i].take_frame();
-      if (!frame) continue;
-      place(i, *frame, now);
-      more = true;
+      more |= heads_[i].report().counts.frames != before;
+      if (frame) place(i, *frame, now);
     }
     if (!more) break;
     any = true;

@@ -8,6 +8,7 @@ namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
+constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
 }  // namespace
 
@@ -194,7 +195,7 @@ void Control::watch(Instant now) {
   const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
   rate_.observe(blended, now);
   const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
-  if (adopted != adopted_) adopted_at_ = now;
+  if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   const Signs signs{*capture_,
                     *keeper_,
@@ -202,7 +203,7 @@ void Control::watch(Instant now) {
                     rate_.millihertz(),
                     stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
                     now - newest_set_,
-                    now - adopted_at_};
+                    now - steady_since_};
   Health health = assess(config_, signs);
   if (health.state != health_.state) {
     news_.push_back("the rig is " + health.state + (health.problem.empty() ? "" : ": " + health.problem));

@@ -101,7 +101,7 @@ class Control {
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
   std::uint64_t adopted_ = 0;
-  Instant adopted_at_;
+  Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
   Health health_;

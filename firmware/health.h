@@ -21,7 +21,7 @@ struct Signs {
   std::uint32_t rate_millihertz = 0;
   std::uint64_t unfit_frames = 0;
   Duration since_last_set;  ///< or since start
-  Duration blending;        ///< since the calibration in force came
+  Duration blending;        ///< without a pause or a change of calibration
 };
 
 struct Health {

@@ -6,28 +6,29 @@
 namespace nodal::scenario {
 namespace {
 
-using firmware::GenlockState;
 using firmware::LossReason;
 
-wire::Request genlock(wire::GenlockRequest::Action action) {
-  wire::Request request;
-  request.mutable_genlock()->set_action(action);
-  return request;
-}
-
-/// A rig with its calibration in force and its heads locked.
-TestHost& bring_up_locked(Stand& stand) {
-  TestHost& host = stand.bring_up();
-  EXPECT_TRUE(host.ask(genlock(wire::GenlockRequest::START)).has_genlock());
-  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }));
-  stand.run(Duration::milliseconds(200));
-  return host;
+/// Every head is in every set from now on.
+bool full_again(Stand& stand, Duration within) {
+  std::uint64_t sets = stand.capture().sets;
+  std::uint64_t full = stand.capture().full_sets;
+  return stand.run_until(
+      [&] {
+        const bool missing = stand.capture().sets - sets != stand.capture().full_sets - full;
+        if (missing) {
+          sets = stand.capture().sets;
+          full = stand.capture().full_sets;
+        }
+        return stand.capture().full_sets >= full + 5;
+      },
+      within);
 }
 
 TEST(Capture, WhenTheThreadStalls_NothingIsLostThatTheHeadsHadBuffersFor) {
   for (const bool locked : {false, true}) {
     Stand stand;
-    locked ? bring_up_locked(stand) : stand.bring_up();
+    TestHost& host = stand.bring_up();
+    if (locked) stand.lock(host);
     const std::uint64_t lost = stand.capture().frames.lost();
     const std::uint64_t sets = stand.capture().sets;
     for (int stall = 0; stall < 20; ++stall) {
@@ -38,6 +39,160 @@ TEST(Capture, WhenTheThreadStalls_NothingIsLostThatTheHeadsHadBuffersFor) {
     EXPECT_EQ(stand.capture().frames.lost(), lost) << (locked ? "locked" : "in free run");
     EXPECT_GT(stand.capture().sets, sets + 140);
   }
+}
+
+TEST(Capture, AHeadIsUnpluggedAndReturns_TheOthersGoOnAndItsSettingsAreAskedAgain) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  wire::Request set;
+  set.mutable_head_set()->add_heads(2);
+  set.mutable_head_set()->set_exposure_ns(4'000'000);
+  set.mutable_head_set()->set_gain_mdb(6000);
+  ASSERT_TRUE(host.ask(set).has_done());
+  stand.run(Duration::milliseconds(300));
+
+  stand.world.head(2).unplug();
+  const std::uint64_t sets = stand.capture().sets;
+  stand.run(Duration::seconds(1));
+  EXPECT_NEAR(static_cast<double>(stand.capture().sets - sets), 30, 2);
+  EXPECT_EQ(stand.state(), "degraded");
+  wire::Heads heads = host.heads();
+  EXPECT_FALSE(heads.heads(2).present());
+  EXPECT_NE(host.status().problem().find("'cam2'"), std::string::npos) << host.status().problem();
+  EXPECT_EQ(host.status().genlock().state(), "locked");
+
+  stand.world.head(2).replug();
+  EXPECT_TRUE(full_again(stand, Duration::seconds(2)));
+  stand.run(Duration::milliseconds(300));
+  heads = host.heads();
+  EXPECT_TRUE(heads.heads(2).present());
+  EXPECT_EQ(heads.heads(2).opened(), 2u);
+  EXPECT_EQ(heads.heads(2).exposure_ns(), 4'000'000u);
+  EXPECT_EQ(heads.heads(2).gain_mdb(), 6000);
+  EXPECT_EQ(stand.state(), "running") << host.status().problem();
+}
+
+TEST(Capture, AHeadIsAway_ItsRaysGoToTheHeadsThatSeeThemToo) {
+  StandOptions options;
+  options.world.scene = hal::sim::constant_scene({0.5F, 0.5F, 0.5F});
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  stand.world.head(0).unplug();  // the one that looks forward
+  stand.run(Duration::milliseconds(300));
+  const StreamId stream = host.pull(false, 1);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  const Pulled& raymap = host.pulled[stream].at(0);
+  EXPECT_EQ(raymap.header.heads_mask(), 0b111110u);
+  std::size_t seen = 0;
+  std::size_t black = 0;
+  for (std::size_t i = 0; i < raymap.body.size(); i += 3) {
+    ASSERT_TRUE(raymap.body[i] == 128 || raymap.body[i] == 0) << int{raymap.body[i]};
+    ++(raymap.body[i] == 0 ? black : seen);
+  }
+  // Only head 0 sees what is within 35 degrees of forward on both axes: nowhere else is black, and there all is.
+  const auto pixel = [&](int x, int y) { return raymap.body[static_cast<std::size_t>(y * 128 + x) * 3]; };
+  EXPECT_EQ(pixel(64, 32), 0);          // forward
+  EXPECT_EQ(pixel(64 + 14, 32), 128);   // 40 degrees right of it: the right head's too
+  EXPECT_EQ(pixel(64 - 14, 32), 128);
+  EXPECT_EQ(pixel(0, 32), 128);         // behind
+  EXPECT_GT(black, 0u);
+  EXPECT_LT(static_cast<double>(black), 0.14 * static_cast<double>(black + seen));
+}
+
+TEST(Capture, AllHeadsGoAndReturn_TheRigIsIdleAndThenRunsAgain) {
+  Stand stand;
+  stand.bring_up();
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).unplug();
+  stand.run(Duration::seconds(3));
+  EXPECT_EQ(stand.state(), "idle");
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).replug();
+  EXPECT_TRUE(full_again(stand, Duration::seconds(2)));
+  stand.run(Duration::seconds(1));
+  EXPECT_EQ(stand.state(), "running");
+}
+
+TEST(Capture, BadFrames_AreCountedByTheirReasonAndTheSetGoesOnWithout) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const std::uint64_t full = stand.capture().full_sets;
+  const std::uint64_t sets = stand.capture().sets;
+  stand.world.head(1).corrupt_next_frame();
+  stand.world.head(2).tear_next_frame();
+  stand.run(Duration::milliseconds(500));
+  EXPECT_EQ(stand.losses(1, LossReason::kCorrupt), 1u);
+  EXPECT_EQ(stand.losses(2, LossReason::kTorn), 1u);
+  EXPECT_EQ(stand.capture().sets - sets - 1, stand.capture().full_sets - full) << "one set lacked both";
+  EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kLocked);
+
+  stand.world.head(3).set_signal(false);
+  stand.run(Duration::milliseconds(500));
+  stand.world.head(3).set_signal(true);
+  stand.run(Duration::milliseconds(200));
+  EXPECT_NEAR(static_cast<double>(stand.losses(3, LossReason::kNoSignal)), 15, 1);
+  EXPECT_TRUE(full_again(stand, Duration::seconds(1)));
+}
+
+TEST(Capture, AFrameThatComesTwice_IsCountedOnce) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const std::uint64_t full = stand.capture().full_sets;
+  const std::uint64_t sets = stand.capture().sets;
+  stand.world.head(4).duplicate_next_frame();
+  stand.run(Duration::milliseconds(300));
+  // The copy comes while its set is open, or after it went.
+  EXPECT_EQ(stand.losses(4, LossReason::kDuplicate) + stand.losses(4, LossReason::kLate), 1u);
+  EXPECT_EQ(stand.capture().sets - sets, stand.capture().full_sets - full);
+}
+
+TEST(Capture, AFrameThatComesTooLate_IsCountedAndItsSetWentOnWithout) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const std::uint64_t missing = stand.capture().heads[5].missing_sets;
+  stand.world.head(5).delay_next_frame(Duration::milliseconds(150));
+  stand.run(Duration::milliseconds(600));
+  EXPECT_GE(stand.losses(5, LossReason::kLate), 1u);
+  EXPECT_GE(stand.capture().heads[5].missing_sets, missing + 1);
+  EXPECT_TRUE(full_again(stand, Duration::seconds(1)));
+}
+
+TEST(Capture, AHeadThatFallsSilent_HoldsSetsUpOnlyBriefly) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.world.head(0).lose_frames(60);
+  const std::uint64_t sets = stand.capture().sets;
+  stand.run(Duration::seconds(1));
+  EXPECT_NEAR(static_cast<double>(stand.capture().sets - sets), 30, 3);
+  EXPECT_TRUE(full_again(stand, Duration::seconds(3)));
+}
+
+TEST(Capture, SequenceNumbersThatWrapOrStartAgain_ChangeNothing) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const std::uint64_t lost = stand.capture().frames.lost();
+  stand.world.head(1).set_sequence(0xffffffffU);
+  stand.world.head(2).set_sequence(0);
+  stand.run(Duration::seconds(1));
+  EXPECT_EQ(stand.capture().frames.lost(), lost);
+}
+
+TEST(Capture, FaultsOfEveryKindForAMinute_AreAllAccountedForAndThenItIsWhole) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  hal::sim::HeadFaults faults;
+  faults.lose = faults.corrupt = faults.tear = faults.delay = faults.duplicate = 20'000;  // 2 % each
+  faults.longest_delay = Duration::milliseconds(200);
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults(faults);
+  stand.run(Duration::seconds(60));  // the stand asserts the sums after every millisecond
+  EXPECT_GT(stand.capture().frames.lost(), 100u);
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults({});
+  EXPECT_TRUE(full_again(stand, Duration::seconds(2)));
 }
 
 }  // namespace

@@ -194,6 +194,14 @@ TestHost& Stand::bring_up() {
   return host;
 }
 
+void Stand::lock(TestHost& host) {
+  wire::Request start;
+  start.mutable_genlock()->set_action(wire::GenlockRequest::START);
+  EXPECT_TRUE(host.ask(start).has_genlock());
+  EXPECT_TRUE(run_until([&] { return capture().genlock.state == firmware::GenlockState::kLocked; }));
+  run(Duration::milliseconds(200));
+}
+
 std::uint64_t Stand::losses(int head, firmware::LossReason reason) {
   return capture().heads[static_cast<std::size_t>(head)].counts.losses[static_cast<std::size_t>(reason)];
 }

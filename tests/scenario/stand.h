@@ -94,6 +94,9 @@ class Stand {
   /// With the small calibration in force.
   TestHost& bring_up();
 
+  /// Starts the genlock, and waits until it holds.
+  void lock(TestHost& host);
+
   const firmware::CaptureReport& capture() { return rig->capture().report(); }
   std::uint64_t losses(int head, firmware::LossReason reason);
   std::string state() { return rig->control().health().state; }

@@ -1,0 +1,180 @@
+#include <gtest/gtest.h>
+
+#include "stand.h"
+
+namespace nodal::scenario {
+namespace {
+
+using firmware::GenlockState;
+
+constexpr Duration kPeriod = Duration::nanoseconds(33'366'666);
+
+wire::Request genlock(wire::GenlockRequest::Action action) {
+  wire::Request request;
+  request.mutable_genlock()->set_action(action);
+  return request;
+}
+
+TEST(Genlock, Started_LocksEveryHeadToWithinItsJitter) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  EXPECT_EQ(host.status().genlock().state(), "off");
+  const wire::Reply started = host.ask(genlock(wire::GenlockRequest::START));
+  EXPECT_EQ(started.genlock().state(), "acquiring");
+  ASSERT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
+                              Duration::seconds(1)));
+  stand.run(Duration::seconds(5));
+  const wire::Genlock now = host.status().genlock();
+  EXPECT_EQ(now.state(), "locked");
+  EXPECT_EQ(now.missing_triggers(), 0u);
+  // A head begins 20 us after its pulse, within 2 us to either side: two heads are 4 us apart at most.
+  EXPECT_LE(now.spread_worst_ns(), 4'000u);
+  EXPECT_GT(now.spread_worst_ns(), 0u);
+}
+
+TEST(Genlock, WhileLocked_EverySetHoldsTheFramesOfOnePulse) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const StreamId stream = host.pull(false, 20, true);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  std::uint64_t expected = 0;
+  for (const Pulled& raymap : host.pulled[stream]) {
+    ASSERT_TRUE(raymap.header.has_trigger());
+    EXPECT_TRUE(expected == 0 || raymap.header.trigger() == expected) << raymap.header.trigger();
+    expected = raymap.header.trigger() + 1;
+    EXPECT_EQ(raymap.header.heads_mask(), (1u << kHeads) - 1);
+    EXPECT_EQ(raymap.header.genlock(), "locked");
+    EXPECT_LE(raymap.header.spread_ns(), 4'000u);
+  }
+}
+
+TEST(Genlock, TheTriggerDies_ItIsLostWithinThreePeriodsAndSaysSo) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.world.trigger().unplug();
+  stand.run(kPeriod * 3);
+  EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLost);
+  EXPECT_EQ(host.status().genlock().state(), "lost");
+}
+
+TEST(Genlock, PulsesAreMissing_ItIsLostAndLocksAgainByItself) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  for (int i = 0; i < 5; ++i) stand.world.trigger().lose_pulse();
+  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLost; }, kPeriod * 4));
+  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
+                              Duration::seconds(1)));
+  EXPECT_EQ(host.status().genlock().missing_triggers(), 5u);
+}
+
+TEST(Genlock, Stopped_HeadsRunFreeAgain) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::STOP)).genlock().state(), "off");
+  stand.run(Duration::seconds(1));
+  const std::uint64_t sets = stand.capture().sets;
+  stand.run(Duration::seconds(1));
+  EXPECT_NEAR(static_cast<double>(stand.capture().sets - sets), 30, 2);
+  EXPECT_FALSE(stand.world.trigger().running());
+}
+
+TEST(Genlock, AnotherRate_IsWhatTheSetsComeAt) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  wire::Request request = genlock(wire::GenlockRequest::START);
+  request.mutable_genlock()->set_rate_numerator(15);
+  request.mutable_genlock()->set_rate_denominator(1);
+  ASSERT_TRUE(host.ask(request).has_genlock());
+  stand.run(Duration::seconds(1));
+  const std::uint64_t sets = stand.capture().full_sets;
+  stand.run(Duration::seconds(4));
+  EXPECT_NEAR(static_cast<double>(stand.capture().full_sets - sets), 60, 1);
+  EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
+}
+
+TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  wire::Request request = genlock(wire::GenlockRequest::START);
+  request.mutable_genlock()->set_rate_numerator(30);
+  EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
+  request.mutable_genlock()->set_rate_denominator(1);
+  request.mutable_genlock()->set_pulse_width_ns(40'000'000);
+  EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
+  EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
+}
+
+TEST(Genlock, RigTomlSaysStart_ItLocksWithoutAHost) {
+  StandOptions options;
+  options.config.trigger.start = true;
+  Stand stand(std::move(options));
+  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
+                              Duration::seconds(1)));
+}
+
+TEST(Exposure, Set_IsInEffectInEveryHeadAfterItsLatency) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  wire::Request request;
+  request.mutable_head_set()->set_exposure_ns(2'500'000);
+  request.mutable_head_set()->set_red_q12(6144);
+  request.mutable_head_set()->set_blue_q12(3072);
+  ASSERT_TRUE(host.ask(request).has_done());
+  EXPECT_NE(host.heads().heads(0).exposure_ns(), 2'500'000u) << "what is told is what was in effect, not the wish";
+  stand.run(kPeriod * 6);
+  const wire::Heads heads = host.heads();
+  for (const wire::HeadState& head : heads.heads()) {
+    EXPECT_EQ(head.exposure_ns(), 2'500'000u) << head.name();
+    EXPECT_EQ(head.red_q12(), 6144u);
+    EXPECT_EQ(head.blue_q12(), 3072u);
+  }
+}
+
+TEST(Exposure, TwiceAsLong_IsTwiceAsBright) {
+  StandOptions options;
+  options.world.scene = hal::sim::constant_scene({0.2F, 0.2F, 0.2F});
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  wire::Request request;
+  request.mutable_head_set()->set_exposure_ns(20'000'000);  // the reference is 10 ms
+  ASSERT_TRUE(host.ask(request).has_done());
+  stand.run(kPeriod * 8);
+  const StreamId stream = host.pull(false, 1);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  for (const std::uint8_t value : host.pulled[stream].at(0).body) ASSERT_EQ(value, 102);  // 0.4 of 255
+}
+
+TEST(Exposure, OutsideAHeadsLimits_NamesItAndChangesNone) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  wire::Request request;
+  request.mutable_head_set()->set_exposure_ns(50'000'000);
+  const wire::Reply refused = host.ask(request);
+  EXPECT_EQ(refused.error().code(), static_cast<unsigned>(Errc::kBadValue));
+  EXPECT_NE(refused.error().message().find("'cam0'"), std::string::npos) << refused.error().message();
+  EXPECT_NE(refused.error().message().find("33000 us"), std::string::npos) << refused.error().message();
+  request.mutable_head_set()->set_exposure_ns(1'000'000);
+  request.mutable_head_set()->add_heads(17);
+  EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
+  stand.run(kPeriod * 6);
+  EXPECT_EQ(host.heads().heads(0).exposure_ns(), 10'000'000u);
+}
+
+TEST(Exposure, InRigToml_IsAskedWhenTheHeadIsOpened) {
+  StandOptions options;
+  options.config.heads[3].exposure = Exposure::microseconds(1234);
+  options.config.heads[3].gain = Gain::millidecibels(3000);
+  Stand stand(std::move(options));
+  stand.run(Duration::milliseconds(500));
+  EXPECT_EQ(stand.capture().heads[3].in_effect.exposure, Exposure::microseconds(1234));
+  EXPECT_EQ(stand.capture().heads[3].in_effect.gain, Gain::millidecibels(3000));
+}
+
+}  // namespace
+}  // namespace nodal::scenario
