@@ -1,0 +1,261 @@
+#include "firmware/blender.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "hal/sim/clock.h"
+#include "stitch/table/table_job.h"
+#include "tests/support/rigs.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr int kHeads = 4;
+constexpr int kSide = 48;
+
+RaymapConfig raymap_config() {
+  RaymapConfig config;
+  config.width = 200;
+  config.height = 100;  // three bands and a part
+  config.format = PixelFormat::kRgb24;
+  return config;
+}
+
+InstalledPtr installed(const std::string& name, std::uint8_t mark) {
+  Calibration calibration = test::ring(kHeads, kSide, kSide);
+  calibration.name = name;
+  const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
+  const RaymapConfig config = raymap_config();
+  auto job = table::TableJob::make(calibration, "equirectangular", config.width, config.height, config.format, formats);
+  EXPECT_TRUE(job);
+  job->compile_rows(0, job->row_count());
+  auto table = std::move(*job).finish();
+  EXPECT_TRUE(table);
+  Sha256 id{};
+  id.fill(mark);
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, name, std::move(*table)});
+}
+
+class BlenderTest : public testing::Test {
+ protected:
+  BlenderTest() {
+    for (std::size_t i = 0; i < kHeads; ++i) {
+      pictures[i].resize(kSide * kSide * 3);
+      for (std::uint8_t& value : pictures[i]) {
+        value = static_cast<std::uint8_t>((random_ = random_ * 1664525 + 1013904223) >> 24);
+      }
+    }
+  }
+  FrameSet full_set(std::uint64_t number) {
+    FrameSet set;
+    set.number = number;
+    for (std::size_t i = 0; i < kHeads; ++i) {
+      set.mask |= head_bit(i);
+      set.frames[i].image = packed_image(PixelFormat::kRgb24, kSide, kSide, std::as_const(pictures[i]).data());
+    }
+    return set;
+  }
+  /// What blend_rows gives of the set in one piece: the bands must add up to just that.
+  std::vector<std::uint8_t> whole(const FrameSet& set, const InstalledCalibration& calibration) {
+    const RaymapConfig config = raymap_config();
+    std::vector<std::uint8_t> pixels(packed_size(config.format, config.width, config.height));
+    std::array<ImageView, kHeads> views;
+    for (std::size_t i = 0; i < kHeads; ++i) {
+      if (set.has(i)) views[i] = set.frames[i].image;
+    }
+    blend::blend_rows(calibration.table, views, packed_image(config.format, config.width, config.height, pixels.data()),
+                      0, config.height);
+    return pixels;
+  }
+  void blend(FrameSet& set) {
+    FrameSet* lent = &set;
+    ASSERT_TRUE(sets_in.push(std::move(lent)));
+    while (blender.step()) {
+    }
+  }
+  void install(InstalledPtr calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
+
+  std::array<std::vector<std::uint8_t>, kHeads> pictures;
+  hal::sim::SimClock clock;
+  SpscRing<FrameSet*> sets_in{1};
+  SpscRing<FrameSet*> sets_back{16};
+  Blender blender{raymap_config(), clock, sets_in, sets_back};
+
+ private:
+  std::uint32_t random_ = 1;
+};
+
+TEST_F(BlenderTest, WithoutACalibration_SetsGoBackAndAreCounted) {
+  FrameSet set = full_set(0);
+  blend(set);
+  EXPECT_EQ(sets_back.pop(), &set);
+  EXPECT_EQ(blender.counts().without_calibration.load(), 1u);
+  EXPECT_FALSE(blender.raymaps_out().pop());
+  EXPECT_TRUE(blender.idle());
+}
+
+TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
+  const InstalledPtr calibration = installed("one", 1);
+  install(calibration);
+  FrameSet set = full_set(7);
+  set.trigger = 9;
+  blend(set);
+  EXPECT_EQ(sets_back.pop(), &set);
+  const auto raymap = blender.raymaps_out().pop();
+  ASSERT_TRUE(raymap);
+  EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
+  EXPECT_EQ(raymap->info.set, 7u);
+  EXPECT_EQ(raymap->info.trigger, 9u);
+  EXPECT_EQ(raymap->info.heads, 0b1111u);
+  EXPECT_EQ(raymap->info.calibration, calibration->id);
+}
+
+TEST_F(BlenderTest, AHeadIsMissing_ItsBitIsTooAndTheOthersTakeItsRays) {
+  const InstalledPtr calibration = installed("one", 1);
+  install(calibration);
+  FrameSet set = full_set(0);
+  set.mask &= ~head_bit(2);
+  blend(set);
+  const auto raymap = blender.raymaps_out().pop();
+  ASSERT_TRUE(raymap);
+  EXPECT_EQ(raymap->info.heads, 0b1011u);
+  EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
+}
+
+TEST_F(BlenderTest, AFrameOfAnotherSize_IsNotReadAndCounted) {
+  const InstalledPtr calibration = installed("one", 1);
+  install(calibration);
+  FrameSet set = full_set(0);
+  set.frames[1].image = packed_image(PixelFormat::kRgb24, kSide / 2, kSide, std::as_const(pictures[1]).data());
+  blend(set);
+  const auto raymap = blender.raymaps_out().pop();
+  ASSERT_TRUE(raymap);
+  EXPECT_EQ(raymap->info.heads, 0b1101u);
+  EXPECT_EQ(blender.counts().unfit_frames.load(), 1u);
+  FrameSet without = full_set(0);
+  without.mask &= ~head_bit(1);
+  EXPECT_EQ(*raymap->pixels, whole(without, *calibration));
+}
+
+TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
+  const InstalledPtr first = installed("one", 1);
+  const InstalledPtr second = installed("two", 2);
+  install(first);
+  FrameSet set = full_set(0);
+  FrameSet* lent = &set;
+  ASSERT_TRUE(sets_in.push(std::move(lent)));
+  ASSERT_TRUE(blender.step());  // adopts and begins
+  install(second);              // while the raymap is under way
+  while (blender.step()) {
+  }
+  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first->id);
+  EXPECT_EQ(blender.tables_out().pop(), first);
+  EXPECT_EQ(blender.counts().adopted.load(), 2u);
+  FrameSet next = full_set(1);
+  blend(next);
+  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, second->id);
+}
+
+TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
+  install(installed("one", 1));
+  std::vector<FrameSet> sets;
+  for (std::uint64_t i = 0; i < 4; ++i) sets.push_back(full_set(i));
+  for (std::size_t i = 0; i <= Blender::kRaymapsWaiting; ++i) blend(sets[i]);
+  EXPECT_FALSE(blender.idle());
+  EXPECT_EQ(blender.counts().blended.load(), Blender::kRaymapsWaiting);
+  for (std::uint64_t i = 0; i <= Blender::kRaymapsWaiting; ++i) {
+    const auto raymap = blender.raymaps_out().pop();
+    ASSERT_TRUE(raymap);
+    EXPECT_EQ(raymap->info.set, i);
+    while (blender.step()) {
+    }
+  }
+  EXPECT_TRUE(blender.idle());
+}
+
+TEST_F(BlenderTest, BuffersThatComeBack_AreUsedAgain) {
+  install(installed("one", 1));
+  const std::uint8_t* first = nullptr;
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    FrameSet set = full_set(i);
+    blend(set);
+    auto raymap = blender.raymaps_out().pop();
+    ASSERT_TRUE(raymap);
+    if (!first) first = raymap->pixels->data();
+    EXPECT_EQ(raymap->pixels->data(), first);
+    ASSERT_TRUE(blender.pixels_free().push(std::move(raymap->pixels)));
+  }
+}
+
+TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
+  install(installed("one", 1));
+  std::vector<Raymap> kept;
+  for (std::uint64_t i = 0; i < 2 * Blender::kMaxBuffers; ++i) {
+    FrameSet set = full_set(i);
+    blend(set);
+    if (auto raymap = blender.raymaps_out().pop()) kept.push_back(std::move(*raymap));
+  }
+  EXPECT_EQ(kept.size(), Blender::kMaxBuffers);
+  EXPECT_EQ(blender.counts().without_buffer.load(), Blender::kMaxBuffers);
+}
+
+TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
+  const std::array<InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
+  install(calibrations[0]);
+  constexpr std::uint64_t kSets = 300;
+  std::vector<FrameSet> sets;
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    sets.push_back(full_set(i));
+    sets.back().mask &= ~(i == 0 ? 0U : head_bit(i % kHeads));
+  }
+  std::vector<std::vector<std::uint8_t>> expected;
+  for (const FrameSet& set : sets) expected.push_back(whole(set, *calibrations[0]));
+
+  std::atomic<bool> stop{false};
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&] {
+      while (!stop.load()) {
+        if (!blender.step()) std::this_thread::yield();
+      }
+    });
+  }
+  // This thread is capture, encoder and keeper.
+  std::vector<FrameSet*> free;
+  for (FrameSet& set : sets) free.push_back(&set);
+  std::uint64_t given = 0;
+  std::uint64_t got = 0;
+  while (got < kSets) {
+    if (given < kSets && !free.empty()) {
+      FrameSet* set = free.back();
+      if (sets_in.push(std::move(set))) {
+        free.pop_back();
+        ++given;
+      }
+    }
+    while (auto set = sets_back.pop()) free.push_back(*set);
+    while (blender.tables_out().pop()) {
+    }
+    if (given % 50 == 49) {
+      InstalledPtr next = calibrations[(given / 50) % 2];
+      (void)blender.tables_in().push(std::move(next));  // both give the same picture
+    }
+    auto raymap = blender.raymaps_out().pop();
+    if (!raymap) {
+      std::this_thread::yield();
+      continue;
+    }
+    ++got;
+    ASSERT_EQ(*raymap->pixels, expected[raymap->info.set]) << "raymap " << got;
+    ASSERT_TRUE(blender.pixels_free().push(std::move(raymap->pixels)));
+  }
+  stop.store(true);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(blender.counts().blended.load(), kSets);
+}
+
+}  // namespace
+}  // namespace nodal::firmware
