@@ -38,7 +38,8 @@ Status in_range(const std::string& field, double value, double least, double mos
 
 Status coefficients_in_range(const std::string& field, std::span<const double> values) {
   for (std::size_t k = 0; k < values.size(); ++k) {
-    const Status checked = in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient);
+    const Status checked =
+        in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient);
     if (!checked) return checked;
   }
   return {};
@@ -82,7 +83,8 @@ Status check_picture(const HeadCalibration& head) {
 Status check_rotation(const std::array<double, 9>& R) {
   const auto row = [&](std::size_t i, std::size_t k) { return R[3 * i + k]; };
   for (const double element : R) {
-    if (!std::isfinite(element)) return fail(Errc::kBadValue, "R_head_rig has an element that is not a finite number");
+    if (!std::isfinite(element))
+      return fail(Errc::kBadValue, "R_head_rig has an element that is not a finite number");
   }
   double off = 0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -93,16 +95,18 @@ Status check_rotation(const std::array<double, 9>& R) {
     }
   }
   if (!(off <= kRotationTolerance)) {
-    return fail(Errc::kNotARotation, "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " +
-                                         number(off) + ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
+    return fail(Errc::kNotARotation,
+                "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " +
+                    number(off) + ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
   }
   const double determinant = row(0, 0) * (row(1, 1) * row(2, 2) - row(1, 2) * row(2, 1)) -
                              row(0, 1) * (row(1, 0) * row(2, 2) - row(1, 2) * row(2, 0)) +
                              row(0, 2) * (row(1, 0) * row(2, 1) - row(1, 1) * row(2, 0));
   if (determinant < 0) {
-    return fail(Errc::kNotARotation,
-                "R_head_rig is a reflection, not a rotation (its determinant is -1): one axis points the wrong way; "
-                "axes are x right, y down, z forward");
+    return fail(
+        Errc::kNotARotation,
+        "R_head_rig is a reflection, not a rotation (its determinant is -1): one axis points the wrong way; "
+        "axes are x right, y down, z forward");
   }
   return {};
 }
@@ -136,11 +140,11 @@ Status check_lens_covers_region(const HeadCalibration& head) {
   const LensRange range = lens_range(head.lens);
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
   if (farthest <= range.max_radius) return {};
-  return fail(Errc::kLensDomain,
-              std::string("the lens ") + (range.turns ? "turns back" : "ends") + " at " + degrees(range.max_angle) +
-                  ", " + number(range.max_radius) + " px from its centre, and the region reaches " + number(farthest) +
-                  " px: set max_angle to less than " + number(range.max_angle) +
-                  " rad, make the region smaller, or correct the lens");
+  return fail(Errc::kLensDomain, std::string("the lens ") + (range.turns ? "turns back" : "ends") + " at " +
+                                     degrees(range.max_angle) + ", " + number(range.max_radius) +
+                                     " px from its centre, and the region reaches " + number(farthest) +
+                                     " px: set max_angle to less than " + number(range.max_angle) +
+                                     " rad, make the region smaller, or correct the lens");
 }
 
 Status check_response(const Response& response) {
@@ -151,7 +155,8 @@ Status check_response(const Response& response) {
   double sum = 0;
   for (const double c : response.coefficients) sum += c;
   if (!(std::abs(sum - 1) <= 1e-6)) {
-    return fail(Errc::kBadValue, "response.coefficients sum to " + number(sum) + "; they must sum to 1, so that full light is full value");
+    return fail(Errc::kBadValue, "response.coefficients sum to " + number(sum) +
+                                     "; they must sum to 1, so that full light is full value");
   }
   std::vector<double> whole{0.0};
   whole.insert(whole.end(), response.coefficients.begin(), response.coefficients.end());
@@ -195,7 +200,8 @@ Status check_gain(const std::array<double, 3>& gain) {
 /// As rig.toml's names, so that the two can match.
 bool is_name(std::string_view text) {
   const auto plain = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' || c == '-';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
+           c == '-';
   };
   return !text.empty() && text.size() <= kMaxNameBytes && std::ranges::all_of(text, plain);
 }
@@ -217,10 +223,12 @@ Status check_lens(const LensModel& lens, double max_angle) {
   if (Status s = std::visit([](const auto& model) { return check_model(model); }, lens); !s) return s;
   const LensRange range = lens_range(lens);
   if (!(range.max_radius >= 1)) {
-    return fail(Errc::kLensDomain, "the lens turns back within a pixel of its centre: its coefficients are for another unit");
+    return fail(Errc::kLensDomain,
+                "the lens turns back within a pixel of its centre: its coefficients are for another unit");
   }
   if (!(max_angle >= 0 && max_angle <= kPi)) {
-    return fail(Errc::kBadValue, "max_angle is " + number(max_angle) + " rad; it must be 0 (as far as the lens goes) to pi");
+    return fail(Errc::kBadValue,
+                "max_angle is " + number(max_angle) + " rad; it must be 0 (as far as the lens goes) to pi");
   }
   if (max_angle > range.max_angle + 1e-9) {
     return fail(Errc::kLensDomain, "max_angle is " + degrees(max_angle) + ", but the lens " +
@@ -249,11 +257,13 @@ Status check_calibration(const Calibration& calibration) {
   }
   for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
     const HeadCalibration& head = calibration.heads[i];
-    if (Status s = check_head(head); !s) return is_name(head.name) ? s : fail(s.error().in("heads[" + std::to_string(i) + "]"));
+    if (Status s = check_head(head); !s)
+      return is_name(head.name) ? s : fail(s.error().in("heads[" + std::to_string(i) + "]"));
     for (std::size_t j = 0; j < i; ++j) {
       if (calibration.heads[j].name == head.name) {
         return fail(Errc::kBadValue, "heads[" + std::to_string(j) + "] and heads[" + std::to_string(i) +
-                                         "] are both called '" + head.name + "'; every head needs a name of its own");
+                                         "] are both called '" + head.name +
+                                         "'; every head needs a name of its own");
       }
     }
   }

@@ -1,4 +1,5 @@
 // From JSON to a checked Calibration. Every field must be there and known; the first fault is the error.
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
@@ -109,7 +110,8 @@ class Fields {
       }
     }
     if (good) return numbers;
-    refuse(key, count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
+    refuse(key,
+           count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
     return {};
   }
 
@@ -263,9 +265,10 @@ Status check_version(const json& document) {
     return fail(Errc::kBadValue, "nodal_calibration must be the document's version, a whole number from 1 on");
   }
   if (version > kCalibrationVersion) {
-    return fail(Errc::kFutureVersion, "the calibration is of version " + version.dump() + ", and this Nodal reads up to " +
-                                          std::to_string(kCalibrationVersion) +
-                                          ": update Nodal here, or write the calibration again with a Nodal of this age");
+    return fail(Errc::kFutureVersion,
+                "the calibration is of version " + version.dump() + ", and this Nodal reads up to " +
+                    std::to_string(kCalibrationVersion) +
+                    ": update Nodal here, or write the calibration again with a Nodal of this age");
   }
   return {};
 }
@@ -285,8 +288,8 @@ Result<Calibration> parse_calibration(std::string_view text) {
   calibration.comment = fields.text("comment");
   if (const json* heads = fields.array("heads")) {
     if (heads->size() > kMaxHeads) {
-      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) + " heads; a rig has 1 to " +
-                                       std::to_string(kMaxHeads));
+      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) +
+                                       " heads; a rig has 1 to " + std::to_string(kMaxHeads));
     }
     for (std::size_t i = 0; i < heads->size(); ++i) {
       calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));

@@ -23,7 +23,8 @@ struct ImageFile {
 /// #-imgfile 3840 2160 "input-00.jpg"
 Result<ImageFile> read_image_file(const ScriptLine& line) {
   const auto bad = [&] {
-    return fail(Errc::kBadFormat, "line " + std::to_string(line.number) + ": #-imgfile should be followed by width, height and a name in quotes");
+    return fail(Errc::kBadFormat, "line " + std::to_string(line.number) +
+                                      ": #-imgfile should be followed by width, height and a name in quotes");
   };
   const std::size_t quote = line.comment.find('"');
   const std::size_t last = line.comment.rfind('"');
@@ -33,7 +34,8 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
   ImageFile file;
   if (!(sizes >> file.width >> file.height)) return bad();
   if (file.width < 1 || file.height < 1 || file.width > 32768 || file.height > 32768) {
-    return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": a picture's sides must be 1 to 32768 px");
+    return fail(Errc::kBadValue,
+                "line " + std::to_string(line.number) + ": a picture's sides must be 1 to 32768 px");
   }
   file.path = line.comment.substr(quote + 1, last - quote - 1);
   return file;
@@ -65,15 +67,18 @@ Result<Project> read_project(const std::vector<ScriptLine>& lines) {
       file = std::move(*read);
     }
     project.masks = project.masks || comment.starts_with("#-sourcemask") || line.kind == 'k';
-    project.vignetting = project.vignetting || (comment.starts_with("#-vignettingparams") && says_something(comment, 18));
+    project.vignetting =
+        project.vignetting || (comment.starts_with("#-vignettingparams") && says_something(comment, 18));
     project.curve = project.curve || (comment.starts_with("#-cameracurve") && says_something(comment, 13));
-    project.exposures = project.exposures || (comment.starts_with("#-exposureparams") && says_something(comment, 16));
+    project.exposures =
+        project.exposures || (comment.starts_with("#-exposureparams") && says_something(comment, 16));
     project.viewpoints = project.viewpoints || (comment.starts_with("#-viewpoint ") && says_something(comment, 12));
     if (line.kind != 'o') continue;
     if (dummy_next && project.lines.size() == 0) {
       project.has_dummy = true;
     } else if (!file) {
-      return fail(Errc::kMissingField, "line " + std::to_string(line.number) + ": no #-imgfile says how large this image is");
+      return fail(Errc::kMissingField,
+                  "line " + std::to_string(line.number) + ": no #-imgfile says how large this image is");
     } else {
       project.files.push_back(std::move(*file));
     }
@@ -118,7 +123,8 @@ void note_what_is_left_out(const Project& project, std::vector<std::string>& not
     notes.push_back("Vignetting (#-vignettingparams) is left out: PTGui does not say what its numbers mean.");
   }
   if (project.curve) {
-    notes.push_back("The camera curve (#-cameracurve) is left out, for the same reason; the response is taken as linear.");
+    notes.push_back(
+        "The camera curve (#-cameracurve) is left out, for the same reason; the response is taken as linear.");
   }
   if (project.exposures) {
     notes.push_back("Exposure and white balance corrections (#-exposureparams) are left out: all gains are 1.");
@@ -135,10 +141,12 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
   const Result<Project> project = read_project(*lines);
   if (!project) return fail(project.error());
   if (project->files.empty()) {
-    return fail(Errc::kBadFormat, "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
+    return fail(Errc::kBadFormat,
+                "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
   }
   if (project->files.size() > kMaxHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(project->files.size()) + " images; a rig has 1 to " + std::to_string(kMaxHeads) + " heads");
+    return fail(Errc::kUnsupported, "the project has " + std::to_string(project->files.size()) +
+                                        " images; a rig has 1 to " + std::to_string(kMaxHeads) + " heads");
   }
   ImportResult result;
   result.calibration.name = std::string(name);

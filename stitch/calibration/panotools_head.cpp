@@ -23,13 +23,15 @@ Result<LensModel> to_lens(const PanotoolsImage& image) {
   const double width = image.lens.right - image.lens.left;
   const double height = image.lens.bottom - image.lens.top;
   if (!(width >= 1 && height >= 1 && width <= 1e6 && height <= 1e6)) {
-    return fail(Errc::kBadValue, "its crop is " + number(width) + " x " + number(height) + " px; left must be less than right, top than bottom");
+    return fail(Errc::kBadValue, "its crop is " + number(width) + " x " + number(height) +
+                                     " px; left must be less than right, top than bottom");
   }
   const bool rectilinear = image.projection == 0;
   if (!rectilinear && image.projection != 2 && image.projection != 3) {
-    return fail(Errc::kUnsupported, "its lens type f" + std::to_string(image.projection) +
-                                        " has no counterpart here; rectilinear (f0) and equidistant fisheyes (f2, f3) have: "
-                                        "convert the lens in the program that wrote the file");
+    return fail(Errc::kUnsupported,
+                "its lens type f" + std::to_string(image.projection) +
+                    " has no counterpart here; rectilinear (f0) and equidistant fisheyes (f2, f3) have: "
+                    "convert the lens in the program that wrote the file");
   }
   if (!(image.hfov > 0 && image.hfov < (rectilinear ? 180 : 720))) {
     return fail(Errc::kBadValue, "its horizontal field of view v is " + number(image.hfov) + " degrees");
@@ -49,13 +51,17 @@ Status set_region(const PanotoolsImage& image, HeadCalibration& head, std::vecto
   const double width = image.width, height = image.height;
   const Crop kept = image.region.value_or(Crop{0, width, 0, height});
   const auto clamped = [](double value, double most) { return std::clamp(value, 0.0, most); };
-  head.region = {clamped(kept.left, width), clamped(kept.top, height), clamped(kept.right, width),
-                 clamped(kept.bottom, height), {}};
+  head.region = {clamped(kept.left, width),
+                 clamped(kept.top, height),
+                 clamped(kept.right, width),
+                 clamped(kept.bottom, height),
+                 {}};
   if (image.projection == 2) {
     head.region.circle = {(kept.left + kept.right) / 2, (kept.top + kept.bottom) / 2,
                           std::min(kept.right - kept.left, kept.bottom - kept.top) / 2};
     if (!image.region) {
-      notes.push_back("Head '" + head.name + "' has a circular fisheye without a crop: the largest circle in its picture "
+      notes.push_back("Head '" + head.name +
+                      "' has a circular fisheye without a crop: the largest circle in its picture "
                       "is taken as what the lens shows; set region.circle if it is another.");
     }
   }
@@ -79,15 +85,22 @@ void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
 Status read_geometry(const ImageLines& images, std::size_t image, PanotoolsImage& out) {
   const std::string line = "line " + std::to_string(images[image].number);
   double projection = 0;
-  const std::array<std::pair<const char*, double*>, 9> optional{{{"f", &projection}, {"a", &out.a}, {"b", &out.b},
-                                                                 {"c", &out.c}, {"d", &out.d}, {"e", &out.e},
-                                                                 {"y", &out.yaw}, {"p", &out.pitch}, {"r", &out.roll}}};
+  const std::array<std::pair<const char*, double*>, 9> optional{{{"f", &projection},
+                                                                 {"a", &out.a},
+                                                                 {"b", &out.b},
+                                                                 {"c", &out.c},
+                                                                 {"d", &out.d},
+                                                                 {"e", &out.e},
+                                                                 {"y", &out.yaw},
+                                                                 {"p", &out.pitch},
+                                                                 {"r", &out.roll}}};
   for (const auto& [name, value] : optional) {
     const Result<double> number = images.number_or(image, name, 0);
     if (!number) return fail(number.error());
     *value = *number;
   }
-  if (!(projection >= 0 && projection <= 1000)) return fail(Errc::kBadValue, line + ": lens type f is out of range");
+  if (!(projection >= 0 && projection <= 1000))
+    return fail(Errc::kBadValue, line + ": lens type f is out of range");
   out.projection = static_cast<int>(projection);
   const Result<std::optional<double>> v = images.find_number(image, "v");
   if (!v) return fail(v.error());
@@ -122,7 +135,8 @@ std::string head_name(std::string_view path, const std::vector<std::string>& tak
   if (extension != std::string_view::npos && extension > 0) path = path.substr(0, extension);
   std::string name;
   for (const char c : path.substr(0, 48)) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' || c == '-';
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+                       c == '_' || c == '-';
     name += plain ? c : '_';
   }
   if (name.empty()) name = "head" + std::to_string(taken.size());

@@ -22,17 +22,21 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
     for (std::size_t k = 0; k < kNames.size(); ++k) {
       const std::string* value = line.find(kNames[k]);
       if (value == nullptr) {
-        return fail(Errc::kMissingField, "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
+        return fail(Errc::kMissingField,
+                    "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
       }
       const Result<double> number = to_number(line, kNames[k], *value);
       if (!number) return fail(number.error());
       numbers[k] = *number - (k < 2 ? first_image : 0);
     }
     if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
-      return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
+      return fail(Errc::kBadValue,
+                  "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
     }
-    result.control_points.push_back({static_cast<std::size_t>(numbers[0]), {numbers[2] + 0.5, numbers[3] + 0.5},
-                                     static_cast<std::size_t>(numbers[1]), {numbers[4] + 0.5, numbers[5] + 0.5}});
+    result.control_points.push_back({static_cast<std::size_t>(numbers[0]),
+                                     {numbers[2] + 0.5, numbers[3] + 0.5},
+                                     static_cast<std::size_t>(numbers[1]),
+                                     {numbers[4] + 0.5, numbers[5] + 0.5}});
   }
   return {};
 }
@@ -47,8 +51,9 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
   }
   if (ptgui) return import_pts(text, name);
   if (hugin) return import_pto(text, name);
-  return fail(Errc::kBadFormat, "it is neither a Hugin project (.pto) nor a PTGui text project (.pts, PTGui 9 and "
-                                "older; newer ones save as JSON: export them as a text project)");
+  return fail(Errc::kBadFormat,
+              "it is neither a Hugin project (.pto) nor a PTGui text project (.pts, PTGui 9 and "
+              "older; newer ones save as JSON: export them as a text project)");
 }
 
 }  // namespace nodal::calibration

@@ -16,11 +16,10 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 Eigen::Matrix3d to_R_head_rig(const YawPitchRoll& degrees) {
   // Right-handed turns about y (down) swing right, about x (right) swing up, about z (forward) clockwise.
-  const Eigen::Matrix3d R_rig_head =
-      (Eigen::AngleAxisd(degrees.yaw * kDegree, Eigen::Vector3d::UnitY()) *
-       Eigen::AngleAxisd(degrees.pitch * kDegree, Eigen::Vector3d::UnitX()) *
-       Eigen::AngleAxisd(degrees.roll * kDegree, Eigen::Vector3d::UnitZ()))
-          .toRotationMatrix();
+  const Eigen::Matrix3d R_rig_head = (Eigen::AngleAxisd(degrees.yaw * kDegree, Eigen::Vector3d::UnitY()) *
+                                      Eigen::AngleAxisd(degrees.pitch * kDegree, Eigen::Vector3d::UnitX()) *
+                                      Eigen::AngleAxisd(degrees.roll * kDegree, Eigen::Vector3d::UnitZ()))
+                                         .toRotationMatrix();
   return R_rig_head.transpose();
 }
 
@@ -37,11 +36,13 @@ Result<Eigen::Matrix3d> nearest_rotation(const Eigen::Matrix3d& R, double tolera
   if (!R.allFinite()) return fail(Errc::kNotARotation, "the matrix has elements that are not finite");
   const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > tolerance) {
-    return fail(Errc::kNotARotation, "the matrix is not orthonormal: R times its transpose is off the identity by " +
-                                         std::to_string(off));
+    return fail(
+        Errc::kNotARotation,
+        "the matrix is not orthonormal: R times its transpose is off the identity by " + std::to_string(off));
   }
   if (R.determinant() < 0) {
-    return fail(Errc::kNotARotation, "the matrix is a reflection (its determinant is -1): one axis points the wrong way");
+    return fail(Errc::kNotARotation,
+                "the matrix is a reflection (its determinant is -1): one axis points the wrong way");
   }
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
   return Eigen::Matrix3d(svd.matrixU() * svd.matrixV().transpose());

@@ -24,7 +24,8 @@ class Camera {
 
   std::array<double, 9> rotation() {
     std::array<double, 9> rows{};
-    const bool good = fields_.is_object() && fields_.contains("R") && fields_["R"].is_array() && fields_["R"].size() == 9;
+    const bool good =
+        fields_.is_object() && fields_.contains("R") && fields_["R"].is_array() && fields_["R"].size() == 9;
     for (std::size_t k = 0; good && k < 9; ++k) {
       if (fields_["R"][k].is_number()) rows[k] = fields_["R"][k].get<double>();
     }
@@ -58,7 +59,8 @@ HeadCalibration to_head(Camera& camera, const std::string& image) {
   head.lens = TsaiLens{camera.number("f"), camera.number("k1"), camera.number("k2")};
   head.R_head_rig = camera.rotation();
   head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}};
-  head.vignetting = {head.center_x, head.center_y, kVignettingRadius, {camera.number("v2"), camera.number("v4"), 0}};
+  head.vignetting = {
+      head.center_x, head.center_y, kVignettingRadius, {camera.number("v2"), camera.number("v4"), 0}};
   const double gain = camera.number("gain");
   head.gain = {gain, gain, gain};
   return head;
@@ -80,7 +82,8 @@ Result<TruthRig> read_truth_rig(std::string_view text) {
     rig.images.push_back(camera.image());
     rig.calibration.heads.push_back(to_head(camera, rig.images.back()));
     if (!camera.missing().empty()) {
-      return fail(Errc::kMissingField, "cameras[" + std::to_string(rig.images.size() - 1) + "] has no " + camera.missing());
+      return fail(Errc::kMissingField,
+                  "cameras[" + std::to_string(rig.images.size() - 1) + "] has no " + camera.missing());
     }
   }
   // Twelve digits of a rotation are not all of it: reading the document back makes it orthonormal.
@@ -91,13 +94,16 @@ Result<TruthRig> read_truth_rig(std::string_view text) {
 }
 
 std::string replay_rig_toml(const TruthRig& rig, std::string_view folder, std::string_view format, int width) {
-  std::string text = "# Replays the pictures of a rendered rig.\n[rig]\nname = \"truth\"\nrate = \"30000/1001\"\n\n[raymap]\n";
-  text += "layout = \"equirectangular\"\nwidth = " + std::to_string(width) + "\nheight = " + std::to_string(width / 2) + "\n";
+  std::string text =
+      "# Replays the pictures of a rendered rig.\n[rig]\nname = \"truth\"\nrate = \"30000/1001\"\n\n[raymap]\n";
+  text += "layout = \"equirectangular\"\nwidth = " + std::to_string(width) +
+          "\nheight = " + std::to_string(width / 2) + "\n";
   text += "format = \"" + std::string(format) + "\"\njpeg_quality = 95\n\n[trigger]\nstart = true\n\n";
   text += "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n";
   for (std::size_t i = 0; i < rig.images.size(); ++i) {
-    text += "\n[[heads]]\nname = \"" + rig.calibration.heads[i].name + "\"\nport = " +
-            json("replay:" + std::string(folder) + "/" + rig.images[i]).dump() + "\nformat = \"" + std::string(format) + "\"\n";
+    text += "\n[[heads]]\nname = \"" + rig.calibration.heads[i].name +
+            "\"\nport = " + json("replay:" + std::string(folder) + "/" + rig.images[i]).dump() + "\nformat = \"" +
+            std::string(format) + "\"\n";
   }
   return text;
 }

@@ -19,9 +19,17 @@ double between(double low, double high) {
 
 std::array<double, 9> any_rotation() {
   const double y = between(-3, 3), p = between(-1.5, 1.5), r = between(-3, 3);
-  const double cy = std::cos(y), sy = std::sin(y), cp = std::cos(p), sp = std::sin(p), cr = std::cos(r), sr = std::sin(r);
-  return {cy * cr + sy * sp * sr, cp * sr, -sy * cr + cy * sp * sr, -cy * sr + sy * sp * cr, cp * cr,
-          sy * sr + cy * sp * cr, sy * cp, -sp, cy * cp};
+  const double cy = std::cos(y), sy = std::sin(y), cp = std::cos(p), sp = std::sin(p), cr = std::cos(r),
+               sr = std::sin(r);
+  return {cy * cr + sy * sp * sr,
+          cp * sr,
+          -sy * cr + cy * sp * sr,
+          -cy * sr + sy * sp * cr,
+          cp * cr,
+          sy * sr + cy * sp * cr,
+          sy * cp,
+          -sp,
+          cy * cp};
 }
 
 LensModel any_lens() {
@@ -56,15 +64,19 @@ HeadCalibration any_head(int index) {
   head.max_angle = between(0.1, 1.0);
   head.R_head_rig = any_rotation();
   head.region = {between(0, 3), between(0, 3), head.width - between(0, 3), head.height - between(0, 3), {}};
-  if (*rc::gen::arbitrary<bool>()) head.region.circle = Region::Circle{head.center_x, head.center_y, between(30, 3000)};
+  if (*rc::gen::arbitrary<bool>())
+    head.region.circle = Region::Circle{head.center_x, head.center_y, between(30, 3000)};
   head.response = any_response();
-  head.vignetting = {between(0, head.width), between(0, head.height), 6000, {between(-0.3, 0), between(-0.1, 0.1), 0}};
+  head.vignetting = {
+      between(0, head.width), between(0, head.height), 6000, {between(-0.3, 0), between(-0.1, 0.1), 0}};
   head.gain = {between(0.5, 2), between(0.5, 2), between(0.5, 2)};
   return head;
 }
 
 Calibration any_calibration() {
-  Calibration calibration{*rc::gen::element<std::string>("rig", "\"q\" \\", "é"), *rc::gen::element<std::string>("", "two\nlines", "ü \t"), {}};
+  Calibration calibration{*rc::gen::element<std::string>("rig", "\"q\" \\", "é"),
+                          *rc::gen::element<std::string>("", "two\nlines", "ü \t"),
+                          {}};
   const int count = *rc::gen::inRange(1, 17);
   for (int i = 0; i < count; ++i) calibration.heads.push_back(any_head(i));
   return calibration;
@@ -96,14 +108,16 @@ TEST(Calibration, CanonicalForm_IsFixedForever) {
   // Uploads, takes and tables are named by this text's SHA-256: it must never change for a version.
   Calibration calibration{"r", "", {figure3_head()}};
   calibration.heads[0].response = {Response::Curve::kGamma, 2.2, {}};
-  EXPECT_EQ(canonical_json(calibration),
-            R"({"comment":"","heads":[{"R_head_rig":[[1,0,0],[0,1,0],[0,0,1]],"aspect":1.083,"center":[360.8,224.6],)"
-            R"("gain":{"blue":0.95,"green":1,"red":1.05},"height":480,"lens":{"focal":490,"kappa1":2.29e-06,)"
-            R"("kappa2":1.65e-11,"model":"tsai"},"max_angle":0,"name":"cam5","region":{"bottom":480,"left":0,)"
-            R"("right":720,"top":0},"response":{"curve":"gamma","gamma":2.2},"vignetting":{"coefficients":[-0.2,-0.08,0],)"
-            R"("radius":423,"x":360.8,"y":224.6},"width":720}],"name":"r","nodal_calibration":1})");
+  EXPECT_EQ(
+      canonical_json(calibration),
+      R"({"comment":"","heads":[{"R_head_rig":[[1,0,0],[0,1,0],[0,0,1]],"aspect":1.083,"center":[360.8,224.6],)"
+      R"("gain":{"blue":0.95,"green":1,"red":1.05},"height":480,"lens":{"focal":490,"kappa1":2.29e-06,)"
+      R"("kappa2":1.65e-11,"model":"tsai"},"max_angle":0,"name":"cam5","region":{"bottom":480,"left":0,)"
+      R"("right":720,"top":0},"response":{"curve":"gamma","gamma":2.2},"vignetting":{"coefficients":[-0.2,-0.08,0],)"
+      R"("radius":423,"x":360.8,"y":224.6},"width":720}],"name":"r","nodal_calibration":1})");
   // sha256sum of the text above.
-  EXPECT_EQ(to_hex(calibration_id(calibration)), "eafe84027278344889854b67870fbfdbac86bc08a1dfeb2dab7a98706bbd0d97");
+  EXPECT_EQ(to_hex(calibration_id(calibration)),
+            "eafe84027278344889854b67870fbfdbac86bc08a1dfeb2dab7a98706bbd0d97");
 }
 
 TEST(Calibration, ReadFromTextWrittenInAnotherOrder_HasTheSameId) {
@@ -124,7 +138,8 @@ TEST(Calibration, OneDigitChanged_ChangesTheId) {
 
 TEST(Calibration, RotationWrittenWithSevenDigits_IsMadeOrthonormalOnceAndForAll) {
   Calibration calibration = two_heads();
-  calibration.heads[0].R_head_rig = {0.3078362, 0.1755233, -0.9351088, 0.9375922, 0.1111067, 0.3295089, 0.1617333, -0.9781855, -0.1303667};
+  calibration.heads[0].R_head_rig = {0.3078362, 0.1755233, -0.9351088, 0.9375922, 0.1111067,
+                                     0.3295089, 0.1617333, -0.9781855, -0.1303667};
   const Result<Calibration> read = parse_calibration(to_json(calibration));
   ASSERT_TRUE(read) << read.error().text();
   const auto& R = read->heads[0].R_head_rig;
@@ -145,8 +160,9 @@ TEST(Calibration, ForPeople_HasTheFieldsInTheDocumentsOrderAndRowsOnTheirLines) 
   const std::string text = to_json(two_heads());
   EXPECT_EQ(text.find("{\n  \"nodal_calibration\": 1,\n  \"name\": \"test rig\","), 0u) << text;
   EXPECT_NE(text.find("\"center\": [360.8, 224.6],\n"), std::string::npos) << text;
-  EXPECT_NE(text.find("\"lens\": {\"model\": \"tsai\", \"focal\": 490, \"kappa1\": 2.29e-06, \"kappa2\": 1.65e-11},\n"),
-            std::string::npos)
+  EXPECT_NE(
+      text.find("\"lens\": {\"model\": \"tsai\", \"focal\": 490, \"kappa1\": 2.29e-06, \"kappa2\": 1.65e-11},\n"),
+      std::string::npos)
       << text;
 }
 

@@ -54,7 +54,8 @@ TEST(LensRange, LensThatDoesNotRise_HasNoRange) {
 }
 
 TEST(LensRadius, OfEveryModel_IsItsFormula) {
-  EXPECT_NEAR(lens_radius(RectilinearLens{{400, 0, 30}}, 0.5), 400 * std::tan(0.5) + 30 * std::pow(std::tan(0.5), 3), 1e-9);
+  EXPECT_NEAR(lens_radius(RectilinearLens{{400, 0, 30}}, 0.5),
+              400 * std::tan(0.5) + 30 * std::pow(std::tan(0.5), 3), 1e-9);
   EXPECT_NEAR(lens_radius(EquidistantLens{{400, 20}}, 2), 880, 1e-9);
   EXPECT_NEAR(lens_radius(KannalaBrandtLens{400, {0.01, 0, 0, 0}}, 2), 400 * 2.08, 1e-9);
   // Tsai: at r = 360 Figure 3's lens has r_ideal = 360 * 1.574...
@@ -78,7 +79,8 @@ TEST(FarthestRadius, OfACutCircle_LiesWhereCircleAndRectangleCross) {
   const Region region{0, 0, 1000, 300, Region::Circle{500, 0, 500}};
   // Farthest from (100, 0): the circle meets y = 300 at x = 900, 854.4 away; and y = 0 at x = 1000, 900 away.
   EXPECT_NEAR(farthest_radius(region, 100, 0, 1), 900, 1e-9);
-  EXPECT_NEAR(farthest_radius({0, 100, 1000, 300, region.circle}, 100, 0, 1), std::hypot(500 + std::sqrt(240000.0) - 100, 100), 1e-9);
+  EXPECT_NEAR(farthest_radius({0, 100, 1000, 300, region.circle}, 100, 0, 1),
+              std::hypot(500 + std::sqrt(240000.0) - 100, 100), 1e-9);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "stitch/calibration/import.h"
 #include "stitch/geometry/head.h"
+#include "stitch/geometry/response.h"
 
 namespace nodal::calibration {
 namespace {
@@ -55,7 +56,8 @@ TEST(ImportPto, YawPitchRoll_PointTheHead) {
 }
 
 TEST(ImportPto, LinkedVariables_TakeTheFirstImages) {
-  const auto import = imported("i w100 h100 f3 v150 a0.01 b0 c0 d1 e2 n\"a\"\ni w100 h100 f3 v=0 a=0 b=0 c=0 d=0 e=0 n\"b\"\n");
+  const auto import =
+      imported("i w100 h100 f3 v150 a0.01 b0 c0 d1 e2 n\"a\"\ni w100 h100 f3 v=0 a=0 b=0 c=0 d=0 e=0 n\"b\"\n");
   EXPECT_EQ(import.calibration.heads[0].lens, import.calibration.heads[1].lens);
   EXPECT_EQ(import.calibration.heads[1].center_y, 52);
 }
@@ -87,9 +89,28 @@ TEST(ImportPto, ExposuresWhiteBalanceAndVignetting_BecomeGainAndVignetting) {
   EXPECT_EQ(head.vignetting.radius, 500);  // half the diagonal
   EXPECT_NEAR(head.vignetting.coefficients[0], -0.2, 1e-15);
   EXPECT_NEAR(head.vignetting.coefficients[2], -0.01, 1e-15);
-  EXPECT_EQ(head.response.curve, Response::Curve::kSrgb);
+  EXPECT_TRUE(import.notes.empty());
+}
+
+TEST(ImportPto, MeanResponse_IsHuginsOwn) {
+  const auto import = imported("i w800 h600 f0 v60 Eev1 n\"a\"\ni w800 h600 f0 v60 Eev2 n\"b\"\n");
+  const Response& response = import.calibration.heads[0].response;
+  // What nona 2022 makes, in 16 bits, of these values at Eev 0 in a panorama at E1, E2, E4 and E-1.
+  struct {
+    double stops, in, out;
+  } const kByNona[] = {{1, 512.0 / 2047, 0.14862287},  {1, 1024.0 / 2047, 0.3054551}, {1, 1536.0 / 2047, 0.51270314},
+                       {2, 1024.0 / 2047, 0.18077363}, {4, 1536.0 / 2047, 0.11116197}, {-1, 512.0 / 2047, 0.4186923}};
+  for (const auto& [stops, in, out] : kByNona) {
+    const double light = geometry::decode(response, in) * std::exp2(-stops);
+    EXPECT_NEAR(geometry::encode(response, light), out, 0.001) << in << " by " << stops;
+  }
+}
+
+TEST(ImportPto, FittedResponse_IsReplacedByTheMeanAndSaidSo) {
+  const auto import = imported("i w800 h600 f0 v60 Ra0.5 n\"a\"\n");
+  EXPECT_EQ(import.calibration.heads[0].response.curve, Response::Curve::kPolynomial);
   ASSERT_EQ(import.notes.size(), 1u);
-  EXPECT_NE(import.notes[0].find("mean camera response"), std::string::npos);
+  EXPECT_NE(import.notes[0].find("mean camera curve"), std::string::npos);
 }
 
 TEST(ImportPto, VignettingThatGoesDark_IsLeftOutAndSaidSo) {
@@ -130,7 +151,8 @@ TEST(ImportPto, NamesThatAreAlikeOrOdd_BecomeNamesOfHeads) {
 
 TEST(ImportPto, ControlPoints_AreMovedToOurPixels_AndLinesAreNot) {
   const auto import = imported(
-      "i w800 h600 f0 v60 n\"a\"\ni w800 h600 f0 v60 n\"b\"\nc n0 N1 x10 y20.5 X30 Y40 t0\nc n0 N0 x1 y2 X3 Y4 t1\n");
+      "i w800 h600 f0 v60 n\"a\"\ni w800 h600 f0 v60 n\"b\"\nc n0 N1 x10 y20.5 X30 Y40 t0\nc n0 N0 x1 y2 X3 Y4 "
+      "t1\n");
   ASSERT_EQ(import.control_points.size(), 1u);
   EXPECT_EQ(import.control_points[0].head_b, 1u);
   EXPECT_EQ(import.control_points[0].pixel_a, (geometry::Pixel{10.5, 21}));

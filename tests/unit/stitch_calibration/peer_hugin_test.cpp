@@ -33,16 +33,17 @@ struct Place {
 
 /// Where Hugin puts the places in the panorama, in its own pixels.
 std::vector<Pixel> by_hugin(const std::string& project, const std::vector<Place>& places) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) /
-                                       ("nodal_hugin_" + std::to_string(std::random_device()()));
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("nodal_hugin_" + std::to_string(std::random_device()()));
   std::filesystem::create_directories(folder);
   std::ofstream(folder / "in.pto") << project;
   std::ofstream in(folder / "in.txt");
   in.precision(17);
   for (const Place& place : places) in << place.image << ' ' << place.pixel.x << ' ' << place.pixel.y << '\n';
   in.close();
-  const std::string command = "LC_ALL=C pano_trafo " + (folder / "in.pto").string() + " < " + (folder / "in.txt").string() +
-                              " > " + (folder / "out.txt").string() + " 2> /dev/null";
+  const std::string command = "LC_ALL=C pano_trafo " + (folder / "in.pto").string() + " < " +
+                              (folder / "in.txt").string() + " > " + (folder / "out.txt").string() +
+                              " 2> /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0);
   std::ifstream out(folder / "out.txt");
   std::vector<Pixel> result;

@@ -52,10 +52,12 @@ Difference compare(const Head& head, const ImageView& picture, const ImageView& 
   for (int j = 2; j < head.height() - 2; j += 3) {
     for (int i = 2; i < head.width() - 2; i += 3) {
       for (std::size_t c = 0; c < 3; ++c) {
-        const double got = picture.planes[c].data[j * picture.planes[c].row_stride + i * picture.planes[c].pixel_stride];
+        const double got =
+            picture.planes[c].data[j * picture.planes[c].row_stride + i * picture.planes[c].pixel_stride];
         if (got > 250) continue;  // clipped
         const double x = i + 0.5, y = j + 0.5, here = seen(x, y, c);
-        const Eigen::Vector3d slopes(seen(x + 0.5, y, c) - seen(x - 0.5, y, c), seen(x, y + 0.5, c) - seen(x, y - 0.5, c), here);
+        const Eigen::Vector3d slopes(seen(x + 0.5, y, c) - seen(x - 0.5, y, c),
+                                     seen(x, y + 0.5, c) - seen(x, y - 0.5, c), here);
         normal += slopes * slopes.transpose();
         right += slopes * (got - here);
         squares += (got - here) * (got - here);

@@ -31,7 +31,8 @@ TEST(Head, PinholeWithAspect_IsTheTextbooksMatrixProduct) {
   const Head head = made(calibration);
   Eigen::Matrix3d K;
   K << 500, 0, 362.3, 0, 1.083 * 500, 233.9, 0, 0, 1;
-  for (const Eigen::Vector3d& d : {Eigen::Vector3d(0.2, -0.3, 1), Eigen::Vector3d(-1, 0.4, 2), Eigen::Vector3d(0, 0, 1)}) {
+  for (const Eigen::Vector3d& d :
+       {Eigen::Vector3d(0.2, -0.3, 1), Eigen::Vector3d(-1, 0.4, 2), Eigen::Vector3d(0, 0, 1)}) {
     const Ray ray = Ray::towards(head.R_head_rig().transpose() * d);
     const Eigen::Vector3d p = K * head.R_head_rig() * ray.direction();
     const std::optional<Pixel> pixel = head.project(ray);
@@ -123,7 +124,8 @@ RC_GTEST_PROP(EveryHead, Density_IsPixelsPerSteradianAsDifferencesMeasureThem, (
       return *head.project(Ray::towards(ray.direction() + s * h * t1 + t * h * t2));
     };
     const Pixel right = at(1, 0), left = at(-1, 0), down = at(0, 1), up = at(0, -1);
-    const double area = std::abs((right.x - left.x) * (down.y - up.y) - (right.y - left.y) * (down.x - up.x)) / (4 * h * h);
+    const double area =
+        std::abs((right.x - left.x) * (down.y - up.y) - (right.y - left.y) * (down.x - up.x)) / (4 * h * h);
     const double density = head.density(*head.project(ray));
     RC_ASSERT(std::abs(density - area) <= 1e-4 * area + 1e-3);
   }
@@ -157,13 +159,13 @@ TEST(HeadRegion, DistanceToEdge_IsToTheNearestOfRectangleCircleAndLens) {
   calibration.max_angle = 0.7;  // ends 210 px from the centre
   const Head head = made(calibration);
   EXPECT_NEAR(head.distance_to_edge({362.3, 233.9}), 210, 1e-9);
-  EXPECT_NEAR(head.distance_to_edge({362.3, 25}), 1.1, 1e-9);         // the lens's end, before the top edge
-  EXPECT_NEAR(head.distance_to_edge({362.3, 5}), -18.9, 1e-9);        // outside of everything
+  EXPECT_NEAR(head.distance_to_edge({362.3, 25}), 1.1, 1e-9);   // the lens's end, before the top edge
+  EXPECT_NEAR(head.distance_to_edge({362.3, 5}), -18.9, 1e-9);  // outside of everything
   EXPECT_NEAR(head.distance_to_edge({362.3 + 205, 233.9}), 5, 1e-9);
   EXPECT_TRUE(head.contains({362.3 + 209.9, 233.9}));
   EXPECT_FALSE(head.contains({362.3 + 210.1, 233.9}));
   calibration.max_angle = 0;
-  EXPECT_NEAR(made(calibration).distance_to_edge({362.3, 25}), 5, 1e-9);  // the top edge
+  EXPECT_NEAR(made(calibration).distance_to_edge({362.3, 25}), 5, 1e-9);           // the top edge
   EXPECT_NEAR(made(calibration).distance_to_edge({362.3 + 235, 233.9}), 5, 1e-9);  // the circle
 }
 
@@ -198,7 +200,8 @@ TEST(Head, MatrixThatIsAReflection_IsRefusedByName) {
   const Result<Head> head = Head::make(calibration);
   ASSERT_FALSE(head);
   EXPECT_EQ(head.error().code, Errc::kNotARotation);
-  EXPECT_NE(head.error().message.find("head 'head': R_head_rig is a reflection"), std::string::npos) << head.error().text();
+  EXPECT_NE(head.error().message.find("head 'head': R_head_rig is a reflection"), std::string::npos)
+      << head.error().text();
 }
 
 TEST(Heads, OfARig_KeepTheDocumentsOrder) {
