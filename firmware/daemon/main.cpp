@@ -122,9 +122,10 @@ int main(int argc, char** argv) {
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 
-  const std::filesystem::path base = std::filesystem::absolute(options.config).parent_path();
   firmware::RigConfig config;
+  std::filesystem::path base;
   if (!options.config.empty()) {
+    base = std::filesystem::absolute(options.config).parent_path();
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);

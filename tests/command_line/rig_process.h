@@ -1,0 +1,55 @@
+// A real nodald on a small simulated rig, and the real `nodal` that talks to it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "process.h"
+#include "protocol/calibration.h"
+
+namespace nodal::command_line {
+
+using Json = nlohmann::json;
+using Words = std::vector<std::string>;
+
+/// Six rectilinear heads of 100 degrees, 96 px square, that look along the axes: forward, right, back, left, up,
+/// down. Every ray is seen by one to three. `name` is all that differs between two of them.
+Calibration six_heads(const std::string& name);
+
+/// A folder of the test's own with rig.toml, truth.json and six.json, and a nodald that runs on it.
+class RigTest : public ::testing::Test {
+ protected:
+  RigTest();
+  ~RigTest() override;
+
+  /// Starts nodald, or starts it again on the same store, and waits until it listens.
+  void start_nodald();
+  Process& nodald() { return *nodald_; }
+
+  /// Runs `nodal WORDS` on this rig to its end.
+  Finished nodal(Words words) const;
+  /// The same with --json: its documents, one a line.
+  std::vector<Json> nodal_json(Words words) const;
+  std::unique_ptr<Process> start(Words words) const;
+  /// Uploads six.json, starts the genlock and waits until it is locked.
+  void bring_up() const;
+  /// Writes a program that NODAL_SSH can name: a shell script with BRIDGE for the command that bridges.
+  void fake_ssh(const std::string& script);
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string write(const std::string& name, const std::string& content) const;
+  std::string read(const std::string& name) const;
+
+  std::map<std::string, std::string> environment_;
+
+ private:
+  std::filesystem::path folder_;
+  std::unique_ptr<Process> nodald_;
+};
+
+}  // namespace nodal::command_line
