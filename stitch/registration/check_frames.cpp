@@ -1,0 +1,101 @@
+#include "stitch/registration/check_frames.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nodal::registration {
+namespace {
+
+constexpr float kBlack = 6;            // levels: nothing in the picture is brighter
+constexpr double kLeastAgreement = 0.4;
+
+std::string quoted(const std::string& name) { return "'" + name + "'"; }
+
+}  // namespace
+
+Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame_sets) {
+  if (prior.heads.size() < 2) {
+    return fail(Errc::kBadValue, "the calibration has one head; registration needs two or more that overlap");
+  }
+  if (frame_sets.empty()) return fail(Errc::kBadValue, "no frames; give one picture a head, in the calibration's order");
+  for (const FrameSet& frames : frame_sets) {
+    if (frames.size() != prior.heads.size()) {
+      return fail(Errc::kBadValue, std::to_string(frames.size()) + " pictures for " +
+                                       std::to_string(prior.heads.size()) +
+                                       " heads; give one picture a head, in the calibration's order");
+    }
+    for (std::size_t h = 0; h < frames.size(); ++h) {
+      const HeadCalibration& head = prior.heads[h];
+      if (frames[h].format == PixelFormat::kMjpeg) {
+        return fail(Errc::kUnsupported, "head " + quoted(head.name) + ": decode MJPEG frames first");
+      }
+      if (frames[h].width != head.width || frames[h].height != head.height) {
+        return fail(Errc::kBadValue, "head " + quoted(head.name) + ": the picture is " +
+                                         std::to_string(frames[h].width) + "x" + std::to_string(frames[h].height) +
+                                         ", the calibration says " + std::to_string(head.width) + "x" +
+                                         std::to_string(head.height) + "; take pictures of the calibrated size");
+      }
+    }
+  }
+  return {};
+}
+
+Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyramids) {
+  for (std::size_t h = 0; h < pyramids.size(); ++h) {
+    // One good picture among many is enough.
+    float brightest = 0;
+    for (const Plane& plane : pyramids[h].levels.back()) brightest = std::max(brightest, std::ranges::max(plane.values));
+    if (brightest < kBlack) {
+      return fail(Errc::kNoSignal, "head " + quoted(prior.heads[h].name) +
+                                       " is black; take its lens cap off, raise its exposure, or leave it out");
+    }
+    for (std::size_t other = 0; other < h; ++other) {
+      const auto same = [](const Plane& a, const Plane& b) { return a.values == b.values; };
+      if (std::ranges::equal(pyramids[h].levels.front(), pyramids[other].levels.front(), same)) {
+        return fail(Errc::kHeadMismatch, "heads " + quoted(prior.heads[other].name) + " and " +
+                                             quoted(prior.heads[h].name) +
+                                             " have the same picture; give each head its own");
+      }
+    }
+  }
+  return {};
+}
+
+Status check_enough_placed(const Calibration& prior, const std::vector<std::string>& why_not) {
+  const auto placed = std::ranges::count_if(why_not, [](const std::string& why) { return why.empty(); });
+  if (placed >= 2) return {};
+  std::string first;
+  for (std::size_t h = 0; h < why_not.size() && first.empty(); ++h) {
+    if (!why_not[h].empty()) first = "head " + quoted(prior.heads[h].name) + ": " + why_not[h];
+  }
+  return fail(Errc::kNoCoverage, "no two heads can be placed against each other (" + first +
+                                     "); film a scene with detail all around, or check the prior's fields of view");
+}
+
+Status check_agreement(const Calibration& prior, const Detail& detail, const std::vector<std::string>& why_not) {
+  std::string names;
+  std::size_t wrong = 0, placed = 0;
+  for (std::size_t h = 0; h < why_not.size(); ++h) {
+    if (!why_not[h].empty()) continue;
+    ++placed;
+    if (detail.heads[h].agreement >= kLeastAgreement) continue;
+    ++wrong;
+    names += (names.empty() ? "'" : ", '") + prior.heads[h].name + "'";
+  }
+  if (wrong == 0) return {};
+  if (wrong == placed) {
+    return fail(Errc::kHeadMismatch,
+                "the heads' pictures have nothing in common where they should overlap; check that they are of one scene "
+                "and in the calibration's order, that the lens model is right, and start nearer (point pairs)");
+  }
+  return fail(Errc::kHeadMismatch,
+              "head " + names + " sees something else than its neighbours where they should overlap; is its picture "
+              "upside down, mirrored or another head's, or does it stand far from the prior (give point pairs)?");
+}
+
+std::string nothing_shared(const Calibration& prior) {
+  return "none of the " + std::to_string(prior.heads.size()) +
+         " heads shares rays with another; check fields of view and rotations of the prior";
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,35 @@
+// Levenberg-Marquardt (§4.4) on one level of the objective.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "stitch/registration/objective.h"
+#include "stitch/registration/parameters.h"
+
+namespace nodal::registration {
+
+struct DescentOptions {
+  Curvature curvature = Curvature::kOwn;
+  int most_iterations = 25;
+  double turn_rad = 3e-6;       ///< a step that turns every head by less ...
+  double gain = 2e-6;           ///< ... or lowers the objective by a smaller share ends the descent
+  /// After every accepted step (and before the first, as iteration 0): the objective and the largest turn, rad.
+  std::function<void(int iteration, double objective, double turn)> accepted;
+};
+
+struct Descended {
+  std::vector<HeadState> heads;
+  Normal normal;  ///< there, with derivatives
+  int iterations = 0;
+};
+
+/// The symmetric system's solution: Cholesky, or where that finds a zero pivot the least-norm solution of a singular
+/// value decomposition (§4.4).
+Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
+
+/// Keeps the best heads so far. Errors: those of evaluating the start.
+Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought,
+                          const Held& held, const DescentOptions& options);
+
+}  // namespace nodal::registration

@@ -1,0 +1,122 @@
+#include "stitch/registration/head_state.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stitch/geometry/lens.h"
+#include "stitch/geometry/rotation.h"
+
+namespace nodal::registration {
+
+Slots slots_of(const Sought& sought, int radials) {
+  Slots slots;
+  const auto take = [&slots](int n) {
+    const int first = slots.count;
+    slots.count += n;
+    return first;
+  };
+  if (sought.rotation) slots.rotation = take(3);
+  if (sought.focal || sought.lens) slots.focal = take(1);
+  if (sought.lens) {
+    slots.center = take(2);
+    slots.radial = take(radials);
+    slots.radials = radials;
+  }
+  if (sought.gain) {
+    slots.gain = take(sought.channels);
+    slots.gains = sought.channels;
+  }
+  if (sought.vignetting) slots.vignetting = take(kVignettingTerms);
+  return slots;
+}
+
+double focal_of(const LensModel& lens) {
+  if (const auto* tsai = std::get_if<TsaiLens>(&lens)) return tsai->focal;
+  if (const auto* kb = std::get_if<KannalaBrandtLens>(&lens)) return kb->focal;
+  if (const auto* equidistant = std::get_if<EquidistantLens>(&lens)) return equidistant->coefficients.front();
+  return std::get<RectilinearLens>(lens).coefficients.front();
+}
+
+double farthest_radius(const Region& region, double center_x, double center_y, double aspect) {
+  double farthest = 0;
+  for (const double x : {region.left, region.right}) {
+    for (const double y : {region.top, region.bottom}) {
+      farthest = std::max(farthest, std::hypot(x - center_x, (y - center_y) / aspect));
+    }
+  }
+  if (region.circle) {
+    const double off = std::hypot(region.circle->x - center_x, (region.circle->y - center_y) / aspect);
+    farthest = std::min(farthest, off + region.circle->radius / std::min(aspect, 1.0));
+  }
+  return farthest;
+}
+
+Result<double> HeadState::used_angle() const {
+  const Result<geometry::Lens> made = geometry::Lens::make(lens, max_angle);
+  if (!made) return fail(made.error());
+  return made->angle(farthest_radius(region, center_x, center_y, aspect)).value_or(made->max_angle());
+}
+
+Result<HeadState> HeadState::from(const HeadCalibration& head) {
+  HeadState state;
+  state.q_head_rig = Eigen::Quaterniond(geometry::matrix_of(head.R_head_rig)).normalized();
+  state.lens = head.lens;
+  state.center_x = head.center_x;
+  state.center_y = head.center_y;
+  for (std::size_t c = 0; c < 3; ++c) state.log_gain[c] = std::log(head.gain[c]);
+  state.aspect = head.aspect;
+  state.max_angle = head.max_angle;
+  state.region = head.region;
+  state.edge_radius = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
+  const Result<double> angle = state.used_angle();
+  if (!angle) return fail(angle.error().in("head '" + head.name + "'"));
+  state.edge_angle = *angle;
+  state.vignetting = head.vignetting.coefficients;
+  if (state.vignetting == std::array<double, 3>{}) {
+    // No fall-off so far: its centre and radius mean nothing yet and are taken from the lens.
+    state.vignetting_radius = state.edge_radius;
+  } else {
+    state.vignetting_x = head.vignetting.x - head.center_x;
+    state.vignetting_y = head.vignetting.y - head.center_y;
+    state.vignetting_radius = head.vignetting.radius;
+  }
+  return state;
+}
+
+HeadCalibration HeadState::into(HeadCalibration prior) const {
+  prior.R_head_rig = geometry::rows_of(q_head_rig.normalized().toRotationMatrix());
+  prior.lens = lens;
+  prior.center_x = center_x;
+  prior.center_y = center_y;
+  for (std::size_t c = 0; c < 3; ++c) prior.gain[c] = std::exp(log_gain[c]);
+  prior.vignetting = {center_x + vignetting_x, center_y + vignetting_y, vignetting_radius, vignetting};
+  return prior;
+}
+
+HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd& step) {
+  HeadState next = head;
+  if (slots.rotation >= 0) {
+    const Eigen::Matrix3d turn = geometry::rotation_about(step.segment<3>(slots.rotation));
+    next.q_head_rig = (Eigen::Quaterniond(turn) * head.q_head_rig).normalized();
+  }
+  if (slots.focal >= 0) {
+    std::vector<double> radial;
+    for (int k = 0; k < slots.radials; ++k) radial.push_back(step[slots.radial + k]);
+    // Far from the goal a step may be absurd; the next one corrects a short one.
+    const double log_focal = std::clamp(step[slots.focal], -0.1, 0.1);
+    next.lens = changed_lens(head.lens, log_focal, radial, head.edge_angle, head.edge_radius);
+  }
+  if (slots.center >= 0) {
+    next.center_x += step[slots.center];
+    next.center_y += step[slots.center + 1];
+  }
+  for (int c = 0; c < 3 && slots.gain >= 0; ++c) {
+    next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];
+  }
+  for (int k = 0; k < kVignettingTerms && slots.vignetting >= 0; ++k) {
+    next.vignetting[static_cast<std::size_t>(k)] += step[slots.vignetting + k];
+  }
+  return next;
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,58 @@
+// One level of a registration: the rays of a raymap, and every head's pictures blurred to match.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/registration/descent.h"
+#include "stitch/registration/objective.h"
+#include "stitch/registration/pyramid.h"
+#include "stitch/registration/registration.h"
+
+namespace nodal::registration {
+
+struct LevelPlan {
+  int width = 0;         ///< of the raymap, as if it were equirectangular
+  int level = 0;         ///< of the pyramid
+  double sigma_px = 0;   ///< of the blur, in the level's pixels
+  double margin_px = 0;  ///< kept from the region's edge, in the level's pixels
+  bool focal = false, lens = false;
+  Curvature curvature = Curvature::kOwn;
+  int most_iterations = 10;
+  double turn_rad = 0;   ///< that ends the descent
+};
+
+/// Full-size pixels a radian of a typical head.
+double pixels_per_radian(const std::vector<HeadState>& heads);
+
+/// From coarse to fine. `deepest`: the coarsest level the pyramids have.
+std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Options& options, int deepest);
+
+/// Ownership: keeps everything its objective reads. Not to be moved once made.
+class Level {
+ public:
+  enum class Pictures { kLight, kDetail };
+
+  /// Rays that no two heads may share after turning by `slack_rad` are left out.
+  /// Errors: those of the layout.
+  static Result<std::unique_ptr<Level>> make(const LevelPlan& plan, Pictures pictures,
+                                             const std::vector<HeadPyramid>& pyramids,
+                                             const std::vector<HeadState>& heads, const Options& options,
+                                             double slack_rad, const Workers& workers);
+  Level(const Level&) = delete;
+  Level& operator=(const Level&) = delete;
+
+  Objective& objective() { return *objective_; }
+  /// How much less the sums know than their measure says: neighbouring rays see the same blurred pixels.
+  double pixels_a_sample() const { return pixels_a_sample_; }
+
+ private:
+  Level() = default;
+  std::vector<Tile> tiles_;
+  std::vector<std::vector<Plane>> planes_;
+  std::unique_ptr<Objective> objective_;
+  double pixels_a_sample_ = 1;
+};
+
+}  // namespace nodal::registration

@@ -1,0 +1,227 @@
+#include "stitch/registration/objective.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+namespace nodal::registration {
+namespace {
+
+// Chunks are fixed by the number of tiles alone, so that the order of sums never depends on the threads.
+int chunk_count(std::size_t tiles) { return static_cast<int>(std::clamp<std::size_t>(tiles / 32, 1, 16)); }
+
+struct Workspace {
+  std::vector<TileHead> heads;
+  TileRays rays;
+  alignas(64) float weight[kTile];
+};
+
+void add_derivatives(const std::vector<TileHead*>& seen, const std::vector<HeadSight>& sights,
+                     const std::vector<Slots>& slots, int channel, Workspace& work, Normal& sums) {
+  const int K = sums.slots;
+  for (TileHead* head : seen) {
+    const auto h = static_cast<std::size_t>(head->head);
+    differentiate(sights[h], slots[h], channel, *head);
+  }
+  differentiate_by_others(sights, slots, seen.data(), static_cast<int>(seen.size()));
+  const auto count = [&](const TileHead* head) { return slots[static_cast<std::size_t>(head->head)].count; };
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const TileHead& a = *seen[i];
+    gradient_weight(a, work.rays, work.weight);
+    add_gradient(a, work.weight, count(&a), sums.gradient.data() + a.head * K);
+    for (std::size_t j = i; j < seen.size(); ++j) {
+      const TileHead& b = *seen[j];
+      pair_weight(a, b, i == j, work.rays, work.weight);
+      add_block(a.J, count(&a), b.J, count(&b), work.weight, K, sums.block(a.head, b.head));
+      if (i == j) add_block(a.J, count(&a), a.J_others, count(&a), work.weight, K, sums.common_block(a.head));
+    }
+  }
+}
+
+}  // namespace
+
+Normal::Normal(int head_count, int slot_count)
+    : heads(head_count),
+      slots(slot_count),
+      gradient(static_cast<std::size_t>(head_count * slot_count)),
+      blocks(static_cast<std::size_t>(pair_count(head_count) * slot_count * slot_count)),
+      common(static_cast<std::size_t>(head_count * slot_count * slot_count)),
+      pairs(static_cast<std::size_t>(pair_count(head_count))),
+      shared(static_cast<std::size_t>(head_count)) {}
+
+double Normal::objective() const { return measure > 0 ? cost / measure : std::numeric_limits<double>::infinity(); }
+
+double* Normal::block(int a, int b) { return blocks.data() + static_cast<int>(pair(a, b)) * slots * slots; }
+
+double* Normal::common_block(int head) { return common.data() + head * slots * slots; }
+
+Eigen::MatrixXd Normal::hessian(int a, int b, Curvature curvature) const {
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  if (a == b && curvature == Curvature::kCommon) {
+    const Eigen::Map<const RowMajor> stored(common.data() + a * slots * slots, slots, slots);
+    return 0.5 * (stored + stored.transpose());
+  }
+  const Eigen::Map<const RowMajor> stored(blocks.data() + static_cast<int>(pair(std::min(a, b), std::max(a, b))) * slots * slots, slots,
+                                          slots);
+  if (a <= b) return stored;
+  return stored.transpose();
+}
+
+Eigen::Map<const Eigen::VectorXd> Normal::gradient_of(int head) const {
+  return {gradient.data() + head * slots, slots};
+}
+
+void Normal::add(const Normal& other) {
+  cost += other.cost;
+  measure += other.measure;
+  for (std::size_t k = 0; k < gradient.size(); ++k) gradient[k] += other.gradient[k];
+  for (std::size_t k = 0; k < blocks.size(); ++k) blocks[k] += other.blocks[k];
+  for (std::size_t k = 0; k < common.size(); ++k) common[k] += other.common[k];
+  for (std::size_t k = 0; k < pairs.size(); ++k) pairs[k].add(other.pairs[k]);
+  for (std::size_t k = 0; k < shared.size(); ++k) shared[k] += other.shared[k];
+}
+
+Objective::Objective(const std::vector<Tile>& tiles, std::vector<std::vector<PlaneRef>> planes, double level_scale,
+                     double margin_px, ObjectiveSettings settings, const Workers& workers)
+    : tiles_(tiles),
+      planes_(std::move(planes)),
+      level_scale_(level_scale),
+      margin_px_(margin_px),
+      settings_(settings),
+      workers_(workers),
+      used_(planes_.size(), true),
+      tables_(planes_.size()) {}
+
+Status Objective::tabulate(const HeadState& head, bool derivatives, KeptTable& kept) const {
+  const Result<double> angle = head.used_angle();
+  if (!angle) return fail(angle.error());
+  if (kept.angle == *angle && kept.lens == head.lens && (kept.derivatives || !derivatives)) return {};
+  Result<RadialTable> table = RadialTable::make(head.lens, *angle, head.edge_angle, head.edge_radius, derivatives);
+  if (!table) return fail(table.error());
+  kept = {head.lens, *angle, derivatives, std::move(*table)};
+  return {};
+}
+
+HeadSight Objective::sight_of(const HeadState& head, std::size_t index) const {
+  HeadSight sight{};
+  const Eigen::Matrix3d R = head.q_head_rig.toRotationMatrix();
+  for (int k = 0; k < 9; ++k) sight.R[k] = static_cast<float>(R(k / 3, k % 3));
+  for (int k = 0; k < 3; ++k) sight.axis[k] = static_cast<float>(R(2, k));
+  const KeptTable& kept = tables_[index];
+  sight.cos_reach = static_cast<float>(std::cos(kept.angle));
+  sight.sin_reach = static_cast<float>(std::sin(kept.angle));
+  sight.table = &kept.table;
+  sight.center_x = static_cast<float>(head.center_x);
+  sight.center_y = static_cast<float>(head.center_y);
+  sight.aspect = static_cast<float>(head.aspect);
+  const PlaneRef& first = planes_[index].front();
+  sight.level_scale = static_cast<float>(level_scale_);
+  sight.width = first.width;
+  sight.height = first.height;
+  const double margin = margin_px_;
+  const auto last = [&](double edge, int pixels) { return std::min(edge - margin, (pixels - 0.5) * level_scale_); };
+  sight.left = static_cast<float>(std::max(head.region.left + margin, 0.5 * level_scale_));
+  sight.top = static_cast<float>(std::max(head.region.top + margin, 0.5 * level_scale_));
+  sight.right = static_cast<float>(last(head.region.right, first.width));
+  sight.bottom = static_cast<float>(last(head.region.bottom, first.height));
+  const Region::Circle everywhere{0, 0, 1e9};
+  const Region::Circle circle = head.region.circle.value_or(everywhere);
+  sight.circle_x = static_cast<float>(circle.x);
+  sight.circle_y = static_cast<float>(circle.y);
+  sight.circle_radius2 = static_cast<float>(std::pow(std::max(0.0, circle.radius - margin), 2));
+  sight.vignetting_x = static_cast<float>(head.center_x + head.vignetting_x);
+  sight.vignetting_y = static_cast<float>(head.center_y + head.vignetting_y);
+  sight.per_vignetting_radius2 = static_cast<float>(1 / (head.vignetting_radius * head.vignetting_radius));
+  for (std::size_t k = 0; k < 3; ++k) sight.vignetting[k] = static_cast<float>(head.vignetting[k]);
+  for (std::size_t k = 0; k < 3; ++k) sight.gain[k] = static_cast<float>(std::exp(head.log_gain[k]));
+  sight.planes = planes_[index];
+  for (std::size_t p = 0; p < sight.planes.size(); ++p) {
+    sight.channels.push_back(static_cast<int>(p) % settings_.channels);
+  }
+  return sight;
+}
+
+Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives) {
+  std::vector<Status> made(heads.size());
+  workers_.run(static_cast<int>(heads.size()), [&](int h) {
+    const auto i = static_cast<std::size_t>(h);
+    made[i] = tabulate(heads[i], derivatives && (sought.focal || sought.lens), tables_[i]);
+  });
+  for (const Status& each : made) {
+    if (!each) return fail(each.error());
+  }
+  std::vector<HeadSight> sights;
+  std::vector<Slots> slots;
+  int K = 0;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    sights.push_back(sight_of(heads[h], h));
+    slots.push_back(slots_of(sought, radial_count(heads[h].lens)));
+    K = std::max(K, slots.back().count);
+  }
+  const int chunks = chunk_count(tiles_.size());
+  std::vector<Normal> sums(static_cast<std::size_t>(chunks), Normal(static_cast<int>(heads.size()), K));
+  workers_.run(chunks, [&](int c) {
+    const auto i = static_cast<std::size_t>(c), n = static_cast<std::size_t>(chunks);
+    sum_tiles(sights, slots, tiles_.size() * i / n, tiles_.size() * (i + 1) / n, derivatives, sums[i]);
+  });
+  for (std::size_t c = 1; c < sums.size(); ++c) sums[0].add(sums[c]);
+  return std::move(sums[0]);
+}
+
+void Objective::sum_tiles(const std::vector<HeadSight>& sights, const std::vector<Slots>& slots, std::size_t first,
+                          std::size_t last, bool derivatives, Normal& sums) const {
+  Workspace work;
+  work.heads.resize(sights.size());
+  std::vector<TileHead*> seen;
+  const std::size_t planes = sights.front().planes.size();
+  for (std::size_t k = first; k < last; ++k) {
+    const Tile& tile = tiles_[k];
+    seen.clear();
+    for (std::size_t h = 0; h < sights.size(); ++h) {
+      if (!used_[h] || !may_see(sights[h], tile)) continue;
+      TileHead& head = work.heads[seen.size()];
+      head.head = static_cast<int>(h);
+      if (project(sights[h], tile, head)) seen.push_back(&head);
+    }
+    if (seen.size() < 2) continue;
+    for (std::size_t p = 0; p < planes; ++p) {
+      for (TileHead* head : seen) sample(sights[static_cast<std::size_t>(head->head)], static_cast<int>(p), *head);
+      if (!compare(seen.data(), static_cast<int>(seen.size()), tile, settings_.huber, settings_.max_norm, work.rays)) {
+        break;
+      }
+      add_cost(work.rays, &sums.cost, &sums.measure);
+      for (std::size_t a = 0; a < seen.size(); ++a) {
+        sums.shared[static_cast<std::size_t>(seen[a]->head)] += shared_solid_angle(*seen[a], work.rays);
+        for (std::size_t b = a + 1; b < seen.size(); ++b) {
+          add_pair(*seen[a], *seen[b], work.rays, sums.pairs[sums.pair(seen[a]->head, seen[b]->head)]);
+        }
+      }
+      if (derivatives) {
+        add_derivatives(seen, sights, slots, sights.front().channels[p], work, sums);
+      }
+    }
+  }
+}
+
+std::vector<Cone> cones_of(const std::vector<HeadState>& heads, double slack) {
+  std::vector<Cone> cones;
+  for (const HeadState& head : heads) {
+    const Eigen::Vector3d axis = head.q_head_rig.conjugate() * Eigen::Vector3d::UnitZ();
+    cones.push_back({axis, head.used_angle().value_or(std::numbers::pi) + slack});
+  }
+  return cones;
+}
+
+bool shared_tile(const Tile& tile, const std::vector<Cone>& cones) {
+  int seers = 0;
+  const double radius = std::acos(std::clamp(static_cast<double>(tile.cos_radius), -1.0, 1.0));
+  const Eigen::Vector3d axis = Eigen::Vector3f(tile.axis[0], tile.axis[1], tile.axis[2]).cast<double>();
+  for (const Cone& cone : cones) {
+    if (std::acos(std::clamp(cone.axis.dot(axis), -1.0, 1.0)) <= cone.reach + radius) ++seers;
+  }
+  return seers >= 2;
+}
+
+}  // namespace nodal::registration

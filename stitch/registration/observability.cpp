@@ -1,0 +1,86 @@
+#include "stitch/registration/observability.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace nodal::registration {
+namespace {
+
+double worst_sigma(const Eigen::Matrix3d& information) {
+  const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues().minCoeff();
+  return least > 0 ? 1 / std::sqrt(least) : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
+                              const std::vector<HeadState>& heads, const Options& options, const Workers& workers) {
+  Options sum = options;
+  sum.norm = Norm::kSum;
+  Result<std::unique_ptr<Level>> level =
+      Level::make(plan, Level::Pictures::kDetail, pyramids, heads, sum, 0.01, workers);
+  if (!level) return fail(level.error());
+  Sought rotations;
+  rotations.gain = rotations.vignetting = false;
+  const Result<Normal> normal = (*level)->objective().evaluate(heads, rotations, true);
+  if (!normal) return fail(normal.error());
+  Detail detail;
+  detail.pairs = normal->pairs;
+  const int n = normal->heads;
+  for (int h = 0; h < n; ++h) {
+    PairSums all;  // of this head (a) with every other (b)
+    double total = 0;
+    for (int other = 0; other < n; ++other) {
+      if (other == h) continue;
+      const PairSums& pair = normal->pairs[normal->pair(std::min(h, other), std::max(h, other))];
+      all.measure += pair.measure;
+      all.difference += pair.difference;
+      all.aa += h < other ? pair.aa : pair.bb;
+      all.bb += h < other ? pair.bb : pair.aa;
+      all.ab += pair.ab;
+      total += pair.measure;
+    }
+    HeadDetail mine;
+    mine.rms = total > 0 ? std::sqrt(all.aa / total) : 0;
+    mine.agreement = all.correlation();
+    // The noise is what the two disagree by, half each.
+    const double noise = total > 0 ? all.difference / total / 2 : 0;
+    const Eigen::Matrix3d H = normal->hessian(h, h, Curvature::kCommon);
+    mine.sigma_rad = total > 0 ? worst_sigma(H / std::max(noise * (*level)->pixels_a_sample(), 1e-12))
+                               : std::numeric_limits<double>::infinity();
+    mine.shared_sr = normal->shared[static_cast<std::size_t>(h)] / static_cast<double>(pyramids.front().levels.front().size());
+    detail.heads.push_back(mine);
+  }
+  return detail;
+}
+
+Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample) {
+  const Eigen::Index n = parameters.free_count();
+  // Where the common curvature is not positive nothing is known; the own one then at least says how little.
+  Eigen::MatrixXd H = parameters.hessian(normal, Curvature::kCommon);
+  if (n > 0 && Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff() <= 0) {
+    H = parameters.hessian(normal, Curvature::kOwn);
+  }
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H, Eigen::VectorXd::Unit(n, k));
+  covariance *= normal.objective() * pixels_a_sample;
+  const Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
+  Certainty certainty;
+  for (std::size_t h = 0; h < parameters.slots().size(); ++h) {
+    const Slots& slots = parameters.slots()[h];
+    const auto row = static_cast<Eigen::Index>(h) * parameters.stride();
+    double rotation = 0, focal = 0;
+    if (slots.rotation >= 0) {
+      const Eigen::Matrix3d block = all.block<3, 3>(row + slots.rotation, row + slots.rotation);
+      rotation = std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff()));
+    }
+    if (slots.focal >= 0) focal = std::sqrt(std::max(0.0, all(row + slots.focal, row + slots.focal)));
+    certainty.rotation_rad.push_back(rotation);
+    certainty.log_focal.push_back(focal);
+  }
+  return certainty;
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,40 @@
+// What the frames can say at all: which heads share detail, how well it holds each of them, and how sure the result is.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stitch/registration/level.h"
+
+namespace nodal::registration {
+
+/// How one head's detail sits with the others'.
+struct HeadDetail {
+  double rms = 0;        ///< of its own detail where others see too, levels
+  double agreement = 0;  ///< with the others' there: 1 the same, 0 nothing in common
+  double sigma_rad = 0;  ///< of its rotation about the worst axis, were all others known; infinite when it has no hold
+  double shared_sr = 0;
+};
+
+/// Detail is what lies between two blurs: free of gain, fall-off and of a sky's slow shades, which move a head anywhere
+/// at little cost.
+struct Detail {
+  std::vector<HeadDetail> heads;
+  std::vector<PairSums> pairs;  ///< as Normal::pairs
+};
+
+/// With the heads where they are now. `plan` says on which level; a middle one is quiet and still exact.
+Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
+                              const std::vector<HeadState>& heads, const Options& options, const Workers& workers);
+
+/// Below this rms a head has no detail, levels.
+inline constexpr double kDullRms = 0.5;
+
+/// Standard deviations of what was sought.
+struct Certainty {
+  std::vector<double> rotation_rad;  ///< about the worst axis, against the head that holds the rig
+  std::vector<double> log_focal;     ///< 0 where not sought
+};
+Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample);
+
+}  // namespace nodal::registration

@@ -1,0 +1,127 @@
+#include "stitch/registration/parameters.h"
+
+#include <algorithm>
+
+namespace nodal::registration {
+namespace {
+
+// Columns of B as they come: each a list of (row, factor).
+class Basis {
+ public:
+  explicit Basis(int rows) : rows_(rows) {}
+  int add() { return columns_++; }
+  void set(int row, int column, double factor) { entries_.push_back({row, column, factor}); }
+  void own(int row) { set(row, add(), 1); }
+  Eigen::MatrixXd matrix() const {
+    Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows_, columns_);
+    for (const Entry& entry : entries_) B(entry.row, entry.column) += entry.factor;
+    return B;
+  }
+
+ private:
+  struct Entry {
+    int row, column;
+    double factor;
+  };
+  int rows_, columns_ = 0;
+  std::vector<Entry> entries_;
+};
+
+// Sum zero: each free one is set against the last.
+void add_zero_sum(Basis& basis, const std::vector<int>& rows) {
+  for (std::size_t k = 0; k + 1 < rows.size(); ++k) {
+    const int column = basis.add();
+    basis.set(rows[k], column, 1);
+    basis.set(rows.back(), column, -1);
+  }
+}
+
+void add_shared(Basis& basis, const std::vector<int>& rows) {
+  if (rows.empty()) return;
+  const int column = basis.add();
+  for (const int row : rows) basis.set(row, column, 1);
+}
+
+}  // namespace
+
+Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought, const Held& held) {
+  for (const HeadState& head : heads) {
+    slots_.push_back(slots_of(sought, radial_count(head.lens)));
+    stride_ = std::max(stride_, slots_.back().count);
+  }
+  const int n = static_cast<int>(heads.size());
+  Basis basis(n * stride_);
+  const auto rows = [&](auto slot_of, int offset, bool geometry) {
+    std::vector<int> all;
+    for (int h = 0; h < n; ++h) {
+      const auto i = static_cast<std::size_t>(h);
+      if (geometry && held.geometry[i]) continue;
+      if (const int slot = slot_of(slots_[i]); slot >= 0) all.push_back(h * stride_ + slot + offset);
+    }
+    return all;
+  };
+  const auto focal = [](const Slots& slots) { return slots.focal; };
+  const auto radial = [](const Slots& slots) { return slots.radial; };
+  const auto gain = [](const Slots& slots) { return slots.gain; };
+  const auto vignetting = [](const Slots& slots) { return slots.vignetting; };
+  for (int h = 0; h < n; ++h) {
+    const auto i = static_cast<std::size_t>(h);
+    const Slots& slots = slots_[i];
+    for (int k = 0; k < 3 && slots.rotation >= 0 && h != held.first && !held.geometry[i]; ++k) {
+      basis.own(h * stride_ + slots.rotation + k);
+    }
+    for (int k = 0; k < 2 && slots.center >= 0 && !held.geometry[i]; ++k) basis.own(h * stride_ + slots.center + k);
+    if (held.share_lens || held.geometry[i]) continue;
+    if (slots.focal >= 0) basis.own(h * stride_ + slots.focal);
+    for (int k = 0; k < slots.radials; ++k) basis.own(h * stride_ + slots.radial + k);
+  }
+  if (held.share_lens) {
+    add_shared(basis, rows(focal, 0, true));
+    for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, true));
+  }
+  for (int c = 0; c < slots_.front().gains; ++c) add_zero_sum(basis, rows(gain, c, false));
+  for (int k = 0; k < kVignettingTerms; ++k) {
+    const std::vector<int> all = rows(vignetting, k, false);
+    if (held.share_vignetting) add_shared(basis, all);
+    else for (const int row : all) basis.own(row);
+  }
+  basis_ = basis.matrix();
+}
+
+Eigen::VectorXd Parameters::gradient(const Normal& normal) const {
+  return basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
+}
+
+Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) const {
+  Eigen::MatrixXd all(basis_.rows(), basis_.rows());
+  for (int a = 0; a < normal.heads; ++a) {
+    for (int b = 0; b < normal.heads; ++b) {
+      all.block(a * stride_, b * stride_, stride_, stride_) = normal.hessian(a, b, curvature);
+    }
+  }
+  return basis_.transpose() * all * basis_;
+}
+
+std::vector<HeadState> Parameters::moved(const std::vector<HeadState>& heads,
+                                         const Eigen::VectorXd& free_step) const {
+  const Eigen::VectorXd all = basis_ * free_step;
+  std::vector<HeadState> next;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    next.push_back(registration::moved(heads[h], slots_[h],
+                                       all.segment(static_cast<Eigen::Index>(h) * stride_, slots_[h].count)));
+  }
+  return next;
+}
+
+double Parameters::largest_turn(const Eigen::VectorXd& free_step) const {
+  const Eigen::VectorXd all = basis_ * free_step;
+  double largest = 0;
+  for (std::size_t h = 0; h < slots_.size(); ++h) {
+    if (slots_[h].rotation < 0) continue;
+    const auto row = static_cast<Eigen::Index>(h) * stride_ + slots_[h].rotation;
+    largest = std::max(largest, all.segment<3>(row).norm());
+  }
+  return largest;
+}
+
+}  // namespace nodal::registration

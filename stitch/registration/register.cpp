@@ -1,0 +1,253 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "stitch/registration/check_frames.h"
+#include "stitch/registration/level.h"
+#include "stitch/registration/observability.h"
+#include "stitch/registration/registration.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr int kSmallestLevel = 16;      // px on the shorter side of the coarsest picture
+constexpr double kLooseSigmaPx = 0.25;  // a head that is held more loosely than this shows at its seams
+constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
+
+// One registration under way.
+class Run {
+ public:
+  Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
+
+  Result<Report> run(const std::vector<FrameSet>& frame_sets);
+
+ private:
+  Status prepare(const std::vector<FrameSet>& frame_sets);
+  Status find_dull_heads();
+  Status descend_level(const LevelPlan& plan);
+  Status check_placed(bool& changed);
+  Status finish_radiometry();
+  Result<Report> report();
+
+  void unplace(std::size_t head, std::string why);
+  Held held() const;
+  int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
+  Sought sought_of(const LevelPlan& plan) const;
+  const LevelPlan& detail_plan() const { return plans_[plans_.size() > 1 ? plans_.size() - 2 : 0]; }
+  void tell(const LevelPlan& plan, int iteration, double objective, double turn);
+
+  const Calibration& prior_;
+  const Options& options_;
+  Workers workers_;
+  std::vector<HeadPyramid> pyramids_;
+  std::vector<HeadState> start_, heads_;
+  std::vector<LevelPlan> plans_;
+  std::vector<std::string> why_not_;  // empty: placed
+  std::vector<double> loose_sigma_;   // of heads that are not placed, rad
+  std::optional<Normal> last_;        // at the end of the latest level
+  double last_pixels_a_sample_ = 1;
+  Report report_;
+  double work_done_ = 0, work_all_ = 1;
+};
+
+Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
+  if (Status fits = check_frames(prior_, frame_sets); !fits) return fits;
+  for (const HeadCalibration& head : prior_.heads) {
+    Result<HeadState> state = HeadState::from(head);
+    if (!state) return fail(state.error());
+    start_.push_back(std::move(*state));
+  }
+  heads_ = start_;
+  why_not_.resize(heads_.size());
+  loose_sigma_.resize(heads_.size());
+  pyramids_.resize(heads_.size());
+  workers_.run(static_cast<int>(heads_.size()), [&](int head) {
+    const auto h = static_cast<std::size_t>(head);
+    std::vector<Plane> planes;
+    for (const FrameSet& frames : frame_sets) {
+      for (Plane& plane : light_of(frames[h], prior_.heads[h], channels())) planes.push_back(std::move(plane));
+    }
+    pyramids_[h] = make_pyramid(std::move(planes), kSmallestLevel);
+  });
+  if (Status good = check_light(prior_, pyramids_); !good) return good;
+  int deepest = kLevels - 1;
+  for (const HeadPyramid& pyramid : pyramids_) deepest = std::min(deepest, static_cast<int>(pyramid.levels.size()) - 1);
+  plans_ = plan_levels(heads_, options_, deepest);
+  work_all_ = 0;
+  for (const LevelPlan& plan : plans_) work_all_ += static_cast<double>(plan.width) * plan.width;
+  return {};
+}
+
+void Run::unplace(std::size_t head, std::string why) {
+  // Its place and lens are the prior's; what is known of its light stays.
+  HeadState back = start_[head];
+  back.log_gain = heads_[head].log_gain;
+  back.vignetting = heads_[head].vignetting;
+  heads_[head] = back;
+  why_not_[head] = std::move(why);
+}
+
+Held Run::held() const {
+  Held held;
+  held.geometry.resize(heads_.size());
+  held.first = -1;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    held.geometry[h] = !why_not_[h].empty();
+    if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
+  }
+  held.share_vignetting = options_.vignetting == VignettingModel::kShared;
+  return held;
+}
+
+Sought Run::sought_of(const LevelPlan& plan) const {
+  Sought sought;
+  sought.focal = plan.focal;
+  sought.lens = plan.lens;
+  sought.gain = options_.gains;
+  sought.vignetting = options_.vignetting != VignettingModel::kFixed;
+  sought.channels = channels();
+  return sought;
+}
+
+void Run::tell(const LevelPlan& plan, int iteration, double objective, double turn) {
+  report_.steps.push_back({plan.width, plan.level, iteration, objective, turn * kDegrees});
+  if (!options_.progress) return;
+  const double level = static_cast<double>(plan.width) * plan.width;
+  const double within = std::min(1.0, iteration / 6.0);
+  options_.progress(report_.steps.back(), std::min(1.0, (work_done_ + within * level) / work_all_));
+}
+
+Status Run::descend_level(const LevelPlan& plan) {
+  // A coarse level may still turn heads by tens of degrees.
+  const double slack = plan.level >= 3 ? 0.5 : 0.1;
+  Result<std::unique_ptr<Level>> level =
+      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, slack, workers_);
+  if (!level) return fail(level.error());
+  Objective& objective = (*level)->objective();
+  std::vector<bool> used;
+  for (const std::string& why : why_not_) used.push_back(why.empty());
+  objective.set_used(used);
+  const Sought sought = sought_of(plan);
+  const Result<Normal> start = objective.evaluate(heads_, sought, false);
+  if (!start) return fail(start.error());
+  if (start->measure <= 0) return fail(Errc::kNoCoverage, nothing_shared(prior_));
+  objective.set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  DescentOptions descent;
+  descent.curvature = plan.curvature;
+  descent.most_iterations = plan.most_iterations;
+  descent.turn_rad = plan.turn_rad;
+  descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
+  Result<Descended> found = descend(objective, heads_, sought, held(), descent);
+  if (!found) return fail(found.error());
+  heads_ = std::move(found->heads);
+  last_ = std::move(found->normal);
+  last_pixels_a_sample_ = (*level)->pixels_a_sample();
+  work_done_ += static_cast<double>(plan.width) * plan.width;
+  return {};
+}
+
+Status Run::find_dull_heads() {
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  if (!detail) return fail(detail.error());
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    const HeadDetail& head = detail->heads[h];
+    loose_sigma_[h] = std::numeric_limits<double>::infinity();
+    if (head.shared_sr <= 0) {
+      unplace(h, "it shares no rays with another head where the prior has it");
+    } else if (head.rms < kDullRms) {
+      unplace(h, "what it shares with other heads has no detail (smooth sky, fog, a bare wall)");
+    }
+  }
+  return check_enough_placed(prior_, why_not_);
+}
+
+Status Run::check_placed(bool& changed) {
+  changed = false;
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  if (!detail) return fail(detail.error());
+  if (Status agree = check_agreement(prior_, *detail, why_not_); !agree) return agree;
+  const double per_radian = pixels_per_radian(heads_);
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (!why_not_[h].empty()) continue;
+    loose_sigma_[h] = detail->heads[h].sigma_rad;
+    if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
+    unplace(h, "the detail it shares with other heads does not hold it in every direction");
+    changed = true;
+  }
+  return check_enough_placed(prior_, why_not_);
+}
+
+// Gains of heads that took no part, and of the three channels when luminance alone was compared.
+Status Run::finish_radiometry() {
+  if (!options_.gains) return {};
+  return {};
+}
+
+Result<Report> Run::report() {
+  const LevelPlan& finest = plans_.back();
+  Result<std::unique_ptr<Level>> level =
+      Level::make(finest, Level::Pictures::kLight, pyramids_, start_, options_, 0.02, workers_);
+  if (!level) return fail(level.error());
+  const Result<Normal> before = (*level)->objective().evaluate(start_, sought_of(finest), false);
+  const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
+  if (!before) return fail(before.error());
+  if (!after) return fail(after.error());
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  if (!detail) return fail(detail.error());
+  report_.objective_before = before->objective();
+  report_.objective_after = after->objective();
+  const Parameters parameters(heads_, sought_of(finest), held());
+  const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_);
+  report_.calibration = prior_;
+  const int n = static_cast<int>(heads_.size());
+  for (int h = 0; h < n; ++h) {
+    const auto i = static_cast<std::size_t>(h);
+    report_.calibration.heads[i] = heads_[i].into(prior_.heads[i]);
+    HeadReport head;
+    head.name = prior_.heads[i].name;
+    head.placed = why_not_[i].empty();
+    head.why_not = why_not_[i];
+    head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegrees;
+    head.sigma_deg = (head.placed ? certainty.rotation_rad[i] : loose_sigma_[i]) * kDegrees;
+    head.focal_change_percent = 100 * (focal_of(heads_[i].lens) / focal_of(start_[i].lens) - 1);
+    head.sigma_focal_percent = 100 * certainty.log_focal[i];
+    head.shared_sr = detail->heads[i].shared_sr;
+    if (!head.placed) report_.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
+    report_.heads.push_back(std::move(head));
+    for (int b = h + 1; b < n; ++b) {
+      const std::size_t p = after->pair(h, b);
+      if (after->pairs[p].measure <= 0) continue;
+      report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels()),
+                               before->pairs[p].rms(), after->pairs[p].rms(), detail->pairs[p].correlation()});
+    }
+  }
+  if (Status good = check_calibration(report_.calibration); !good) return fail(good.error());
+  return std::move(report_);
+}
+
+Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
+  if (Status ready = prepare(frame_sets); !ready) return fail(ready.error());
+  if (Status found = find_dull_heads(); !found) return fail(found.error());
+  for (const LevelPlan& plan : plans_) {
+    if (Status done = descend_level(plan); !done) return fail(done.error());
+  }
+  bool changed = false;
+  for (std::size_t round = 0; round < heads_.size(); ++round) {
+    if (Status placed = check_placed(changed); !placed) return fail(placed.error());
+    if (!changed) break;
+    if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
+  }
+  if (Status light = finish_radiometry(); !light) return fail(light.error());
+  return report();
+}
+
+}  // namespace
+
+Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
+                              const Options& options) {
+  return Run(prior, options).run(frame_sets);
+}
+
+}  // namespace nodal::registration
