@@ -104,7 +104,8 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
     for (int k = 0; k < slots.radials; ++k) radial.push_back(step[slots.radial + k]);
     // Far from the goal a step may be absurd; the next one corrects a short one.
     const double log_focal = std::clamp(step[slots.focal], -0.1, 0.1);
-    next.lens = changed_lens(head.lens, log_focal, radial, head.edge_angle, head.edge_radius);
+    const bool moves = log_focal != 0 || std::ranges::any_of(radial, [](double each) { return each != 0; });
+    if (moves) next.lens = changed_lens(head.lens, log_focal, radial, head.edge_angle, head.edge_radius);
   }
   if (slots.center >= 0) {
     next.center_x += step[slots.center];

@@ -9,7 +9,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr int kCoarsestWidth = 192;
+constexpr int kCoarsestWidth = 64;
 constexpr double kCoarseSigma = 2.0, kFineSigma = 1.5;  // level px
 constexpr double kDetailRatio = 4;                      // detail is what a blur this much wider takes away
 

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <optional>
 
+#include "stitch/registration/head_sight.h"
+
 namespace nodal::registration {
 namespace {
 
@@ -92,7 +94,11 @@ Objective::Objective(const std::vector<Tile>& tiles, std::vector<std::vector<Pla
       settings_(settings),
       workers_(workers),
       used_(planes_.size(), true),
-      tables_(planes_.size()) {}
+      tables_(planes_.size()) {
+  for (std::size_t p = 0; p < planes_.front().size(); ++p) {
+    channels_.push_back(static_cast<int>(p) % settings_.channels);
+  }
+}
 
 Status Objective::tabulate(const HeadState& head, bool derivatives, KeptTable& kept) const {
   const Result<double> angle = head.used_angle();
@@ -102,45 +108,6 @@ Status Objective::tabulate(const HeadState& head, bool derivatives, KeptTable& k
   if (!table) return fail(table.error());
   kept = {head.lens, *angle, derivatives, std::move(*table)};
   return {};
-}
-
-HeadSight Objective::sight_of(const HeadState& head, std::size_t index) const {
-  HeadSight sight{};
-  const Eigen::Matrix3d R = head.q_head_rig.toRotationMatrix();
-  for (int k = 0; k < 9; ++k) sight.R[k] = static_cast<float>(R(k / 3, k % 3));
-  for (int k = 0; k < 3; ++k) sight.axis[k] = static_cast<float>(R(2, k));
-  const KeptTable& kept = tables_[index];
-  sight.cos_reach = static_cast<float>(std::cos(kept.angle));
-  sight.sin_reach = static_cast<float>(std::sin(kept.angle));
-  sight.table = &kept.table;
-  sight.center_x = static_cast<float>(head.center_x);
-  sight.center_y = static_cast<float>(head.center_y);
-  sight.aspect = static_cast<float>(head.aspect);
-  const PlaneRef& first = planes_[index].front();
-  sight.level_scale = static_cast<float>(level_scale_);
-  sight.width = first.width;
-  sight.height = first.height;
-  const double margin = margin_px_;
-  const auto last = [&](double edge, int pixels) { return std::min(edge - margin, (pixels - 0.5) * level_scale_); };
-  sight.left = static_cast<float>(std::max(head.region.left + margin, 0.5 * level_scale_));
-  sight.top = static_cast<float>(std::max(head.region.top + margin, 0.5 * level_scale_));
-  sight.right = static_cast<float>(last(head.region.right, first.width));
-  sight.bottom = static_cast<float>(last(head.region.bottom, first.height));
-  const Region::Circle everywhere{0, 0, 1e9};
-  const Region::Circle circle = head.region.circle.value_or(everywhere);
-  sight.circle_x = static_cast<float>(circle.x);
-  sight.circle_y = static_cast<float>(circle.y);
-  sight.circle_radius2 = static_cast<float>(std::pow(std::max(0.0, circle.radius - margin), 2));
-  sight.vignetting_x = static_cast<float>(head.center_x + head.vignetting_x);
-  sight.vignetting_y = static_cast<float>(head.center_y + head.vignetting_y);
-  sight.per_vignetting_radius2 = static_cast<float>(1 / (head.vignetting_radius * head.vignetting_radius));
-  for (std::size_t k = 0; k < 3; ++k) sight.vignetting[k] = static_cast<float>(head.vignetting[k]);
-  for (std::size_t k = 0; k < 3; ++k) sight.gain[k] = static_cast<float>(std::exp(head.log_gain[k]));
-  sight.planes = planes_[index];
-  for (std::size_t p = 0; p < sight.planes.size(); ++p) {
-    sight.channels.push_back(static_cast<int>(p) % settings_.channels);
-  }
-  return sight;
 }
 
 Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives) {
@@ -156,7 +123,9 @@ Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const So
   std::vector<Slots> slots;
   int K = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
-    sights.push_back(sight_of(heads[h], h));
+    const KeptTable& kept = tables_[h];
+    sights.push_back(sight_of(heads[h], kept.table, kept.angle, planes_[h], level_scale_, margin_px_));
+    sights.back().channels = channels_;
     slots.push_back(slots_of(sought, radial_count(heads[h].lens)));
     K = std::max(K, slots.back().count);
   }

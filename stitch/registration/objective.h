@@ -74,7 +74,6 @@ class Objective {
     RadialTable table;
   };
   Status tabulate(const HeadState& head, bool derivatives, KeptTable& kept) const;
-  HeadSight sight_of(const HeadState& head, std::size_t index) const;
   void sum_tiles(const std::vector<HeadSight>& sights, const std::vector<Slots>& slots, std::size_t first,
                  std::size_t last, bool derivatives, Normal& sums) const;
 
@@ -84,6 +83,7 @@ class Objective {
   double margin_px_;
   ObjectiveSettings settings_;
   const Workers& workers_;
+  std::vector<int> channels_;  ///< of each plane
   std::vector<bool> used_;
   std::vector<KeptTable> tables_;
 };

@@ -28,7 +28,6 @@ class Run {
   Status find_dull_heads();
   Status descend_level(const LevelPlan& plan);
   Status check_placed(bool& changed);
-  Status finish_radiometry();
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
@@ -179,12 +178,6 @@ Status Run::check_placed(bool& changed) {
   return check_enough_placed(prior_, why_not_);
 }
 
-// Gains of heads that took no part, and of the three channels when luminance alone was compared.
-Status Run::finish_radiometry() {
-  if (!options_.gains) return {};
-  return {};
-}
-
 Result<Report> Run::report() {
   const LevelPlan& finest = plans_.back();
   Result<std::unique_ptr<Level>> level =
@@ -239,7 +232,6 @@ Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
     if (!changed) break;
     if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
   }
-  if (Status light = finish_radiometry(); !light) return fail(light.error());
   return report();
 }
 

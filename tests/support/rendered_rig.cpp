@@ -1,0 +1,112 @@
+#include "tests/support/rendered_rig.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "hal/sim/sensor.h"
+
+namespace nodal::test {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+Eigen::Matrix3d rotation_of(const HeadCalibration& head) { return Eigen::Map<const RowMajor>(head.R_head_rig.data()); }
+
+void set_rotation(HeadCalibration& head, const Eigen::Matrix3d& R) {
+  Eigen::Map<RowMajor>(head.R_head_rig.data()) = R;
+}
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+}  // namespace
+
+std::vector<ImageView> RenderedRig::frames() const {
+  std::vector<ImageView> views;
+  for (std::size_t h = 0; h < bytes.size(); ++h) {
+    views.push_back(packed_image(format, truth.heads[h].width, truth.heads[h].height, bytes[h].data()));
+  }
+  return views;
+}
+
+RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options) {
+  RenderedRig rig{truth, options.format, {}};
+  hal::sim::HeadOptions head_options;
+  head_options.pixels = options.format;
+  head_options.supersampling = options.supersampling;
+  head_options.noise.levels = options.noise_levels;
+  std::uint64_t seed = options.seed * 1000;
+  for (const HeadCalibration& head : truth.heads) {
+    hal::sim::Sensor sensor(head, head_options, scene, ++seed);
+    std::vector<std::uint8_t> picture(packed_size(options.format, head.width, head.height));
+    sensor.render(head_options.settings, Instant::from_ns(1'000'000'000), 0, picture, 0);
+    rig.bytes.push_back(std::move(picture));
+  }
+  return rig;
+}
+
+Calibration six_fisheyes(int side, double view_deg) {
+  Calibration rig;
+  rig.name = "six fisheyes";
+  const Eigen::Vector3d forward[] = {{0, 0, 1}, {1, 0, 0}, {0, 0, -1}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}};
+  for (const Eigen::Vector3d& z : forward) {
+    HeadCalibration head;
+    head.name = "cam" + std::to_string(rig.heads.size());
+    head.width = head.height = side;
+    head.center_x = head.center_y = side / 2.0;
+    head.lens = EquidistantLens{{side / 2.0 / (view_deg / 2 / kDegrees)}};
+    head.region = {0, 0, static_cast<double>(side), static_cast<double>(side), {}};
+    head.vignetting = {side / 2.0, side / 2.0, side / 2.0, {}};
+    const Eigen::Vector3d down = std::abs(z.y()) > 0.5 ? Eigen::Vector3d(0, 0, 1) : Eigen::Vector3d(0, 1, 0);
+    const Eigen::Vector3d right = down.cross(z);
+    Eigen::Matrix3d R;
+    R << right.transpose(), down.transpose(), z.transpose();
+    set_rotation(head, R);
+    rig.heads.push_back(head);
+  }
+  return rig;
+}
+
+Calibration turned(Calibration rig, double least_deg, double most_deg, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(least_deg, most_deg);
+  for (HeadCalibration& head : rig.heads) {
+    const double x = normal(random), y = normal(random), z = normal(random);
+    const Eigen::Vector3d axis = Eigen::Vector3d(x, y, z).normalized();
+    set_rotation(head, Eigen::AngleAxisd(uniform(random) / kDegrees, axis) * rotation_of(head));
+  }
+  return rig;
+}
+
+RotationError rotation_error(const Calibration& truth, const Calibration& found, const std::vector<bool>& counted) {
+  const auto counts = [&](std::size_t h) { return counted.empty() || counted[h]; };
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t h = 0; h < truth.heads.size(); ++h) {
+    if (counts(h)) sum += rotation_of(truth.heads[h]).transpose() * rotation_of(found.heads[h]);
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d UVt = svd.matrixU() * svd.matrixV().transpose();
+  const Eigen::Vector3d signs(1, 1, UVt.determinant());
+  const Eigen::Matrix3d common = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  RotationError error;
+  double squares = 0;
+  int heads = 0;
+  for (std::size_t h = 0; h < truth.heads.size(); ++h) {
+    if (!counts(h)) continue;
+    const Eigen::Matrix3d apart = rotation_of(found.heads[h]) * (rotation_of(truth.heads[h]) * common).transpose();
+    // From the chord, which is exact for small angles where an arc cosine is not.
+    const double chord = (apart - Eigen::Matrix3d::Identity()).norm() / (2 * std::numbers::sqrt2);
+    const double degrees = 2 * std::asin(std::min(1.0, chord)) * kDegrees;
+    squares += degrees * degrees;
+    error.max_deg = std::max(error.max_deg, degrees);
+    ++heads;
+  }
+  error.rms_deg = heads > 0 ? std::sqrt(squares / heads) : 0;
+  return error;
+}
+
+}  // namespace nodal::test

@@ -1,0 +1,44 @@
+// Rigs with pictures of a known scene, rendered by the simulator, which shares no projection code with the stitcher.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hal/sim/scene.h"
+#include "protocol/base/image.h"
+#include "protocol/calibration.h"
+
+namespace nodal::test {
+
+struct RenderedRig {
+  Calibration truth;
+  PixelFormat format = PixelFormat::kGrey8;
+  std::vector<std::vector<std::uint8_t>> bytes;  ///< of each head, packed
+
+  /// One picture a head; they lie in `bytes`.
+  std::vector<ImageView> frames() const;
+};
+
+struct RenderOptions {
+  PixelFormat format = PixelFormat::kGrey8;
+  double noise_levels = 0;  ///< standard deviation
+  std::uint64_t seed = 1;   ///< of the noise
+  int supersampling = 3;
+};
+RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options = {});
+
+/// Six equidistant fisheyes of `side` x `side` pixels and `view_deg` across, one along each axis of the rig.
+Calibration six_fisheyes(int side, double view_deg = 130);
+
+/// Every head turned about a random axis by between `least_deg` and `most_deg`.
+Calibration turned(Calibration rig, double least_deg, double most_deg, std::uint64_t seed);
+
+/// How far the heads' rotations are from the truth's, after the common turn that fits best. Heads for which `counted`
+/// is false are left out; empty counts all.
+struct RotationError {
+  double rms_deg = 0;
+  double max_deg = 0;
+};
+RotationError rotation_error(const Calibration& truth, const Calibration& found, const std::vector<bool>& counted = {});
+
+}  // namespace nodal::test

@@ -1,0 +1,109 @@
+// Whole registrations of small rendered rigs.
+#include <gtest/gtest.h>
+
+#include "stitch/registration/registration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr double kPixelDeg = 130.0 / 160;  // of six_fisheyes(160)
+
+const test::RenderedRig& town() {
+  static const test::RenderedRig rig = [] {
+    Calibration truth = test::six_fisheyes(160);
+    for (std::size_t h = 0; h < truth.heads.size(); ++h) {
+      const double gain = 1 + 0.06 * (static_cast<double>(h) - 2.5);
+      truth.heads[h].gain = {gain, gain, gain};
+      truth.heads[h].vignetting.coefficients = {-0.2, -0.05, 0};
+    }
+    return test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  }();
+  return rig;
+}
+
+Calibration plain_prior(const Calibration& truth) {
+  Calibration prior = truth;
+  for (HeadCalibration& head : prior.heads) {
+    head.gain = {1, 1, 1};
+    head.vignetting.coefficients = {};
+  }
+  return prior;
+}
+
+TEST(Register, HeadsTurnedByDegrees_StandToAFractionOfAPixelAndTheirLightIsFound) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 2, 5, 1);
+  const Result<Report> report = register_heads(prior, {town().frames()}, {});
+  ASSERT_TRUE(report) << report.error().text();
+  const test::RotationError error = test::rotation_error(town().truth, report->calibration);
+  EXPECT_LT(error.rms_deg, 0.01 * kPixelDeg);
+  EXPECT_LT(report->objective_after, 0.02 * report->objective_before);
+  for (std::size_t h = 0; h < 6; ++h) {
+    EXPECT_TRUE(report->heads[h].placed);
+    EXPECT_LT(report->heads[h].sigma_deg, 0.02 * kPixelDeg);
+    // Gains are relative to their geometric mean; the truth's is 0.989.
+    EXPECT_NEAR(report->calibration.heads[h].gain[0] / town().truth.heads[h].gain[0], 1 / 0.9886, 0.01);
+  }
+}
+
+TEST(Register, OneThreadOrThree_TheSameBytes) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 2);
+  std::vector<std::string> documents;
+  for (const int threads : {1, 2, 3}) {
+    Options options;
+    options.threads = threads;
+    const Result<Report> report = register_heads(prior, {town().frames()}, options);
+    ASSERT_TRUE(report) << report.error().text();
+    documents.push_back(canonical_json(report->calibration));
+  }
+  EXPECT_EQ(documents[0], documents[1]);
+  EXPECT_EQ(documents[0], documents[2]);
+}
+
+TEST(Register, FocalsTooWrong_BothAreFound) {
+  Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 3);
+  double sign = 1;
+  for (HeadCalibration& head : prior.heads) {
+    std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + 0.015 * sign;
+    sign = -sign;
+  }
+  Options options;
+  options.free = Free::kFocals;
+  const Result<Report> report = register_heads(prior, {town().frames()}, options);
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.02 * kPixelDeg);
+  for (std::size_t h = 0; h < 6; ++h) {
+    const double truth = std::get<EquidistantLens>(town().truth.heads[h].lens).coefficients[0];
+    EXPECT_NEAR(std::get<EquidistantLens>(report->calibration.heads[h].lens).coefficients[0] / truth, 1, 5e-4);
+  }
+}
+
+TEST(Register, EveryLayoutAndNorm_FindsTheRigAndTheResultDependsOnTheLayoutABit) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 4);
+  std::vector<Calibration> found;
+  for (const char* layout : {"equirectangular", "cube"}) {
+    for (const Norm norm : {Norm::kSum, Norm::kMax}) {
+      Options options;
+      options.layout = layout;
+      options.norm = norm;
+      const Result<Report> report = register_heads(prior, {town().frames()}, options);
+      ASSERT_TRUE(report) << layout << ": " << report.error().text();
+      EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg) << layout;
+      found.push_back(report->calibration);
+    }
+  }
+  EXPECT_GT(test::rotation_error(found[0], found[2]).max_deg, 1e-6);
+}
+
+TEST(Register, FirstHeadHoldsTheRig_ItStaysAsThePriorHasIt) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 5);
+  const Result<Report> report = register_heads(prior, {town().frames()}, {});
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_EQ(report->heads[0].turned_deg, 0);
+  for (std::size_t k = 0; k < 9; ++k) {
+    EXPECT_NEAR(report->calibration.heads[0].R_head_rig[k], prior.heads[0].R_head_rig[k], 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace nodal::registration
