@@ -104,7 +104,7 @@ class Control {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
-  Health health_;
+  Health health_{"starting", "reading the calibration store"};
   ProgressMonitor monitor_;
   std::vector<std::string> news_;
   std::atomic<std::uint64_t> resident_bytes_{0};

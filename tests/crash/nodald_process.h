@@ -1,0 +1,68 @@
+// The real nodald, as a process on a folder of its own, and a host that talks to it.
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/link.h"
+#include "protocol/session.h"
+
+namespace nodal::crash {
+
+/// A folder that is gone after the test, with truth.json and rig.toml of the small rig.
+class RigFolder {
+ public:
+  RigFolder();
+  ~RigFolder();
+  std::filesystem::path path;
+  std::string config() const { return (path / "rig.toml").string(); }
+  std::string socket() const { return (path / "sock").string(); }
+};
+
+/// A started program; killed when this goes.
+class Program {
+ public:
+  /// `program` is a name in NODAL_BIN_DIR. Its standard error goes to `log`.
+  Program(const std::string& program, const std::vector<std::string>& arguments, const std::string& log);
+  ~Program();
+  void signal(int number);
+  /// Its exit code, or minus the signal that ended it; nothing when it has not ended within so many seconds.
+  std::optional<int> wait(int seconds);
+
+ private:
+  pid_t pid_ = -1;
+  std::optional<int> ended_;
+};
+
+/// A host over any link.
+class LinkHost {
+ public:
+  explicit LinkHost(std::unique_ptr<hal::LinkPort> link);
+  /// A host connected to a nodald that may still be starting; null when none answers within so many seconds.
+  static std::unique_ptr<LinkHost> connect(const std::string& socket, int seconds = 30);
+
+  std::optional<wire::Reply> ask(wire::Request request, int seconds = 30);
+  void post(wire::Request request);
+  /// Everything of an upload but its answer.
+  bool upload_and_commit(const std::string& document);
+  std::optional<wire::RigStatus> status();
+  /// Waits a moment for bytes either way; false when the link is gone.
+  bool pump();
+  std::optional<wire::Reply> take_reply(std::uint64_t id);
+  std::uint64_t last_id() const { return next_id_ - 1; }
+
+  std::size_t raymaps = 0;  ///< whole ones that were pulled
+
+ private:
+  std::unique_ptr<hal::LinkPort> link_;
+  Session session_;
+  std::vector<wire::Reply> replies_;
+  std::uint64_t next_id_ = 1;
+};
+
+}  // namespace nodal::crash

@@ -1,0 +1,163 @@
+// nodald itself: started, asked, killed in the middle of a swap, started again.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <fstream>
+#include <sstream>
+
+#include "hal/linux/link/socket_link.h"
+#include "nodald_process.h"
+#include "protocol/upload.h"
+#include "small_rig.h"
+
+namespace nodal::crash {
+namespace {
+
+std::string contents(const std::filesystem::path& file) {
+  std::stringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+bool in_force(LinkHost& host, const std::string& id) {
+  for (int i = 0; i < 2000; ++i) {
+    const auto status = host.status();
+    if (!status) return false;
+    if (status->calibration_id() == id) return true;
+    if (!host.pump()) return false;
+  }
+  return false;
+}
+
+std::string id_of(const Calibration& calibration) { return sha256_to_wire(calibration_id(calibration)); }
+
+TEST(Nodald, StartedAskedAndStopped_GivesRaymapsAndAccountsForEveryFrame) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  Program nodald("nodald", {"--config", folder.config()}, log);
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << contents(log);
+  const Calibration calibration = scenario::small_calibration("truth");
+  ASSERT_TRUE(host->upload_and_commit(to_json(calibration)));
+  ASSERT_TRUE(in_force(*host, id_of(calibration)));
+  wire::Request pull;
+  pull.mutable_pull()->set_count(5);
+  const auto started = host->ask(pull);
+  ASSERT_TRUE(started && started->has_pull());
+  while (host->raymaps < 5) ASSERT_TRUE(host->pump());
+  const auto status = host->status();
+  ASSERT_TRUE(status);
+  std::uint64_t lost = 0;
+  for (const wire::Count& count : status->losses()) lost += count.frames();
+  EXPECT_EQ(status->frames_taken(), status->frames_in_sets() + status->frames_held() + lost);
+  EXPECT_GT(status->resident_bytes(), 1'000'000u);
+  nodald.signal(SIGTERM);
+  EXPECT_EQ(nodald.wait(20), 0) << contents(log);
+  EXPECT_NE(contents(log).find("stopped: "), std::string::npos) << contents(log);
+  EXPECT_FALSE(std::filesystem::exists(folder.socket())) << "its socket goes with it";
+}
+
+TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  std::string now;
+  // After the commit so much conversation goes by until the kill: more after an old one was found, less after a new
+  // one, so that most kills fall into the swap however fast this machine is.
+  int patience = 0;
+  int old_ones = 0;
+  int new_ones = 0;
+  constexpr int kKills = 20;
+  for (int i = 0; i < kKills; ++i) {
+    Program nodald("nodald", {"--config", folder.config()}, log);
+    const auto host = LinkHost::connect(folder.socket());
+    ASSERT_TRUE(host) << contents(log);
+    ASSERT_TRUE(now.empty() || in_force(*host, now)) << "start " << i << "\n" << contents(log);
+    const Calibration next = scenario::small_calibration("number " + std::to_string(i));
+    ASSERT_TRUE(host->upload_and_commit(to_json(next)));
+    for (int step = 0; step < patience; ++step) ASSERT_TRUE(host->pump());
+    nodald.signal(SIGKILL);
+    ASSERT_EQ(nodald.wait(20), -SIGKILL);
+
+    Program again("nodald", {"--config", folder.config()}, log);
+    const auto asks = LinkHost::connect(folder.socket());
+    ASSERT_TRUE(asks) << contents(log);
+    std::optional<wire::RigStatus> status;
+    do {
+      status = asks->status();
+      ASSERT_TRUE(status);
+    } while (status->state() == "starting");
+    const std::string id = status->calibration_id();
+    EXPECT_TRUE(id == now || id == id_of(next)) << "after kill " << i << "\n" << contents(log);
+    const bool is_new = id == id_of(next);
+    ++(is_new ? new_ones : old_ones);
+    patience = is_new ? std::max(0, patience - 7) : patience + 11;
+    now = id;
+    again.signal(SIGTERM);
+    EXPECT_EQ(again.wait(20), 0);
+  }
+  EXPECT_GT(old_ones, 0);
+  EXPECT_GT(new_ones, 0);
+}
+
+TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  Program nodald("nodald", {"--config", folder.config()}, log);
+  ASSERT_TRUE(LinkHost::connect(folder.socket())) << contents(log);
+  auto link = hal::spawn_link({std::string(NODAL_BIN_DIR) + "/nodald", "--bridge", "--socket", folder.socket()});
+  ASSERT_TRUE(link) << link.error().text();
+  LinkHost host(std::move(*link));
+  const auto status = host.status();
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->rig_name(), "process");
+}
+
+TEST(Nodald, WithoutADaemon_TheBridgeSaysSoAndEndsWith3) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  Program bridge("nodald", {"--bridge", "--socket", folder.socket()}, log);
+  EXPECT_EQ(bridge.wait(20), 3);
+  EXPECT_NE(contents(log).find("unreachable"), std::string::npos) << contents(log);
+}
+
+TEST(Nodald, ABadRigToml_EndsWith2AndSaysWhere) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  std::ofstream(folder.path / "rig.toml", std::ios::app) << "colour = 3\n";
+  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
+  EXPECT_EQ(nodald.wait(20), 2);
+  EXPECT_NE(contents(log).find("there is no key 'heads[5].colour'"), std::string::npos) << contents(log);
+}
+
+TEST(Nodald, TruthThatIsMissing_EndsWith2AndNamesTheFile) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  std::filesystem::remove(folder.path / "truth.json");
+  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
+  EXPECT_EQ(nodald.wait(20), 2);
+  EXPECT_NE(contents(log).find("truth.json"), std::string::npos) << contents(log);
+}
+
+TEST(Nodald, Check_EndsWith0AndStartsNothing) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
+  EXPECT_EQ(nodald.wait(20), 0) << contents(log);
+  EXPECT_FALSE(std::filesystem::exists(folder.path / "store"));
+  EXPECT_NE(contents(log).find("is fine"), std::string::npos);
+}
+
+TEST(Nodald, ASecondOneOnTheSameSocket_EndsWith3AndTheFirstGoesOn) {
+  const RigFolder folder;
+  const std::string log = (folder.path / "log").string();
+  Program first("nodald", {"--config", folder.config()}, log);
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << contents(log);
+  Program second("nodald", {"--config", folder.config(), "--store", (folder.path / "other").string()}, log);
+  EXPECT_EQ(second.wait(30), 3) << contents(log);
+  EXPECT_TRUE(host->status());
+}
+
+}  // namespace
+}  // namespace nodal::crash
