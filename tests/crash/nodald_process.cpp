@@ -13,7 +13,7 @@
 
 #include "hal/linux/link/socket_link.h"
 #include "protocol/upload.h"
-#include "small_rig.h"
+#include "tests/scenario/small_rig.h"
 
 namespace nodal::crash {
 namespace {

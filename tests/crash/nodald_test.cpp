@@ -9,7 +9,7 @@
 #include "hal/linux/link/socket_link.h"
 #include "nodald_process.h"
 #include "protocol/upload.h"
-#include "small_rig.h"
+#include "tests/scenario/small_rig.h"
 
 namespace nodal::crash {
 namespace {

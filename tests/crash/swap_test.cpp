@@ -6,7 +6,7 @@
 
 #include "firmware/calibration_keeper.h"
 #include "hal/sim/disk.h"
-#include "small_rig.h"
+#include "tests/scenario/small_rig.h"
 
 namespace nodal::crash {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "hal/sim/response.h"
-#include "stand.h"
+#include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
 namespace {

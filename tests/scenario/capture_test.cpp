@@ -1,7 +1,7 @@
 // Heads that come and go, frames that are bad, and a capture thread that is kept waiting.
 #include <gtest/gtest.h>
 
-#include "stand.h"
+#include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
 namespace {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "stand.h"
+#include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
 namespace {

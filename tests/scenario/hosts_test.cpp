@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "stand.h"
+#include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
 namespace {

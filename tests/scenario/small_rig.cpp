@@ -1,4 +1,4 @@
-#include "small_rig.h"
+#include "tests/scenario/small_rig.h"
 
 #include <array>
 

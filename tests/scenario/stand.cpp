@@ -1,4 +1,4 @@
-#include "stand.h"
+#include "tests/scenario/stand.h"
 
 #include <gtest/gtest.h>
 

@@ -16,7 +16,7 @@
 #include "hal/sim/world.h"
 #include "protocol/session.h"
 #include "protocol/upload.h"
-#include "small_rig.h"
+#include "tests/scenario/small_rig.h"
 
 namespace nodal::scenario {
 
