@@ -1,0 +1,47 @@
+// nodald's manual page and `nodald --help` name the same options. (nodal's is compared command by command in
+// tests/unit/host_tool.)
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <regex>
+#include <set>
+
+#include "process.h"
+
+namespace nodal::command_line {
+namespace {
+
+std::set<std::string> options_in(const std::string& text) {
+  std::set<std::string> options;
+  static const std::regex option(R"((^|[\s,\["])(--[a-z][a-z-]+|-[a-z](?=[, ])))");
+  for (std::sregex_iterator it(text.begin(), text.end(), option), end; it != end; ++it) options.insert((*it)[2]);
+  return options;
+}
+
+TEST(NodaldManual, OptionsInItAndInHelp_AreTheSame) {
+  const Finished help = Process({NODAL_BIN_DIR "/nodald", "--help"}).wait();
+  ASSERT_EQ(help.code, 0);
+  std::ifstream file(NODAL_SOURCE_DIR "/firmware/daemon/nodald.8");
+  std::string page{std::istreambuf_iterator<char>(file), {}};
+  page = std::regex_replace(page, std::regex(R"(\\-)"), "-");
+  const std::size_t from = page.find(".SH OPTIONS");
+  const std::size_t to = page.find(".SH SIGNALS");
+  ASSERT_NE(to, std::string::npos);
+  // Of --help only the lines that define options; of the page the lines that name them.
+  std::string defined;
+  static const std::regex definition(R"(\n  (-[^ ]*))");
+  for (std::sregex_iterator it(help.out.begin(), help.out.end(), definition), end; it != end; ++it) {
+    defined += " " + std::regex_replace(std::string((*it)[1]), std::regex(","), " , ") + " ";
+  }
+  std::string named;
+  static const std::regex heading(R"(\.TP\n(\.B[^\n]*))");
+  const std::string section = page.substr(from, to - from);
+  for (std::sregex_iterator it(section.begin(), section.end(), heading), end; it != end; ++it) {
+    named += std::string((*it)[1]) + " ";
+  }
+  EXPECT_GE(options_in(defined).size(), 8U) << defined;
+  EXPECT_EQ(options_in(named), options_in(defined));
+}
+
+}  // namespace
+}  // namespace nodal::command_line
