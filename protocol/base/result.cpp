@@ -21,6 +21,7 @@ std::string_view errc_name(Errc code) {
     case Errc::kNoCoverage: return "no-coverage";
     case Errc::kTableInvalid: return "table-invalid";
     case Errc::kHeadMismatch: return "head-mismatch";
+    case Errc::kNotDetermined: return "not-determined";
     case Errc::kProtocol: return "protocol";
     case Errc::kVersionMismatch: return "version-mismatch";
     case Errc::kLinkClosed: return "link-closed";

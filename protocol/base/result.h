@@ -28,6 +28,7 @@ enum class Errc : std::uint16_t {
   kNoCoverage = 202,      ///< no head sees what was asked for
   kTableInvalid = 203,    ///< a blend table that fails its proof
   kHeadMismatch = 204,    ///< the calibration's heads are not the rig's
+  kNotDetermined = 205,   ///< the pictures do not say what was asked of them
   // 3xx: the link
   kProtocol = 300,        ///< the other end broke the rules of framing or order
   kVersionMismatch = 301, ///< no protocol version in common

@@ -1,0 +1,264 @@
+#include "stitch/calibration/lens/calibrate.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "stitch/calibration/lens/find_pattern.h"
+#include "stitch/calibration/lens/photometry.h"
+#include "stitch/calibration/lens/region.h"
+
+namespace nodal::calibration {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kLeastExplained = 0.6;     // of a photograph's variance
+constexpr double kLeastTilt = 4 * kDegree;
+constexpr double kMostFocalDeviation = 0.003;
+constexpr double kWellCovered = 0.95;
+constexpr long kCalmShare = 4;             // about one pixel in so many is calm enough
+constexpr long kLightSamples = 8'000;       // a photograph
+
+std::string text(double value, const char* format = "%.3g") {
+  char buffer[48];
+  std::snprintf(buffer, sizeof buffer, format, value);
+  return buffer;
+}
+
+double light_of(double e) { return e <= 0.04045 ? e / 12.92 : std::pow((e + 0.055) / 1.055, 2.4); }
+
+/// Blur mixes light, not encoded values, so the pattern is compared as light.
+GreyImage pattern_light(const PatternRaster& raster) {
+  std::array<float, 256> light;
+  for (std::size_t v = 0; v < 256; ++v) light[v] = static_cast<float>(light_of(static_cast<double>(v) / 255));
+  GreyImage image(raster.width, raster.height);
+  for (std::size_t i = 0; i < raster.values.size(); ++i) image.values[i] = light[raster.values[i]];
+  return image;
+}
+
+Status check_photographs(const std::vector<LensPhotograph>& photographs) {
+  if (photographs.empty()) return fail(Errc::kNotDetermined, "no photographs given; take three or more of the pattern");
+  for (const LensPhotograph& photo : photographs) {
+    const GreyImage& first = photographs[0].luma;
+    if (photo.luma.width != first.width || photo.luma.height != first.height) {
+      return fail(Errc::kBadValue, photo.name + ": is " + std::to_string(photo.luma.width) + "x" +
+                                       std::to_string(photo.luma.height) + " px, but " + photographs[0].name + " is " +
+                                       std::to_string(first.width) + "x" + std::to_string(first.height) +
+                                       "; photographs of one head have one size");
+    }
+    if (std::min(photo.luma.width, photo.luma.height) < 120) {
+      return fail(Errc::kBadValue, photo.name + ": is " + std::to_string(photo.luma.width) + "x" +
+                                       std::to_string(photo.luma.height) + " px; less than 120 px across is too small");
+    }
+  }
+  return {};
+}
+
+/// Points first: poses and focal length with centre and aspect held, then all.
+void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arrangement& arrangement) {
+  std::vector<std::vector<PointPair>> pairs;
+  for (const RadialPose& pose : radial) pairs.push_back(pose.inliers);
+  std::vector<bool> fixed(static_cast<std::size_t>(arrangement.lens.count), false);
+  fixed[kCenterX] = fixed[kCenterY] = fixed[kAspect] = true;
+  refine_on_points(pairs, fixed, 5, arrangement);
+  fixed[kCenterX] = fixed[kCenterY] = false;
+  fixed[kAspect] = aspect_known;
+  refine_on_points(pairs, fixed, 3, arrangement);
+  refine_on_points(pairs, fixed, 1, arrangement);
+}
+
+double tilt_of(const Pose& pose) { return std::acos(std::clamp(pose.R(2, 2), -1.0, 1.0)); }
+
+/// How far the unknowns' covariance lets a ray's place on the picture wander, px rms over the region.
+double mapping_deviation(const LensParameters& lens, const Eigen::MatrixXd& covariance, const Region& region) {
+  const SightFinder finder(lens);
+  const Eigen::MatrixXd C = covariance.topLeftCorner(lens.count, lens.count);
+  double sum = 0;
+  int count = 0;
+  constexpr int kGrid = 24;
+  for (int j = 0; j < kGrid; ++j) {
+    for (int i = 0; i < kGrid; ++i) {
+      const geometry::Pixel p{region.left + (i + 0.5) / kGrid * (region.right - region.left),
+                              region.top + (j + 0.5) / kGrid * (region.bottom - region.top)};
+      const auto sight = finder.at(p);
+      if (!sight) continue;
+      const Eigen::Matrix2d N = sight->by_pixel.transpose() * sight->by_pixel;
+      const Eigen::Matrix<double, 2, kMaxLensParameters> D =
+          N.inverse() * sight->by_pixel.transpose() * sight->by_parameter;
+      const Eigen::MatrixXd moved = D.leftCols(lens.count);
+      sum += (moved * C * moved.transpose()).trace();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / std::max(count, 1));
+}
+
+Status check_fits(const std::vector<LensPhotograph>& photographs, const std::vector<DenseFit>& fits) {
+  for (std::size_t v = 0; v < fits.size(); ++v) {
+    if (fits[v].explained >= kLeastExplained) continue;
+    return fail(Errc::kNotDetermined,
+                photographs[v].name + ": the pattern was found, but explains only " +
+                    text(100 * std::max(0.0, fits[v].explained), "%.0f") +
+                    " % of this photograph; it moved while it was taken, the pattern is not flat, something stands "
+                    "before it, or this is another head or another lens model. Leave it out, or try another --model");
+  }
+  return {};
+}
+
+Status check_determined(const Arrangement& arrangement, const LensReport& report) {
+  double tilt = 0;
+  for (const Pose& pose : arrangement.poses) tilt = std::max(tilt, tilt_of(pose));
+  const double part = report.focal.deviation / report.focal.value;
+  if (tilt >= kLeastTilt && part <= kMostFocalDeviation) return {};
+  return fail(Errc::kNotDetermined,
+              "the focal length is not determined (" + text(report.focal.value, "%.1f") + " px, give or take " +
+                  text(100 * part) + " %; the most tilted photograph is tilted by " + text(tilt / kDegree, "%.1f") +
+                  " degrees): focal length and distance look alike head on; take some with the pattern turned by 20 "
+                  "to 40 degrees, to different sides");
+}
+
+void fill_head(const DenseState& state, const Region& region, const LensOptions& options, int width, int height,
+               HeadCalibration& head) {
+  const LensParameters& lens = state.arrangement.lens;
+  head.name = options.head_name;
+  head.width = width;
+  head.height = height;
+  head.center_x = lens[kCenterX];
+  head.center_y = lens[kCenterY];
+  head.aspect = lens[kAspect];
+  head.lens = lens.model();
+  head.region = region;
+}
+
+void fill_photometry(const DenseAlignment& dense, const DenseState& state, const std::vector<DenseFit>& fits,
+                     LensCalibration& out) {
+  std::vector<LightSample> samples;
+  for (std::size_t v = 0; v < fits.size(); ++v) {
+    const int stride = static_cast<int>(std::max(1L, fits[v].pixels / (kLightSamples * kCalmShare)));
+    dense.each_calm_pixel(static_cast<int>(v), state, stride, [&](double x, double y, double light, double value) {
+      samples.push_back({static_cast<int>(v), x, y, light, value});
+    });
+  }
+  HeadCalibration& head = out.head;
+  const double radius = std::hypot(head.width, head.height / head.aspect) / 2;
+  const Photometry photometry = fit_photometry(samples, static_cast<int>(fits.size()), head, radius);
+  head.response = photometry.response;
+  head.vignetting = {head.center_x, head.center_y, radius, photometry.vignetting};
+  for (std::size_t v = 0; v < fits.size(); ++v) out.report.views[v].gain = photometry.gains[v];
+  if (check_head(head)) return;
+  // A fall-off that turns over where no pixel of the pattern was seen is no fall-off to ship.
+  head.vignetting.coefficients = {};
+  out.report.notes.push_back("the light's fall-off came out impossible and is left out; light the pattern more evenly");
+}
+
+/// A lens that turns back inside its picture, where nothing was seen, is cut there.
+Status cut_at_turning_point(const LensParameters& lens, LensCalibration& out) {
+  const Status checked = check_head(out.head);
+  if (checked || checked.error().code != Errc::kLensDomain) return checked;
+  const double r = 0.98 * SightFinder(lens).max_radius() * std::min(1.0, lens[kAspect]);
+  out.head.region.circle = Region::Circle{out.head.center_x, out.head.center_y, r};
+  out.report.notes.push_back("the lens's model ends inside the picture, " + text(r, "%.0f") +
+                             " px from its centre, and so does its region; another --model may reach further");
+  return check_head(out.head);
+}
+
+void add_notes(const LensOptions& options, LensReport& report) {
+  if (report.views.size() < 3) {
+    report.notes.push_back(std::to_string(report.views.size()) +
+                           " photographs determine little more than they must; three or more show what is off");
+  }
+  if (report.covered < kWellCovered) {
+    report.notes.push_back("the pattern was seen over " + text(100 * report.covered, "%.0f") +
+                           " % of the picture only; beyond it the lens is extrapolated. Go closer, or aim so that it "
+                           "fills the corners too");
+  }
+  if (!options.aspect_known && report.aspect.deviation > 0.002) {
+    report.notes.push_back("the aspect ratio is not well determined; give it with --aspect when it is known");
+  }
+}
+
+}  // namespace
+
+Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
+                                       const LensOptions& options) {
+  if (Status checked = check_photographs(photographs); !checked) return fail(checked.error());
+  const auto tell = [&](const std::string& what, double done) {
+    if (options.progress) options.progress(what, done);
+  };
+  std::vector<GreyImage> lumas;
+  std::vector<const GreyImage*> pictures;
+  for (const LensPhotograph& photo : photographs) lumas.push_back(photo.luma);
+  for (const GreyImage& luma : lumas) pictures.push_back(&luma);
+  const Region region = find_region(pictures);
+  const Eigen::Vector2d center = region.circle
+                                     ? Eigen::Vector2d(region.circle->x, region.circle->y)
+                                     : Eigen::Vector2d(lumas[0].width / 2.0, lumas[0].height / 2.0);
+  const auto views = static_cast<int>(photographs.size());
+
+  tell("looking for the pattern", 0);
+  const PatternFinder finder(pattern);
+  std::vector<Result<RadialPose>> found(photographs.size(), fail(Errc::kInternal, ""));
+  options.for_each(views, [&](int v) {
+    const auto n = static_cast<std::size_t>(v);
+    found[n] = finder.find(lumas[n], photographs[n].name, center, options.aspect);
+  });
+  std::vector<RadialPose> radial;
+  for (const Result<RadialPose>& pose : found) {
+    if (!pose) return fail(pose.error());
+    radial.push_back(*pose);
+  }
+  tell("a first lens", 0.15);
+  Result<Arrangement> start = first_arrangement(radial, options.kind, center, options.aspect);
+  if (!start) return fail(start.error());
+  refine_start(radial, options.aspect_known, *start);
+
+  const ScaleSpace light(pattern_light(pattern));
+  DenseAlignment dense(light, lumas, region, options.for_each);
+  DenseState state{std::move(*start), std::vector<double>(photographs.size(), std::log(0.8))};
+  std::vector<bool> fixed(static_cast<std::size_t>(state.arrangement.lens.count), false);
+  fixed[kAspect] = options.aspect_known;
+  for (int level = dense.coarsest(); level >= 0; --level) {
+    tell("aligning every pixel at 1/" + std::to_string(1 << level), level == 0 ? 0.5 : 0.25);
+    dense.run(level, fixed, state);
+  }
+  tell("light and uncertainties", 0.9);
+  const std::vector<DenseFit> fits = dense.fits(state);
+  if (Status checked = check_fits(photographs, fits); !checked) return fail(checked.error());
+
+  LensCalibration out;
+  const LensParameters& lens = state.arrangement.lens;
+  const Eigen::MatrixXd C = dense.covariance(state, fixed);
+  const auto measured = [&](int k) { return Measured{lens[k], std::sqrt(std::max(0.0, C(k, k)))}; };
+  out.report.center_x = measured(kCenterX);
+  out.report.center_y = measured(kCenterY);
+  out.report.aspect = measured(kAspect);
+  out.report.focal = measured(kFirstCoefficient);
+  out.report.mapping_deviation_px = mapping_deviation(lens, C, region);
+  out.report.covered = dense.covered(state);
+  if (Status checked = check_determined(state.arrangement, out.report); !checked) return fail(checked.error());
+  for (std::size_t v = 0; v < photographs.size(); ++v) {
+    const Pose& pose = state.arrangement.poses[v];
+    ViewReport view;
+    view.name = photographs[v].name;
+    view.pairs = static_cast<int>(radial[v].inliers.size());
+    view.tilt_deg = tilt_of(pose) / kDegree;
+    view.distance = pose.t.dot(pose.R.col(2)) / pose.R(2, 2);
+    view.blur_px = std::exp(state.log_blur[v]);
+    view.covered = fits[v].covered;
+    view.explained = fits[v].explained;
+    view.rms = 255 * fits[v].rms;
+    out.report.views.push_back(view);
+  }
+  fill_head(state, region, options, lumas[0].width, lumas[0].height, out.head);
+  if (Status cut = cut_at_turning_point(lens, out); !cut) return fail(cut.error());
+  fill_photometry(dense, state, fits, out);
+  add_notes(options, out.report);
+  if (Status checked = check_head(out.head); !checked) return fail(checked.error());
+  tell("done", 1);
+  return out;
+}
+
+}  // namespace nodal::calibration

@@ -1,0 +1,73 @@
+// One head's lens from photographs of the pattern (§4.3): found, aligned per pixel, all photographs together.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/calibration/lens/dense.h"
+#include "stitch/calibration/lens/grey_image.h"
+#include "stitch/calibration/lens/lens_model.h"
+#include "stitch/calibration/lens/pattern.h"
+
+namespace nodal::calibration {
+
+/// A photograph of the pattern: its encoded luma, 0..1. All of one head have one size.
+struct LensPhotograph {
+  std::string name;
+  GreyImage luma;
+};
+
+struct LensOptions {
+  LensKind kind = LensKind::kTsai;
+  std::string head_name = "head0";
+  /// f_y / f_x to start from, and whether it is known to be that.
+  double aspect = 1;
+  bool aspect_known = false;
+  ForEach for_each = one_by_one;
+  /// Told after each stage: what is being done, and 0..1 of the whole.
+  std::function<void(const std::string& what, double done)> progress;
+};
+
+/// A value with the standard deviation that the data leave it.
+struct Measured {
+  double value = 0;
+  double deviation = 0;
+};
+
+/// What one photograph gave.
+struct ViewReport {
+  std::string name;
+  int pairs = 0;         ///< points found and agreed on at the start
+  double tilt_deg = 0;   ///< between the pattern's normal and the lens's axis
+  double distance = 0;   ///< of the pattern's plane, in pattern widths
+  double blur_px = 0;    ///< sigma
+  double covered = 0;    ///< part of the region that shows the pattern
+  double explained = 0;  ///< part of its variance
+  double rms = 0;        ///< what is left, in 1/255 of the range
+  double gain = 1;       ///< of its light, against the brightest photograph's
+};
+
+struct LensReport {
+  std::vector<ViewReport> views;
+  Measured center_x, center_y, aspect;  ///< px
+  Measured focal;                       ///< px; px per rad for fisheyes
+  double mapping_deviation_px = 0;      ///< standard deviation of where a ray falls, rms over the region
+  double covered = 0;                   ///< part of the region that some photograph covered
+  std::vector<std::string> notes;       ///< what a person should know, one sentence each
+};
+
+struct LensCalibration {
+  HeadCalibration head;
+  LensReport report;
+};
+
+/// Errors, all naming the photograph where there is one: kBadValue for photographs of different sizes,
+/// kNotDetermined when the pattern is not in a photograph, when all are taken head on, or when they do not
+/// agree.
+Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
+                                       const LensOptions& options);
+
+}  // namespace nodal::calibration

@@ -1,0 +1,344 @@
+#include "stitch/calibration/lens/dense.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace nodal::calibration {
+namespace {
+
+constexpr int kBands = 24;             // pieces of work; fixed, so that sums do not depend on who does them
+constexpr double kHuber = 2.0;         // scatters
+constexpr std::size_t kShadeStride = 3; // shading is smooth: every third pixel tells it
+constexpr double kPixelVariance = 1.0 / 12;
+constexpr int kSmallestSide = 90;      // px, of the coarsest photograph
+constexpr int kMostTaps = 9;
+constexpr double kCalm = 0.05;         // of the pattern's light, for a doubling of the blur
+constexpr int kRounds = 12;
+constexpr double kStillPx = 2e-4;      // a round that moves the picture less is the last
+
+double binomial(int n, int k) {
+  double value = 1;
+  for (int i = 0; i < k; ++i) value = value * (n - i) / (i + 1);
+  return value;
+}
+
+/// The longer axis of the ellipse with covariance S, whose larger eigenvalue is `larger`.
+Eigen::Vector2d long_axis(const Eigen::Matrix2d& S, double larger) {
+  const Eigen::Vector2d axis(S(0, 1), larger - S(0, 0));
+  if (axis.squaredNorm() > 0) return axis.normalized();
+  return S(0, 0) >= S(1, 1) ? Eigen::Vector2d::UnitX() : Eigen::Vector2d::UnitY();
+}
+
+/// The pattern as a pixel sees it: a Gaussian on the photograph is an ellipse on the pattern, sampled along its
+/// longer axis with binomial weights, whose variance over n places a step apart is (n - 1) / 4 steps squared.
+ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vector2d& at,
+                                     const Eigen::Matrix2d& footprint, double sigma) {
+  const Eigen::Matrix2d S = footprint * footprint.transpose();
+  const double half = (S(0, 0) + S(1, 1)) / 2;
+  const double root = std::hypot((S(0, 0) - S(1, 1)) / 2, S(0, 1));
+  const double long2 = half + root;
+  const double short2 = std::max(half - root, 1e-6 * long2);
+  const double narrow = sigma * std::sqrt(short2);
+  const double stretch = long2 / short2 - 1;
+  const int taps = std::min(kMostTaps, 1 + 2 * static_cast<int>(std::floor(0.8 * stretch + 0.6)));
+  if (taps == 1) return pattern.at(at.x(), at.y(), sigma * std::sqrt(std::sqrt(long2 * short2)));
+  const Eigen::Vector2d step = long_axis(S, long2) * sigma * std::sqrt(4 * (long2 - short2) / (taps - 1));
+  ScaleSpace::Sample sum;
+  const double whole = std::ldexp(1.0, taps - 1);
+  for (int k = 0; k < taps; ++k) {
+    const double weight = binomial(taps - 1, k) / whole;
+    const Eigen::Vector2d place = at + step * (k - (taps - 1) / 2);
+    const ScaleSpace::Sample s = pattern.at(place.x(), place.y(), narrow);
+    sum.value += weight * s.value;
+    sum.dx += weight * s.dx;
+    sum.dy += weight * s.dy;
+    sum.dscale += weight * s.dscale;
+  }
+  return sum;
+}
+
+}  // namespace
+
+void one_by_one(int count, const std::function<void(int)>& work) {
+  for (int i = 0; i < count; ++i) work(i);
+}
+
+/// One pixel of one photograph with the pattern behind it.
+struct DenseAlignment::Seen {
+  geometry::Pixel pixel;        // of the full photograph
+  double x = 0, y = 0;          // the same in -1..1
+  double value = 0;             // of the photograph
+  ScaleSpace::Sample pattern;   // per px of the pattern
+  PlanePoint point;
+  const Sight* sight = nullptr;
+  double dlog_blur = 0;         // d(pattern's value) / d(log_blur)
+};
+
+DenseAlignment::DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
+                               ForEach for_each)
+    : pattern_(pattern),
+      region_(region),
+      for_each_(std::move(for_each)),
+      shadings_(photos.size()) {
+  for (const GreyImage& photo : photos) {
+    std::vector<GreyImage> pyramid{photo};
+    while (std::min(pyramid.back().width, pyramid.back().height) >= 2 * kSmallestSide) {
+      pyramid.push_back(halved(pyramid.back()));
+    }
+    pyramids_.push_back(std::move(pyramid));
+  }
+}
+
+void DenseAlignment::set_level(int level) {
+  level_ = level;
+  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level)];
+  const double pixels = static_cast<double>(image.width) * image.height * static_cast<double>(pyramids_.size());
+  stride_ = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / static_cast<double>(kMostPixels)))));
+}
+
+bool DenseAlignment::see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight,
+                         Seen& seen) const {
+  const auto point = plane.at(sight.ray);
+  if (!point) return false;
+  const GreyImage& base = pattern_.level(0);
+  const double width = base.width;
+  const double px = std::ldexp(1.0, level_);  // of the full photograph in a pixel of this level
+  // Halving blurs too: s^2 of a level, in its own pixels.
+  const double own_blur = std::exp(state.log_blur[view]);
+  double variance = own_blur * own_blur + kPixelVariance;
+  double own_share = own_blur * own_blur;
+  for (int l = 0; l < level_; ++l) {
+    variance = (variance + 3 * kLevelSigma * kLevelSigma) / 4;
+    own_share /= 4;
+  }
+  const double sigma = std::sqrt(variance);
+  const Eigen::Matrix2d footprint = width * px * point->distance * point->by_move * sight.by_pixel;
+  const Eigen::Vector2d at(point->at.x() * width + width / 2, point->at.y() * width + base.height / 2.0);
+  const Eigen::Vector2d reach = 2.5 * sigma * footprint.rowwise().norm();
+  if (at.x() < reach.x() || at.y() < reach.y() || at.x() > width - reach.x() || at.y() > base.height - reach.y()) {
+    return false;
+  }
+  seen.pattern = through_footprint(pattern_, at, footprint, sigma);
+  seen.point = *point;
+  seen.sight = &sight;
+  seen.dlog_blur = seen.pattern.dscale / std::log(2.0) * own_share / variance;
+  return true;
+}
+
+bool DenseAlignment::in_region(const geometry::Pixel& pixel, double margin) const {
+  if (pixel.x < region_.left + margin || pixel.x > region_.right - margin || pixel.y < region_.top + margin ||
+      pixel.y > region_.bottom - margin) {
+    return false;
+  }
+  return !region_.circle || std::hypot(pixel.x - region_.circle->x, pixel.y - region_.circle->y) <=
+                                region_.circle->radius - margin;
+}
+
+void DenseAlignment::gather(const DenseState& state, int band,
+                            const std::function<void(std::size_t view, const Seen&)>& take) const {
+  const SightFinder lens(state.arrangement.lens);
+  std::vector<PlaneFinder> planes;
+  for (const Pose& pose : state.arrangement.poses) planes.emplace_back(pose);
+  const auto level = static_cast<std::size_t>(level_);
+  const GreyImage& first = pyramids_[0][level];
+  const double px = std::ldexp(1.0, level_);
+  const double margin = level_ == 0 ? 1 : 2 * px;
+  const int rows = (first.height + stride_ - 1) / stride_;
+  Seen seen;
+  for (int n = band * rows / kBands; n < (band + 1) * rows / kBands; ++n) {
+    const int j = n * stride_;
+    // Rows start at different columns, so that a stride does not leave whole columns out.
+    for (int i = (n * 7) % stride_; i < first.width; i += stride_) {
+      seen.pixel = {(i + 0.5) * px, (j + 0.5) * px};
+      if (!in_region(seen.pixel, margin)) continue;
+      const auto sight = lens.at(seen.pixel);
+      if (!sight) continue;
+      seen.x = 2 * seen.pixel.x / (px * first.width) - 1;
+      seen.y = 2 * seen.pixel.y / (px * first.height) - 1;
+      for (std::size_t v = 0; v < pyramids_.size(); ++v) {
+        if (!see(state, v, planes[v], *sight, seen)) continue;
+        seen.value = static_cast<double>(pyramids_[v][level].row(j)[i]);
+        take(v, seen);
+      }
+    }
+  }
+}
+
+void DenseAlignment::fit_shading(const DenseState& state) {
+  const std::size_t views = pyramids_.size();
+  std::vector<std::vector<std::vector<ShadeSample>>> bands(kBands, std::vector<std::vector<ShadeSample>>(views));
+  for_each_(kBands, [&](int band) {
+    gather(state, band, [&](std::size_t v, const Seen& s) {
+      bands[static_cast<std::size_t>(band)][v].push_back({static_cast<float>(s.x), static_cast<float>(s.y),
+                                                          static_cast<float>(s.pattern.value),
+                                                          static_cast<float>(s.value)});
+    });
+  });
+  std::vector<std::vector<ShadeSample>> samples(views);
+  for (std::size_t v = 0; v < views; ++v) {
+    for (const auto& band : bands) {
+      for (std::size_t i = 0; i < band[v].size(); i += kShadeStride) samples[v].push_back(band[v][i]);
+    }
+  }
+  shadings_.fit(samples);
+}
+
+Evaluation DenseAlignment::evaluate(const DenseState& state) const {
+  const int views = static_cast<int>(pyramids_.size());
+  const int shared = state.arrangement.lens.count;
+  const double width = pattern_.level(0).width;
+  std::vector<Evaluation> bands(kBands, Evaluation{NormalEquations(shared, kOwn, views)});
+  for_each_(kBands, [&](int band) {
+    Evaluation& sum = bands[static_cast<std::size_t>(band)];
+    gather(state, band, [&](std::size_t v, const Seen& s) {
+      const Shadings::Shown shown = shadings_.at(v, s.x, s.y, s.pattern.value);
+      const double residual = shown.value - s.value;
+      const Eigen::RowVector2d slope = shown.slope * width * Eigen::RowVector2d(s.pattern.dx, s.pattern.dy);
+      const Eigen::Vector3d g = (slope * s.point.by_move).transpose();
+      const Eigen::Matrix<double, 1, kMaxLensParameters> by_shared =
+          s.point.distance * g.transpose() * s.sight->by_parameter;
+      Eigen::Matrix<double, 1, kOwn> by_own;
+      by_own << g.cross(s.point.in_head).transpose(), -g.transpose(), shown.slope * s.dlog_blur;
+      // Scatters make photographs of different noise comparable; Huber keeps what is not the pattern from
+      // pulling.
+      const double scale = 1 / shadings_.scatter(v);
+      const double size = std::abs(residual) * scale;
+      const double weight = size <= kHuber ? 1.0 : kHuber / size;
+      sum.equations.add(static_cast<int>(v), by_shared.data(), by_own.data(), residual, weight * scale * scale);
+      sum.cost += size <= kHuber ? size * size : kHuber * (2 * size - kHuber);
+    });
+  });
+  Evaluation total{NormalEquations(shared, kOwn, views)};
+  for (const Evaluation& band : bands) {
+    total.equations.add(band.equations);
+    total.cost += band.cost;
+  }
+  // A photograph that leaves the pattern must not win by having fewer pixels.
+  if (total.equations.count() > 0) total.cost /= static_cast<double>(total.equations.count());
+  else total.cost = 1e300;
+  return total;
+}
+
+void DenseAlignment::run(int level, const std::vector<bool>& fixed_lens, DenseState& state) {
+  set_level(level);
+  std::vector<bool> fixed = fixed_lens;
+  fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
+  const auto step = [](const DenseState& from, const Eigen::VectorXd& d) {
+    DenseState next = from;
+    next.arrangement = moved(from.arrangement, d, kOwn);
+    for (std::size_t v = 0; v < next.log_blur.size(); ++v) {
+      const auto at = next.arrangement.lens.count + static_cast<Eigen::Index>(v) * kOwn + kOwn - 1;
+      next.log_blur[v] = std::clamp(next.log_blur[v] + std::clamp(d[at], -0.5, 0.5), std::log(0.2), std::log(8.0));
+    }
+    return next;
+  };
+  for (int round = 0; round < kRounds; ++round) {
+    fit_shading(state);
+    const Descent<DenseState> descent = descend(
+        state, [this](const DenseState& s) { return evaluate(s); }, step, fixed,
+        {.most_steps = round == 0 ? 6 : 3, .enough = 1e-6, .first_damping = 1e-4});
+    const double before = state.arrangement.lens[kFirstCoefficient];
+    const double cx = state.arrangement.lens[kCenterX];
+    state = descent.state;
+    // The focal length is px at 45 degrees or at one radian: its change and the centre's are a picture's
+    // movement.
+    const double movement = std::max(std::abs(state.arrangement.lens[kFirstCoefficient] - before),
+                                     std::abs(state.arrangement.lens[kCenterX] - cx));
+    if (round > 0 && movement < kStillPx * std::ldexp(1.0, level) * (level == 0 ? 1 : 5)) break;
+  }
+}
+
+std::vector<DenseFit> DenseAlignment::fits(const DenseState& state) const {
+  struct Sums {
+    double n = 0, value = 0, square = 0, left = 0;
+  };
+  std::vector<Sums> sums(pyramids_.size());
+  for (int band = 0; band < kBands; ++band) {
+    gather(state, band, [&](std::size_t v, const Seen& s) {
+      const double left = shadings_.at(v, s.x, s.y, s.pattern.value).value - s.value;
+      Sums& sum = sums[v];
+      sum.n += 1;
+      sum.value += s.value;
+      sum.square += s.value * s.value;
+      sum.left += left * left;
+    });
+  }
+  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
+  const double all = static_cast<double>(image.width) * image.height / (stride_ * stride_);
+  std::vector<DenseFit> fits;
+  for (const Sums& s : sums) {
+    DenseFit fit;
+    fit.pixels = static_cast<long>(s.n);
+    if (s.n > 0) {
+      const double variance = s.square / s.n - (s.value / s.n) * (s.value / s.n);
+      fit.rms = std::sqrt(s.left / s.n);
+      fit.explained = variance > 0 ? 1 - s.left / s.n / variance : 0;
+      fit.covered = s.n / all;
+    }
+    fits.push_back(fit);
+  }
+  return fits;
+}
+
+double DenseAlignment::covered(const DenseState& state) const {
+  constexpr int kGrid = 64;
+  std::vector<bool> cells(kGrid * kGrid, false);
+  const GreyImage& full = pyramids_[0][0];
+  const auto cell = [&](const geometry::Pixel& p) {
+    return static_cast<std::size_t>(static_cast<int>(p.y * kGrid / full.height) * kGrid +
+                                    static_cast<int>(p.x * kGrid / full.width));
+  };
+  for (int band = 0; band < kBands; ++band) {
+    gather(state, band, [&](std::size_t, const Seen& s) { cells[cell(s.pixel)] = true; });
+  }
+  int inside = 0;
+  int seen = 0;
+  for (int j = 0; j < kGrid; ++j) {
+    for (int i = 0; i < kGrid; ++i) {
+      const geometry::Pixel p{(i + 0.5) / kGrid * full.width, (j + 0.5) / kGrid * full.height};
+      if (!in_region(p, 0)) continue;
+      ++inside;
+      seen += cells[cell(p)] ? 1 : 0;
+    }
+  }
+  return static_cast<double>(seen) / std::max(inside, 1);
+}
+
+Eigen::MatrixXd DenseAlignment::covariance(const DenseState& state, const std::vector<bool>& fixed_lens) const {
+  std::vector<bool> fixed = fixed_lens;
+  fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
+  const Evaluation at = evaluate(state);
+  // Residuals are in scatters already; what the model does not know (print, blur) is alike over a few
+  // neighbours.
+  constexpr double kAlike = 9;
+  const double unit = at.equations.cost() / static_cast<double>(std::max(at.equations.count(), 1L));
+  return at.equations.covariance(fixed) * unit * kAlike;
+}
+
+GreyImage DenseAlignment::residual_map(int view, const DenseState& state) const {
+  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
+  GreyImage map(image.width / stride_ + 1, image.height / stride_ + 1);
+  const double px = std::ldexp(1.0, level_) * stride_;
+  for (int band = 0; band < kBands; ++band) {
+    gather(state, band, [&](std::size_t v, const Seen& s) {
+      if (static_cast<int>(v) != view) return;
+      map.row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
+          static_cast<float>(s.value - shadings_.at(v, s.x, s.y, s.pattern.value).value);
+    });
+  }
+  return map;
+}
+
+void DenseAlignment::each_calm_pixel(int view, const DenseState& state, int stride,
+                                const std::function<void(double, double, double, double)>& tell) const {
+  int n = 0;
+  for (int band = 0; band < kBands; ++band) {
+    gather(state, band, [&](std::size_t v, const Seen& s) {
+      if (static_cast<int>(v) != view || std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
+      if (n++ % stride == 0) tell(s.pixel.x, s.pixel.y, s.pattern.value, s.value);
+    });
+  }
+}
+
+}  // namespace nodal::calibration

@@ -1,0 +1,105 @@
+// The lens and the poses as the calibration moves them: which point of the pattern's plane a pixel sees, and
+// how that point moves with every parameter.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/geometry/ray.h"
+#include "stitch/geometry/rising_polynomial.h"
+
+namespace nodal::calibration {
+
+enum class LensKind : std::uint8_t { kTsai, kEquidistant, kKannalaBrandt };
+
+/// "tsai", "equidistant" or "kannala_brandt".
+/// Errors: kBadValue, with the names there are.
+Result<LensKind> lens_kind_named(std::string_view name);
+
+inline constexpr int kCenterX = 0, kCenterY = 1, kAspect = 2, kFirstCoefficient = 3;
+inline constexpr int kMaxLensParameters = 12;
+
+/// Everything of a lens that is sought, as numbers in one row: centre (px), aspect, then
+///   Tsai:            focal, kappa1, kappa2
+///   Equidistant:     f1, f2, ... of r = f1 a + f2 a^2 + ...
+///   Kannala-Brandt:  f, f k1, ... of r = f a + f k1 a^3 + f k2 a^5 + ..., in which the fit is linear.
+struct LensParameters {
+  LensKind kind = LensKind::kTsai;
+  int count = 6;
+  std::array<double, kMaxLensParameters> values{0, 0, 1};
+
+  double& operator[](int k) { return values[static_cast<std::size_t>(k)]; }
+  double operator[](int k) const { return values[static_cast<std::size_t>(k)]; }
+  /// The power of the angle (fisheyes) that coefficient k (0, 1, ...) multiplies.
+  int exponent(int k) const { return kind == LensKind::kKannalaBrandt ? 2 * k + 1 : k + 1; }
+  LensModel model() const;
+};
+
+/// The number of parameters a kind has, centre and aspect included.
+int parameter_count(LensKind kind);
+
+using ByParameter = Eigen::Matrix<double, 3, kMaxLensParameters>;
+
+/// The ray through a pixel in the head's frame, and how it moves. Of length 1.
+struct Sight {
+  Eigen::Vector3d ray;
+  Eigen::Matrix<double, 3, 2> by_pixel;
+  ByParameter by_parameter;
+};
+
+/// A lens frozen at some parameters.
+class SightFinder {
+ public:
+  explicit SightFinder(const LensParameters& lens);
+  /// Nothing beyond the lens's turning point.
+  std::optional<Sight> at(geometry::Pixel pixel) const;
+  double max_radius() const;  ///< px, aspect taken out
+
+ private:
+  struct Angle {
+    double value;
+    double by_radius;
+    std::array<double, kMaxLensParameters> by_coefficient;
+  };
+  std::optional<Angle> angle(double r) const;
+
+  LensParameters lens_;
+  geometry::RisingPolynomial polynomial_;
+};
+
+/// Where the pattern stood before the head in one photograph: point (X, Y) of the pattern's plane, in pattern
+/// widths from its middle, x right and y down as printed, is at R (X, Y, 0) + t in the head's frame.
+struct Pose {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d t{0, 0, 1};
+
+  /// Turned by w about the head and moved by d: what the derivatives below belong to.
+  Pose moved(const Eigen::Vector3d& w, const Eigen::Vector3d& d) const;
+};
+
+/// The point of the plane a ray meets.
+struct PlanePoint {
+  Eigen::Vector2d at;                   ///< pattern widths
+  Eigen::Vector3d in_head;              ///< the same point in the head's frame
+  double distance;                      ///< along the ray
+  Eigen::Matrix<double, 2, 3> by_move;  ///< d at / d(a move of the ray's end in the head's frame)
+};
+
+/// A pose frozen for many rays.
+class PlaneFinder {
+ public:
+  explicit PlaneFinder(const Pose& pose);
+  /// Nothing when the ray misses, or meets the plane from behind or at a grazing angle.
+  std::optional<PlanePoint> at(const Eigen::Vector3d& ray) const;
+
+ private:
+  Eigen::Matrix3d inverse_;  // of (r1 r2 t)
+  Eigen::Vector3d normal_;
+};
+
+}  // namespace nodal::calibration

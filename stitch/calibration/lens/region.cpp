@@ -1,0 +1,129 @@
+#include "stitch/calibration/lens/region.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+namespace nodal::calibration {
+namespace {
+
+constexpr float kBlack = 0.06F;       // of the bright end, encoded
+constexpr double kBrightLine = 0.25;  // part of a row or column that must not be black
+constexpr int kSpokes = 360;
+constexpr double kCircleError = 2.0;  // px, rms of a true circle's edge
+
+GreyImage brightest(const std::vector<const GreyImage*>& pictures) {
+  GreyImage all = *pictures[0];
+  for (const GreyImage* picture : pictures) {
+    for (std::size_t i = 0; i < all.values.size(); ++i) all.values[i] = std::max(all.values[i], picture->values[i]);
+  }
+  return all;
+}
+
+/// First and last + 1 of the lines whose share of bright pixels is enough.
+std::pair<int, int> bright_lines(const GreyImage& image, float black, bool rows) {
+  const int lines = rows ? image.height : image.width;
+  const int across = rows ? image.width : image.height;
+  int first = lines;
+  int last = 0;
+  for (int n = 0; n < lines; ++n) {
+    int bright = 0;
+    for (int k = 0; k < across; ++k) bright += (rows ? image.row(n)[k] : image.row(k)[n]) > black ? 1 : 0;
+    if (bright < kBrightLine * across) continue;
+    first = std::min(first, n);
+    last = n + 1;
+  }
+  return {first, last};
+}
+
+struct Edge {
+  std::vector<Eigen::Vector2d> points;
+  int spokes = 0;  // that end inside the picture
+};
+
+/// The outermost bright place on spokes from the middle.
+Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle) {
+  Edge edge;
+  for (int n = 0; n < kSpokes; ++n) {
+    const double angle = 2 * std::numbers::pi * n / kSpokes;
+    const Eigen::Vector2d way(std::cos(angle), std::sin(angle));
+    double last = -1;
+    double end = 0;
+    for (double r = 0;; r += 0.5) {
+      const Eigen::Vector2d p = middle + r * way;
+      if (p.x() < 0 || p.y() < 0 || p.x() >= image.width || p.y() >= image.height) break;
+      if (image.row(static_cast<int>(p.y()))[static_cast<int>(p.x())] > black) last = r;
+      end = r;
+    }
+    if (last < 0 || last > end - 3) continue;
+    ++edge.spokes;
+    edge.points.push_back(middle + last * way);
+  }
+  return edge;
+}
+
+/// The circle nearest to the points in least squares (linear in centre and power), outliers aside.
+std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points) {
+  Region::Circle circle;
+  for (int pass = 0; pass < 4; ++pass) {
+    if (points.size() < 40) return std::nullopt;
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector2d& p : points) {
+      const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
+      A += row * row.transpose();
+      b += p.squaredNorm() * row;
+    }
+    const Eigen::Vector3d x = A.ldlt().solve(b);
+    circle = {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
+    double square = 0;
+    std::vector<double> errors;
+    for (const Eigen::Vector2d& p : points) {
+      errors.push_back(std::abs(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius));
+      square += errors.back() * errors.back();
+    }
+    const double rms = std::sqrt(square / static_cast<double>(points.size()));
+    if (rms < kCircleError) return circle;
+    std::vector<Eigen::Vector2d> kept;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (errors[i] < 1.5 * rms) kept.push_back(points[i]);
+    }
+    points = std::move(kept);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Region find_region(const std::vector<const GreyImage*>& pictures) {
+  const GreyImage image = brightest(pictures);
+  Region region{0, 0, static_cast<double>(image.width), static_cast<double>(image.height), {}};
+  std::vector<float> sorted = image.values;
+  const auto bright = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() * 95 / 100);
+  std::ranges::nth_element(sorted, bright);
+  const float black = kBlack * *bright;
+  const auto [left, right] = bright_lines(image, black, false);
+  const auto [top, bottom] = bright_lines(image, black, true);
+  if (left >= right || top >= bottom) return region;
+  const Eigen::Vector2d middle((left + right) / 2.0, (top + bottom) / 2.0);
+  const Edge edge = edge_of(image, black, middle);
+  if (edge.spokes >= kSpokes / 6) {
+    // An edge seen from the middle bends away from a band's and follows a circle's.
+    if (const auto circle = circle_through(edge.points)) {
+      region.circle = circle;
+      region.circle->radius -= 1;  // the edge's own blur
+      return region;
+    }
+  }
+  // The first whole pixel inside a band may be half in it.
+  if (left > 0) region.left = left + 1;
+  if (top > 0) region.top = top + 1;
+  if (right < image.width) region.right = right - 1;
+  if (bottom < image.height) region.bottom = bottom - 1;
+  return region;
+}
+
+}  // namespace nodal::calibration

@@ -1,0 +1,16 @@
+// Where a head's pictures hold anything: misaligned sensors and fisheyes leave black borders (§4.3).
+#pragma once
+
+#include <vector>
+
+#include "protocol/calibration.h"
+#include "stitch/calibration/lens/grey_image.h"
+
+namespace nodal::calibration {
+
+/// The region that is not black in all of the pictures (of one size): the picture without black bands, or a
+/// circle when what is bright is one. A picture that is dark here or there is no border: only what stays black
+/// everywhere is.
+Region find_region(const std::vector<const GreyImage*>& pictures);
+
+}  // namespace nodal::calibration

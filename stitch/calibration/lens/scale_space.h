@@ -1,0 +1,45 @@
+// A picture at every blur: what a photograph of it, from any distance, is compared with.
+#pragma once
+
+#include <vector>
+
+#include "stitch/calibration/lens/grey_image.h"
+
+namespace nodal::calibration {
+
+/// The picture convolved with a Gaussian of `sigma` px; edges are repeated.
+GreyImage blurred(const GreyImage& image, double sigma);
+
+/// Half the size, after a blur that keeps aliases out (kLevelSigma to kLevelSigma). A place (x, y) of the
+/// picture is (x/2, y/2) of the half. Odd sides lose their last row or column.
+GreyImage halved(const GreyImage& image);
+
+/// Blur of every level, in that level's own pixels.
+inline constexpr double kLevelSigma = 0.9;
+
+/// Level k holds the picture at 1/2^k of its size, blurred by kLevelSigma * 2^k px of the original in all.
+///
+/// Threading: immutable after construction.
+class ScaleSpace {
+ public:
+  /// `image` should not be blurred yet.
+  explicit ScaleSpace(const GreyImage& image);
+
+  struct Sample {
+    double value = 0;
+    double dx = 0;      ///< per px of the original
+    double dy = 0;
+    double dscale = 0;  ///< per doubling of the blur
+  };
+  /// The picture at a place, blurred by `sigma` px of the original (at least kLevelSigma): cubic between
+  /// samples, linear between levels. Past the edge the edge is repeated.
+  Sample at(double x, double y, double sigma) const;
+
+  const GreyImage& level(int k) const { return levels_[static_cast<std::size_t>(k)]; }
+  int levels() const { return static_cast<int>(levels_.size()); }
+
+ private:
+  std::vector<GreyImage> levels_;
+};
+
+}  // namespace nodal::calibration

@@ -1,0 +1,57 @@
+// From matched points to a first lens and first poses: radial alignment (Tsai 1987), which holds for any radial
+// lens, then a linear fit of the lens as a polynomial, then least squares on the points.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/calibration/lens/lens_model.h"
+
+namespace nodal::calibration {
+
+/// A place on a photograph (px) and the place on the pattern (pattern widths from its middle) it shows, if it
+/// is right.
+struct PointPair {
+  Eigen::Vector2d photo;
+  Eigen::Vector2d pattern;
+};
+
+/// A lens and where the pattern stood in each photograph.
+struct Arrangement {
+  LensParameters lens;
+  std::vector<Pose> poses;
+};
+
+/// What a photograph's pairs say without knowing the lens: two rows of the rotation and of t, of one of two
+/// signs.
+struct RadialPose {
+  Eigen::Matrix<double, 2, 3> rows;  ///< (x, y) in the head's frame = rows (X, Y, 1), in pattern widths
+  Eigen::Vector2d third;             ///< r31, r32, up to their common sign
+  std::vector<PointPair> inliers;
+  double tilt() const;               ///< rad, between the pattern's normal and the lens's axis
+};
+
+/// The pose most pairs agree with; nothing when fewer than kLeastPairs do. `center` and `aspect` as guessed.
+inline constexpr int kLeastPairs = 20;
+std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
+                                      double tolerance_px);
+
+/// A first lens and poses for photographs whose radial poses are known.
+/// Errors: kNotDetermined when no photograph is tilted enough to tell focal length from distance.
+Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, LensKind kind,
+                                      const Eigen::Vector2d& center, double aspect);
+
+/// An arrangement a step further. Steps hold the lens's parameters, then `own` numbers a photograph of which
+/// the first six turn and move its pose.
+Arrangement moved(const Arrangement& arrangement, const Eigen::VectorXd& step, int own);
+
+/// Moves the arrangement to put the pattern's points where the photographs show them, and drops the pairs that
+/// then are far off. `fixed_lens` marks lens parameters that are not sought. Returns the median distance before
+/// dropping, px.
+double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::vector<bool>& fixed_lens,
+                        double huber_px, Arrangement& arrangement);
+
+}  // namespace nodal::calibration
