@@ -13,8 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kSide = 96;
-
 const char* const kRigToml = R"([rig]
 name = "six"
 rate = "25"
@@ -31,7 +29,7 @@ calibration = "truth.json"
 
 }  // namespace
 
-Calibration six_heads(const std::string& name) {
+Calibration six_heads(const std::string& name, int side) {
   // Rows are the head's axes in the rig: right, down, forward.
   const std::array<std::array<double, 9>, 6> places{{{1, 0, 0, 0, 1, 0, 0, 0, 1},
                                                      {0, 0, -1, 0, 1, 0, 1, 0, 0},
@@ -44,12 +42,12 @@ Calibration six_heads(const std::string& name) {
   for (std::size_t i = 0; i < places.size(); ++i) {
     HeadCalibration head;
     head.name = "cam" + std::to_string(i);
-    head.width = head.height = kSide;
-    head.center_x = head.center_y = kSide / 2.0;
-    head.lens = RectilinearLens{{kSide / 2.0 / std::tan(50 * std::numbers::pi / 180)}};
+    head.width = head.height = side;
+    head.center_x = head.center_y = side / 2.0;
+    head.lens = RectilinearLens{{side / 2.0 / std::tan(50 * std::numbers::pi / 180)}};
     head.R_head_rig = places[i];
-    head.region = {0, 0, kSide, kSide, {}};
-    head.vignetting = {kSide / 2.0, kSide / 2.0, kSide / 2.0, {}};
+    head.region = {0, 0, static_cast<double>(side), static_cast<double>(side), {}};
+    head.vignetting = {side / 2.0, side / 2.0, side / 2.0, {}};
     calibration.heads.push_back(head);
   }
   return calibration;

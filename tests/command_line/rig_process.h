@@ -17,9 +17,9 @@ namespace nodal::command_line {
 using Json = nlohmann::json;
 using Words = std::vector<std::string>;
 
-/// Six rectilinear heads of 100 degrees, 96 px square, that look along the axes: forward, right, back, left, up,
-/// down. Every ray is seen by one to three. `name` is all that differs between two of them.
-Calibration six_heads(const std::string& name);
+/// Six rectilinear heads of 100 degrees, `side` px square, that look along the axes: forward, right, back, left,
+/// up, down. Every ray is seen by one to three. `name` is all that differs between two of the same size.
+Calibration six_heads(const std::string& name, int side = 96);
 
 /// A folder of the test's own with rig.toml, truth.json and six.json, and a nodald that runs on it.
 class RigTest : public ::testing::Test {
