@@ -89,7 +89,7 @@ class Capture {
     SetClock::Slot slot = 0;
     FrameSet* set = nullptr;
     bool all_triggered = true;  ///< every frame of it has its pulse
-    Duration worst_skew;        ///< of those that have
+    Skews skews;                ///< of those that have
   };
 
   bool run_commands(Instant now);

@@ -5,12 +5,6 @@
 #include "firmware/capture.h"
 
 namespace nodal::firmware {
-namespace {
-
-Duration distance(Duration d) { return d < Duration() ? -d : d; }
-
-}  // namespace
-
 /// One frame of every head, then the next: after a stall, heads that are taken one by one would fill all open sets
 /// with the first head's frames and find the others late.
 bool Capture::take_frames(Instant now) {
@@ -60,8 +54,9 @@ void Capture::place(std::size_t head, const hal::FrameView& frame, Instant now) 
   set.frames[head] = frame;
   set.mask |= head_bit(head);
   if (match->trigger) {
+    open->skews.earliest = set.trigger ? std::min(open->skews.earliest, match->skew) : match->skew;
+    open->skews.latest = set.trigger ? std::max(open->skews.latest, match->skew) : match->skew;
     set.trigger = match->trigger;
-    open->worst_skew = std::max(open->worst_skew, distance(match->skew));
   } else {
     open->all_triggered = false;
   }
@@ -83,7 +78,7 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
   free_.pop_back();
   set->mask = 0;
   set->trigger.reset();
-  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, true, Duration()});
+  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, true, {}});
 }
 
 bool Capture::complete(const OpenSet& open) const {
@@ -138,7 +133,7 @@ void Capture::close_oldest() {
     heads_[i].missed_set();
   }
   if (every_head) ++report_.full_sets;
-  genlock_.on_set(set, open.all_triggered ? std::optional(open.worst_skew) : std::nullopt, every_present, now_);
+  genlock_.on_set(set, open.all_triggered ? std::optional(open.skews) : std::nullopt, every_present, now_);
   set.genlock = genlock_.state();
   FrameSet* lent = &set;
   if (sets_out_.push(std::move(lent))) return;

@@ -18,6 +18,7 @@ Status Genlock::start(const hal::TriggerSettings& settings, Instant now) {
   newest_set_.reset();
   edges_ = next_number_ = missing_ = 0;
   good_sets_ = 0;
+  was_locked_ = false;
   spread_ = spread_worst_ = Duration();
   return {};
 }
@@ -57,17 +58,25 @@ void Genlock::lose() {
   if (running()) state_ = GenlockState::kLost;
 }
 
-void Genlock::on_set(const FrameSet& set, std::optional<Duration> worst_skew, bool every_present_head, Instant now) {
+bool Genlock::is_good(const Skews& skews) {
+  const Duration middle = skews.earliest + (skews.latest - skews.earliest) / 2;
+  if (good_sets_ == 0 && !was_locked_) latency_ = middle;
+  const Duration crept = middle - latency_;
+  return skews.latest - skews.earliest <= kLockLimit && crept <= kLockLimit && -crept <= kLockLimit;
+}
+
+void Genlock::on_set(const FrameSet& set, const std::optional<Skews>& skews, bool every_present_head, Instant now) {
   if (!running() || failed_) return;
   newest_set_ = now;
   if (every_present_head) spread_ = set.spread;
   const bool overdue = now - newest_edge_ > settings_.rate.period() * 5 / 2;
-  if (!worst_skew || *worst_skew > kLockLimit || overdue) {
+  if (overdue || !skews || !is_good(*skews)) {
     if (state_ == GenlockState::kLocked) lose();
     good_sets_ = 0;
     return;
   }
   if (++good_sets_ >= kSetsToLock) state_ = GenlockState::kLocked;
+  was_locked_ |= state_ == GenlockState::kLocked;
   if (state_ == GenlockState::kLocked) spread_worst_ = std::max(spread_worst_, set.spread);
 }
 

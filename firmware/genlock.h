@@ -10,6 +10,12 @@
 
 namespace nodal::firmware {
 
+/// How long after their pulse a set's first and last exposures began.
+struct Skews {
+  Duration earliest;
+  Duration latest;
+};
+
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
   FrameRate rate;
@@ -27,7 +33,9 @@ struct GenlockReport {
 /// | lost      |                             | (counts anew)        | locked                | acquiring | off |
 ///
 /// A pulse is overdue after 2.5 periods, and a set likewise after 3, so that a loss shows within three periods of
-/// being visible at all. A set is good when every frame of it began within kLockLimit of its pulse.
+/// being visible at all. A set is good when its frames began within kLockLimit of each other, counted from their
+/// pulse and their own delay, and as long after it as when they first locked: a latency that all heads share is no
+/// fault, one that creeps is.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the port outlives it.
@@ -46,8 +54,8 @@ class Genlock {
   /// The next pulse, for the set clock; nothing when none is there. Call until it gives nothing, then step().
   std::optional<hal::TriggerEdge> take_edge();
   void step(Instant now);
-  /// A set that was closed, and how far its worst frame began from its pulse; nothing when it has no pulse.
-  void on_set(const FrameSet& set, std::optional<Duration> worst_skew, bool every_present_head, Instant now);
+  /// A set that was closed, and its skews; nothing when a frame of it has no pulse.
+  void on_set(const FrameSet& set, const std::optional<Skews>& skews, bool every_present_head, Instant now);
 
   GenlockState state() const { return state_; }
   const hal::TriggerSettings& settings() const { return settings_; }
@@ -55,6 +63,7 @@ class Genlock {
 
  private:
   void lose();
+  bool is_good(const Skews& skews);
 
   hal::TriggerPort* port_;
   hal::TriggerSettings settings_;
@@ -66,6 +75,8 @@ class Genlock {
   std::uint64_t next_number_ = 0;
   std::uint64_t missing_ = 0;
   int good_sets_ = 0;
+  bool was_locked_ = false;  ///< since start
+  Duration latency_;  ///< middle of the skews of the first good set of the first lock
   Duration spread_;
   Duration spread_worst_;
 };

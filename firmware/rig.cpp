@@ -5,8 +5,8 @@ namespace nodal::firmware {
 Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& software)
     : clock_(ports.clock),
       capture_(config, ports.heads, ports.trigger),
-      blender_(config.raymap, ports.clock, capture_.sets_out(), capture_.sets_back()),
-      encoder_(config.raymap, ports.clock, blender_.raymaps_out()),
+      blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.sets_out(), capture_.sets_back()),
+      encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       control_(config, software, Stages{capture_, blender_, encoder_, keeper_}, ports.listeners, ports.watchdog,
                ports.clock.now()) {}

@@ -28,6 +28,7 @@ struct RigPorts {
   hal::DiskPort& disk;
   std::vector<hal::LinkListenerPort*> listeners;
   hal::WatchdogPort* watchdog = nullptr;
+  hal::ClockPort* stopwatch = nullptr;  ///< for how long a blend takes, when `clock` is a virtual one
 };
 
 /// Threading: each step_ function by one thread, step_blend() by as many as there are cores. close() when none is in

@@ -10,14 +10,17 @@ namespace {
 
 class GenlockTest : public testing::Test {
  protected:
-  /// A period goes by, with a set at its end whose worst frame was so far from its pulse.
-  void period(std::optional<Duration> skew) {
+  /// A period goes by, with a set at its end whose first exposure began `latency` after its pulse, and its last so
+  /// much later; nothing: no pulse exposed it.
+  void period(std::optional<Duration> apart, Duration latency = Duration::microseconds(20)) {
     clock.advance(settings.rate.period());
     while (genlock.take_edge()) {
     }
     FrameSet set;
     set.spread = Duration::microseconds(30);
-    genlock.on_set(set, skew, true, clock.now());
+    std::optional<Skews> skews;
+    if (apart) skews = Skews{latency, latency + *apart};
+    genlock.on_set(set, skews, true, clock.now());
     genlock.step(clock.now());
   }
   void lock() {
@@ -65,6 +68,20 @@ TEST_F(GenlockTest, Locked_OneSetOffIsLostAtOnce) {
   EXPECT_EQ(genlock.state(), GenlockState::kLost);
   for (int i = 0; i < Genlock::kSetsToLock; ++i) period(Duration::microseconds(20));
   EXPECT_EQ(genlock.state(), GenlockState::kLocked);
+}
+
+TEST_F(GenlockTest, ALatencyThatAllHeadsShare_IsNoFault) {
+  ASSERT_TRUE(genlock.start(settings, clock.now()));
+  for (int i = 0; i < 10; ++i) period(Duration::microseconds(20), Duration::milliseconds(-5));
+  EXPECT_EQ(genlock.state(), GenlockState::kLocked);
+}
+
+TEST_F(GenlockTest, HeadsThatRunFreeBesideThePulses_AreLostOnceHalfAMillisecondCreptIn) {
+  lock();
+  for (int i = 0; i < 2000; ++i) {
+    period(Duration::microseconds(20), Duration::microseconds(20 + 5 * i));  // 150 ppm
+    EXPECT_EQ(genlock.state(), i <= 100 ? GenlockState::kLocked : GenlockState::kLost) << i;
+  }
 }
 
 TEST_F(GenlockTest, Locked_ASetThatNoPulseExposedIsLost) {
