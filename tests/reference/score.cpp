@@ -12,6 +12,34 @@ double level(const PlaneView& plane, int x, int y) {
   return plane.data[y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride];
 }
 
+double luma(const ImageView& rgb, int x, int y) {
+  return 0.299 * level(rgb.planes[0], x, y) + 0.587 * level(rgb.planes[1], x, y) +
+         0.114 * level(rgb.planes[2], x, y);
+}
+
+double block_ssim(const ImageView& a, const ImageView& b, int x0, int y0, int side) {
+  double sum_a = 0, sum_b = 0, aa = 0, bb = 0, ab = 0;
+  for (int y = y0; y < y0 + side; ++y) {
+    for (int x = x0; x < x0 + side; ++x) {
+      const double va = luma(a, x, y);
+      const double vb = luma(b, x, y);
+      sum_a += va;
+      sum_b += vb;
+      aa += va * va;
+      bb += vb * vb;
+      ab += va * vb;
+    }
+  }
+  const double n = side * side;
+  const double mean_a = sum_a / n;
+  const double mean_b = sum_b / n;
+  const double c1 = 0.01 * 255 * 0.01 * 255;
+  const double c2 = 0.03 * 255 * 0.03 * 255;
+  return (2 * mean_a * mean_b + c1) * (2 * (ab / n - mean_a * mean_b) + c2) /
+         ((mean_a * mean_a + mean_b * mean_b + c1) *
+          (aa / n - mean_a * mean_a + bb / n - mean_b * mean_b + c2));
+}
+
 }  // namespace
 
 Score score(const ImageView& raymap, const ImageView& truth, const geometry::RaymapLayout& layout) {
@@ -48,6 +76,20 @@ Score score(const ImageView& raymap, const ImageView& truth, const geometry::Ray
   }
   const double mean = squares / (static_cast<double>(components) * covered);
   return {10 * std::log10(255.0 * 255.0 / mean), covered / sphere};
+}
+
+double ssim(const ImageView& a, const ImageView& b, const geometry::RaymapLayout& layout) {
+  constexpr int kSide = 8;
+  double sum = 0;
+  double sphere = 0;
+  for (int y = 0; y + kSide <= a.height; y += kSide) {
+    for (int x = 0; x + kSide <= a.width; x += kSide) {
+      const double omega = layout.solid_angle(x + kSide / 2, y + kSide / 2);
+      sum += omega * block_ssim(a, b, x, y, kSide);
+      sphere += omega;
+    }
+  }
+  return sum / sphere;
 }
 
 Difference difference(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) {

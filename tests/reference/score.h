@@ -19,6 +19,10 @@ struct Score {
 /// Pixels that are all black count as not covered and are left out. RGB24 or GREY, both of the layout's size.
 Score score(const ImageView& raymap, const ImageView& truth, const geometry::RaymapLayout& layout);
 
+/// Structural similarity (Wang et al. 2004) of two RGB24 pictures' luma over 8x8 blocks, each weighted by the solid
+/// angle at its middle; 1 when they are the same.
+double ssim(const ImageView& a, const ImageView& b, const geometry::RaymapLayout& layout);
+
 /// PSNR of two pictures as they are, every byte alike, and the largest difference.
 struct Difference {
   double psnr_db = 0;
