@@ -156,8 +156,10 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
     formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
   }
   const RaymapConfig& raymap = config_.raymap;
+  table::TableOptions options;
+  options.feather = raymap.feather;
   auto job = table::TableJob::make(*fitted, raymap_layout_name(raymap.layout), raymap.width, raymap.height,
-                                   raymap.format, formats);
+                                   raymap.format, formats, options);
   if (!job) return fail(job.error().in("calibration " + short_id(id)));
   installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), 0, false});
   return {};

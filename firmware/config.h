@@ -47,6 +47,7 @@ struct RaymapConfig {
   int height = 1024;
   PixelFormat format = PixelFormat::kI420;  ///< kI420, kRgb24 or kGrey8
   int jpeg_quality = 85;                    ///< 1 .. 100
+  double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
 };
 
 /// [trigger]

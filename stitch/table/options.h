@@ -13,8 +13,9 @@ enum class Interpolation : std::uint8_t {
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
   /// How far from the edge of its region a head's weight has grown to its full, as a part of half the region's
-  /// shorter side.
-  double feather = 0.05;
+  /// shorter side. Wide hides what heads disagree on: parallax, light. Narrow is sharper where they agree:
+  /// synthetic_10head, whose heads share their nodal point exactly, gains 0.15 dB from 0.05.
+  double feather = 0.5;
   /// Heads with less than this share of a sample are left out of it.
   double least_weight = 1.0 / 1024;
   /// Source::sharpen of every head, in 1/64, 0 .. 16: gives back part of what mixing four samples takes from fine

@@ -16,10 +16,11 @@ TableJob::TableJob(TableJob&&) noexcept = default;
 TableJob& TableJob::operator=(TableJob&&) noexcept = default;
 
 Result<TableJob> TableJob::make(const Calibration& calibration, std::string_view layout, int width, int height,
-                                PixelFormat raymap_format, std::span<const PixelFormat> head_formats) {
+                                PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
+                                const TableOptions& options) {
   auto made = geometry::make_layout(layout, width, height);
   if (!made) return fail(made.error());
-  auto compiler = TableCompiler::make(calibration, **made, raymap_format, head_formats);
+  auto compiler = TableCompiler::make(calibration, **made, raymap_format, head_formats, options);
   if (!compiler) return fail(compiler.error());
   return TableJob(std::make_unique<State>(State{std::move(*made), std::move(*compiler)}));
 }

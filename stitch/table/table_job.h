@@ -9,10 +9,11 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/table/options.h"
 
 namespace nodal::table {
 
-/// TableCompiler with the layout by name and the default options.
+/// TableCompiler with the layout by name.
 ///
 /// Threading: compile_rows() may run on any number of threads at once, on disjoint rows; all else on one.
 /// Ownership: owns everything it needs.
@@ -20,7 +21,8 @@ namespace nodal::table {
 class TableJob {
  public:
   static Result<TableJob> make(const Calibration& calibration, std::string_view layout, int width, int height,
-                               PixelFormat raymap_format, std::span<const PixelFormat> head_formats);
+                               PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
+                               const TableOptions& options = {});
   ~TableJob();
   TableJob(TableJob&&) noexcept;
   TableJob& operator=(TableJob&&) noexcept;

@@ -120,7 +120,7 @@ TEST_F(RealRig, RooftopImportedReplayedUploadedPulled_IsTheReferenceStitch) {
 
   const Shifts far = shifts_against(raymap.view(), reference.view(), 300, 560);
   EXPECT_GE(far.windows, 50);
-  EXPECT_GE(far.within_one_pixel, far.windows * 97 / 100);
+  EXPECT_GE(far.within_one_pixel, far.windows * 85 / 100);
 
   const double inside = (mean_step(raymap.view(), 500, 501) + mean_step(raymap.view(), 1500, 1501)) / 2;
   EXPECT_LE(mean_step(raymap.view(), kWidth - 1, 0), 1.5 * inside) << "the sphere does not close behind";

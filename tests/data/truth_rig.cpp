@@ -98,7 +98,7 @@ std::string replay_rig_toml(const TruthRig& rig, std::string_view folder, std::s
       "# Replays the pictures of a rendered rig.\n[rig]\nname = \"truth\"\nrate = \"30000/1001\"\n\n[raymap]\n";
   text += "layout = \"equirectangular\"\nwidth = " + std::to_string(width) +
           "\nheight = " + std::to_string(width / 2) + "\n";
-  text += "format = \"" + std::string(format) + "\"\njpeg_quality = 95\n\n[trigger]\nstart = true\n\n";
+  text += "format = \"" + std::string(format) + "\"\njpeg_quality = 95\nfeather = 0.05\n\n[trigger]\nstart = true\n\n";
   text += "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n";
   for (std::size_t i = 0; i < rig.images.size(); ++i) {
     text += "\n[[heads]]\nname = \"" + rig.calibration.heads[i].name +
