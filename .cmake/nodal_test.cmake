@@ -2,9 +2,9 @@
 #            [TIMEOUT seconds] [SERIAL])
 #
 # One GoogleTest program of one line; each of its tests is a ctest of its own. LABELS says what kind it is
-# (unit, conformance, scenario, crash, data, tidy, ...), so that `ctest -L unit` runs a kind. Tests may
-# include any module that SEES names. NODAL_SOURCE_DIR is the checkout; NODAL_SHARED_DIR, the test data beside
-# it, which may not be there.
+# (unit, conformance, scenario, crash, data, tidy, ...), so that `ninja tests_unit` builds and `ctest -L unit`
+# runs a kind. Tests may include any module that SEES names. NODAL_SOURCE_DIR is the checkout; NODAL_SHARED_DIR,
+# the test data beside it, which may not be there.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
@@ -39,5 +39,11 @@ function(nodal_test name)
   if(ARG_SERIAL)
     list(APPEND properties RUN_SERIAL TRUE)
   endif()
+  foreach(label IN LISTS ARG_LABELS)
+    if(NOT TARGET tests_${label})
+      add_custom_target(tests_${label})
+    endif()
+    add_dependencies(tests_${label} ${test})
+  endforeach()
   gtest_discover_tests(${test} TEST_PREFIX "${name}/" PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
 endfunction()
