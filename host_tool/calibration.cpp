@@ -120,7 +120,9 @@ Status run_show(Context& context, const Args& args) {
 Status tell_in_force(Context& context, const wire::Request& request) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
-  if (const Result<wire::Reply> done = (*rig)->ask(request); !done) return fail(done.error());
+  const auto show_activity = [&](const wire::RigStatus& status) { context.console().activity(status.activity()); };
+  if (const Result<wire::Reply> done = (*rig)->ask_long(request, show_activity); !done) return fail(done.error());
+  context.console().finish_progress();
   wire::Request list;
   list.mutable_calibration_list();
   const Result<wire::Reply> reply = (*rig)->ask(list);

@@ -124,6 +124,12 @@ void Console::progress(std::string_view text) {
   std::fflush(err_);
 }
 
+void Console::activity(const std::string& text) {
+  if (text.empty() || text == activity_) return;
+  activity_ = text;
+  progress(text);
+}
+
 void Console::finish_progress() {
   if (progress_shown_) put(err_, "\r\x1b[K");
   progress_shown_ = false;

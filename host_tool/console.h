@@ -54,6 +54,8 @@ class Console {
   /// A line on standard error that is drawn over, as progress is; ends with finish_progress().
   void progress(std::string_view text);
   void finish_progress();
+  /// What a rig says it is doing, when that is news.
+  void activity(const std::string& text);
 
  private:
   std::string paint_for(bool terminal, Colour colour, std::string_view text) const;
@@ -65,6 +67,7 @@ class Console {
   bool colour_;
   bool json_ = false;
   bool progress_shown_ = false;
+  std::string activity_;
 };
 
 /// Columns of text, each as wide as its widest cell; numbers to the right.

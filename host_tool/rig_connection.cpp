@@ -15,6 +15,7 @@
 namespace nodal::host {
 namespace {
 
+constexpr Duration kLookEvery = Duration::seconds(1);
 constexpr std::string_view kSoftware = "nodal " NODAL_VERSION;
 
 Duration now() {
@@ -75,21 +76,49 @@ Status RigConnection::say_hello() {
   return step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello");
 }
 
-Result<wire::Reply> RigConnection::ask(wire::Request request) {
+Result<std::uint64_t> RigConnection::post(wire::Request& request) {
   if (dead_) return fail(*dead_);
   request.set_id(next_request_++);
   if (const Status sent = session_.send(request); !sent) return fail(sent.error());
-  const auto answer = [&] {
-    return std::ranges::find(replies_, request.id(), [](const wire::Reply& reply) { return reply.id(); });
-  };
-  if (const Status waited = step_until([&] { return answer() != replies_.end(); }, "an answer"); !waited) {
-    return fail(waited.error());
-  }
-  const auto found = answer();
+  return request.id();
+}
+
+bool RigConnection::answered(std::uint64_t id) const {
+  return std::ranges::any_of(replies_, [id](const wire::Reply& reply) { return reply.id() == id; });
+}
+
+Result<wire::Reply> RigConnection::take_answer(std::uint64_t id) {
+  const auto found = std::ranges::find(replies_, id, [](const wire::Reply& reply) { return reply.id(); });
+  NODAL_ASSERT(found != replies_.end());
   wire::Reply reply = std::move(*found);
   replies_.erase(found);
   if (reply.has_error()) return fail(static_cast<Errc>(reply.error().code()), reply.error().message());
   return reply;
+}
+
+Result<wire::Reply> RigConnection::ask(wire::Request request) {
+  const Result<std::uint64_t> id = post(request);
+  if (!id) return fail(id.error());
+  if (const Status waited = step_until([&] { return answered(*id); }, "an answer"); !waited) {
+    return fail(waited.error());
+  }
+  return take_answer(*id);
+}
+
+Result<wire::Reply> RigConnection::ask_long(wire::Request request,
+                                            const std::function<void(const wire::RigStatus&)>& meanwhile) {
+  const Result<std::uint64_t> id = post(request);
+  if (!id) return fail(id.error());
+  while (true) {
+    const Status waited = step_until([&] { return answered(*id); }, "an answer", std::min(kLookEvery, patience_));
+    if (waited) return take_answer(*id);
+    if (waited.error().code != Errc::kTimeout) return fail(waited.error());
+    wire::Request status;
+    status.mutable_status();
+    const Result<wire::Reply> how = ask(status);
+    if (!how) return fail(how.error());
+    meanwhile(how->status());
+  }
 }
 
 Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
@@ -138,15 +167,15 @@ void RigConnection::stop_stream(StreamId stream) {
   if (!dead_) session_.stop_stream(stream, Error{Errc::kCancelled, "the client has what it wants"});
 }
 
-Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what) {
-  Duration until = now() + patience_;
+Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what, Duration within) {
+  const Duration until = now() + within;
   while (!done()) {
     if (interrupted()) return cancelled();
     const Duration left = until - now();
     if (left <= Duration()) {
       return fail(Errc::kTimeout, fmt::format("{}: waited {} for {}; the rig may be busy (--timeout waits longer) or "
                                               "the link stuck", address_,
-                                              show_duration(static_cast<std::uint64_t>(patience_.ns())), what));
+                                              show_duration(static_cast<std::uint64_t>(within.ns())), what));
     }
     if (const Status stepped = step(left); !stepped) return stepped;
     while (std::optional<Event> event = session_.next_event()) {

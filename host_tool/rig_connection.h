@@ -39,6 +39,10 @@ class RigConnection {
   /// Sends the request under a new id and waits for its answer. An error the rig answers is an error here.
   Result<wire::Reply> ask(wire::Request request);
 
+  /// The same for what may take long, such as compiling a table: as long as the rig answers at all, its answer is
+  /// waited for, and `meanwhile` is told every second how the rig is.
+  Result<wire::Reply> ask_long(wire::Request request, const std::function<void(const wire::RigStatus&)>& meanwhile);
+
   /// The next of what comes on streams (StreamOpened, BulkPiece, StreamClosed, StreamStopped); nothing when
   /// `at_most` has passed.
   Result<std::optional<Event>> next_event(Duration at_most);
@@ -57,7 +61,14 @@ class RigConnection {
   /// Moves bytes both ways once; waits at most so long when there was nothing to move.
   Status step(Duration at_most);
   /// Steps until `done` says so, with what comes meanwhile put aside. `what` names what was waited for.
-  Status step_until(const std::function<bool()>& done, const std::string& what);
+  Status step_until(const std::function<bool()>& done, const std::string& what, Duration within);
+  Status step_until(const std::function<bool()>& done, const std::string& what) {
+    return step_until(done, what, patience_);
+  }
+  /// Sends the request; the id that its answer will have.
+  Result<std::uint64_t> post(wire::Request& request);
+  bool answered(std::uint64_t id) const;
+  Result<wire::Reply> take_answer(std::uint64_t id);
   tl::unexpected<Error> link_lost(const Error& error) const;
 
   std::unique_ptr<hal::LinkPort> link_;

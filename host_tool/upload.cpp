@@ -29,7 +29,9 @@ Status send(RigConnection& rig, const UploadSender& sender, Uploaded& state, Con
   }
   wire::Request commit;
   *commit.mutable_upload_commit() = sender.commit();
-  const Result<wire::Reply> done = rig.ask(commit);
+  const Result<wire::Reply> done =
+      rig.ask_long(commit, [&](const wire::RigStatus& status) { console.activity(status.activity()); });
+  console.finish_progress();
   if (!done) return fail(done.error());
   return {};
 }

@@ -120,6 +120,40 @@ TEST(RigConnection, RigThatNeverAnswers_IsATimeoutThatSaysHowLongAndWhatFor) {
   EXPECT_NE(reply.error().message.find("--timeout"), std::string::npos);
 }
 
+TEST(RigConnection, AnswerThatTakesLong_IsWaitedForWhileTheRigSaysWhatItDoes) {
+  FakeRig rig;
+  int looks = 0;
+  rig.answer = [&](const wire::Request& request) -> std::optional<wire::Reply> {
+    if (!request.has_status()) return std::nullopt;
+    if (++looks == 3) {  // the third time somebody looks, the first request is done, too
+      wire::Reply done;
+      done.set_id(rig.requests.front().id());
+      done.mutable_done();
+      EXPECT_TRUE(rig.session().send(done));
+    }
+    wire::Reply reply = status_reply(0);
+    reply.mutable_status()->set_activity("compiling: " + std::to_string(looks));
+    return reply;
+  };
+  auto connection = talk_to(rig);
+  wire::Request commit;
+  commit.mutable_upload_commit();
+  std::vector<std::string> told;
+  const auto reply = (*connection)->ask_long(commit, [&](const wire::RigStatus& s) { told.push_back(s.activity()); });
+  ASSERT_TRUE(reply) << reply.error().text();
+  EXPECT_TRUE(reply->has_done());
+  EXPECT_EQ(told, (std::vector<std::string>{"compiling: 1", "compiling: 2", "compiling: 3"}));
+}
+
+TEST(RigConnection, RigThatGoesSilentDuringALongRequest_IsATimeout) {
+  FakeRig rig;
+  auto connection = talk_to(rig);
+  wire::Request commit;
+  commit.mutable_upload_commit();
+  const auto reply = (*connection)->ask_long(commit, [](const wire::RigStatus&) {});
+  EXPECT_EQ(reply.error().code, Errc::kTimeout);
+}
+
 TEST(RigConnection, RigThatNeverSaysHello_IsATimeout) {
   FakeRig rig;
   auto connection = RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience,
