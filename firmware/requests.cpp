@@ -50,7 +50,9 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       break;
     case wire::Request::kPull: {
       if (!keeper_->in_force) {
-        done = fail(Errc::kNotReady, "no calibration is in force, so there are no raymaps; upload one first");
+        done = fail(Errc::kNotReady, "there are no raymaps yet: " + (keeper_->activity.empty()
+                                         ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                         : keeper_->activity));
         break;
       }
       const auto stream = publisher_.start(client, request.pull());

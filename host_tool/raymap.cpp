@@ -272,6 +272,27 @@ Result<int> count_heads(RigConnection& rig) {
   return reply->heads().heads_size();
 }
 
+/// Asks for raymaps, again each second while the rig is still making the table they come from.
+Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Console& console) {
+  constexpr Duration kAskAgainAfter = Duration::seconds(1);
+  while (true) {
+    const Result<wire::Reply> started = rig.ask(request);
+    if (started) {
+      console.finish_progress();
+      return StreamId{started->pull().stream()};
+    }
+    if (started.error().code != Errc::kNotReady) return fail(started.error());
+    wire::Request how;
+    how.mutable_status();
+    const Result<wire::Reply> status = rig.ask(how);
+    if (!status) return fail(status.error());
+    if (status->status().activity().empty()) return fail(started.error());
+    console.activity(status->status().activity());
+    if (const auto event = rig.next_event(kAskAgainAfter); !event) return fail(event.error());
+    if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status->status().activity());
+  }
+}
+
 Status run(Context& context, const Args& args) {
   const Result<Sink> sink = make_sink(args, context.console());
   if (!sink) return fail(sink.error());
@@ -284,9 +305,9 @@ Status run(Context& context, const Args& args) {
   wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
   wanted.set_count(0);  // this end stops when it has enough: what is dropped on the way does not count
   wanted.set_lossless(args.lossless);
-  const Result<wire::Reply> started = (*rig)->ask(request);
-  if (!started) return fail(started.error());
-  return Pull(**rig, started->pull().stream(), args, *sink, *heads, context.console()).run();
+  const Result<StreamId> stream = start_pull(**rig, request, context.console());
+  if (!stream) return fail(stream.error());
+  return Pull(**rig, *stream, args, *sink, *heads, context.console()).run();
 }
 
 }  // namespace

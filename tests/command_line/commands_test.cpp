@@ -153,6 +153,24 @@ TEST_F(Commands, NodaldStartedAgain_HasTheCalibrationThatWasInForce) {
   EXPECT_TRUE(wait_until([&] { return nodal_json({"status"}).at(0)["calibration_id"] == six; }));
 }
 
+TEST_F(Commands, PullWhileTheStoredCalibrationIsCompiled_WaitsAndSaysSo) {
+  start_nodald();
+  bring_up();
+  nodald().signal(SIGTERM);
+  EXPECT_EQ(nodald().wait().code, 0);
+  std::string toml = read("rig.toml");  // a raymap whose table takes a while
+  toml.replace(toml.find("width = 256"), 11, "width = 2048");
+  toml.replace(toml.find("height = 128"), 12, "height = 1024");
+  write("rig.toml", toml);
+  start_nodald();
+  const auto pull = start({"raymap", "pull", "--out", path("r.jpg")});
+  ASSERT_EQ(nodal({"genlock", "start"}).code, 0);
+  const Finished pulled = pull->wait();
+  EXPECT_EQ(pulled.code, 0) << pulled.err;
+  EXPECT_NE(pulled.err.find("compiling the table"), std::string::npos) << pulled.err;
+  EXPECT_EQ(read("r.jpg").substr(0, 2), "\xFF\xD8");
+}
+
 TEST_F(Commands, WatchedStatus_IsALineOrADocumentEachTime) {
   start_nodald();
   const Finished lines = nodal({"status", "--watch", "--interval", "20ms", "--count", "3"});

@@ -6,7 +6,7 @@
 #include <regex>
 #include <set>
 
-#include "process.h"
+#include "tests/support/process.h"
 
 namespace nodal::command_line {
 namespace {
@@ -19,7 +19,7 @@ std::set<std::string> options_in(const std::string& text) {
 }
 
 TEST(NodaldManual, OptionsInItAndInHelp_AreTheSame) {
-  const Finished help = Process({NODAL_BIN_DIR "/nodald", "--help"}).wait();
+  const test::Finished help = test::Process({NODAL_BIN_DIR "/nodald", "--help"}).wait();
   ASSERT_EQ(help.code, 0);
   std::ifstream file(NODAL_SOURCE_DIR "/firmware/daemon/nodald.8");
   std::string page{std::istreambuf_iterator<char>(file), {}};

@@ -9,12 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "process.h"
 #include "protocol/calibration.h"
+#include "tests/support/process.h"
 
 namespace nodal::command_line {
 
 using Json = nlohmann::json;
+using ::nodal::test::Finished;
+using ::nodal::test::Process;
+using ::nodal::test::wait_until;
 using Words = std::vector<std::string>;
 
 /// Six rectilinear heads of 100 degrees, `side` px square, that look along the axes: forward, right, back, left,

@@ -1,14 +1,10 @@
 #include "nodald_process.h"
 
-#include <fcntl.h>
 #include <poll.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
-#include <csignal>
 #include <cstdlib>
 #include <fstream>
 
@@ -44,40 +40,9 @@ RigFolder::~RigFolder() {
   std::filesystem::remove_all(path, ignored);
 }
 
-Program::Program(const std::string& program, const std::vector<std::string>& arguments, const std::string& log) {
-  std::string file = std::string(NODAL_BIN_DIR) + "/" + program;
-  std::vector<std::string> words = {file};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  pid_ = ::fork();
-  if (pid_ != 0) return;
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive a test that dies
-  const int out = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-  ::dup2(out, STDOUT_FILENO);
-  ::dup2(out, STDERR_FILENO);
-  ::execv(file.c_str(), argv.data());
-  ::_exit(127);
-}
-
-Program::~Program() {
-  if (ended_) return;
-  signal(SIGKILL);
-  (void)wait(10);
-}
-
-void Program::signal(int number) {
-  if (!ended_ && pid_ > 0) ::kill(pid_, number);
-}
-
-std::optional<int> Program::wait(int seconds) {
-  for (const auto end = in_seconds(seconds); !ended_ && Clock::now() < end; wait_a_moment()) {
-    int status = 0;
-    if (::waitpid(pid_, &status, WNOHANG) != pid_) continue;
-    ended_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
-  }
-  return ended_;
+std::vector<std::string> nodald(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), NODAL_BIN_DIR "/nodald");
+  return arguments;
 }
 
 LinkHost::LinkHost(std::unique_ptr<hal::LinkPort> link)

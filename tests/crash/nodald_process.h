@@ -1,8 +1,6 @@
 // The real nodald, as a process on a folder of its own, and a host that talks to it.
 #pragma once
 
-#include <sys/types.h>
-
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -24,20 +22,8 @@ class RigFolder {
   std::string socket() const { return (path / "sock").string(); }
 };
 
-/// A started program; killed when this goes.
-class Program {
- public:
-  /// `program` is a name in NODAL_BIN_DIR. Its standard error goes to `log`.
-  Program(const std::string& program, const std::vector<std::string>& arguments, const std::string& log);
-  ~Program();
-  void signal(int number);
-  /// Its exit code, or minus the signal that ended it; nothing when it has not ended within so many seconds.
-  std::optional<int> wait(int seconds);
-
- private:
-  pid_t pid_ = -1;
-  std::optional<int> ended_;
-};
+/// nodald with these arguments.
+std::vector<std::string> nodald(std::vector<std::string> arguments);
 
 /// A host over any link.
 class LinkHost {

@@ -2,23 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <fstream>
-#include <sstream>
 
 #include "hal/linux/link/socket_link.h"
 #include "nodald_process.h"
 #include "protocol/upload.h"
 #include "tests/scenario/small_rig.h"
+#include "tests/support/process.h"
 
 namespace nodal::crash {
 namespace {
-
-std::string contents(const std::filesystem::path& file) {
-  std::stringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
 
 bool in_force(LinkHost& host, const std::string& id) {
   for (int i = 0; i < 2000; ++i) {
@@ -34,10 +29,9 @@ std::string id_of(const Calibration& calibration) { return sha256_to_wire(calibr
 
 TEST(Nodald, StartedAskedAndStopped_GivesRaymapsAndAccountsForEveryFrame) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
-  Program nodald("nodald", {"--config", folder.config()}, log);
+  test::Process daemon(nodald({"--config", folder.config()}));
   const auto host = LinkHost::connect(folder.socket());
-  ASSERT_TRUE(host) << contents(log);
+  ASSERT_TRUE(host) << daemon.complained();
   const Calibration calibration = scenario::small_calibration("truth");
   ASSERT_TRUE(host->upload_and_commit(to_json(calibration)));
   ASSERT_TRUE(in_force(*host, id_of(calibration)));
@@ -52,15 +46,14 @@ TEST(Nodald, StartedAskedAndStopped_GivesRaymapsAndAccountsForEveryFrame) {
   for (const wire::Count& count : status->losses()) lost += count.frames();
   EXPECT_EQ(status->frames_taken(), status->frames_in_sets() + status->frames_held() + lost);
   EXPECT_GT(status->resident_bytes(), 1'000'000u);
-  nodald.signal(SIGTERM);
-  EXPECT_EQ(nodald.wait(20), 0) << contents(log);
-  EXPECT_NE(contents(log).find("stopped: "), std::string::npos) << contents(log);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 0) << daemon.complained();
+  EXPECT_NE(daemon.complained().find("stopped: "), std::string::npos) << daemon.complained();
   EXPECT_FALSE(std::filesystem::exists(folder.socket())) << "its socket goes with it";
 }
 
 TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
   std::string now;
   // After the commit so much conversation goes by until the kill: more after an old one was found, less after a new
   // one, so that most kills fall into the swap however fast this machine is.
@@ -69,32 +62,32 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   int new_ones = 0;
   constexpr int kKills = 20;
   for (int i = 0; i < kKills; ++i) {
-    Program nodald("nodald", {"--config", folder.config()}, log);
+    test::Process daemon(nodald({"--config", folder.config()}));
     const auto host = LinkHost::connect(folder.socket());
-    ASSERT_TRUE(host) << contents(log);
-    ASSERT_TRUE(now.empty() || in_force(*host, now)) << "start " << i << "\n" << contents(log);
+    ASSERT_TRUE(host) << daemon.complained();
+    ASSERT_TRUE(now.empty() || in_force(*host, now)) << "start " << i << "\n" << daemon.complained();
     const Calibration next = scenario::small_calibration("number " + std::to_string(i));
     ASSERT_TRUE(host->upload_and_commit(to_json(next)));
     for (int step = 0; step < patience; ++step) ASSERT_TRUE(host->pump());
-    nodald.signal(SIGKILL);
-    ASSERT_EQ(nodald.wait(20), -SIGKILL);
+    daemon.signal(SIGKILL);
+    ASSERT_EQ(daemon.wait(std::chrono::seconds(20)).code, 128 + SIGKILL);
 
-    Program again("nodald", {"--config", folder.config()}, log);
+    test::Process again(nodald({"--config", folder.config()}));
     const auto asks = LinkHost::connect(folder.socket());
-    ASSERT_TRUE(asks) << contents(log);
+    ASSERT_TRUE(asks) << again.complained();
     std::optional<wire::RigStatus> status;
     do {
       status = asks->status();
       ASSERT_TRUE(status);
     } while (status->state() == "starting");
     const std::string id = status->calibration_id();
-    EXPECT_TRUE(id == now || id == id_of(next)) << "after kill " << i << "\n" << contents(log);
+    EXPECT_TRUE(id == now || id == id_of(next)) << "after kill " << i << "\n" << again.complained();
     const bool is_new = id == id_of(next);
     ++(is_new ? new_ones : old_ones);
     patience = is_new ? std::max(0, patience - 7) : patience + 11;
     now = id;
     again.signal(SIGTERM);
-    EXPECT_EQ(again.wait(20), 0);
+    EXPECT_EQ(again.wait(std::chrono::seconds(20)).code, 0);
   }
   EXPECT_GT(old_ones, 0);
   EXPECT_GT(new_ones, 0);
@@ -102,9 +95,8 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
 
 TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
-  Program nodald("nodald", {"--config", folder.config()}, log);
-  ASSERT_TRUE(LinkHost::connect(folder.socket())) << contents(log);
+  test::Process daemon(nodald({"--config", folder.config()}));
+  ASSERT_TRUE(LinkHost::connect(folder.socket())) << daemon.complained();
   auto link = hal::spawn_link({std::string(NODAL_BIN_DIR) + "/nodald", "--bridge", "--socket", folder.socket()});
   ASSERT_TRUE(link) << link.error().text();
   LinkHost host(std::move(*link));
@@ -115,47 +107,42 @@ TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {
 
 TEST(Nodald, WithoutADaemon_TheBridgeSaysSoAndEndsWith3) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
-  Program bridge("nodald", {"--bridge", "--socket", folder.socket()}, log);
-  EXPECT_EQ(bridge.wait(20), 3);
-  EXPECT_NE(contents(log).find("unreachable"), std::string::npos) << contents(log);
+  test::Process bridge(nodald({"--bridge", "--socket", folder.socket()}));
+  EXPECT_EQ(bridge.wait(std::chrono::seconds(20)).code, 3);
+  EXPECT_NE(bridge.complained().find("unreachable"), std::string::npos) << bridge.complained();
 }
 
 TEST(Nodald, ABadRigToml_EndsWith2AndSaysWhere) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
   std::ofstream(folder.path / "rig.toml", std::ios::app) << "colour = 3\n";
-  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
-  EXPECT_EQ(nodald.wait(20), 2);
-  EXPECT_NE(contents(log).find("there is no key 'heads[5].colour'"), std::string::npos) << contents(log);
+  test::Process daemon(nodald({"--config", folder.config(), "--check"}));
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 2);
+  EXPECT_NE(daemon.complained().find("there is no key 'heads[5].colour'"), std::string::npos) << daemon.complained();
 }
 
 TEST(Nodald, TruthThatIsMissing_EndsWith2AndNamesTheFile) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
   std::filesystem::remove(folder.path / "truth.json");
-  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
-  EXPECT_EQ(nodald.wait(20), 2);
-  EXPECT_NE(contents(log).find("truth.json"), std::string::npos) << contents(log);
+  test::Process daemon(nodald({"--config", folder.config(), "--check"}));
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 2);
+  EXPECT_NE(daemon.complained().find("truth.json"), std::string::npos) << daemon.complained();
 }
 
 TEST(Nodald, Check_EndsWith0AndStartsNothing) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
-  Program nodald("nodald", {"--config", folder.config(), "--check"}, log);
-  EXPECT_EQ(nodald.wait(20), 0) << contents(log);
+  test::Process daemon(nodald({"--config", folder.config(), "--check"}));
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 0) << daemon.complained();
   EXPECT_FALSE(std::filesystem::exists(folder.path / "store"));
-  EXPECT_NE(contents(log).find("is fine"), std::string::npos);
+  EXPECT_NE(daemon.said().find("is fine"), std::string::npos);
 }
 
 TEST(Nodald, ASecondOneOnTheSameSocket_EndsWith3AndTheFirstGoesOn) {
   const RigFolder folder;
-  const std::string log = (folder.path / "log").string();
-  Program first("nodald", {"--config", folder.config()}, log);
+  test::Process first(nodald({"--config", folder.config()}));
   const auto host = LinkHost::connect(folder.socket());
-  ASSERT_TRUE(host) << contents(log);
-  Program second("nodald", {"--config", folder.config(), "--store", (folder.path / "other").string()}, log);
-  EXPECT_EQ(second.wait(30), 3) << contents(log);
+  ASSERT_TRUE(host) << first.complained();
+  test::Process second(nodald({"--config", folder.config(), "--store", (folder.path / "other").string()}));
+  EXPECT_EQ(second.wait(std::chrono::seconds(30)).code, 3) << second.complained();
   EXPECT_TRUE(host->status());
 }
 

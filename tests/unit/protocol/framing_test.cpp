@@ -157,7 +157,9 @@ TEST(FrameDecoder, AfterAnError_GoodFramesChangeNothing) {
   bytes.back() ^= 1;
   FrameDecoder decoder;
   std::span<const std::uint8_t> rest = bytes;
-  const Error error = decoder.next(rest).error();
+  const auto first = decoder.next(rest);
+  ASSERT_FALSE(first);
+  const Error error = first.error();
   EXPECT_EQ(error.code, Errc::kChecksum);
   const Bytes good = frame({FrameType::kRequest, 0, 0, 0}, kHi);
   rest = good;

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace nodal::command_line {
+namespace nodal::test {
 
 struct Finished {
   int code = -1;  ///< exit code, or 128 + the signal that ended it
@@ -17,7 +17,7 @@ struct Finished {
   std::string err;
 };
 
-/// A program that runs; it is killed with the object.
+/// A program that runs; it is killed with the object, and with the test that started it.
 class Process {
  public:
   /// `environment` goes over ours. Standard output and error are kept to be read.
@@ -28,8 +28,9 @@ class Process {
 
   pid_t pid() const { return pid_; }
   void signal(int number) const;
-  /// What it has said on standard output so far.
+  /// What it has said on standard output so far, and on standard error.
   std::string said();
+  std::string complained();
   /// Its end; killed (code 137) when it takes longer.
   Finished wait(std::chrono::seconds at_most = std::chrono::seconds(60));
 
@@ -45,4 +46,4 @@ class Process {
 /// nobody is asked to sleep for a time that is hoped to be enough.
 bool wait_until(const std::function<bool()>& holds, std::chrono::seconds at_most = std::chrono::seconds(60));
 
-}  // namespace nodal::command_line
+}  // namespace nodal::test

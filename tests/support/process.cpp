@@ -1,8 +1,9 @@
-#include "process.h"
+#include "tests/support/process.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,13 +11,14 @@
 #include <cstdlib>
 #include <thread>
 
-namespace nodal::command_line {
+namespace nodal::test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
 [[noreturn]] void become(const std::vector<std::string>& command, const std::map<std::string, std::string>& environment,
                          int out, int err) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
   const int nothing = ::open("/dev/null", O_RDONLY);
   ::dup2(nothing, STDIN_FILENO);
@@ -76,6 +78,11 @@ std::string Process::said() {
   return finished_.out;
 }
 
+std::string Process::complained() {
+  read_more();
+  return finished_.err;
+}
+
 Finished Process::wait(std::chrono::seconds at_most) {
   int status = 0;
   const bool ended = wait_until(
@@ -104,4 +111,4 @@ bool wait_until(const std::function<bool()>& holds, std::chrono::seconds at_most
   return true;
 }
 
-}  // namespace nodal::command_line
+}  // namespace nodal::test
