@@ -108,8 +108,7 @@ bool Blender::begin() {
     return true;
   }
   const blend::BlendTable& table = installed_->table;
-  raymap_.info = {set->number,  set->trigger, set->mid_exposure, set->spread,
-                  set->genlock, 0,            installed_->id};
+  raymap_.info = {set->number, set->mid_exposure, set->sync, 0, installed_->id};
   raymap_.pixels = std::move(*pixels);
   into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
   for (std::size_t i = 0; i < table.sources.size(); ++i) {

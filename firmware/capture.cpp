@@ -32,7 +32,7 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
   free_.reserve(pool_.size());
   for (FrameSet& set : pool_) free_.push_back(&set);
   open_.reserve(kMaxOpenSets);
-  clock_.restart(rate_, false);
+  restart_clocks(rate_, false);
 }
 
 Capture::~Capture() { close(); }
@@ -66,10 +66,17 @@ bool Capture::step(Instant now) {
   return busy;
 }
 
+void Capture::restart_clocks(FrameRate rate, bool genlocked) {
+  clock_.restart(rate, genlocked);
+  pulse_drift_.restart(rate);
+  for (DriftMeter& drift : head_drift_) drift.restart(rate);
+}
+
 bool Capture::take_edges() {
   bool any = false;
   while (const auto edge = genlock_.take_edge()) {
     clock_.on_edge(*edge);
+    pulse_drift_.add(static_cast<std::int64_t>(edge->number), edge->at);
     any = true;
   }
   return any;
@@ -118,7 +125,7 @@ Status Capture::start_genlock(const GenlockStart& wish, Instant now) {
   mode_ = hal::TriggerMode::kExternal;
   rate_now_ = settings.rate;
   close_all(now);
-  clock_.restart(rate_now_, true);
+  restart_clocks(rate_now_, true);
   return {};
 }
 
@@ -128,7 +135,7 @@ void Capture::stop_genlock(Instant now) {
   mode_ = hal::TriggerMode::kFreeRun;
   rate_now_ = rate_;
   close_all(now);
-  clock_.restart(rate_now_, false);
+  restart_clocks(rate_now_, false);
 }
 
 bool Capture::take_back_sets() {

@@ -12,6 +12,7 @@
 
 #include "firmware/capture_head.h"
 #include "firmware/config.h"
+#include "firmware/drift.h"
 #include "firmware/frame_set.h"
 #include "firmware/genlock.h"
 #include "firmware/set_clock.h"
@@ -106,7 +107,9 @@ class Capture {
   bool close_due_sets(Instant now);
   bool complete(const OpenSet& open) const;
   void close_oldest();
-  static void describe(FrameSet& set);
+  void describe(const OpenSet& open);
+  std::optional<std::int32_t> drift_ppb() const;
+  void restart_clocks(FrameRate rate, bool genlocked);
   void give_back(FrameSet* set);
   void close_all(Instant now);
   GenlockReport genlock_report() const;
@@ -117,6 +120,8 @@ class Capture {
   std::deque<CaptureHead> heads_;  ///< they never move
   Genlock genlock_;
   SetClock clock_;
+  DriftMeter pulse_drift_;
+  std::array<DriftMeter, kMaxHeads> head_drift_;
   const FrameRate rate_;           ///< of rig.toml
   FrameRate rate_now_;             ///< or as the host started the genlock
   bool genlock_wanted_;            ///< at start, by rig.toml

@@ -54,13 +54,15 @@ void Capture::place(std::size_t head, const hal::FrameView& frame, Instant now) 
   set.frames[head] = frame;
   set.mask |= head_bit(head);
   if (match->trigger) {
-    open->skews.earliest = set.trigger ? std::min(open->skews.earliest, match->skew) : match->skew;
-    open->skews.latest = set.trigger ? std::max(open->skews.latest, match->skew) : match->skew;
-    set.trigger = match->trigger;
+    const bool first = !set.sync.trigger;
+    open->skews.earliest = first ? match->skew : std::min(open->skews.earliest, match->skew);
+    open->skews.latest = first ? match->skew : std::max(open->skews.latest, match->skew);
+    set.sync.trigger = match->trigger;
   } else {
     open->all_triggered = false;
   }
   heads_[head].hold(frame);
+  if (!genlock_.running()) head_drift_[head].add(slot, frame.mid_exposure);
 }
 
 Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
@@ -77,7 +79,7 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
   FrameSet* set = free_.back();
   free_.pop_back();
   set->mask = 0;
-  set->trigger.reset();
+  set->sync = {};
   return &*open_.insert(open_.begin() + index, OpenSet{slot, set, true, {}});
 }
 
@@ -119,13 +121,13 @@ void Capture::close_oldest() {
   open_.erase(open_.begin());
   newest_closed_ = open.slot;
   FrameSet& set = *open.set;
-  describe(set);
+  describe(open);
   set.number = report_.sets++;
   bool every_present = true;
   bool every_head = true;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (set.has(i)) {
-      heads_[i].put_in_set(set.offset[i]);
+      heads_[i].put_in_set(set.sync.offset[i]);
       continue;
     }
     every_head = false;
@@ -133,15 +135,31 @@ void Capture::close_oldest() {
     heads_[i].missed_set();
   }
   if (every_head) ++report_.full_sets;
-  genlock_.on_set(set, open.all_triggered ? std::optional(open.skews) : std::nullopt, every_present, now_);
-  set.genlock = genlock_.state();
+  const auto skews = open.all_triggered ? std::optional(open.skews) : std::nullopt;
+  genlock_.on_set(set, skews, every_present, now_);
+  set.sync.state = genlock_.state();
   FrameSet* lent = &set;
   if (sets_out_.push(std::move(lent))) return;
   ++report_.sets_not_taken;
   give_back(&set);
 }
 
-void Capture::describe(FrameSet& set) {
+/// The pulses' drift when there are pulses; else that of the heads, of which the middle one is told.
+std::optional<std::int32_t> Capture::drift_ppb() const {
+  if (genlock_.running()) return pulse_drift_.ppb();
+  std::array<std::int32_t, kMaxHeads> drifts{};
+  std::size_t known = 0;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (const auto drift = head_drift_[i].ppb()) drifts[known++] = *drift;
+  }
+  if (known == 0) return std::nullopt;
+  const auto middle = drifts.begin() + static_cast<std::ptrdiff_t>(known / 2);
+  std::nth_element(drifts.begin(), middle, drifts.begin() + static_cast<std::ptrdiff_t>(known));
+  return *middle;
+}
+
+void Capture::describe(const OpenSet& open) {
+  FrameSet& set = *open.set;
   std::array<Instant, kMaxHeads> middles;
   std::size_t count = 0;
   for (std::size_t i = 0; i < middles.size(); ++i) {
@@ -150,10 +168,12 @@ void Capture::describe(FrameSet& set) {
   NODAL_ASSERT(count > 0);
   std::sort(middles.begin(), middles.begin() + static_cast<std::ptrdiff_t>(count));
   set.mid_exposure = middles[count / 2];
-  set.spread = middles[count - 1] - middles[0];
+  set.sync.spread = middles[count - 1] - middles[0];
   for (std::size_t i = 0; i < middles.size(); ++i) {
-    set.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();
+    set.sync.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();
   }
+  if (open.all_triggered) set.sync.begin_spread = open.skews.latest - open.skews.earliest;
+  set.sync.drift_ppb = drift_ppb();
 }
 
 }  // namespace nodal::firmware

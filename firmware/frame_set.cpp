@@ -21,6 +21,7 @@ std::string_view genlock_state_name(GenlockState state) {
     case GenlockState::kOff: return "off";
     case GenlockState::kAcquiring: return "acquiring";
     case GenlockState::kLocked: return "locked";
+    case GenlockState::kHoldover: return "holdover";
     case GenlockState::kLost: return "lost";
   }
   return "unknown";

@@ -27,22 +27,39 @@ inline constexpr std::size_t kLossReasons = 8;
 /// "late", "no-signal": as the wire and people have it.
 std::string_view loss_reason_name(LossReason reason);
 
-enum class GenlockState : std::uint8_t { kOff, kAcquiring, kLocked, kLost };
+enum class GenlockState : std::uint8_t {
+  kOff,        ///< heads run free; sets are aligned by the frames' times alone
+  kAcquiring,  ///< the trigger runs, the heads have not followed it long enough
+  kLocked,     ///< every frame began with its pulse
+  kHoldover,   ///< no pulses are seen, yet the heads are still as much in step as when it locked
+  kLost,       ///< they are not
+};
 std::string_view genlock_state_name(GenlockState state);
 
 using HeadMask = std::uint32_t;
 inline constexpr HeadMask head_bit(std::size_t head) { return HeadMask{1} << head; }
 
+/// How well a set's frames were exposed together, as far as the rig can know. It stays with the set, the raymap that is
+/// made of it, and the take.
+struct SyncEvidence {
+  GenlockState state = GenlockState::kOff;  ///< when the set was closed
+  std::optional<std::uint64_t> trigger;     ///< the pulse that exposed it, when there was one
+  Duration spread;                          ///< latest minus earliest mid-exposure
+  /// Latest minus earliest begin of an exposure, each counted from the pulse and the head's own delay: what the lock
+  /// is judged by, since heads of different exposures cannot have both in common. Nothing: no pulse exposed it.
+  std::optional<Duration> begin_spread;
+  /// How much slower than nominal the exposures come, on the rig's clock, in 1/1000 ppm; nothing until it is known.
+  std::optional<std::int32_t> drift_ppb;
+  std::array<Duration, kMaxHeads> offset{};  ///< each frame's mid-exposure after the set's
+};
+
 /// The frames of one trigger. Heads whose bit is not in `mask` have no picture in it.
 struct FrameSet {
-  std::uint64_t number = 0;               ///< counts the rig's sets from 0, without gaps
-  std::optional<std::uint64_t> trigger;   ///< the pulse that exposed it, when genlocked
-  Instant mid_exposure;                   ///< median over its frames
-  Duration spread;                        ///< latest minus earliest mid-exposure
-  GenlockState genlock = GenlockState::kOff;  ///< when it was closed
+  std::uint64_t number = 0;  ///< counts the rig's sets from 0, without gaps
+  Instant mid_exposure;      ///< median over its frames
   HeadMask mask = 0;
   std::array<hal::FrameView, kMaxHeads> frames;
-  std::array<Duration, kMaxHeads> offset;  ///< each frame's mid-exposure after the set's
+  SyncEvidence sync;
 
   bool has(std::size_t head) const { return (mask & head_bit(head)) != 0; }
 };

@@ -68,7 +68,7 @@ bool Genlock::is_good(const Skews& skews) {
 void Genlock::on_set(const FrameSet& set, const std::optional<Skews>& skews, bool every_present_head, Instant now) {
   if (!running() || failed_) return;
   newest_set_ = now;
-  if (every_present_head) spread_ = set.spread;
+  if (every_present_head) spread_ = set.sync.spread;
   const bool overdue = now - newest_edge_ > settings_.rate.period() * 5 / 2;
   if (overdue || !skews || !is_good(*skews)) {
     if (state_ == GenlockState::kLocked) lose();
@@ -77,7 +77,7 @@ void Genlock::on_set(const FrameSet& set, const std::optional<Skews>& skews, boo
   }
   if (++good_sets_ >= kSetsToLock) state_ = GenlockState::kLocked;
   was_locked_ |= state_ == GenlockState::kLocked;
-  if (state_ == GenlockState::kLocked) spread_worst_ = std::max(spread_worst_, set.spread);
+  if (state_ == GenlockState::kLocked) spread_worst_ = std::max(spread_worst_, set.sync.spread);
 }
 
 GenlockReport Genlock::report() const {

@@ -65,11 +65,11 @@ std::string raymap_comment(const RaymapInfo& info) {
   const int length = std::snprintf(
       text.data(), text.size(), "nodal set=%llu mid_exposure_ns=%lld spread_ns=%lld heads=0x%x genlock=%s calibration=",
       static_cast<unsigned long long>(info.set), static_cast<long long>(info.mid_exposure.ns()),
-      static_cast<long long>(info.spread.ns()), info.heads, genlock_state_name(info.genlock).data());
+      static_cast<long long>(info.sync.spread.ns()), info.heads, genlock_state_name(info.sync.state).data());
   NODAL_ASSERT(length > 0 && static_cast<std::size_t>(length) < text.size());
   std::string comment(text.data(), static_cast<std::size_t>(length));
   comment += to_hex(info.calibration);
-  if (info.trigger) comment += " trigger=" + std::to_string(*info.trigger);
+  if (info.sync.trigger) comment += " trigger=" + std::to_string(*info.sync.trigger);
   return comment;
 }
 

@@ -4,6 +4,7 @@
 
 #include "firmware/blender.h"
 #include "firmware/encoder.h"
+#include "firmware/status.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -122,9 +123,7 @@ BulkItem Publisher::item(const Raymap& raymap, bool jpeg) const {
   header.set_layout(std::string(raymap_layout_name(config_.layout)));
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
-  header.set_spread_ns(static_cast<std::uint64_t>(info.spread.ns()));
-  if (info.trigger) header.set_trigger(*info.trigger);
-  header.set_genlock(std::string(genlock_state_name(info.genlock)));
+  fill_sync(info, header);
   return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raymap.pixels, 0};
 }
 

@@ -27,10 +27,8 @@ using Buffer = std::shared_ptr<std::vector<std::uint8_t>>;
 
 struct RaymapInfo {
   std::uint64_t set = 0;
-  std::optional<std::uint64_t> trigger;
   Instant mid_exposure;
-  Duration spread;
-  GenlockState genlock = GenlockState::kOff;
+  SyncEvidence sync;
   HeadMask heads = 0;      ///< that it was made of
   Sha256 calibration{};    ///< that made it
 };

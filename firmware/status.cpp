@@ -82,6 +82,18 @@ void fill_capture(const CaptureReport& capture, wire::RigStatus& into) {
   fill_genlock(capture.genlock, *into.mutable_genlock());
 }
 
+void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into) {
+  const SyncEvidence& sync = info.sync;
+  into.set_genlock(std::string(genlock_state_name(sync.state)));
+  if (sync.trigger) into.set_trigger(*sync.trigger);
+  into.set_spread_ns(ns_of(sync.spread));
+  if (sync.begin_spread) into.set_begin_spread_ns(ns_of(*sync.begin_spread));
+  if (sync.drift_ppb) into.set_drift_ppb(*sync.drift_ppb);
+  for (std::size_t i = 0; i < sync.offset.size() && (info.heads >> i) != 0; ++i) {
+    into.add_offset_ns(sync.offset[i].ns());
+  }
+}
+
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into) {
   for (const CalibrationStore::Entry& entry : listed.entries) {
     wire::CalibrationEntry& added = *into.add_entries();

@@ -4,6 +4,7 @@
 #include "firmware/calibration_keeper.h"
 #include "firmware/capture.h"
 #include "firmware/config.h"
+#include "firmware/raymap.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
@@ -13,6 +14,8 @@ void fill_genlock(const GenlockReport& genlock, wire::Genlock& into);
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
 /// Frames, sets and genlock.
 void fill_capture(const CaptureReport& capture, wire::RigStatus& into);
+/// How well the set of this raymap was exposed together.
+void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
 

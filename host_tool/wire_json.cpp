@@ -111,6 +111,10 @@ Json to_json(const wire::RaymapHeader& header) {
           {"spread_ns", header.spread_ns()},
           {"genlock", header.genlock()}};
   if (header.has_trigger()) json["trigger"] = header.trigger();
+  if (header.has_begin_spread_ns()) json["begin_spread_ns"] = header.begin_spread_ns();
+  if (header.has_drift_ppb()) json["drift_ppb"] = header.drift_ppb();
+  json["offset_ns"] = Json::array();
+  for (const std::int64_t offset : header.offset_ns()) json["offset_ns"].push_back(offset);
   return json;
 }
 

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -46,7 +48,25 @@ TEST(Genlock, WhileLocked_EverySetHoldsTheFramesOfOnePulse) {
     EXPECT_EQ(raymap.header.heads_mask(), (1u << kHeads) - 1);
     EXPECT_EQ(raymap.header.genlock(), "locked");
     EXPECT_LE(raymap.header.spread_ns(), 4'000u);
+    EXPECT_LE(raymap.header.begin_spread_ns(), 4'000u);
+    ASSERT_EQ(raymap.header.offset_ns_size(), kHeads);
+    const auto [first, last] = std::minmax_element(raymap.header.offset_ns().begin(), raymap.header.offset_ns().end());
+    EXPECT_EQ(static_cast<std::uint64_t>(*last - *first), raymap.header.spread_ns());
   }
+}
+
+TEST(Genlock, TheGeneratorsCrystalIsOff_EverySetSaysByHowMuch) {
+  StandOptions options;
+  options.world.trigger.drift_ppb = 47'000;
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.run(Duration::seconds(20));
+  const StreamId stream = host.pull(false, 1);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  const wire::RaymapHeader& header = host.pulled[stream].at(0).header;
+  ASSERT_TRUE(header.has_drift_ppb());
+  EXPECT_NEAR(header.drift_ppb(), 47'000, 100);
 }
 
 TEST(Genlock, TheTriggerDies_ItIsLostWithinThreePeriodsAndSaysSo) {

@@ -101,14 +101,14 @@ TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
   const InstalledPtr calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(7);
-  set.trigger = 9;
+  set.sync.trigger = 9;
   blend(set);
   EXPECT_EQ(sets_back.pop(), &set);
   const auto raymap = blender.raymaps_out().pop();
   ASSERT_TRUE(raymap);
   EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
   EXPECT_EQ(raymap->info.set, 7u);
-  EXPECT_EQ(raymap->info.trigger, 9u);
+  EXPECT_EQ(raymap->info.sync.trigger, 9u);
   EXPECT_EQ(raymap->info.heads, 0b1111u);
   EXPECT_EQ(raymap->info.calibration, calibration->id);
 }

@@ -17,7 +17,7 @@ class GenlockTest : public testing::Test {
     while (genlock.take_edge()) {
     }
     FrameSet set;
-    set.spread = Duration::microseconds(30);
+    set.sync.spread = Duration::microseconds(30);
     std::optional<Skews> skews;
     if (apart) skews = Skews{latency, latency + *apart};
     genlock.on_set(set, skews, true, clock.now());

@@ -51,9 +51,9 @@ RaymapConfig config_of(PixelFormat format, int width = 256, int height = 128) {
 RaymapInfo some_info() {
   RaymapInfo info;
   info.set = 12;
-  info.trigger = 34;
+  info.sync.trigger = 34;
   info.heads = 0x3ff;
-  info.genlock = GenlockState::kLocked;
+  info.sync.state = GenlockState::kLocked;
   info.calibration.fill(0xab);
   return info;
 }
