@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "firmware/durable_file.h"
+#include "firmware/settings.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -46,6 +49,7 @@ bool CalibrationKeeper::step() {
   while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
   if (!started_) {
     started_ = true;
+    read_settings();
     load_at_start();
     busy = true;
   } else if (installing_) {
@@ -57,6 +61,11 @@ bool CalibrationKeeper::step() {
   busy |= take_request();
   if (busy) publish();
   return busy;
+}
+
+void CalibrationKeeper::read_settings() {
+  const auto file = disk_.read(kSettingsFile, kMaxSettingsBytes);
+  report_.settings = file ? std::string(file->begin(), file->end()) : std::string();
 }
 
 void CalibrationKeeper::load_at_start() {
@@ -105,7 +114,10 @@ bool CalibrationKeeper::take_request() {
 }
 
 bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
-  if (!store_) {
+  if (const auto* settings = std::get_if<KeeperRequest::Remember>(&request.what)) {
+    const Status kept = write_durably(disk_, "", kSettingsFile, settings->settings);
+    answer(request.ticket, kept ? Result<Answered>(KeeperAnswer::Done{}) : fail(kept.error().in("settings")));
+  } else if (!store_) {
     answer(request.ticket, fail(store_status_.error()));
   } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
     answer(request.ticket, list());

@@ -34,9 +34,10 @@ struct KeeperRequest {
   struct Rollback {};
   struct List {};
   struct Get { std::string id_prefix; };            ///< empty: the one in force
+  struct Remember { std::string settings; };        ///< to be in report().settings after the next start
 
   std::uint64_t ticket = 0;
-  std::variant<List, Get, Install, Use, Rollback> what;
+  std::variant<List, Get, Install, Use, Rollback, Remember> what;
   HeadShapes heads;
 };
 
@@ -62,6 +63,7 @@ struct KeeperReport {
   std::string name;                ///< of it
   std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
   std::string problem;             ///< what stays wrong until somebody acts
+  std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
 };
 
 /// The calibration's heads in the rig's order, or which head does not fit: kHeadMismatch, naming it.
@@ -105,6 +107,7 @@ class CalibrationKeeper {
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
   void load_at_start();
+  void read_settings();
   void start_next_good();
   bool take_request();
   Status start(const KeeperRequest& request);

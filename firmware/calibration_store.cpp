@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <sstream>
 
+#include "firmware/durable_file.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -13,7 +15,6 @@ const std::string kPointer = kFolder + "/in-force";
 constexpr std::string_view kPointerHead = "nodal-in-force 1";
 constexpr std::size_t kMaxPointerBytes = 512;
 constexpr std::string_view kJson = ".json";
-constexpr std::string_view kTemporary = ".tmp";
 constexpr std::size_t kGenerationDigits = 8;
 
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
@@ -53,10 +54,6 @@ std::string file_name(std::uint64_t generation, const Sha256& id) {
   return kFolder + "/" + zeros + digits + "-" + to_hex(id) + std::string(kJson);
 }
 
-std::span<const std::uint8_t> bytes_of(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
 }  // namespace
 
 Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
@@ -74,7 +71,7 @@ Status CalibrationStore::read_folder() {
   if (!names) return fail(names.error());
   for (const std::string& name : *names) {
     const std::string file = kFolder + "/" + name;
-    if (name.ends_with(kTemporary)) {
+    if (name.ends_with(kTemporarySuffix)) {
       (void)disk_->remove(file);  // cut short by a crash; if it cannot be removed it will be overwritten
       continue;
     }
@@ -134,26 +131,11 @@ void CalibrationStore::add_note(const std::string& sentence) {
   note_ += sentence;
 }
 
-Status CalibrationStore::write_file(const std::string& file, std::string_view text) {
-  const std::string temporary = file + std::string(kTemporary);
-  const auto handle = disk_->create(temporary);
-  if (!handle) return fail(handle.error());
-  Status done = disk_->write(*handle, bytes_of(text));
-  if (done) done = disk_->sync(*handle);
-  disk_->close(*handle);
-  if (done) done = disk_->rename(temporary, file);
-  if (!done) {
-    (void)disk_->remove(temporary);  // what is left of it takes room that may be scarce; open() removes it too
-    return fail(done.error());
-  }
-  return disk_->sync_folder(kFolder);
-}
-
 Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibration) {
   const Sha256 id = calibration_id(calibration);
   if (const Entry* there = entry(id)) return *there;
   Entry added{next_generation_, id, calibration.name, calibration.heads.size(), file_name(next_generation_, id)};
-  if (Status written = write_file(added.file, canonical_json(calibration)); !written) return fail(written.error());
+  if (Status written = write_durably(*disk_, kFolder, added.file, canonical_json(calibration)); !written) return fail(written.error());
   ++next_generation_;
   entries_.insert(entries_.begin(), added);
   return added;
@@ -162,7 +144,7 @@ Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibra
 Status CalibrationStore::write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before) {
   std::string text(kPointerHead);
   text += "\n" + (in_force ? to_hex(*in_force) : "-") + "\n" + (before ? to_hex(*before) : "-") + "\n";
-  return write_file(kPointer, text);
+  return write_durably(*disk_, kFolder, kPointer, text);
 }
 
 Status CalibrationStore::set_in_force(const Sha256& id) {

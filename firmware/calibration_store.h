@@ -69,7 +69,6 @@ class CalibrationStore {
   Status read_folder();
   void read_pointer();
   const Entry* entry(const Sha256& id) const;
-  Status write_file(const std::string& file, std::string_view text);
   Status write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before);
   void prune();
   void add_note(const std::string& sentence);

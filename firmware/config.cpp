@@ -238,6 +238,7 @@ Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file)
   }
   RigConfig config = read_file(parsed.table(), error);
   if (error.any()) return fail(error.get());
+  config.text_id = sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   return config;
 }
 

@@ -10,6 +10,7 @@
 
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
@@ -89,6 +90,7 @@ struct RigConfig {
   std::optional<SimConfig> sim;  ///< there exactly when a head is on a "sim:" port
   LinksConfig links;
   std::string store = "/var/lib/nodal";  ///< folder of the calibration store
+  Sha256 text_id{};                      ///< of rig.toml's text
 };
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;

@@ -8,6 +8,8 @@ namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
+constexpr Duration kKeepSettingsEvery = Duration::seconds(1);  ///< somebody may be turning a knob
+constexpr std::uint64_t kRememberTicket = 0;
 constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
 }  // namespace
@@ -32,9 +34,11 @@ Control::~Control() = default;
 bool Control::step(Instant now) {
   capture_ = &stages_.capture.snapshot().read();
   keeper_ = &stages_.keeper.snapshot().read();
+  restore_settings();
   bool busy = accept(now);
   for (const auto& client : clients_) busy |= serve(*client, now);
   busy |= take_answers(now);
+  remember_settings(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_));
   busy |= publisher_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
@@ -114,55 +118,103 @@ void Control::handle(Client& client, Event& event, Instant now) {
   }
 }
 
+std::pair<Client*, Control::Open> Control::close(std::uint64_t ticket) {
+  const auto found = open_.find(ticket);
+  NODAL_ASSERT(found != open_.end());
+  Open open = std::move(found->second);
+  open_.erase(found);
+  Client* client = find(open.client);
+  if (client) --client->requests_open;
+  return {client, std::move(open)};
+}
+
 bool Control::take_answers(Instant now) {
   bool any = false;
-  const auto close = [&](std::uint64_t ticket) -> std::pair<Client*, Open> {
-    any = true;
-    const auto found = open_.find(ticket);
-    NODAL_ASSERT(found != open_.end());
-    const Open open = found->second;
-    open_.erase(found);
-    Client* client = find(open.client);
-    if (client) --client->requests_open;
-    return {client, open};
-  };
   while (auto answer = stages_.capture.answers().pop()) {
-    const auto [client, open] = close(answer->ticket);
-    if (!client) continue;
-    if (!answer->status) {
-      refuse(*client, open.request, answer->status.error(), now);
-      continue;
-    }
-    wire::Reply message;
-    message.set_id(open.request);
-    if (open.genlock) {
-      fill_genlock(answer->genlock, *message.mutable_genlock());
-    } else {
-      message.mutable_done();
-    }
-    reply(*client, message, now);
+    take_answer(*answer, now);
+    any = true;
   }
   while (auto answer = stages_.keeper.answers().pop()) {
-    const auto [client, open] = close(answer->ticket);
-    if (!answer->result) news_.push_back("calibration refused: " + answer->result.error().text());
-    if (!client) continue;
-    if (!answer->result) {
-      refuse(*client, open.request, answer->result.error(), now);
-      continue;
-    }
-    wire::Reply message;
-    message.set_id(open.request);
-    if (const auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) {
-      fill_calibrations(*listed, *message.mutable_calibrations());
-    } else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) {
-      message.mutable_calibration()->set_id(sha256_to_wire(document->id));
-      message.mutable_calibration()->set_json(std::move(document->json));
-    } else {
-      message.mutable_done();
-    }
-    reply(*client, message, now);
+    take_answer(std::move(*answer), now);
+    any = true;
   }
   return any;
+}
+
+void Control::take_answer(const CaptureAnswer& answer, Instant now) {
+  const auto [client, open] = close(answer.ticket);
+  if (!answer.status) {
+    if (open.client == kNobody) news_.push_back("a remembered setting is not made: " + answer.status.error().message);
+    if (client) refuse(*client, open.request.id(), answer.status.error(), now);
+    return;
+  }
+  if (open.client != kNobody) settings_changed_ |= settings_.remember(open.request, config_.heads.size());
+  if (!client) return;
+  wire::Reply message;
+  message.set_id(open.request.id());
+  if (open.request.has_genlock()) {
+    fill_genlock(answer.genlock, *message.mutable_genlock());
+  } else {
+    message.mutable_done();
+  }
+  reply(*client, message, now);
+}
+
+void Control::take_answer(KeeperAnswer answer, Instant now) {
+  if (answer.ticket == kRememberTicket) {
+    if (!answer.result) news_.push_back("settings will not come back after a restart: " + answer.result.error().text());
+    return;
+  }
+  const auto [client, open] = close(answer.ticket);
+  if (!answer.result) news_.push_back("calibration refused: " + answer.result.error().text());
+  if (!client) return;
+  if (!answer.result) return refuse(*client, open.request.id(), answer.result.error(), now);
+  wire::Reply message;
+  message.set_id(open.request.id());
+  if (const auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer.result)) {
+    fill_calibrations(*listed, *message.mutable_calibrations());
+  } else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer.result)) {
+    message.mutable_calibration()->set_id(sha256_to_wire(document->id));
+    message.mutable_calibration()->set_json(std::move(document->json));
+  } else {
+    message.mutable_done();
+  }
+  reply(*client, message, now);
+}
+
+/// Makes again what hosts had set before the start, as fast as capture takes it.
+void Control::restore_settings() {
+  if (!restoring_) {
+    if (!keeper_->settings) return;
+    restoring_.emplace();
+    if (keeper_->settings->empty()) return;
+    const std::string& file = *keeper_->settings;
+    auto settings = Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()),
+                                     config_.text_id);
+    if (!settings) {
+      news_.push_back(settings.error().message);
+      return;
+    }
+    settings_ = std::move(*settings);
+    for (wire::Request& request : settings_.requests()) restoring_->push_back(std::move(request));
+    news_.push_back("settings are as hosts left them");
+  }
+  while (!restoring_->empty()) {
+    const Status asked = set(nullptr, restoring_->front());
+    if (!asked && asked.error().code == Errc::kBusy) return;
+    if (!asked) news_.push_back("a remembered setting is not made: " + asked.error().message);
+    restoring_->pop_front();
+  }
+}
+
+void Control::remember_settings(Instant now) {
+  if (!settings_changed_ || (settings_kept_ && now - *settings_kept_ < kKeepSettingsEvery)) return;
+  if (!stages_.keeper.requests().push(
+          KeeperRequest{kRememberTicket, KeeperRequest::Remember{settings_.encode(config_.text_id)}, {}})) {
+    return;
+  }
+  settings_changed_ = false;
+  settings_kept_ = now;
 }
 
 Client* Control::find(std::uint64_t number) {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <string>
@@ -16,6 +17,7 @@
 #include "firmware/encoder.h"
 #include "firmware/health.h"
 #include "firmware/publisher.h"
+#include "firmware/settings.h"
 #include "firmware/statistics.h"
 #include "hal/link.h"
 #include "hal/watchdog.h"
@@ -59,25 +61,30 @@ class Control {
  private:
   /// A request that another stage has.
   struct Open {
-    std::uint64_t client = 0;
-    std::uint64_t request = 0;
-    bool genlock = false;  ///< answered with the genlock's state
+    std::uint64_t client = kNobody;
+    wire::Request request;
   };
+  static constexpr std::uint64_t kNobody = 0;  ///< a setting that is made again after a start
 
   bool accept(Instant now);
   void drop_finished();
   bool serve(Client& client, Instant now);
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
-  Status set_heads(Client& client, const wire::Request& request);
-  Status genlock(Client& client, const wire::Request& request);
-  Status ask_capture(Client& client, const wire::Request& request, CaptureCommand command);
+  Status set(Client* client, const wire::Request& request);
+  Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
+  Result<CaptureCommand> genlock_command(const wire::GenlockRequest& wish) const;
   Status ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what);
   Status commit(Client& client, const wire::Request& request);
   Status pull(Client& client, const wire::Request& request);
   void reply(Client& client, const wire::Reply& reply, Instant now);
   void refuse(Client& client, std::uint64_t request, const Error& error, Instant now);
   bool take_answers(Instant now);
+  void take_answer(const CaptureAnswer& answer, Instant now);
+  void take_answer(KeeperAnswer answer, Instant now);
+  std::pair<Client*, Open> close(std::uint64_t ticket);
+  void restore_settings();
+  void remember_settings(Instant now);
   Client* find(std::uint64_t number);
   HeadShapes head_shapes() const;
   void watch(Instant now);
@@ -94,6 +101,10 @@ class Control {
   std::uint64_t next_ticket_ = 1;
   std::map<std::uint64_t, Open> open_;
   UploadReceiver uploads_;
+  Settings settings_;
+  std::optional<std::deque<wire::Request>> restoring_;  ///< once they were read
+  bool settings_changed_ = false;
+  std::optional<Instant> settings_kept_;  ///< last
   Publisher publisher_;
 
   const CaptureReport* capture_;  ///< newest

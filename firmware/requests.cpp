@@ -14,11 +14,11 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     case wire::Request::kHeads: fill_heads(config_, *capture_, *answer.mutable_heads()); break;
     case wire::Request::kHeadSet:
       later = true;
-      done = set_heads(client, request);
+      done = set(&client, request);
       break;
     case wire::Request::kGenlock:
       later = request.genlock().action() != wire::GenlockRequest::SHOW;
-      if (later) done = genlock(client, request);
+      if (later) done = set(&client, request);
       else fill_genlock(capture_->genlock, *answer.mutable_genlock());
       break;
     case wire::Request::kUploadBegin: {
@@ -72,14 +72,18 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
   if (!later) reply(client, answer, now);
 }
 
-Status Control::ask_capture(Client& client, const wire::Request& request, CaptureCommand command) {
-  command.ticket = next_ticket_++;
-  const std::uint64_t ticket = command.ticket;
-  if (!stages_.capture.commands().push(std::move(command))) {
+/// Asks capture for a setting; without a client, one that is made again after a start.
+Status Control::set(Client* client, const wire::Request& request) {
+  Result<CaptureCommand> command =
+      request.has_genlock() ? genlock_command(request.genlock()) : head_command(request.head_set());
+  if (!command) return fail(command.error());
+  command->ticket = next_ticket_++;
+  const std::uint64_t ticket = command->ticket;
+  if (!stages_.capture.commands().push(std::move(*command))) {
     return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
   }
-  open_[ticket] = Open{client.number(), request.id(), request.has_genlock()};
-  ++client.requests_open;
+  open_[ticket] = Open{client ? client->number() : kNobody, request};
+  if (client) ++client->requests_open;
   return {};
 }
 
@@ -88,13 +92,13 @@ Status Control::ask_keeper(Client& client, const wire::Request& request, decltyp
   if (!stages_.keeper.requests().push(KeeperRequest{ticket, std::move(what), head_shapes()})) {
     return fail(Errc::kBusy, "the rig has more requests about calibrations than it can take; try again");
   }
-  open_[ticket] = Open{client.number(), request.id(), false};
+  open_[ticket].client = client.number();
+  open_[ticket].request.set_id(request.id());
   ++client.requests_open;
   return {};
 }
 
-Status Control::set_heads(Client& client, const wire::Request& request) {
-  const wire::HeadSetRequest& wish = request.head_set();
+Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) const {
   HeadChange change;
   for (const std::uint32_t head : wish.heads()) {
     if (head >= config_.heads.size()) {
@@ -122,14 +126,11 @@ Status Control::set_heads(Client& client, const wire::Request& request) {
     change.change.white_balance =
         WhiteBalance{static_cast<std::uint16_t>(wish.red_q12()), static_cast<std::uint16_t>(wish.blue_q12())};
   }
-  return ask_capture(client, request, CaptureCommand{0, change});
+  return CaptureCommand{0, change};
 }
 
-Status Control::genlock(Client& client, const wire::Request& request) {
-  const wire::GenlockRequest& wish = request.genlock();
-  if (wish.action() == wire::GenlockRequest::STOP) {
-    return ask_capture(client, request, CaptureCommand{0, GenlockStop{}});
-  }
+Result<CaptureCommand> Control::genlock_command(const wire::GenlockRequest& wish) const {
+  if (wish.action() == wire::GenlockRequest::STOP) return CaptureCommand{0, GenlockStop{}};
   if (wish.action() != wire::GenlockRequest::START) {
     return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that genlock action");
   }
@@ -150,7 +151,7 @@ Status Control::genlock(Client& client, const wire::Request& request) {
     }
     start.pulse_width = Duration::nanoseconds(static_cast<std::int64_t>(wish.pulse_width_ns()));
   }
-  return ask_capture(client, request, CaptureCommand{0, start});
+  return CaptureCommand{0, start};
 }
 
 Status Control::commit(Client& client, const wire::Request& request) {
