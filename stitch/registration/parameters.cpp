@@ -51,11 +51,11 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
   }
   const int n = static_cast<int>(heads.size());
   Basis basis(n * stride_);
-  const auto rows = [&](auto slot_of, int offset, bool geometry) {
+  const auto rows = [&](auto slot_of, int offset, const std::vector<bool>& stays) {
     std::vector<int> all;
     for (int h = 0; h < n; ++h) {
       const auto i = static_cast<std::size_t>(h);
-      if (geometry && held.geometry[i]) continue;
+      if (stays[i]) continue;
       if (const int slot = slot_of(slots_[i]); slot >= 0) all.push_back(h * stride_ + slot + offset);
     }
     return all;
@@ -76,12 +76,12 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
     for (int k = 0; k < slots.radials; ++k) basis.own(h * stride_ + slots.radial + k);
   }
   if (held.share_lens) {
-    add_shared(basis, rows(focal, 0, true));
-    for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, true));
+    add_shared(basis, rows(focal, 0, held.geometry));
+    for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, held.geometry));
   }
-  for (int c = 0; c < slots_.front().gains; ++c) add_zero_sum(basis, rows(gain, c, false));
+  for (int c = 0; c < slots_.front().gains; ++c) add_zero_sum(basis, rows(gain, c, held.light));
   for (int k = 0; k < kVignettingTerms; ++k) {
-    const std::vector<int> all = rows(vignetting, k, false);
+    const std::vector<int> all = rows(vignetting, k, held.light);
     if (held.share_vignetting) add_shared(basis, all);
     else for (const int row : all) basis.own(row);
   }

@@ -11,6 +11,7 @@ namespace nodal::registration {
 
 struct Held {
   std::vector<bool> geometry;  ///< of a head: it stays where it is, with its lens
+  std::vector<bool> light;     ///< of a head: its gain and fall-off stay, and are no part of the sum that is zero
   int first = 0;               ///< the head whose rotation holds the rig
   bool share_lens = false;     ///< all heads' lenses move alike
   bool share_vignetting = true;

@@ -7,6 +7,7 @@
 #include "stitch/registration/level.h"
 #include "stitch/registration/observability.h"
 #include "stitch/registration/registration.h"
+#include "stitch/registration/search.h"
 
 namespace nodal::registration {
 namespace {
@@ -27,11 +28,15 @@ class Run {
   Status prepare(const std::vector<FrameSet>& frame_sets);
   Status find_dull_heads();
   Status descend_level(const LevelPlan& plan);
+  Status descend_coarse();
   Status check_placed(bool& changed);
+  Status light_unplaced_heads();
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
   Held held() const;
+  std::vector<bool> used() const;
+  static bool is_coarse(const LevelPlan& plan) { return plan.level >= 2; }
   int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
   Sought sought_of(const LevelPlan& plan) const;
   const LevelPlan& detail_plan() const { return plans_[plans_.size() > 1 ? plans_.size() - 2 : 0]; }
@@ -88,12 +93,19 @@ void Run::unplace(std::size_t head, std::string why) {
   why_not_[head] = std::move(why);
 }
 
+std::vector<bool> Run::used() const {
+  std::vector<bool> used;
+  for (const std::string& why : why_not_) used.push_back(why.empty());
+  return used;
+}
+
 Held Run::held() const {
   Held held;
   held.geometry.resize(heads_.size());
+  held.light.resize(heads_.size());
   held.first = -1;
   for (std::size_t h = 0; h < heads_.size(); ++h) {
-    held.geometry[h] = !why_not_[h].empty();
+    held.geometry[h] = held.light[h] = !why_not_[h].empty();
     if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
   }
   held.share_vignetting = options_.vignetting == VignettingModel::kShared;
@@ -125,9 +137,7 @@ Status Run::descend_level(const LevelPlan& plan) {
       Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, slack, workers_);
   if (!level) return fail(level.error());
   Objective& objective = (*level)->objective();
-  std::vector<bool> used;
-  for (const std::string& why : why_not_) used.push_back(why.empty());
-  objective.set_used(used);
+  objective.set_used(used());
   const Sought sought = sought_of(plan);
   const Result<Normal> start = objective.evaluate(heads_, sought, false);
   if (!start) return fail(start.error());
@@ -178,6 +188,35 @@ Status Run::check_placed(bool& changed) {
   return check_enough_placed(prior_, why_not_);
 }
 
+// Heads that are not placed took no part so far; their light is compared where they stand.
+Status Run::light_unplaced_heads() {
+  if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
+  const LevelPlan& plan = detail_plan();
+  Result<std::unique_ptr<Level>> level =
+      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, 0.02, workers_);
+  if (!level) return fail(level.error());
+  Sought gains;
+  gains.rotation = gains.vignetting = false;
+  gains.channels = channels();
+  const Result<Normal> start = (*level)->objective().evaluate(heads_, gains, false);
+  if (!start) return fail(start.error());
+  (*level)->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  Held held;
+  held.geometry.assign(heads_.size(), true);
+  for (const double shared : start->shared) held.light.push_back(shared <= 0);
+  // Its fall-off is the others', when they all have one.
+  const auto placed = static_cast<std::size_t>(std::ranges::find(why_not_, std::string()) - why_not_.begin());
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (options_.vignetting == VignettingModel::kShared && !why_not_[h].empty()) {
+      heads_[h].vignetting = heads_[placed].vignetting;
+    }
+  }
+  Result<Descended> found = descend((*level)->objective(), heads_, gains, held, {});
+  if (!found) return fail(found.error());
+  heads_ = std::move(found->heads);
+  return {};
+}
+
 Result<Report> Run::report() {
   const LevelPlan& finest = plans_.back();
   Result<std::unique_ptr<Level>> level =
@@ -220,11 +259,37 @@ Result<Report> Run::report() {
   return std::move(report_);
 }
 
+// Coarse levels from the prior; when heads then do not agree, from where a search puts them.
+Status Run::descend_coarse() {
+  const auto descend_all = [&]() -> Status {
+    for (const LevelPlan& plan : plans_) {
+      if (!is_coarse(plan)) continue;
+      if (Status done = descend_level(plan); !done) return done;
+    }
+    return {};
+  };
+  Status done = descend_all();
+  if (!options_.search) return done;
+  if (done) {
+    const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+    if (detail && check_agreement(prior_, *detail, why_not_)) return {};
+  }
+  heads_ = start_;
+  work_done_ = 0;
+  Result<std::vector<HeadState>> found = search_rotations(pyramids_, start_, used(), workers_);
+  if (!found) return fail(found.error());
+  heads_ = std::move(*found);
+  return descend_all();
+}
+
 Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
   if (Status ready = prepare(frame_sets); !ready) return fail(ready.error());
   if (Status found = find_dull_heads(); !found) return fail(found.error());
+  if (Status coarse = descend_coarse(); !coarse) return fail(coarse.error());
   for (const LevelPlan& plan : plans_) {
-    if (Status done = descend_level(plan); !done) return fail(done.error());
+    if (!is_coarse(plan)) {
+      if (Status done = descend_level(plan); !done) return fail(done.error());
+    }
   }
   bool changed = false;
   for (std::size_t round = 0; round < heads_.size(); ++round) {
@@ -232,6 +297,7 @@ Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
     if (!changed) break;
     if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
   }
+  if (Status light = light_unplaced_heads(); !light) return fail(light.error());
   return report();
 }
 

@@ -17,6 +17,7 @@ std::vector<HeadState> states() {
 Held nothing_held() {
   Held held;
   held.geometry.assign(6, false);
+  held.light.assign(6, false);
   return held;
 }
 
