@@ -71,6 +71,7 @@ void add_genlock(CLI::App& app, CommandLine& line);
 void add_calibration(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);
 void add_import(CLI::App& app, CommandLine& line);
+void add_register(CLI::App& app, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
 /// A command with the help text's examples below its options.

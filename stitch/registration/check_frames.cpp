@@ -46,7 +46,7 @@ Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyr
     float brightest = 0;
     for (const Plane& plane : pyramids[h].levels.back()) brightest = std::max(brightest, std::ranges::max(plane.values));
     if (brightest < kBlack) {
-      return fail(Errc::kNoSignal, "head " + quoted(prior.heads[h].name) +
+      return fail(Errc::kNotDetermined, "head " + quoted(prior.heads[h].name) +
                                        " is black; take its lens cap off, raise its exposure, or leave it out");
     }
     for (std::size_t other = 0; other < h; ++other) {
@@ -72,25 +72,39 @@ Status check_enough_placed(const Calibration& prior, const std::vector<std::stri
                                      "); film a scene with detail all around, or check the prior's fields of view");
 }
 
-Status check_agreement(const Calibration& prior, const Detail& detail, const std::vector<std::string>& why_not) {
-  std::string names;
-  std::size_t wrong = 0, placed = 0;
+std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std::string>& why_not) {
+  std::vector<std::size_t> wrong;
   for (std::size_t h = 0; h < why_not.size(); ++h) {
-    if (!why_not[h].empty()) continue;
-    ++placed;
-    if (detail.heads[h].agreement >= kLeastAgreement) continue;
-    ++wrong;
-    names += (names.empty() ? "'" : ", '") + prior.heads[h].name + "'";
+    if (why_not[h].empty() && detail.heads[h].agreement < kLeastAgreement) wrong.push_back(h);
   }
-  if (wrong == 0) return {};
-  if (wrong == placed) {
+  return wrong;
+}
+
+Status check_agreement(const Calibration& prior, const std::vector<std::size_t>& wrong, std::size_t placed) {
+  if (wrong.empty()) return {};
+  std::string names;
+  for (const std::size_t h : wrong) names += (names.empty() ? "'" : ", '") + prior.heads[h].name + "'";
+  if (wrong.size() == placed) {
     return fail(Errc::kHeadMismatch,
                 "the heads' pictures have nothing in common where they should overlap; check that they are of one scene "
                 "and in the calibration's order, that the lens model is right, and start nearer (point pairs)");
   }
   return fail(Errc::kHeadMismatch,
-              "head " + names + " sees something else than its neighbours where they should overlap; is its picture "
-              "upside down, mirrored or another head's, or does it stand far from the prior (give point pairs)?");
+              std::string(wrong.size() == 1 ? "head " : "heads ") + names +
+                  " and their neighbours see different things where they should overlap; check that each picture is "
+                  "its head's and all are of one moment, or start nearer (point pairs)");
+}
+
+std::string lens_misfit(bool focals, double promised) {
+  const int percent = static_cast<int>(std::lround(100 * promised));
+  return "the lenses do not fit the pictures (others would take away " + std::to_string(percent) +
+         " % of what is left of the differences), and the rotations make up for it; seek the " +
+         (focals ? "focal lengths, too" : "whole lenses, too, or calibrate them");
+}
+
+std::string wrong_lenses(bool focals) {
+  return std::string("the calibration's lenses cannot have taken these pictures, and so they place only some heads; ") +
+         (focals ? "seek the focal lengths, too" : "check the lens model and the field of view, and seek the lenses, too");
 }
 
 std::string nothing_shared(const Calibration& prior) {

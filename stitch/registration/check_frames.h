@@ -14,14 +14,21 @@ namespace nodal::registration {
 /// Numbers and sizes. Errors: kBadValue, kUnsupported.
 Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame_sets);
 
-/// Errors: kNoSignal for a black head, kHeadMismatch for one picture given to two heads.
+/// Errors: kNotDetermined for a black head, kHeadMismatch for one picture given to two heads.
 Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyramids);
 
 /// Errors: kNoCoverage when fewer than two heads are left; `why_not` is empty for a head that is placed.
 Status check_enough_placed(const Calibration& prior, const std::vector<std::string>& why_not);
 
-/// Errors: kHeadMismatch when heads have detail where they overlap, and it is not the same.
-Status check_agreement(const Calibration& prior, const Detail& detail, const std::vector<std::string>& why_not);
+/// Heads that have detail where they overlap with others, and it is not the same.
+std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std::string>& why_not);
+/// Errors: kHeadMismatch when there are any.
+Status check_agreement(const Calibration& prior, const std::vector<std::size_t>& wrong, std::size_t placed);
+
+/// What is said of lenses that cannot have taken the pictures; `focals`: their focal lengths are what is wrong.
+/// `promised`: the share of the differences that other lenses would take away.
+std::string lens_misfit(bool focals, double promised);
+std::string wrong_lenses(bool focals);
 
 std::string nothing_shared(const Calibration& prior);
 

@@ -16,12 +16,14 @@ double worst_sigma(const Eigen::Matrix3d& information) {
 }  // namespace
 
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
-                              const std::vector<HeadState>& heads, const Options& options, const Workers& workers) {
+                              const std::vector<HeadState>& heads, const std::vector<bool>& used,
+                              const Options& options, const Workers& workers) {
   Options sum = options;
   sum.norm = Norm::kSum;
   Result<std::unique_ptr<Level>> level =
       Level::make(plan, Level::Pictures::kDetail, pyramids, heads, sum, 0.01, workers);
   if (!level) return fail(level.error());
+  (*level)->objective().set_used(used);
   Sought rotations;
   rotations.gain = rotations.vignetting = false;
   const Result<Normal> normal = (*level)->objective().evaluate(heads, rotations, true);
@@ -56,7 +58,8 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
   return detail;
 }
 
-Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample) {
+Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
+                       const Eigen::MatrixXd& gauge) {
   const Eigen::Index n = parameters.free_count();
   // Where the common curvature is not positive nothing is known; the own one then at least says how little.
   Eigen::MatrixXd H = parameters.hessian(normal, Curvature::kCommon);
@@ -66,7 +69,8 @@ Certainty certainty_of(const Normal& normal, const Parameters& parameters, doubl
   Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H, Eigen::VectorXd::Unit(n, k));
   covariance *= normal.objective() * pixels_a_sample;
-  const Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
+  Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
+  if (gauge.size() > 0) all = gauge * all * gauge.transpose();
   Certainty certainty;
   for (std::size_t h = 0; h < parameters.slots().size(); ++h) {
     const Slots& slots = parameters.slots()[h];

@@ -23,18 +23,22 @@ struct Detail {
   std::vector<PairSums> pairs;  ///< as Normal::pairs
 };
 
-/// With the heads where they are now. `plan` says on which level; a middle one is quiet and still exact.
+/// With the heads where they are now. `plan` says on which level; a middle one is quiet and still exact. Heads whose
+/// `used` is false take no part: what they disagree by says nothing about the others.
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
-                              const std::vector<HeadState>& heads, const Options& options, const Workers& workers);
+                              const std::vector<HeadState>& heads, const std::vector<bool>& used,
+                              const Options& options, const Workers& workers);
 
 /// Below this rms a head has no detail, levels.
 inline constexpr double kDullRms = 0.5;
 
 /// Standard deviations of what was sought.
 struct Certainty {
-  std::vector<double> rotation_rad;  ///< about the worst axis, against the head that holds the rig
+  std::vector<double> rotation_rad;  ///< about the worst axis, against what holds the rig
   std::vector<double> log_focal;     ///< 0 where not sought
 };
-Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample);
+/// `gauge`: what the gauge makes of small changes of the heads' numbers (gauge.h); empty when the parameters hold it.
+Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
+                       const Eigen::MatrixXd& gauge);
 
 }  // namespace nodal::registration

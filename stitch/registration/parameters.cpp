@@ -79,7 +79,14 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
     add_shared(basis, rows(focal, 0, held.geometry));
     for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, held.geometry));
   }
-  for (int c = 0; c < slots_.front().gains; ++c) add_zero_sum(basis, rows(gain, c, held.light));
+  for (int c = 0; c < slots_.front().gains; ++c) {
+    const std::vector<int> all = rows(gain, c, held.light);
+    if (held.free_gains) {
+      for (const int row : all) basis.own(row);
+    } else {
+      add_zero_sum(basis, all);
+    }
+  }
   for (int k = 0; k < kVignettingTerms; ++k) {
     const std::vector<int> all = rows(vignetting, k, held.light);
     if (held.share_vignetting) add_shared(basis, all);

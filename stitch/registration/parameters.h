@@ -15,6 +15,7 @@ struct Held {
   int first = 0;               ///< the head whose rotation holds the rig
   bool share_lens = false;     ///< all heads' lenses move alike
   bool share_vignetting = true;
+  bool free_gains = false;     ///< no sum of log gains is held, since some heads' light is known
 };
 
 /// The heads' numbers as a linear image of the free ones: all = B * free. Sharing, holding and the gauges (the first

@@ -4,6 +4,9 @@
 #include <optional>
 
 #include "stitch/registration/check_frames.h"
+#include "stitch/registration/diagnosis.h"
+#include "stitch/registration/gauge.h"
+#include "stitch/registration/lens_misfit.h"
 #include "stitch/registration/level.h"
 #include "stitch/registration/observability.h"
 #include "stitch/registration/registration.h"
@@ -16,6 +19,8 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kSmallestLevel = 16;      // px on the shorter side of the coarsest picture
 constexpr double kLooseSigmaPx = 0.25;  // a head that is held more loosely than this shows at its seams
 constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
+constexpr int kQuickWidth = 512;        // of the raymap where usual mistakes are tried
+constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
 
 // One registration under way.
 class Run {
@@ -23,14 +28,18 @@ class Run {
   Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
 
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
+  /// Heads that did not agree with the others when run() failed.
+  const std::vector<std::size_t>& wrong() const { return wrong_; }
 
  private:
   Status prepare(const std::vector<FrameSet>& frame_sets);
   Status find_dull_heads();
+  Status check_agreement(const Detail& detail);
   Status descend_level(const LevelPlan& plan);
   Status descend_coarse();
   Status check_placed(bool& changed);
   Status light_unplaced_heads();
+  Status check_lenses(Objective& objective);
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
@@ -50,6 +59,8 @@ class Run {
   std::vector<LevelPlan> plans_;
   std::vector<std::string> why_not_;  // empty: placed
   std::vector<double> loose_sigma_;   // of heads that are not placed, rad
+  std::vector<std::size_t> wrong_;
+  int loose_heads_ = 0;               // that have detail, which does not hold them
   std::optional<Normal> last_;        // at the end of the latest level
   double last_pixels_a_sample_ = 1;
   Report report_;
@@ -158,7 +169,7 @@ Status Run::descend_level(const LevelPlan& plan) {
 }
 
 Status Run::find_dull_heads() {
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const HeadDetail& head = detail->heads[h];
@@ -172,23 +183,30 @@ Status Run::find_dull_heads() {
   return check_enough_placed(prior_, why_not_);
 }
 
+Status Run::check_agreement(const Detail& detail) {
+  wrong_ = disagreeing(detail, why_not_);
+  return registration::check_agreement(prior_, wrong_,
+                                       static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
+}
+
 Status Run::check_placed(bool& changed) {
   changed = false;
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
-  if (Status agree = check_agreement(prior_, *detail, why_not_); !agree) return agree;
+  if (Status agree = check_agreement(*detail); !agree) return agree;
   const double per_radian = pixels_per_radian(heads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail->heads[h].sigma_rad;
     if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
     unplace(h, "the detail it shares with other heads does not hold it in every direction");
+    ++loose_heads_;
     changed = true;
   }
   return check_enough_placed(prior_, why_not_);
 }
 
-// Heads that are not placed took no part so far; their light is compared where they stand.
+// Heads that are not placed took no part so far; their light is compared with the others' where they stand.
 Status Run::light_unplaced_heads() {
   if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
   const LevelPlan& plan = detail_plan();
@@ -203,7 +221,8 @@ Status Run::light_unplaced_heads() {
   (*level)->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
   Held held;
   held.geometry.assign(heads_.size(), true);
-  for (const double shared : start->shared) held.light.push_back(shared <= 0);
+  held.free_gains = true;
+  for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start->shared[h] <= 0);
   // Its fall-off is the others', when they all have one.
   const auto placed = static_cast<std::size_t>(std::ranges::find(why_not_, std::string()) - why_not_.begin());
   for (std::size_t h = 0; h < heads_.size(); ++h) {
@@ -217,26 +236,52 @@ Status Run::light_unplaced_heads() {
   return {};
 }
 
+// Lenses that are held must be able to take these pictures: a wrong one bends the rotations to make up for it.
+Status Run::check_lenses(Objective& objective) {
+  if (options_.free == Free::kLens) return {};
+  const Sought sought = sought_of(plans_.back());
+  const Result<double> by_lens = promised_by(objective, heads_, sought, held(), Free::kLens);
+  if (!by_lens) return fail(by_lens.error());
+  if (*by_lens < kLensMisfit) return {};
+  const Result<double> by_focals = promised_by(objective, heads_, sought, held(), Free::kFocals);
+  if (!by_focals) return fail(by_focals.error());
+  const bool focals = options_.free == Free::kRotations && *by_focals > 0.7 * *by_lens;
+  if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
+  report_.warnings.push_back(lens_misfit(focals, *by_lens));
+  return {};
+}
+
 Result<Report> Run::report() {
   const LevelPlan& finest = plans_.back();
+  if (options_.gauge == Gauge::kMean) hold_mean(start_, used(), heads_);
+  double farthest = 0;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
+  }
   Result<std::unique_ptr<Level>> level =
-      Level::make(finest, Level::Pictures::kLight, pyramids_, start_, options_, 0.02, workers_);
+      Level::make(finest, Level::Pictures::kLight, pyramids_, start_, options_, farthest + 0.02, workers_);
   if (!level) return fail(level.error());
   const Result<Normal> before = (*level)->objective().evaluate(start_, sought_of(finest), false);
   const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
+  const std::vector<bool> all(heads_.size(), true);
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, all, options_, workers_);
   if (!detail) return fail(detail.error());
   report_.objective_before = before->objective();
   report_.objective_after = after->objective();
   const Parameters parameters(heads_, sought_of(finest), held());
-  const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_);
+  Eigen::MatrixXd gauge;
+  if (options_.gauge == Gauge::kMean) gauge = mean_taken_out(heads_, used(), parameters);
+  const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_, gauge);
+  (*level)->objective().set_used(used());
+  if (Status fit = check_lenses((*level)->objective()); !fit) return fail(fit.error());
   report_.calibration = prior_;
   const int n = static_cast<int>(heads_.size());
   for (int h = 0; h < n; ++h) {
     const auto i = static_cast<std::size_t>(h);
     report_.calibration.heads[i] = heads_[i].into(prior_.heads[i]);
+    if (!why_not_[i].empty()) report_.calibration.heads[i].R_head_rig = prior_.heads[i].R_head_rig;  // to the bit
     HeadReport head;
     head.name = prior_.heads[i].name;
     head.placed = why_not_[i].empty();
@@ -271,8 +316,8 @@ Status Run::descend_coarse() {
   Status done = descend_all();
   if (!options_.search) return done;
   if (done) {
-    const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, options_, workers_);
-    if (detail && check_agreement(prior_, *detail, why_not_)) return {};
+    const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+    if (detail && check_agreement(*detail)) return {};
   }
   heads_ = start_;
   work_done_ = 0;
@@ -305,7 +350,21 @@ Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
 
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                               const Options& options) {
-  return Run(prior, options).run(frame_sets);
+  Run run(prior, options);
+  Result<Report> report = run.run(frame_sets);
+  if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
+  Options quick = options;
+  quick.free = Free::kRotations;
+  quick.search = false;
+  quick.progress = nullptr;
+  quick.width = kQuickWidth;
+  const Attempt attempt = [&](const std::vector<FrameSet>& tried) {
+    return Run(prior, quick).run(tried).has_value();
+  };
+  if (const auto mistake = usual_mistake(prior, frame_sets, run.wrong(), attempt)) {
+    return fail(Errc::kHeadMismatch, *mistake);
+  }
+  return report;
 }
 
 }  // namespace nodal::registration

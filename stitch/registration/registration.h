@@ -98,7 +98,7 @@ struct Report {
 ///
 /// Threading: thread-safe; starts `threads` of its own for the time of the call.
 /// Ownership: the frames' bytes must stay for the time of the call.
-/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage when the heads share too little; kNoSignal for
+/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage when the heads share too little; kNotDetermined for
 ///   black frames; kHeadMismatch when the frames are not what the prior says the heads see (the same picture twice,
 ///   mirrored, upside down, another lens, noise). Each says what is wrong and what to try.
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,

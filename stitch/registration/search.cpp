@@ -22,6 +22,8 @@ constexpr int kStride = 2;            // blurred pixels that are taken, both way
 constexpr std::size_t kCandidates = 6;
 constexpr double kLeastRays = 40;
 constexpr int kRounds = 6;
+constexpr std::size_t kGlance = 4;    // tiles of which one is taken at a glance
+constexpr std::size_t kLookedAt = 12; // turns of which one is worth a look
 
 // One head's blurred detail, as rays of its own frame and as a picture to look into.
 struct Sample {
@@ -117,10 +119,11 @@ class Correlator {
   }
 
   // How unlikely it is by chance: -n log(1 - correlation^2), so that a large overlap beats a lucky small one.
-  double score(const Matrix3d& R_into_from) {
+  // `step`: only every so many tiles are looked at.
+  double score(const Matrix3d& R_into_from, std::size_t step = 1) {
     for (int k = 0; k < 9; ++k) sight_.R[k] = static_cast<float>(R_into_from(k / 3, k % 3));
     double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
-    for (std::size_t t = 0; t < from_.rays.size(); ++t) {
+    for (std::size_t t = 0; t < from_.rays.size(); t += step) {
       if (!project(sight_, from_.rays[t], *seen_)) continue;
       sample(sight_, 0, *seen_);
       const std::vector<float>& values = from_.values[t];
@@ -135,7 +138,7 @@ class Correlator {
         bb += vb * vb;
       }
     }
-    if (n < kLeastRays) return 0;
+    if (n * static_cast<double>(step) < kLeastRays) return 0;
     const double variance = (aa - a * a / n) * (bb - b * b / n), covariance = ab - a * b / n;
     if (variance <= 0 || covariance <= 0) return 0;
     return -n * std::log(1 - std::min(0.9999, covariance * covariance / variance));
@@ -191,8 +194,12 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
   std::vector<Candidate> all;
   for (const Vector3d& turn : turns) {
     const Matrix3d R = turn_by(turn) * prior_b_a;
-    if (const double score = correlator.score(R); score > 0) all.push_back({R, score});
+    if (const double score = correlator.score(R, kGlance); score > 0) all.push_back({R, score});
   }
+  // A glance tells which few are worth a look.
+  std::ranges::stable_sort(all, std::greater<>(), &Candidate::score);
+  all.resize(std::min(all.size(), turns.size() / kLookedAt));
+  for (Candidate& each : all) each.score = correlator.score(each.R_b_a);
   std::ranges::stable_sort(all, std::greater<>(), &Candidate::score);
   std::vector<Candidate> kept;
   for (const Candidate& each : all) {

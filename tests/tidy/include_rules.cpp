@@ -60,7 +60,7 @@ const std::vector<FolderRule>& folder_rules() {
       {"stitch/table/", {"protocol/", "stitch/geometry/", "stitch/blend/", "stitch/table/"}},
       {"firmware/", ports_and({"protocol/", "stitch/blend/", "stitch/table/", "firmware/"})},
       {"firmware/daemon/", {"protocol/", "hal/", "stitch/blend/", "stitch/table/", "firmware/"}},
-      {"host_tool/", {"protocol/", "hal/link.h", "hal/linux/link/", "stitch/", "host_tool/"}},
+      {"host_tool/", {"protocol/", "hal/link.h", "hal/linux/link/", "hal/replay/image_file.h", "stitch/", "host_tool/"}},
       {"tests/", {"protocol/", "hal/", "stitch/", "firmware/", "host_tool/", "tests/"}},
   };
   return rules;

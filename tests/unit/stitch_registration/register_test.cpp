@@ -1,7 +1,12 @@
 // Whole registrations of small rendered rigs.
+#include "stitch/registration/registration.h"
+
 #include <gtest/gtest.h>
 
-#include "stitch/registration/registration.h"
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "stitch/geometry/rotation.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal::registration {
@@ -103,6 +108,36 @@ TEST(Register, FirstHeadHoldsTheRig_ItStaysAsThePriorHasIt) {
   for (std::size_t k = 0; k < 9; ++k) {
     EXPECT_NEAR(report->calibration.heads[0].R_head_rig[k], prior.heads[0].R_head_rig[k], 1e-12);
   }
+}
+
+TEST(Register, MeanGauge_TurnsOfAllHeadsHaveMeanZeroAndNoneIsKnownExactly) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 5);
+  Options options;
+  options.gauge = Gauge::kMean;
+  const Result<Report> report = register_heads(prior, {town().frames()}, options);
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg);
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (std::size_t h = 0; h < 6; ++h) {
+    const Eigen::AngleAxisd turn(geometry::matrix_of(report->calibration.heads[h].R_head_rig).transpose() *
+                                 geometry::matrix_of(prior.heads[h].R_head_rig));
+    sum += turn.angle() * turn.axis();
+    EXPECT_GT(report->heads[h].turned_deg, 0.1);
+    EXPECT_GT(report->heads[h].sigma_deg, 0);
+  }
+  EXPECT_LT(sum.norm(), 1e-9);
+}
+
+TEST(Register, FogInOneFrameSet_IsRegisteredByTheOther) {
+  const test::RenderedRig fog =
+      test::render_rig(town().truth, hal::sim::constant_scene({0.5F, 0.5F, 0.5F}), {PixelFormat::kGrey8, 1.0, 6, 3});
+  const Calibration prior = test::turned(plain_prior(town().truth), 2, 4, 7);
+  const Result<Report> alone = register_heads(prior, {fog.frames()}, {});
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().code, Errc::kNoCoverage) << alone.error().text();
+  const Result<Report> both = register_heads(prior, {fog.frames(), town().frames()}, {});
+  ASSERT_TRUE(both) << both.error().text();
+  EXPECT_LT(test::rotation_error(town().truth, both->calibration).rms_deg, 0.02 * kPixelDeg);
 }
 
 }  // namespace

@@ -1,0 +1,40 @@
+// What a registration starts from: pictures in files, and a rig's geometry as its data sheet has it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hal/replay/image_file.h"
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/registration/registration.h"
+
+namespace nodal::host {
+
+/// Pictures that are held in memory, one a head and set.
+struct PictureSets {
+  std::vector<std::vector<hal::replay::DecodedImage>> sets;
+  std::vector<registration::FrameSet> frames() const;
+};
+
+/// The pictures of `heads` heads. Each argument is a picture, in the calibration's order, set after set; or a folder
+/// with one picture a head, called as the head is (cam0.png). `names`: the heads'.
+/// Errors: kBadValue with what is missing or too much; those of reading pictures.
+Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names);
+
+/// A rig as its data sheet has it: `--nominal 3x190`.
+struct Nominal {
+  int heads = 0;
+  double view_deg = 0;   ///< across the circle
+  double roll_deg = 0;   ///< of every head, clockwise
+  Region::Circle circle; ///< radius 0: the largest one in the picture's middle
+};
+/// "3x190": heads and degrees. Errors: kBadValue.
+Result<Nominal> parse_nominal(const std::string& text);
+/// "1920,1080,1587": x, y, radius. Errors: kBadValue.
+Result<Region::Circle> parse_circle(const std::string& text);
+/// Equidistant fisheyes evenly round the horizon, the first one forward, the next to its right; for pictures of this
+/// size. Errors: those of check_calibration.
+Result<Calibration> nominal_rig(const Nominal& nominal, int width, int height);
+
+}  // namespace nodal::host

@@ -1,0 +1,20 @@
+// What holds the rig as a whole, which no overlap says anything about: its mean, instead of its first head.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "stitch/registration/head_state.h"
+#include "stitch/registration/parameters.h"
+
+namespace nodal::registration {
+
+/// Turns the placed heads together, so that their turns away from `start` have mean zero.
+void hold_mean(const std::vector<HeadState>& start, const std::vector<bool>& placed, std::vector<HeadState>& heads);
+
+/// What hold_mean() does to small changes of the heads' numbers (rows as in Parameters::basis()): the mean of the
+/// placed heads' turns is taken from each, the rest stays.
+Eigen::MatrixXd mean_taken_out(const std::vector<HeadState>& heads, const std::vector<bool>& placed,
+                               const Parameters& parameters);
+
+}  // namespace nodal::registration

@@ -1,0 +1,141 @@
+// `nodal register` as a user runs it, on pictures of a rendered rig.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "protocol/calibration.h"
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::command_line {
+namespace {
+
+using nlohmann::json;
+using test::Finished;
+using test::Process;
+
+constexpr int kSide = 160;
+constexpr double kPixelDeg = 130.0 / kSide;
+
+class RegisterCommand : public testing::Test {
+ protected:
+  static const test::RenderedRig& town() {
+    static const test::RenderedRig rig =
+        test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+    return rig;
+  }
+
+  // Pictures called as the heads are, and a calibration some degrees off.
+  void write(const test::RenderedRig& rig, double least_deg = 1, double most_deg = 3) {
+    std::filesystem::create_directories(folder_ / "frames");
+    for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
+      test::write_bytes(folder_ / ("frames/" + rig.truth.heads[h].name + ".png"),
+                        test::png_of(rig.bytes[h], kSide, kSide, 1));
+    }
+    prior_ = test::turned(rig.truth, least_deg, most_deg, 3);
+    std::ofstream(folder_ / "prior.json") << to_json(prior_);
+  }
+
+  Finished run(std::vector<std::string> more) const {
+    std::vector<std::string> command{NODAL_BIN_DIR "/nodal", "register"};
+    command.insert(command.end(), more.begin(), more.end());
+    return Process(command).wait();
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  static std::string text_of(const std::string& file) {
+    std::ifstream in(file);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  test::TemporaryFolder folder_;
+  Calibration prior_;
+};
+
+TEST_F(RegisterCommand, FolderOfPictures_WritesACalibrationThatIsRightAndSaysWhatItDid) {
+  write(town());
+  const Finished done = run({path("prior.json"), path("frames"), "-o", path("found.json"), "--json"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const Calibration found = parse_calibration(text_of(path("found.json"))).value();
+  EXPECT_LT(test::rotation_error(town().truth, found).rms_deg, 0.01 * kPixelDeg);
+  const json answer = json::parse(done.out);
+  EXPECT_LT(answer["objective_after"].get<double>(), 0.05 * answer["objective_before"].get<double>());
+  ASSERT_EQ(answer["heads"].size(), 6u);
+  for (const json& head : answer["heads"]) EXPECT_TRUE(head["placed"].get<bool>());
+  EXPECT_FALSE(answer["pairs"].empty());
+  EXPECT_TRUE(answer["warnings"].empty()) << answer["warnings"];
+  EXPECT_EQ(answer["out"], path("found.json"));
+}
+
+TEST_F(RegisterCommand, AHeadThatSeesNothing_IsNamedAndKeptAndTheRestIsWritten) {
+  test::RenderedRig rig = town();
+  std::ranges::fill(rig.bytes[4], std::uint8_t{140});
+  write(rig);
+  const Finished done = run({path("prior.json"), path("frames"), "-o", path("found.json")});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NE(done.err.find("head 'cam4' is not placed"), std::string::npos) << done.err;
+  EXPECT_NE(done.out.find("not placed, kept as it was"), std::string::npos) << done.out;
+  const Calibration found = parse_calibration(text_of(path("found.json"))).value();
+  for (std::size_t k = 0; k < 9; ++k) {
+    EXPECT_NEAR(found.heads[4].R_head_rig[k], prior_.heads[4].R_head_rig[k], 1e-9);
+  }
+}
+
+TEST_F(RegisterCommand, FramesThatCannotBeRegistered_OneSentenceAndNoFile) {
+  struct Trouble {
+    const char* says;
+    void (*spoil)(test::RenderedRig&);
+  };
+  for (const Trouble& trouble :
+       {Trouble{"head 'cam2' is black", [](test::RenderedRig& rig) { std::ranges::fill(rig.bytes[2], std::uint8_t{1}); }},
+        Trouble{"have the same picture", [](test::RenderedRig& rig) { rig.bytes[1] = rig.bytes[0]; }},
+        Trouble{"head 'cam3' is upside down", [](test::RenderedRig& rig) { std::ranges::reverse(rig.bytes[3]); }}}) {
+    test::RenderedRig rig = town();
+    trouble.spoil(rig);
+    write(rig);
+    const Finished done = run({path("prior.json"), path("frames"), "-o", path("found.json")});
+    EXPECT_EQ(done.code, 4) << trouble.says;
+    EXPECT_NE(done.err.find(trouble.says), std::string::npos) << done.err;
+    EXPECT_FALSE(std::filesystem::exists(path("found.json"))) << trouble.says;
+  }
+}
+
+TEST_F(RegisterCommand, PicturesThatDoNotFitTheCalibration_AreCountedAndNamed) {
+  write(town());
+  const Finished few = run({path("prior.json"), path("frames/cam0.png"), path("frames/cam1.png")});
+  EXPECT_EQ(few.code, 4);
+  EXPECT_NE(few.err.find("2 pictures for 6 heads"), std::string::npos) << few.err;
+  std::filesystem::remove(path("frames/cam5.png"));
+  const Finished missing = run({path("prior.json"), path("frames")});
+  EXPECT_NE(missing.err.find("no picture of head 'cam5'"), std::string::npos) << missing.err;
+  const Finished none = run({path("prior.json")});
+  EXPECT_EQ(none.code, 4);
+  EXPECT_NE(none.err.find("no pictures"), std::string::npos) << none.err;
+}
+
+TEST_F(RegisterCommand, NominalRig_IsAsTheDataSheetHasItAndNeedsNoCalibration) {
+  // Three fisheyes round the horizon, their truth a little off the data sheet.
+  Calibration truth = test::six_fisheyes(kSide, 190);
+  truth.heads = {truth.heads[0], truth.heads[1], truth.heads[3]};
+  for (HeadCalibration& head : truth.heads) head.region.circle = Region::Circle{80, 80, 80};
+  const double turns[] = {0, 120, -120};
+  for (std::size_t h = 0; h < 3; ++h) {
+    const double a = turns[h] * 3.14159265358979323846 / 180, c = std::cos(a), s = std::sin(a);
+    truth.heads[h].R_head_rig = {c, 0, -s, 0, 1, 0, s, 0, c};
+    truth.heads[h].name = "cam" + std::to_string(h);
+  }
+  truth = test::turned(truth, 0.5, 2, 9);
+  write(test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3}));
+  const Finished done = run({"--nominal", "3x190", "--free", "focals", path("frames"), "-o", path("found.json")});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const Calibration found = parse_calibration(text_of(path("found.json"))).value();
+  EXPECT_LT(test::rotation_error(truth, found).rms_deg, 0.03 * 190 / kSide);
+  EXPECT_EQ(run({"--nominal", "3by190", path("frames")}).code, 2);
+}
+
+}  // namespace
+}  // namespace nodal::command_line

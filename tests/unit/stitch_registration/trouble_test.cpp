@@ -1,0 +1,142 @@
+// Frames that cannot be registered, or not all of them: who is named, what is kept, what is said.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "stitch/registration/registration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr int kSide = 160;
+constexpr double kPixelDeg = 130.0 / kSide;
+
+const test::RenderedRig& town() {
+  static const test::RenderedRig rig =
+      test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  return rig;
+}
+
+void expect_refused(const Calibration& prior, const test::RenderedRig& rig, Errc code, const std::string& says) {
+  const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+  ASSERT_FALSE(report) << "a calibration that looks fine";
+  EXPECT_EQ(report.error().code, code) << report.error().text();
+  EXPECT_NE(report.error().message.find(says), std::string::npos) << report.error().text();
+}
+
+void fill_with_noise(std::vector<std::uint8_t>& picture, double mean, double sigma, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> level(mean, sigma);
+  for (std::uint8_t& pixel : picture) pixel = static_cast<std::uint8_t>(std::clamp(level(random), 0.0, 255.0));
+}
+
+TEST(Register, HeadsFarFromThePrior_AreFoundWithoutPairs) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const Calibration prior = test::turned(town().truth, 8, 20, seed);
+    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    ASSERT_TRUE(report) << "seed " << seed << ": " << report.error().text();
+    EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg) << "seed " << seed;
+  }
+}
+
+TEST(Register, HeadWithoutDetail_IsNamedAndKeptAtThePriorWhileTheOthersAreFound) {
+  test::RenderedRig rig = town();
+  fill_with_noise(rig.bytes[4], 140, 1.0, 9);
+  const Calibration prior = test::turned(rig.truth, 1, 3, 4);
+  const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+  ASSERT_TRUE(report) << report.error().text();
+  std::vector<bool> counted(6, true);
+  counted[4] = false;
+  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.01 * kPixelDeg);
+  EXPECT_FALSE(report->heads[4].placed);
+  EXPECT_NE(report->heads[4].why_not.find("no detail"), std::string::npos) << report->heads[4].why_not;
+  EXPECT_EQ(report->calibration.heads[4].R_head_rig, prior.heads[4].R_head_rig);
+  EXPECT_GT(report->heads[4].sigma_deg, 1) << "what the frames say of it is nothing";
+  ASSERT_EQ(report->warnings.size(), 1u);
+  EXPECT_NE(report->warnings[0].find("'cam4'"), std::string::npos);
+}
+
+TEST(Register, BlackFrame_NamesTheHeadAndWhatToTry) {
+  test::RenderedRig rig = town();
+  std::ranges::fill(rig.bytes[2], std::uint8_t{2});
+  expect_refused(rig.truth, rig, Errc::kNotDetermined, "head 'cam2' is black; take its lens cap off");
+}
+
+TEST(Register, OnePictureForTwoHeads_NamesBoth) {
+  test::RenderedRig rig = town();
+  rig.bytes[5] = rig.bytes[3];
+  expect_refused(rig.truth, rig, Errc::kHeadMismatch, "heads 'cam3' and 'cam5' have the same picture");
+}
+
+TEST(Register, AHeadUpsideDown_IsNamed) {
+  test::RenderedRig rig = town();
+  std::ranges::reverse(rig.bytes[1]);
+  expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch, "head 'cam1' is upside down");
+}
+
+TEST(Register, MirroredPictures_AreRefused) {
+  test::RenderedRig rig = town();
+  for (auto& picture : rig.bytes) {
+    for (int row = 0; row < kSide; ++row) std::reverse(picture.begin() + row * kSide, picture.begin() + (row + 1) * kSide);
+  }
+  expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch,
+                 "the pictures of all heads are mirrored");
+}
+
+TEST(Register, SixteenHeadsOfNoise_AreRefused) {
+  constexpr int kSmall = 96;
+  test::RenderedRig rig;
+  rig.truth = test::six_fisheyes(kSmall);
+  for (int h = 6; h < 16; ++h) {
+    HeadCalibration head = test::turned(rig.truth, 10, 40, static_cast<std::uint64_t>(h)).heads[static_cast<std::size_t>(h) % 6];
+    head.name = "cam" + std::to_string(h);
+    rig.truth.heads.push_back(head);
+  }
+  for (std::uint64_t h = 0; h < 16; ++h) {
+    rig.bytes.emplace_back(kSmall * kSmall);
+    fill_with_noise(rig.bytes.back(), 128, 40, 100 + h);
+  }
+  expect_refused(rig.truth, rig, Errc::kHeadMismatch, "nothing in common");
+}
+
+TEST(Register, HeadsThatShareNothing_AreToldSo) {
+  Calibration truth = test::six_fisheyes(kSide, 70);
+  const test::RenderedRig rig = test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  expect_refused(truth, rig, Errc::kNoCoverage, "share");
+}
+
+TEST(Register, WrongLensModel_IsRefused) {
+  // The same field of view at the edge, by another law: 20 px off half way.
+  Calibration prior = town().truth;
+  for (HeadCalibration& head : prior.heads) {
+    const double edge = 65 * std::numbers::pi / 180;
+    head.lens = RectilinearLens{{kSide / 2.0 / std::tan(edge)}};
+  }
+  expect_refused(prior, town(), Errc::kHeadMismatch, "lens");
+}
+
+TEST(Register, FocalsABitWrongAndNotSought_IsWarnedOf) {
+  for (const double percent : {0.0, 0.7}) {
+    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
+    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    ASSERT_TRUE(report) << report.error().text();
+    EXPECT_EQ(report->warnings.size(), percent > 0 ? 1u : 0u);
+    for (const std::string& warning : report->warnings) {
+      EXPECT_NE(warning.find("focal lengths"), std::string::npos) << warning;
+    }
+  }
+}
+
+TEST(Register, FocalsFarOffAndNotSought_AreRefused) {
+  Calibration prior = test::turned(town().truth, 1, 3, 6);
+  for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1.05;
+  expect_refused(prior, town(), Errc::kHeadMismatch, "lens");
+}
+
+}  // namespace
+}  // namespace nodal::registration
