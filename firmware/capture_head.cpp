@@ -1,5 +1,7 @@
 #include "firmware/capture_head.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <numeric>
 
 namespace nodal::firmware {
@@ -9,6 +11,7 @@ namespace {
 constexpr Duration kRetry = Duration::milliseconds(200);
 
 std::string microseconds(Exposure exposure) { return std::to_string(exposure.us()) + " us"; }
+std::string thousandths(hal::Gamma gamma) { return std::to_string(gamma.thousandths()) + "/1000"; }
 std::string decibels(Gain gain) { return std::to_string(gain.mdb()) + " mdB"; }
 
 std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
@@ -21,7 +24,35 @@ std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
   return LossReason::kCorrupt;
 }
 
+/// Whether fields came as the head promised: both, and in their order of time.
+std::optional<LossReason> bad_fields(Fields came, Fields promised) {
+  if (came == promised) return std::nullopt;
+  const auto whole = [](Fields f) { return f == Fields::kTopFirst || f == Fields::kBottomFirst; };
+  return whole(came) && whole(promised) ? LossReason::kFieldOrder : LossReason::kFieldParity;
+}
+
+/// A head rounds what it is asked to steps of its own; a 16th of a stop and a twentieth of a gamma are more than that.
+bool carried(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
+  if (wanted.exposure) {
+    const std::int64_t apart = in_effect.exposure.us() - wanted.exposure->us();
+    if (std::abs(apart) > std::max<std::int64_t>(wanted.exposure->us() / 16, 1)) return false;
+  }
+  if (wanted.gain && std::abs(wanted.gain->mdb() - in_effect.gain.mdb()) > 400) return false;
+  if (wanted.gamma && std::abs(wanted.gamma->thousandths() - in_effect.gamma.thousandths()) > 50) return false;
+  if (!wanted.white_balance) return true;
+  const auto far = [](std::uint16_t a, std::uint16_t b) { return std::abs(int{a} - int{b}) > b / 16; };
+  return !far(in_effect.white_balance.red_q12, wanted.white_balance->red_q12) &&
+         !far(in_effect.white_balance.blue_q12, wanted.white_balance->blue_q12);
+}
+
 }  // namespace
+
+void SettingsChange::add(const SettingsChange& newer) {
+  if (newer.exposure) exposure = newer.exposure;
+  if (newer.gain) gain = newer.gain;
+  if (newer.white_balance) white_balance = newer.white_balance;
+  if (newer.gamma) gamma = newer.gamma;
+}
 
 std::uint64_t FrameCounts::lost() const {
   return std::accumulate(losses.begin(), losses.end(), std::uint64_t{0});
@@ -38,7 +69,7 @@ CaptureHead::CaptureHead(const HeadConfig& config, std::string path, hal::HeadEn
     : name_(config.name),
       path_(std::move(path)),
       enumerator_(enumerator),
-      wanted_{config.exposure, config.gain, config.white_balance} {
+      wanted_{config.exposure, config.gain, config.white_balance, config.gamma} {
   report_.path = path_;
   report_.problem = "not found yet at " + path_;
 }
@@ -125,6 +156,7 @@ std::optional<hal::FrameView> CaptureHead::take_frame() {
     ++report_.counts.frames;
     ++lent_;
     report_.in_effect = frame.in_effect;
+    watch_settings(frame.in_effect);
     missed_in_row_ = 0;
     const hal::HeadFormat& format = port_->format();
     std::optional<LossReason> reason = bad_verdict(frame.verdict);
@@ -132,10 +164,24 @@ std::optional<hal::FrameView> CaptureHead::take_frame() {
                     frame.image.height != format.height || !frame.image.planes[0].data)) {
       reason = LossReason::kWrongFormat;
     }
+    if (!reason) reason = bad_fields(frame.fields, format.fields);
     if (!reason) return frame;
     lose(frame, *reason);
   }
   return std::nullopt;
+}
+
+/// The head says what it did; when that is not what it was asked, long after it should be, somebody must know.
+void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
+  if (carried(wanted_, in_effect)) {
+    report_.ignores.clear();
+  } else if (++frames_since_asked_ > report_.limits->control_latency_frames + kFramesOfGrace &&
+             report_.ignores.empty()) {
+    report_.ignores = "does not carry out what it was asked: has " + microseconds(in_effect.exposure) + ", " +
+                      decibels(in_effect.gain);
+    if (wanted_.exposure) report_.ignores += "; asked " + microseconds(*wanted_.exposure);
+    if (wanted_.gain) report_.ignores += "; asked " + decibels(*wanted_.gain);
+  }
 }
 
 void CaptureHead::lose(const hal::FrameView& frame, LossReason reason) {
@@ -182,6 +228,13 @@ Status CaptureHead::check(const SettingsChange& change) const {
   if (change.white_balance && !limits.has_white_balance) {
     return fail(Errc::kUnsupported, head + "has no white balance to set");
   }
+  if (change.gamma && *change.gamma != hal::Gamma()) {
+    if (limits.gamma_max == hal::Gamma()) return fail(Errc::kUnsupported, head + "has no gamma to set");
+    if (*change.gamma < limits.gamma_min || *change.gamma > limits.gamma_max) {
+      return fail(Errc::kBadValue, head + "a gamma of " + thousandths(*change.gamma) + " is outside " +
+                                       thousandths(limits.gamma_min) + " to " + thousandths(limits.gamma_max));
+    }
+  }
   return {};
 }
 
@@ -191,6 +244,8 @@ Status CaptureHead::ask(const SettingsChange& change) {
   if (change.exposure) asked = port_->set_exposure(*change.exposure);
   if (asked && change.gain) asked = port_->set_gain(*change.gain);
   if (asked && change.white_balance) asked = port_->set_white_balance(*change.white_balance);
+  if (asked && change.gamma) asked = port_->set_gamma(*change.gamma);
+  frames_since_asked_ = 0;
   if (asked) return {};
   if (asked.error().code == Errc::kDeviceGone) {
     vanish(asked.error());
@@ -203,9 +258,7 @@ Status CaptureHead::change(const SettingsChange& change) {
   if (port_ && !gone_) {
     if (Status asked = ask(change); !asked) return asked;
   }
-  if (change.exposure) wanted_.exposure = change.exposure;
-  if (change.gain) wanted_.gain = change.gain;
-  if (change.white_balance) wanted_.white_balance = change.white_balance;
+  wanted_.add(change);
   return {};
 }
 

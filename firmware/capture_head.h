@@ -18,6 +18,10 @@ struct SettingsChange {
   std::optional<Exposure> exposure;
   std::optional<Gain> gain;
   std::optional<WhiteBalance> white_balance;
+  std::optional<hal::Gamma> gamma;
+
+  /// What `newer` says goes over what this says.
+  void add(const SettingsChange& newer);
 };
 
 /// frames = in_sets + held + sum of losses, always.
@@ -44,6 +48,7 @@ struct HeadReport {
   std::uint64_t opened = 0;               ///< times its port was opened
   Duration skew;                          ///< of the newest frame after its set's middle
   std::string problem;
+  std::string ignores;                    ///< a setting it was asked and does not carry out; empty: none
 };
 
 /// One head over all its comings and goings: opens its port by path, asks the settings of it again, counts its frames.
@@ -90,8 +95,10 @@ class CaptureHead {
   void start(hal::TriggerMode mode, Instant now);
   void vanish(const Error& why);
   Status ask(const SettingsChange& change);
+  void watch_settings(const hal::HeadSettings& in_effect);
 
   static constexpr int kMissedUntilSilent = 3;
+  static constexpr int kFramesOfGrace = 4;  ///< beyond the stated latency, until a setting counts as ignored
 
   const std::string name_;
   const std::string path_;
@@ -106,6 +113,7 @@ class CaptureHead {
   std::uint64_t lent_ = 0;
   std::uint64_t in_flight_ = 0;  ///< of them, those in sets that were closed
   int missed_in_row_ = 0;
+  int frames_since_asked_ = 0;
   HeadReport report_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <limits>
 #include <set>
 
@@ -155,6 +156,10 @@ HeadConfig read_head(TomlReader reader) {
     head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
                                       static_cast<std::uint16_t>(reader.integer("blue_q12", 256, 65535, 4096))};
   }
+  if (reader.has("gamma")) {
+    head.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
+  }
+  head.fields = static_cast<Fields>(reader.choice("fields", {"progressive", "top-first", "bottom-first"}, 0));
   return head;
 }
 
@@ -178,7 +183,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
       return;
     }
     TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
-                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12"}, error);
+                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields"}, error);
     HeadConfig head = read_head(reader);
     if (!names.insert(head.name).second) reader.refuse("name", "\"" + head.name + "\" is taken by a head above");
     if (!ports.insert({head.port.kind, head.port.name}).second) reader.refuse("port", "is taken by a head above");

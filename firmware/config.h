@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "hal/head.h"
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
@@ -34,6 +36,8 @@ struct HeadConfig {
   std::optional<Exposure> exposure;
   std::optional<Gain> gain;
   std::optional<WhiteBalance> white_balance;
+  std::optional<hal::Gamma> gamma;
+  Fields fields = Fields::kProgressive;  ///< what it delivers
   int line = 0;  ///< in rig.toml, for messages
 };
 

@@ -12,6 +12,8 @@ std::string_view loss_reason_name(LossReason reason) {
     case LossReason::kWrongFormat: return "wrong-format";
     case LossReason::kUnmatched: return "unmatched";
     case LossReason::kOverload: return "overload";
+    case LossReason::kFieldOrder: return "field-order";
+    case LossReason::kFieldParity: return "field-parity";
   }
   return "unknown";
 }

@@ -22,8 +22,10 @@ enum class LossReason : std::uint8_t {
   kWrongFormat,  ///< not the size or pixels the head promised
   kUnmatched,    ///< genlocked, and no trigger near its exposure
   kOverload,     ///< no room for another open set
+  kFieldOrder,   ///< interlaced, and the field that should be second was exposed first
+  kFieldParity,  ///< interlaced, and not both fields came; or not interlaced when it should be, or the other way round
 };
-inline constexpr std::size_t kLossReasons = 8;
+inline constexpr std::size_t kLossReasons = 10;
 /// "late", "no-signal": as the wire and people have it.
 std::string_view loss_reason_name(LossReason reason);
 

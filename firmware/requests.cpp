@@ -126,6 +126,12 @@ Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) c
     change.change.white_balance =
         WhiteBalance{static_cast<std::uint16_t>(wish.red_q12()), static_cast<std::uint16_t>(wish.blue_q12())};
   }
+  if (wish.has_gamma()) {
+    if (wish.gamma() != 0 && (wish.gamma() < 100 || wish.gamma() > 8000)) {
+      return fail(Errc::kBadValue, "a gamma is 100 to 8000, in thousandths, or 0 for the head's own curve");
+    }
+    change.change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(wish.gamma()));
+  }
   return CaptureCommand{0, change};
 }
 

@@ -58,10 +58,11 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     state.set_gain_mdb(head.in_effect.gain.mdb());
     state.set_red_q12(head.in_effect.white_balance.red_q12);
     state.set_blue_q12(head.in_effect.white_balance.blue_q12);
+    state.set_gamma(static_cast<std::uint32_t>(head.in_effect.gamma.thousandths()));
     state.set_frames(head.counts.frames);
     fill_losses(head.counts, *state.mutable_losses());
     state.set_skew_ns(head.skew.ns());
-    state.set_problem(head.problem);
+    state.set_problem(head.problem.empty() ? head.ignores : head.problem);
     state.set_missing_sets(head.missing_sets);
     state.set_opened(head.opened);
     if (!head.limits) continue;

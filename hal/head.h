@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
@@ -19,10 +20,25 @@ struct HeadIdentity {
   std::string model;
 };
 
+/// A head's curve between light and numbers, encoded = light^(1/gamma), gamma in thousandths; 0 is the curve the head
+/// comes with, which its calibration describes.
+class Gamma {
+ public:
+  constexpr Gamma() = default;
+  static constexpr Gamma thousandths(std::int32_t n) { return Gamma(n); }
+  constexpr std::int32_t thousandths() const { return thousandths_; }
+  friend constexpr auto operator<=>(Gamma, Gamma) = default;
+
+ private:
+  explicit constexpr Gamma(std::int32_t n) : thousandths_(n) {}
+  std::int32_t thousandths_ = 0;
+};
+
 /// What a head can be asked to do. A range of one value says that it is fixed.
 struct HeadLimits {
   Exposure exposure_min, exposure_max;
   Gain gain_min, gain_max;
+  Gamma gamma_min, gamma_max;  ///< both 0: it has none to set; else 0 is allowed beside the range
   bool has_white_balance = false;
   bool has_trigger_input = false;
   /// Frames between a setting's call and the first frame that carries it.
@@ -34,7 +50,7 @@ struct HeadFormat {
   PixelFormat pixels = PixelFormat::kI420;
   int width = 0;
   int height = 0;
-  bool interlaced = false;  ///< each frame is two fields
+  Fields fields = Fields::kProgressive;  ///< not kTopOnly, kBottomOnly
   FrameRate rate;
 };
 
@@ -51,15 +67,14 @@ enum class FrameVerdict : std::uint8_t {
   kNoSignal = 3,   ///< bytes came, the input has no picture
 };
 
-enum class FieldParity : std::uint8_t { kFrame = 0, kTop = 1, kBottom = 2 };
-
 using BufferSlot = std::uint16_t;
 
 /// The settings a frame was taken with, as far as the head can tell.
 struct HeadSettings {
-  Exposure exposure;
+  Exposure exposure;  ///< of an interlaced frame: of each field
   Gain gain;
   WhiteBalance white_balance;
+  Gamma gamma;
   friend bool operator==(const HeadSettings&, const HeadSettings&) = default;
 };
 
@@ -67,11 +82,13 @@ struct HeadSettings {
 struct FrameView {
   BufferSlot slot = 0;
   std::uint32_t sequence = 0;  ///< the device's own count; restarts and wraps as it pleases
-  Instant mid_exposure;        ///< middle of the exposure on the rig's clock, by the port's best knowledge
+  /// Middle of the exposure on the rig's clock, by the port's best knowledge; of an interlaced frame its first field's,
+  /// and the second's is half a period later.
+  Instant mid_exposure;
   Instant received;            ///< when the last byte was in memory
   HeadSettings in_effect;
   FrameVerdict verdict = FrameVerdict::kGood;
-  FieldParity field = FieldParity::kFrame;
+  Fields fields = Fields::kProgressive;  ///< what came; a frame that is not what the format says is still a frame
   ImageView image;
 };
 
@@ -93,12 +110,14 @@ class HeadPort {
   /// Takes back every lent buffer. Safe in any state, any number of times.
   virtual void stop() = 0;
 
-  /// Each takes effect some frames later; the frame that carries it says so in FrameView::in_effect.
+  /// Each takes effect limits().control_latency_frames later; the frame that carries it says so in
+  /// FrameView::in_effect, which is what the head did and never what it was last asked.
   /// A value outside the limits is kBadValue, a setting that the head does not have kUnsupported; both change nothing.
   /// What is set while stopped is carried by the first frame.
   virtual Status set_exposure(Exposure exposure) = 0;
   virtual Status set_gain(Gain gain) = 0;
   virtual Status set_white_balance(WhiteBalance balance) = 0;
+  virtual Status set_gamma(Gamma gamma) = 0;
 
   /// The next frame, nothing when none is due, or an error: kWrongState when not started.
   virtual Result<std::optional<FrameView>> take_frame() = 0;

@@ -64,6 +64,7 @@ struct SetArgs {
   std::string exposure;
   std::string gain;
   std::string white_balance;
+  std::string gamma;
 };
 
 /// The index of the head that is called so, by name first: a head may be called "2".
@@ -100,6 +101,11 @@ Result<wire::HeadSetRequest> parse_settings(const SetArgs& args) {
     if (!balance) return fail(balance.error());
     settings.set_red_q12(balance->red_q12);
     settings.set_blue_q12(balance->blue_q12);
+  }
+  if (!args.gamma.empty()) {
+    const Result<std::uint32_t> gamma = parse_gamma(args.gamma);
+    if (!gamma) return fail(gamma.error());
+    settings.set_gamma(*gamma);
   }
   return settings;
 }
@@ -141,7 +147,7 @@ void add_heads(CLI::App& app, CommandLine& line) {
 
   CLI::App* head = add_command(app, "head", "Change a head's settings", "");
   head->require_subcommand(1);
-  CLI::App* set = add_command(*head, "set", "Set exposure, gain or white balance of one head, of some or of all",
+  CLI::App* set = add_command(*head, "set", "Set exposure, gain, white balance or gamma of one head, of some or of all",
                               "  nodal head set all --exposure 1/125 --gain 6dB\n"
                               "  nodal head set cam3 cam4 --exposure 8ms\n"
                               "  nodal head set 0 --wb 1.5,1.25          red and blue against green\n");
@@ -156,9 +162,12 @@ void add_heads(CLI::App& app, CommandLine& line) {
   set->add_option("--wb", args->white_balance, "Red and blue against green: 1.5,1.25")
       ->type_name("RED,BLUE")
       ->check(checked_by(parse_white_balance));
+  set->add_option("--gamma", args->gamma, "Numbers = light^(1/gamma): 2.2; `own` for the curve it was calibrated with")
+      ->type_name("GAMMA")
+      ->check(checked_by(parse_gamma));
   set->parse_complete_callback([args] {
-    if (args->exposure.empty() && args->gain.empty() && args->white_balance.empty()) {
-      throw CLI::RequiredError("at least one of --exposure, --gain and --wb");
+    if (args->exposure.empty() && args->gain.empty() && args->white_balance.empty() && args->gamma.empty()) {
+      throw CLI::RequiredError("at least one of --exposure, --gain, --wb and --gamma");
     }
   });
   line.on(set, [args](Context& context) { return run_set(context, *args); });

@@ -107,6 +107,15 @@ Result<WhiteBalance> parse_white_balance(std::string_view text) {
   return WhiteBalance{q12[0], q12[1]};
 }
 
+Result<std::uint32_t> parse_gamma(std::string_view text) {
+  if (text == "own") return 0U;
+  const std::optional<Quantity> gamma = split(text);
+  if (!gamma || !gamma->unit.empty() || gamma->number < 0.1 || gamma->number > 8) {
+    return bad("gamma", text, "a number 0.1 to 8, such as 2.2, or `own`");
+  }
+  return static_cast<std::uint32_t>(std::lround(gamma->number * 1000));
+}
+
 Result<FrameRate> parse_rate(std::string_view text) {
   constexpr std::string_view kAllowed = "frames a second: 30000/1001, 29.97, 25 or 12.5; up to 1000";
   FrameRate rate;

@@ -19,6 +19,8 @@ Result<Exposure> parse_exposure(std::string_view text);
 Result<Gain> parse_gain(std::string_view text);
 /// Red and blue against green: "1.5,1.25". "1,1" changes nothing.
 Result<WhiteBalance> parse_white_balance(std::string_view text);
+/// "2.2" as thousandths; "own" is 0: the curve a head was calibrated with.
+Result<std::uint32_t> parse_gamma(std::string_view text);
 /// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
 Result<FrameRate> parse_rate(std::string_view text);
 

@@ -79,6 +79,7 @@ Json to_json(const wire::HeadState& head) {
           {"gain_max_mdb", head.gain_max_mdb()},
           {"red_q12", head.red_q12()},
           {"blue_q12", head.blue_q12()},
+          {"gamma", head.gamma()},
           {"frames", head.frames()},
           {"losses", counts_to_json(head.losses())},
           {"missing_sets", head.missing_sets()},

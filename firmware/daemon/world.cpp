@@ -129,6 +129,11 @@ Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const
                                            " of rig.toml): " + sim.calibration + " has no head '" + head.port.name +
                                            "'");
     }
+    if (head.fields != Fields::kProgressive && found->height % 4 != 0) {
+      return fail(Errc::kBadValue, "head '" + head.name + "' (line " + std::to_string(head.line) +
+                                       " of rig.toml): a simulated head with fields has a multiple of 4 rows, not " +
+                                       std::to_string(found->height));
+    }
     wanted[static_cast<std::size_t>(found - truth->heads.begin())] = &head;
   }
   auto scene = make_scene(sim, *truth, base);
@@ -142,7 +147,9 @@ Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const
   options.head.noise.levels = sim.noise;
   options.head.buffers = kHeadBuffers;
   options.adjust = [&](HeadIndex index, hal::sim::HeadOptions& head) {
-    if (wanted[index]) head.pixels = wanted[index]->format;
+    if (!wanted[index]) return;
+    head.pixels = wanted[index]->format;
+    head.fields = wanted[index]->fields;
   };
   return std::make_unique<hal::sim::World>(*truth, options);
 }
@@ -155,7 +162,9 @@ std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std:
   options.buffers = kHeadBuffers;
   auto deck = std::make_unique<hal::replay::Deck>(clock, options);
   for (const HeadConfig& head : config.heads) {
-    if (head.port.kind == PortKind::kReplay) deck->want_format("replay:" + head.port.name, head.format);
+    if (head.port.kind != PortKind::kReplay) continue;
+    deck->want_format("replay:" + head.port.name, head.format);
+    deck->want_fields("replay:" + head.port.name, head.fields);
   }
   return deck;
 }

@@ -96,7 +96,14 @@ struct Deck::State {
   const DeckOptions options;
   ReplayTrigger trigger;
   std::map<std::string, std::optional<PixelFormat>> known;
+  std::map<std::string, Fields> fields;
   std::set<std::string> open;
+
+  Fields fields_of(const std::string& path) const {
+    const auto told = fields.find(path);
+    return told == fields.end() ? Fields::kProgressive : told->second;
+  }
+
   std::unique_ptr<Enumerator> enumerator;
 };
 
@@ -104,7 +111,7 @@ class Deck::State::Head final : public HeadPort {
  public:
   Head(State& deck, const std::string& path, Reel reel)
       : deck_(deck), identity_{path, "", "pictures"}, reel_(std::move(reel)),
-        format_{reel_.format(), reel_.width(), reel_.height(), false, deck.options.rate},
+        format_{reel_.format(), reel_.width(), reel_.height(), deck.fields_of(path), deck.options.rate},
         buffers_(static_cast<std::size_t>(std::max(1, deck.options.buffers))) {
     limits_.exposure_min = limits_.exposure_max = settings_.exposure;
     limits_.gain_min = limits_.gain_max = settings_.gain;
@@ -136,6 +143,10 @@ class Deck::State::Head final : public HeadPort {
   Status set_gain(Gain gain) override { return fixed(gain == settings_.gain, "gain"); }
   Status set_white_balance(WhiteBalance /*balance*/) override {
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures have no white balance to set");
+  }
+  Status set_gamma(Gamma gamma) override {
+    if (gamma == settings_.gamma) return {};
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures have no gamma to set");
   }
   Result<std::optional<FrameView>> take_frame() override;
   void release(BufferSlot slot) override {
@@ -232,6 +243,7 @@ Result<std::optional<FrameView>> Deck::State::Head::take_frame() {
   view.sequence = buffer.sequence;
   view.mid_exposure = view.received = buffer.start.at;
   view.in_effect = settings_;
+  view.fields = format_.fields;
   view.image = buffer.picture->view();
   return std::optional<FrameView>{view};
 }
@@ -290,5 +302,6 @@ Deck::~Deck() = default;
 TriggerPort& Deck::trigger() { return state_->trigger; }
 HeadEnumerator& Deck::enumerator() { return *state_->enumerator; }
 void Deck::want_format(const std::string& path, PixelFormat format) { state_->known[path] = format; }
+void Deck::want_fields(const std::string& path, Fields fields) { state_->fields[path] = fields; }
 
 }  // namespace nodal::hal::replay

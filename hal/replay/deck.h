@@ -9,6 +9,7 @@
 #include "hal/clock.h"
 #include "hal/head.h"
 #include "hal/trigger.h"
+#include "protocol/base/field.h"
 
 namespace nodal::hal::replay {
 
@@ -40,6 +41,8 @@ class Deck {
 
   /// What the head at `path` delivers; without a wish, what its first picture is.
   void want_format(const std::string& path, PixelFormat format);
+  /// What the rows of its pictures are; without it, one exposure. Before it is opened.
+  void want_fields(const std::string& path, Fields fields);
 
  private:
   struct State;

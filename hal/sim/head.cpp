@@ -1,6 +1,7 @@
 #include "hal/sim/head.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "hal/sim/sensor.h"
 
@@ -12,6 +13,8 @@ HeadLimits default_head_limits() {
   limits.exposure_max = Exposure::microseconds(33'000);
   limits.gain_min = Gain::millidecibels(0);
   limits.gain_max = Gain::millidecibels(24'000);
+  limits.gamma_min = Gamma::thousandths(1000);
+  limits.gamma_max = Gamma::thousandths(3000);
   limits.has_white_balance = true;
   limits.has_trigger_input = true;
   limits.control_latency_frames = 2;
@@ -46,6 +49,7 @@ class SimHead::Port final : public HeadPort {
   Status set_exposure(Exposure exposure) override;
   Status set_gain(Gain gain) override;
   Status set_white_balance(WhiteBalance balance) override;
+  Status set_gamma(Gamma gamma) override;
   Result<std::optional<FrameView>> take_frame() override;
   void release(BufferSlot slot) override {
     if (slot < buffers_.size() && buffers_[slot].state == Buffer::State::kLent) {
@@ -139,6 +143,22 @@ Status SimHead::Port::set_white_balance(WhiteBalance balance) {
   return {};
 }
 
+Status SimHead::Port::set_gamma(Gamma gamma) {
+  if (head_ == nullptr) return fail(gone());
+  if (gamma != Gamma() && limits_.gamma_max == Gamma()) {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no gamma to set");
+  }
+  if (gamma != Gamma() && (gamma < limits_.gamma_min || gamma > limits_.gamma_max)) {
+    return fail(Errc::kBadValue, "head '" + identity_.path + "': gamma " + std::to_string(gamma.thousandths()) +
+                                     "/1000 is not between " + std::to_string(limits_.gamma_min.thousandths()) +
+                                     " and " + std::to_string(limits_.gamma_max.thousandths()));
+  }
+  HeadSettings wanted = head_->settings_;
+  wanted.gamma = gamma;
+  head_->change(wanted);
+  return {};
+}
+
 Result<std::optional<FrameView>> SimHead::Port::take_frame() {
   if (head_ == nullptr) return fail(gone());
   if (!head_->streaming_) {
@@ -161,11 +181,15 @@ SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const He
                  const HeadOptions& options, std::uint64_t seed)
     : clock_(clock), trigger_(trigger), scene_(std::move(scene)), truth_(truth), options_(options),
       identity_{"sim:" + truth.name, "sim-" + truth.name, "Nodal simulated head"},
-      format_{options.pixels, truth.width, truth.height, options.interlaced, options.rate},
+      format_{options.pixels, truth.width, truth.height, options.fields, options.rate},
       random_(seed, identity_.path), seed_(random_.next()),
       sensor_(std::make_unique<Sensor>(truth, options, scene_, seed_)), settings_(options.settings),
       in_effect_(options.settings) {
   NODAL_ASSERT(options.buffers >= 1);
+  if (options.fields != Fields::kProgressive) {
+    const Exposure field = Exposure::of(options.rate.period() / 2);
+    options_.limits.exposure_max = std::min(options_.limits.exposure_max, field);
+  }
 }
 
 SimHead::~SimHead() {
@@ -242,7 +266,7 @@ void SimHead::stop() {
   counts_.discarded += untaken;
   counts_.waiting -= untaken;
   // Registers keep what was written to them, and no frame is left to wait for.
-  in_effect_ = settings_;
+  if (!stuck_) in_effect_ = settings_;
   changes_.clear();
 }
 
@@ -255,6 +279,7 @@ void SimHead::discard_waiting() {
 void SimHead::change(const HeadSettings& wanted) {
   if (streaming_) step(clock_.now());
   settings_ = wanted;
+  if (stuck_) return;
   if (!streaming_) {
     in_effect_ = wanted;
     return;
@@ -284,6 +309,17 @@ void SimHead::on_pulse(std::uint64_t number, Instant at) {
   expose(at + options_.trigger_latency + random_.around_zero(options_.trigger_jitter), number);
 }
 
+Fields SimHead::fields_that_come() {
+  Fields fields = options_.fields;
+  if (std::exchange(swap_fields_next_, false)) {
+    fields = fields == Fields::kTopFirst ? Fields::kBottomFirst : Fields::kTopFirst;
+  }
+  if (std::exchange(lose_field_next_, false)) {
+    fields = fields == Fields::kTopFirst ? Fields::kTopOnly : Fields::kBottomOnly;
+  }
+  return fields;
+}
+
 void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
   if (begin < busy_until_) {
     ++counts_.pulses_ignored;
@@ -301,7 +337,11 @@ void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
   const Duration exposure = in_effect_.exposure.duration();
   frame.begin = begin;
   frame.mid = begin + exposure / 2;
-  busy_until_ = begin + std::max(exposure, options_.readout);
+  frame.light = light_;
+  const bool interlaced = options_.fields != Fields::kProgressive;
+  if (interlaced) frame.fields = fields_that_come();
+  const Duration second_field = interlaced ? options_.rate.period() / 2 : Duration();
+  busy_until_ = begin + std::max(second_field + exposure, options_.readout);
   newest_[frame.sequence % newest_.size()] = {frame.sequence, pulse, begin, frame.mid};
   ++counts_.exposed;
 
@@ -317,7 +357,7 @@ void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
     late = late + Duration::nanoseconds(
                       static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(faults.longest_delay.ns()))));
   }
-  frame.received = last_received_ = std::max(last_received_, begin + exposure + options_.readout + late);
+  frame.received = last_received_ = std::max(last_received_, begin + second_field + exposure + options_.readout + late);
   if (!signal_) {
     frame.verdict = FrameVerdict::kNoSignal;
   } else if (tear_next_ || random_.chance(faults.tear)) {
@@ -354,11 +394,13 @@ FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& byte
   view.received = frame.received;
   view.in_effect = frame.settings;
   view.verdict = frame.verdict;
+  view.fields = frame.fields;
   if (frame.verdict == FrameVerdict::kNoSignal) {
     std::fill(bytes.begin(), bytes.end(), std::uint8_t{128});
     holds = 0;
   } else {
-    holds = sensor_->render(frame.settings, frame.mid, frame.sequence, bytes, holds);
+    sensor_->set_light(frame.light);
+    holds = sensor_->render(frame.settings, frame.mid, frame.sequence, bytes, holds, frame.fields);
   }
   view.image = packed_image(options_.pixels, truth_.width, truth_.height, std::as_const(bytes).data());
   if (frame.verdict == FrameVerdict::kTorn) {

@@ -38,7 +38,8 @@ inline constexpr std::uint16_t kWhiteBalanceMin = 256;  ///< a sixteenth
 struct HeadOptions {
   PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
   FrameRate rate;
-  bool interlaced = false;
+  /// An interlaced head exposes two fields half a period apart; its height is a multiple of four.
+  Fields fields = Fields::kProgressive;
   HeadLimits limits = default_head_limits();
   HeadSettings settings;                    ///< as the head comes
   Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
@@ -91,6 +92,13 @@ class SimHead final : public PulseSink {
   void tear_next_frame() { tear_next_ = true; }
   void duplicate_next_frame() { duplicate_next_ = true; }
   void delay_next_frame(Duration by) { delay_next_ = by; }
+  /// The next frame's fields come in the other order of time, or its second field not at all.
+  void swap_next_fields() { swap_fields_next_ = true; }
+  void lose_next_field() { lose_field_next_ = true; }
+  /// Settings are taken and never carried out, until it is let go; frames say what the head really does.
+  void set_stuck(bool stuck) { stuck_ = stuck; }
+  /// The light of all it sees, against the scene's: a cloud, a lamp.
+  void set_light(double factor) { light_ = factor; }
   /// The device's own count goes on from here.
   void set_sequence(std::uint32_t next);
   /// The input loses its picture: frames go on coming, grey, with kNoSignal.
@@ -125,6 +133,8 @@ class SimHead final : public PulseSink {
     Instant begin, mid, received;
     HeadSettings settings;
     FrameVerdict verdict = FrameVerdict::kGood;
+    Fields fields = Fields::kProgressive;
+    double light = 1;
   };
   struct Pending {
     HeadSettings settings;
@@ -135,6 +145,7 @@ class SimHead final : public PulseSink {
   void stop();
   void change(const HeadSettings& wanted);
   void step(Instant now);
+  Fields fields_that_come();
   void expose(Instant begin, std::optional<std::uint64_t> pulse);
   void deliver_until(Instant now);
   void fill(const Exposed& frame);
@@ -169,6 +180,8 @@ class SimHead final : public PulseSink {
   HeadCounts counts_;
   int lose_ = 0;
   bool corrupt_next_ = false, tear_next_ = false, duplicate_next_ = false, signal_ = true;
+  bool swap_fields_next_ = false, lose_field_next_ = false, stuck_ = false;
+  double light_ = 1;
   Duration delay_next_;
 };
 

@@ -59,22 +59,18 @@ double angle_between(const Direction& a, const Direction& b) {
 
 Sensor::Sensor(const HeadCalibration& truth, const HeadOptions& options, ScenePtr scene, std::uint64_t seed)
     : truth_(truth), noise_(options.noise), format_(options.pixels), supersampling_(options.supersampling),
-      interlaced_(options.interlaced), half_period_(options.rate.period() / 2), reference_(options.reference),
+      interlaced_(options.fields != Fields::kProgressive), half_period_(options.rate.period() / 2), reference_(options.reference),
       scene_(std::move(scene)), seed_(seed), lens_(truth) {
   NODAL_ASSERT(supersampling_ >= 1);
   NODAL_ASSERT(format_ != PixelFormat::kMjpeg);
+  NODAL_ASSERT(!interlaced_ || truth.height % 4 == 0);
 }
 
 void Sensor::prepare() {
   if (prepared_) return;
   prepared_ = true;
   plate_ = expose_plate(truth_, lens_, *scene_, supersampling_);
-  encoded_.resize(kCurveEntries);
-  for (int i = 0; i < kCurveEntries; ++i) {
-    const double root = static_cast<double>(i) / (kCurveEntries - 1);
-    encoded_[static_cast<std::size_t>(i)] =
-        static_cast<std::uint16_t>(std::lround(encode(truth_.response, root * root) * kMaxLevel));
-  }
+  make_curve({});
   const auto width = static_cast<std::size_t>(truth_.width);
   if (noisy(noise_)) normal_ = normal_deviates(seed_, kDeviates + width);
   versions_.resize(noisy(noise_) ? kVersions : 1);
@@ -101,8 +97,31 @@ void Sensor::prepare() {
   }
 }
 
+void Sensor::make_curve(Gamma gamma) {
+  curve_is_of_ = gamma;
+  Response response = truth_.response;
+  if (gamma != Gamma()) {
+    response = {};
+    response.curve = Response::Curve::kGamma;
+    response.gamma = gamma.thousandths() / 1000.0;
+  }
+  encoded_.resize(kCurveEntries);
+  for (int i = 0; i < kCurveEntries; ++i) {
+    const double root = static_cast<double>(i) / (kCurveEntries - 1);
+    encoded_[static_cast<std::size_t>(i)] =
+        static_cast<std::uint16_t>(std::lround(encode(response, root * root) * kMaxLevel));
+  }
+}
+
+void Sensor::set_light(double factor) {
+  if (factor == light_) return;
+  light_ = factor;
+  settings_.reset();  // everything is developed anew
+}
+
 void Sensor::use(const HeadSettings& settings) {
   if (settings_ == settings) return;
+  if (curve_is_of_ != settings.gamma) make_curve(settings.gamma);
   settings_ = settings;
   versions_ready_ = 0;
   still_id_ += kVersions;
@@ -114,7 +133,7 @@ void Sensor::use(const HeadSettings& settings) {
                                       settings.white_balance.blue_q12 / 4096.0};
   const double electron = noise_.full_well_electrons > 0 ? gain / noise_.full_well_electrons : 0;  // in light
   for (std::size_t c = 0; c < 3; ++c) {
-    curve_.scale[c] = static_cast<float>(exposure * gain * balance[c]);
+    curve_.scale[c] = static_cast<float>(light_ * exposure * gain * balance[c]);
     curve_.shot[c] = static_cast<float>(electron * balance[c]);
     const double read = noise_.read_electrons * electron * balance[c];
     curve_.read[c] = static_cast<float>(read * read);
@@ -123,7 +142,7 @@ void Sensor::use(const HeadSettings& settings) {
 }
 
 std::uint64_t Sensor::render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
-                             std::span<std::uint8_t> into, std::uint64_t holds) {
+                             std::span<std::uint8_t> into, std::uint64_t holds, Fields fields) {
   NODAL_ASSERT(into.size() == packed_size(format_, truth_.width, truth_.height));
   prepare();
   use(settings);
@@ -138,8 +157,9 @@ std::uint64_t Sensor::render(const HeadSettings& settings, Instant mid_exposure,
     ++versions_ready_;
   }
   const std::size_t version = mixed(seed_, number) % versions_ready_;
-  const std::vector<PlacedMover> top = placed(scene_->movers(), mid_exposure);
-  const std::vector<PlacedMover> bottom = interlaced_ ? placed(scene_->movers(), mid_exposure + half_period_) : top;
+  std::vector<PlacedMover> top = placed(scene_->movers(), mid_exposure);
+  std::vector<PlacedMover> bottom = interlaced_ ? placed(scene_->movers(), mid_exposure + half_period_) : top;
+  if (fields == Fields::kBottomFirst) std::swap(top, bottom);
   const bool moved = any_touches(top, bottom);
   const std::uint64_t id = moved ? 0 : still_id_ + version;
   if (!moved && id == holds) return id;
@@ -186,15 +206,35 @@ void Sensor::develop(const Rect& rect, std::uint32_t version, std::span<const Pl
   RowPair pair;
   pair.x0 = std::max(0, rect.x0 - 1);
   pair.x1 = std::min(truth_.width, rect.x1 + 1);
-  const auto width = static_cast<std::size_t>(truth_.width);
-  for (int y = rect.y0; y < rect.y1; y += 2) {
-    for (std::size_t r = 0; r < 2 && y + static_cast<int>(r) < rect.y1; ++r) {
-      std::int16_t* const base = rows_.data() + 3 * width * r;
-      const std::array<std::int16_t*, 3> out{base, base + width, base + 2 * width};
-      develop_row(y + static_cast<int>(r), pair.x0, pair.x1, version, r == 0 ? top : bottom, out);
-      pair.row[r] = {out[0], out[1], out[2]};
+  if (!interlaced_) {
+    for (int y = rect.y0; y < rect.y1; y += 2) {
+      develop_pair(y, 1, pair.x0, pair.x1, version, top, pair);
+      pack_rows(pair, y, rect.x0, rect.x1, into);
     }
-    pack_rows(pair, y, rect.x0, rect.x1, into);
+    return;
+  }
+  // Colour that two rows share is of two rows of one field.
+  for (const FieldParity parity : {FieldParity::kTop, FieldParity::kBottom}) {
+    const bool odd = parity == FieldParity::kBottom;
+    const MutableImageView field = field_of(into, parity);
+    for (int y = rect.y0; y < rect.y1; y += 4) {
+      develop_pair(y + (odd ? 1 : 0), 2, pair.x0, pair.x1, version, odd ? bottom : top, pair);
+      pack_rows(pair, y / 2, rect.x0, rect.x1, field);
+    }
+  }
+}
+
+/// Rows y and y + step, as far as they are in the picture.
+void Sensor::develop_pair(int y, int step, int x0, int x1, std::uint32_t version,
+                          std::span<const PlacedMover> movers, RowPair& pair) {
+  const auto width = static_cast<std::size_t>(truth_.width);
+  for (std::size_t r = 0; r < 2; ++r) {
+    const int row = y + static_cast<int>(r) * step;
+    if (row >= truth_.height) return;
+    std::int16_t* const base = rows_.data() + 3 * width * r;
+    const std::array<std::int16_t*, 3> out{base, base + width, base + 2 * width};
+    develop_row(row, x0, x1, version, movers, out);
+    pair.row[r] = {out[0], out[1], out[2]};
   }
 }
 

@@ -10,6 +10,7 @@
 #include "hal/head.h"
 #include "hal/sim/head.h"
 #include "hal/sim/lens.h"
+#include "hal/sim/packing.h"
 #include "hal/sim/plate.h"
 #include "protocol/calibration.h"
 
@@ -30,9 +31,13 @@ class Sensor {
 
   /// The frame `number` as the settings and the moment make it, packed, into `into` (packed_size() bytes).
   /// `holds` is what an earlier call returned for the bytes that are in `into` now, 0 for none: they are then not
-  /// written again when they would be the same. With interlaced heads odd rows are half a period later.
+  /// written again when they would be the same. Of an interlaced head's frame the field that `fields` says is first
+  /// was exposed then, the other half a period later.
   std::uint64_t render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
-                       std::span<std::uint8_t> into, std::uint64_t holds);
+                       std::span<std::uint8_t> into, std::uint64_t holds,
+                       Fields fields = Fields::kProgressive);
+  /// The scene's light in what is rendered from now on, against what the scene says.
+  void set_light(double factor);
 
  private:
   struct Curve {  ///< light to numbers under one setting
@@ -47,8 +52,11 @@ class Sensor {
   using Movers = std::vector<PlacedMover>;
 
   void use(const HeadSettings& settings);
+  void make_curve(Gamma gamma);
   void develop(const Rect& rect, std::uint32_t version, std::span<const PlacedMover> top,
                std::span<const PlacedMover> bottom, const MutableImageView& into);
+  void develop_pair(int y, int step, int x0, int x1, std::uint32_t version, std::span<const PlacedMover> movers,
+                    RowPair& pair);
   void develop_row(int y, int x0, int x1, std::uint32_t version, std::span<const PlacedMover> movers,
                    std::array<std::int16_t*, 3> out);
   void paint_movers(int y, int x0, std::size_t count, std::span<const PlacedMover> movers);
@@ -78,7 +86,9 @@ class Sensor {
   std::vector<std::uint16_t> encoded_;  ///< response in 1/128 levels, by the square root of light
   std::vector<float> normal_;           ///< standard normal deviates
 
+  double light_ = 1;
   std::optional<HeadSettings> settings_;
+  Gamma curve_is_of_;                               ///< what `encoded_` was worked out for
   Curve curve_;
   std::uint64_t still_id_ = 0;                      ///< of versions_[0] under these settings
   std::vector<std::vector<std::uint8_t>> versions_; ///< of the still part; those in use come first

@@ -100,7 +100,7 @@ INSTANTIATE_TEST_SUITE_P(
                     sim_kind("Nv12Interlaced",
                              [](sim::HeadOptions& head) {
                                head.pixels = PixelFormat::kNv12;
-                               head.interlaced = true;
+                               head.fields = Fields::kBottomFirst;
                                head.limits.control_latency_frames = 5;
                              })),
     [](const auto& kind) { return kind.param.name; });

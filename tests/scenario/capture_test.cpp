@@ -195,5 +195,46 @@ TEST(Capture, FaultsOfEveryKindForAMinute_AreAllAccountedForAndThenItIsWhole) {
   EXPECT_TRUE(full_again(stand, Duration::seconds(2)));
 }
 
+TEST(Capture, AHeadDoesNotCarryOutWhatItIsAsked_FramesSaySoAndTheOperatorIsTold) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.world.head(4).set_stuck(true);
+  wire::Request set;
+  set.mutable_head_set()->set_exposure_ns(5'000'000);
+  ASSERT_TRUE(host.ask(set).has_done());
+  stand.run(Duration::seconds(1));
+  wire::Heads heads = host.heads();
+  EXPECT_EQ(heads.heads(3).exposure_ns(), 5'000'000u);
+  EXPECT_EQ(heads.heads(3).problem(), "");
+  EXPECT_EQ(heads.heads(4).exposure_ns(), 10'000'000u) << "what is in effect, not what was asked";
+  EXPECT_NE(heads.heads(4).problem().find("asked 5000 us"), std::string::npos) << heads.heads(4).problem();
+
+  stand.world.head(4).set_stuck(false);
+  ASSERT_TRUE(host.ask(set).has_done());
+  stand.run(Duration::seconds(1));
+  heads = host.heads();
+  EXPECT_EQ(heads.heads(4).exposure_ns(), 5'000'000u);
+  EXPECT_EQ(heads.heads(4).problem(), "");
+}
+
+TEST(Capture, FieldsInTheWrongOrderOrAlone_AreCountedByThatNameAndInNoSet) {
+  StandOptions options;
+  for (auto& head : options.config.heads) head.fields = Fields::kTopFirst;
+  options.world.head.fields = Fields::kTopFirst;
+  Stand stand(std::move(options));
+  stand.bring_up();
+  stand.run(Duration::milliseconds(200));
+  const std::uint64_t missing = stand.capture().heads[1].missing_sets;
+  for (int i = 0; i < 3; ++i) {
+    stand.world.head(1).swap_next_fields();
+    stand.world.head(2).lose_next_field();
+    stand.run(Duration::milliseconds(200));
+  }
+  EXPECT_EQ(stand.losses(1, LossReason::kFieldOrder), 3u);
+  EXPECT_EQ(stand.losses(2, LossReason::kFieldParity), 3u);
+  EXPECT_EQ(stand.losses(0, LossReason::kFieldOrder) + stand.losses(0, LossReason::kFieldParity), 0u);
+  EXPECT_EQ(stand.capture().heads[1].missing_sets - missing, 3u);
+}
+
 }  // namespace
 }  // namespace nodal::scenario

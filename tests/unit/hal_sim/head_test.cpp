@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <set>
 #include <vector>
 
@@ -338,6 +340,98 @@ RC_GTEST_PROP(SimHead, AnyHistory_FramesAreConserved, (std::vector<std::uint8_t>
     const HeadCounts& c = head.counts();
     RC_ASSERT(c.exposed + c.duplicated == c.taken + c.without_buffer + c.by_fault + c.discarded + c.waiting);
   }
+}
+
+/// A head before even light, whose curve is linear, so that a level tells what the exposure really was.
+class SettingsInEffect : public StreamingHead, public testing::WithParamInterface<int> {
+ protected:
+  SettingsInEffect() : StreamingHead(TriggerMode::kFreeRun, with_latency(GetParam())) {}
+  static HeadOptions with_latency(int frames) {
+    HeadOptions head = small();
+    head.limits.control_latency_frames = frames;
+    return head;
+  }
+  FrameView next() {
+    for (int i = 0; i < 4; ++i) {
+      const auto frames = period();
+      if (!frames.empty()) return frames.back();
+    }
+    ADD_FAILURE() << "no frame came";
+    return {};
+  }
+  /// 255 light (exposure / 10 ms) gain, of light 0.5: what the picture itself says.
+  static double level_of(const HeadSettings& settings) {
+    return 255 * 0.5 * static_cast<double>(settings.exposure.us()) / 10'000 *
+           std::pow(10.0, settings.gain.mdb() / 20'000.0);
+  }
+};
+
+TEST_P(SettingsInEffect, AChangeEveryFrame_EachFrameSaysWhatItsPixelsSayAndWhatWasAskedThenAndNotLast) {
+  next();
+  std::vector<Exposure> asked;
+  for (int n = 0; n < 24; ++n) {
+    const FrameView frame = next();
+    EXPECT_NEAR(frame.image.planes[0].data[0], level_of(frame.in_effect), 1) << "frame " << n;
+    // Asked after frame k was taken, a moment before frame k + 1 begins.
+    const int carried = n - 1 - GetParam();
+    if (carried >= 0) {
+      EXPECT_EQ(frame.in_effect.exposure, asked[static_cast<std::size_t>(carried)]) << "frame " << n;
+    }
+    asked.push_back(Exposure::microseconds(1000 + 700 * ((n * 7) % 11)));
+    ASSERT_TRUE(port_->set_exposure(asked.back()));
+  }
+}
+
+TEST_P(SettingsInEffect, StuckExposure_FramesSayWhatTheyHaveAndNotWhatWasAsked) {
+  const HeadSettings before = next().in_effect;
+  head().set_stuck(true);
+  ASSERT_TRUE(port_->set_exposure(Exposure::microseconds(2500)));
+  ASSERT_TRUE(port_->set_gain(Gain::millidecibels(3000)));
+  for (int i = 0; i < GetParam() + 6; ++i) {
+    const FrameView frame = next();
+    EXPECT_EQ(frame.in_effect, before);
+    EXPECT_NEAR(frame.image.planes[0].data[0], level_of(before), 1);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Latencies, SettingsInEffect, testing::Values(0, 1, 2, 3, 4));
+
+TEST_F(StreamingHead, Gamma_NumbersAreLightToOneOverItAndTheFrameSaysSo) {
+  ASSERT_TRUE(port_->set_gamma(Gamma::thousandths(2200)));
+  const FrameView frame = periods(6).back();
+  EXPECT_EQ(frame.in_effect.gamma, Gamma::thousandths(2200));
+  const auto again = period(false);
+  ASSERT_FALSE(again.empty());
+  EXPECT_NEAR(again.back().image.planes[0].data[0], 255 * std::pow(0.5, 1 / 2.2), 1);
+  const Status refused = port_->set_gamma(Gamma::thousandths(9000));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::kBadValue);
+}
+
+TEST(InterlacedHead, FieldsSwappedOrLost_TheFrameSaysSoAndTheNextIsWholeAgain) {
+  WorldOptions options;
+  options.scene = constant_scene({0.5F, 0.5F, 0.5F});
+  options.head.fields = Fields::kBottomFirst;
+  options.head.free_run_phase = Duration{};
+  World world(test::ring(1, 16, 16), options);
+  const auto port = world.enumerator().open("sim:cam0").value();
+  EXPECT_EQ(port->format().fields, Fields::kBottomFirst);
+  ASSERT_TRUE(port->start(TriggerMode::kFreeRun));
+  world.head(0).swap_next_fields();
+  std::vector<Fields> came;
+  for (int n = 0; n < 8; ++n) {
+    world.clock().advance(kPeriod);
+    if (n == 3) world.head(0).lose_next_field();
+    while (auto frame = port->take_frame().value()) {
+      came.push_back(frame->fields);
+      port->release(frame->slot);
+    }
+  }
+  ASSERT_GE(came.size(), 5U);
+  EXPECT_EQ(came[0], Fields::kTopFirst);
+  EXPECT_EQ(came[1], Fields::kBottomFirst);
+  EXPECT_EQ(std::count(came.begin(), came.end(), Fields::kBottomOnly), 1);
+  EXPECT_EQ(came.back(), Fields::kBottomFirst);
 }
 
 }  // namespace

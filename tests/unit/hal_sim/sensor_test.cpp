@@ -19,7 +19,7 @@ constexpr Instant kNow = Instant::from_ns(5'000'000'000);
 std::vector<std::uint8_t> render(Sensor& sensor, const HeadCalibration& head, const HeadOptions& options,
                                  const HeadSettings& settings = {}, std::uint32_t number = 0, Instant at = kNow) {
   std::vector<std::uint8_t> bytes(packed_size(options.pixels, head.width, head.height));
-  sensor.render(settings, at, number, bytes, 0);
+  sensor.render(settings, at, number, bytes, 0, options.fields);
   return bytes;
 }
 
@@ -114,13 +114,13 @@ TEST(Sensor, ExposureGainAndBalance_MultiplyLight) {
     return render_once(head, options, constant_scene(grey(50)), settings)[c];
   };
   EXPECT_EQ(level({}, 0), 50);
-  EXPECT_EQ(level({Exposure::microseconds(20'000), {}, {}}, 1), 100);
-  EXPECT_EQ(level({Exposure::microseconds(2'000), {}, {}}, 1), 10);
-  EXPECT_EQ(level({{}, Gain::millidecibels(12'041), {}}, 2), 200) << "12.04 dB is four times";
-  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 0), 100);
-  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 1), 50);
-  EXPECT_EQ(level({{}, {}, {8192, 2048}}, 2), 25);
-  EXPECT_EQ(level({Exposure::microseconds(33'000), Gain::millidecibels(24'000), {}}, 0), 255) << "clips";
+  EXPECT_EQ(level({Exposure::microseconds(20'000), {}, {}, {}}, 1), 100);
+  EXPECT_EQ(level({Exposure::microseconds(2'000), {}, {}, {}}, 1), 10);
+  EXPECT_EQ(level({{}, Gain::millidecibels(12'041), {}, {}}, 2), 200) << "12.04 dB is four times";
+  EXPECT_EQ(level({{}, {}, {8192, 2048}, {}}, 0), 100);
+  EXPECT_EQ(level({{}, {}, {8192, 2048}, {}}, 1), 50);
+  EXPECT_EQ(level({{}, {}, {8192, 2048}, {}}, 2), 25);
+  EXPECT_EQ(level({Exposure::microseconds(33'000), Gain::millidecibels(24'000), {}, {}}, 0), 255) << "clips";
 }
 
 TEST(Sensor, Response_EncodesLight) {
@@ -241,22 +241,62 @@ TEST(Sensor, BalloonInView_MovesAndLeavesTheRestAlone) {
   EXPECT_GT(on_it, 30U);
 }
 
-TEST(Sensor, Interlaced_OddRowsAreHalfAPeriodLater) {
+class InterlacedSensor : public testing::TestWithParam<std::tuple<Fields, PixelFormat>> {};
+
+TEST_P(InterlacedSensor, EachFieldIsAWholePictureOfItsOwnMoment) {
+  const auto [fields, format] = GetParam();
   const HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
-  HeadOptions interlaced = with(PixelFormat::kRgb24);
-  interlaced.interlaced = true;
+  HeadOptions interlaced = with(format);
+  interlaced.fields = fields;
   interlaced.rate = {1, 2};  // slow, so that the fields differ
   Sensor sensor(head, interlaced, town_square_scene(), 1);
-  const HeadOptions progressive = with(PixelFormat::kRgb24);
-  Sensor whole(head, progressive, town_square_scene(), 1);
+  Sensor whole(head, with(format), town_square_scene(), 1);
   const auto woven = render(sensor, head, interlaced, {}, 0, kNow);
-  const auto top = render(whole, head, progressive, {}, 0, kNow);
-  const auto bottom = render(whole, head, progressive, {}, 0, kNow + Duration::seconds(1));
+  const Instant later = kNow + Duration::seconds(1);
+  const bool top_first = fields == Fields::kTopFirst;
+  const auto top = render(whole, head, with(format), {}, 0, top_first ? kNow : later);
+  const auto bottom = render(whole, head, with(format), {}, 0, top_first ? later : kNow);
   ASSERT_NE(top, bottom);
-  for (std::size_t y = 0; y < 240; ++y) {
-    const auto& expected = y % 2 == 0 ? top : bottom;
-    const auto row = static_cast<std::ptrdiff_t>(y * 960);
-    ASSERT_TRUE(std::equal(woven.begin() + row, woven.begin() + row + 960, expected.begin() + row)) << "row " << y;
+  const ImageView frame = packed_image(format, 320, 240, woven.data());
+  for (const FieldParity parity : {FieldParity::kTop, FieldParity::kBottom}) {
+    const bool is_top = parity == FieldParity::kTop;
+    const PlaneView got = field_of(frame, parity).planes[0];
+    const PlaneView expected = packed_image(format, 320, 240, (is_top ? top : bottom).data()).planes[0];
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 320; ++x) {
+        ASSERT_EQ(got.data[y * got.row_stride + x * got.pixel_stride],
+                  expected.data[(2 * y + (is_top ? 0 : 1)) * expected.row_stride + x * expected.pixel_stride])
+            << "row " << y << " column " << x;
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Orders, InterlacedSensor,
+                         testing::Combine(testing::Values(Fields::kTopFirst, Fields::kBottomFirst),
+                                          testing::Values(PixelFormat::kRgb24, PixelFormat::kYuyv)));
+
+// Light that is one at the top rows of a field and none at the others would show a chroma row that mixes fields: the
+// chroma of a field is made of that field's rows alone.
+TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
+  HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
+  HeadOptions options = with(PixelFormat::kI420);
+  options.fields = Fields::kTopFirst;
+  options.rate = {1, 2};
+  Sensor sensor(head, options, town_square_scene(), 1);
+  Sensor whole(head, with(PixelFormat::kRgb24), town_square_scene(), 1);
+  const auto woven = render(sensor, head, options, {}, 0, kNow);
+  const auto first = render(whole, head, with(PixelFormat::kRgb24), {}, 0, kNow);
+  const PlaneView v = field_of(packed_image(PixelFormat::kI420, 320, 240, woven.data()), FieldParity::kTop).planes[2];
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      double red_difference = 0;  // BT.601's V of the four pixels: field rows 2 y and 2 y + 1 are frame rows 4 y, 4 y + 2
+      for (int k = 0; k < 4; ++k) {
+        const std::uint8_t* p = &first[static_cast<std::size_t>(3 * (320 * (4 * y + 2 * (k / 2)) + 2 * x + k % 2))];
+        red_difference += (0.5 * p[0] - 0.418688 * p[1] - 0.081312 * p[2]) / 4;
+      }
+      ASSERT_NEAR(v.data[y * v.row_stride + x * v.pixel_stride], 128 + red_difference, 1.1) << x << " " << y;
+    }
   }
 }
 
