@@ -15,7 +15,8 @@ constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: th
 }  // namespace
 
 Control::Control(const RigConfig& config, std::string software, const Stages& stages,
-                 std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, Instant now)
+                 std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog,
+                 const PanelPins& panel, Instant now)
     : config_(config),
       software_(std::move(software)),
       stages_(stages),
@@ -27,7 +28,8 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
-      monitor_(watchdog) {}
+      monitor_(watchdog),
+      panel_(panel) {}
 
 Control::~Control() = default;
 
@@ -44,6 +46,7 @@ bool Control::step(Instant now) {
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
   watch(now);
+  step_panel(now);
   return busy;
 }
 
@@ -144,6 +147,7 @@ bool Control::take_answers(Instant now) {
 void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   const auto [client, open] = close(answer.ticket);
   if (!answer.status) {
+    if (open.client == kPanel) news_.push_back("the button did nothing: " + answer.status.error().message);
     if (open.client == kNobody) news_.push_back("a remembered setting is not made: " + answer.status.error().message);
     if (client) refuse(*client, open.request.id(), answer.status.error(), now);
     return;
@@ -182,6 +186,28 @@ void Control::take_answer(KeeperAnswer answer, Instant now) {
   reply(*client, message, now);
 }
 
+void Control::step_panel(Instant now) {
+  const auto action = panel_.step({health_.state, capture_->genlock.state != GenlockState::kOff, capture_->sets}, now);
+  if (action) act(*action, now);
+  while (auto problem = panel_.take_problem()) news_.push_back(std::move(*problem));
+}
+
+void Control::act(PanelAction action, Instant now) {
+  if (action == PanelAction::kMark) {
+    marks_.push_back({capture_->sets == 0 ? 0 : capture_->sets - 1, now});
+    if (marks_.size() > kMarksKept) marks_.pop_front();
+    news_.push_back("marked set " + std::to_string(marks_.back().set));
+    return;
+  }
+  wire::Request request;
+  const bool start = action == PanelAction::kStart;
+  request.mutable_genlock()->set_action(start ? wire::GenlockRequest::START : wire::GenlockRequest::STOP);
+  news_.push_back(start ? "the button starts the genlock" : "the button stops the genlock");
+  if (const Status asked = set(kPanel, request); !asked) {
+    news_.push_back("the button did nothing: " + asked.error().message);
+  }
+}
+
 /// Makes again what hosts had set before the start, as fast as capture takes it.
 void Control::restore_settings() {
   if (!restoring_) {
@@ -200,7 +226,7 @@ void Control::restore_settings() {
     news_.push_back("settings are as hosts left them");
   }
   while (!restoring_->empty()) {
-    const Status asked = set(nullptr, restoring_->front());
+    const Status asked = set(kNobody, restoring_->front());
     if (!asked && asked.error().code == Errc::kBusy) return;
     if (!asked) news_.push_back("a remembered setting is not made: " + asked.error().message);
     restoring_->pop_front();

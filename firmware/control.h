@@ -16,6 +16,7 @@
 #include "firmware/config.h"
 #include "firmware/encoder.h"
 #include "firmware/health.h"
+#include "firmware/panel.h"
 #include "firmware/publisher.h"
 #include "firmware/settings.h"
 #include "firmware/statistics.h"
@@ -42,7 +43,8 @@ struct Stages {
 class Control {
  public:
   Control(const RigConfig& config, std::string software, const Stages& stages,
-          std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, Instant now);
+          std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel,
+          Instant now);
   ~Control();
 
   /// True when it did something.
@@ -59,19 +61,26 @@ class Control {
   static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
 
  private:
+  /// A moment that somebody at the rig wants found again.
+  struct Mark {
+    std::uint64_t set = 0;  ///< the newest one then
+    Instant at;
+  };
   /// A request that another stage has.
   struct Open {
     std::uint64_t client = kNobody;
     wire::Request request;
   };
+  static constexpr std::size_t kMarksKept = 32;
   static constexpr std::uint64_t kNobody = 0;  ///< a setting that is made again after a start
+  static constexpr std::uint64_t kPanel = ~std::uint64_t{0};
 
   bool accept(Instant now);
   void drop_finished();
   bool serve(Client& client, Instant now);
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
-  Status set(Client* client, const wire::Request& request);
+  Status set(std::uint64_t client, const wire::Request& request);
   Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
   Result<CaptureCommand> genlock_command(const wire::GenlockRequest& wish) const;
   Status ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what);
@@ -83,6 +92,8 @@ class Control {
   void take_answer(const CaptureAnswer& answer, Instant now);
   void take_answer(KeeperAnswer answer, Instant now);
   std::pair<Client*, Open> close(std::uint64_t ticket);
+  void act(PanelAction action, Instant now);
+  void step_panel(Instant now);
   void restore_settings();
   void remember_settings(Instant now);
   Client* find(std::uint64_t number);
@@ -117,6 +128,8 @@ class Control {
   std::optional<Instant> judged_;
   Health health_{"starting", "reading the calibration store"};
   ProgressMonitor monitor_;
+  Panel panel_;
+  std::deque<Mark> marks_;
   std::vector<std::string> news_;
   std::atomic<std::uint64_t> resident_bytes_{0};
 };

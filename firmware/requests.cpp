@@ -14,11 +14,11 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     case wire::Request::kHeads: fill_heads(config_, *capture_, *answer.mutable_heads()); break;
     case wire::Request::kHeadSet:
       later = true;
-      done = set(&client, request);
+      done = set(client.number(), request);
       break;
     case wire::Request::kGenlock:
       later = request.genlock().action() != wire::GenlockRequest::SHOW;
-      if (later) done = set(&client, request);
+      if (later) done = set(client.number(), request);
       else fill_genlock(capture_->genlock, *answer.mutable_genlock());
       break;
     case wire::Request::kUploadBegin: {
@@ -72,8 +72,8 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
   if (!later) reply(client, answer, now);
 }
 
-/// Asks capture for a setting; without a client, one that is made again after a start.
-Status Control::set(Client* client, const wire::Request& request) {
+/// Asks capture for a setting, for a client or one of those that need no answer.
+Status Control::set(std::uint64_t client, const wire::Request& request) {
   Result<CaptureCommand> command =
       request.has_genlock() ? genlock_command(request.genlock()) : head_command(request.head_set());
   if (!command) return fail(command.error());
@@ -82,8 +82,8 @@ Status Control::set(Client* client, const wire::Request& request) {
   if (!stages_.capture.commands().push(std::move(*command))) {
     return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
   }
-  open_[ticket] = Open{client ? client->number() : kNobody, request};
-  if (client) ++client->requests_open;
+  open_[ticket] = Open{client, request};
+  if (Client* const waits = find(client)) ++waits->requests_open;
   return {};
 }
 
@@ -206,6 +206,11 @@ wire::RigStatus Control::status(Instant now) {
   status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
   status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
   status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));
+  for (const Mark& mark : marks_) {
+    wire::Mark& told = *status.add_marks();
+    told.set_set(mark.set);
+    told.set_at_ns(static_cast<std::uint64_t>((mark.at - started_).ns()));
+  }
   for (const auto& client : clients_) {
     add_count(*status.mutable_publish_drops(), client->name(), Publisher::dropped(*client));
   }

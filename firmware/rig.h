@@ -28,6 +28,7 @@ struct RigPorts {
   hal::DiskPort& disk;
   std::vector<hal::LinkListenerPort*> listeners;
   hal::WatchdogPort* watchdog = nullptr;
+  PanelPins panel;
   hal::ClockPort* stopwatch = nullptr;  ///< for how long a blend takes, when `clock` is a virtual one
 };
 

@@ -76,6 +76,10 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   row("published", fmt::format("{} of {} raymaps; dropped for slow clients: {}", status.published(), status.raymaps(),
                                list_of(status.publish_drops())));
   row("memory", show_bytes(status.resident_bytes()));
+  if (status.marks().empty()) return;
+  const wire::Mark& newest = status.marks(status.marks_size() - 1);
+  row("marks", fmt::format("{} by the button, the newest at set {}, {} ago", status.marks_size(), newest.set(),
+                           show_duration(status.uptime_ns() - newest.at_ns())));
 }
 
 /// One line for --watch where nobody redraws.

@@ -16,6 +16,12 @@ Json rate_to_json(std::uint32_t numerator, std::uint32_t denominator) {
   return {{"numerator", numerator}, {"denominator", denominator}};
 }
 
+Json marks_to_json(const wire::RigStatus& status) {
+  Json json = Json::array();
+  for (const wire::Mark& mark : status.marks()) json.push_back({{"set", mark.set()}, {"at_ns", mark.at_ns()}});
+  return json;
+}
+
 }  // namespace
 
 std::string hex_of(const std::string& bytes) {
@@ -46,6 +52,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"raymaps", status.raymaps()},
           {"published", status.published()},
           {"publish_drops", counts_to_json(status.publish_drops())},
+          {"marks", marks_to_json(status)},
           {"rate_wanted_millihertz", status.rate_wanted_millihertz()},
           {"rate_millihertz", status.rate_millihertz()},
           {"frames_taken", status.frames_taken()},

@@ -129,10 +129,13 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
     : options(std::move(wanted)),
       world(options.truth, virtual_time(options)),
       disk(its_disk ? std::move(its_disk) : std::make_unique<hal::sim::SimDisk>()),
-      watchdog(world.clock()) {
+      watchdog(world.clock()),
+      button(world.clock()) {
   rig = std::make_unique<firmware::Rig>(
       options.config,
-      firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), *disk, {&listener}, &watchdog}, "a rig");
+      firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), *disk, {&listener}, &watchdog,
+                         {&button, &status_lamp, &tally_lamp}},
+      "a rig");
 }
 
 Stand::~Stand() {

@@ -12,6 +12,7 @@
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
 #include "hal/sim/link.h"
+#include "hal/sim/pin.h"
 #include "hal/sim/watchdog.h"
 #include "hal/sim/world.h"
 #include "protocol/session.h"
@@ -106,6 +107,9 @@ class Stand {
   std::unique_ptr<hal::sim::SimDisk> disk;
   hal::sim::SimLinkListener listener;
   hal::sim::SimWatchdog watchdog;
+  hal::sim::SimInputPin button;
+  hal::sim::SimOutputPin status_lamp{false};
+  hal::sim::SimOutputPin tally_lamp{false};
   std::unique_ptr<firmware::Rig> rig;
   std::vector<std::unique_ptr<TestHost>> hosts;
 
