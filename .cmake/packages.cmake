@@ -22,6 +22,8 @@ nodal_pkgconfig_package(crypto libcrypto)
 nodal_pkgconfig_package(fmt fmt)
 nodal_pkgconfig_package(spdlog spdlog)
 nodal_pkgconfig_package(protobuf protobuf-lite)
+nodal_pkgconfig_package(yaml yaml-cpp)
+nodal_pkgconfig_package(zlib zlib)
 nodal_package(json)      # nlohmann-json: headers in /usr/include
 nodal_package(toml)      # toml++: headers in /usr/include
 nodal_package(cli)       # CLI11: headers in /usr/include

@@ -1,4 +1,5 @@
-// Calibrations from other programs' project files: Hugin's .pto and PTGui's text .pts.
+// Calibrations from other programs' files: Hugin's .pto, PTGui's text .pts, VideoStitch's .ptv, Surround360's
+// JSON, OpenCV's and Kalibr's YAML.
 #pragma once
 
 #include <string>
@@ -31,12 +32,16 @@ struct ImportResult {
 inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // masks inside a .pts are long
 
 /// Pure functions of the text; `name` becomes the calibration's name.
-/// Errors: kTooLarge, kTruncated, kBadFormat, kBadValue, kMissingField with the line's number; kUnsupported for a
-/// projection that Nodal has no lens for; those of check_calibration with the head's name.
+/// Errors: kTooLarge, kTruncated, kBadFormat, kBadValue, kMissingField with the line's number or the field;
+/// kUnsupported for a projection that Nodal has no lens for; those of check_calibration with the head's name.
 Result<ImportResult> import_pto(std::string_view text, std::string_view name);
 Result<ImportResult> import_pts(std::string_view text, std::string_view name);
+Result<ImportResult> import_videostitch(std::string_view text, std::string_view name);
+Result<ImportResult> import_surround360(std::string_view text, std::string_view name);
+Result<ImportResult> import_opencv(std::string_view text, std::string_view name);
+Result<ImportResult> import_kalibr(std::string_view text, std::string_view name);
 
-/// Whichever of them the text is.
+/// Whichever of them the text is, told by what is in it.
 Result<ImportResult> import_project(std::string_view text, std::string_view name);
 
 }  // namespace nodal::calibration

@@ -4,6 +4,13 @@
 #include <cstdio>
 
 namespace nodal::calibration {
+namespace {
+
+constexpr const char* kUnknown =
+    "it is none of the files Nodal knows: Hugin's .pto, PTGui's text .pts (of PTGui 9 and older; newer ones save as "
+    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's or Kalibr's YAML";
+
+}  // namespace
 
 std::string short_number(double value) {
   char text[32];
@@ -42,6 +49,18 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
 }
 
 Result<ImportResult> import_project(std::string_view text, std::string_view name) {
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  const auto says = [text](std::string_view word) { return text.find(word) != std::string_view::npos; };
+  if (first != std::string_view::npos && text[first] == '{') {
+    if (says("\"nodal_calibration\"")) {
+      return fail(Errc::kBadFormat, "it is a calibration of Nodal's already: there is nothing to import");
+    }
+    if (says("\"cameras\"")) return import_surround360(text, name);
+    if (says("\"inputs\"")) return import_videostitch(text, name);
+    return fail(Errc::kBadFormat, kUnknown);
+  }
+  if (text.starts_with("%YAML") || says("camera_matrix")) return import_opencv(text, name);
+  if (says("distortion_model") && says("cam0")) return import_kalibr(text, name);
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());
   bool ptgui = false, hugin = false;
@@ -51,9 +70,7 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
   }
   if (ptgui) return import_pts(text, name);
   if (hugin) return import_pto(text, name);
-  return fail(Errc::kBadFormat,
-              "it is neither a Hugin project (.pto) nor a PTGui text project (.pts, PTGui 9 and "
-              "older; newer ones save as JSON: export them as a text project)");
+  return fail(Errc::kBadFormat, kUnknown);
 }
 
 }  // namespace nodal::calibration

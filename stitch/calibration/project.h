@@ -13,7 +13,8 @@ namespace nodal::calibration {
 /// Four digits: enough for a note.
 std::string short_number(double value);
 
-/// The c lines of type t0. Images are counted from `first_image`; a pixel's centre is at integers in both programs.
+/// The c lines of type t0. Images are counted from `first_image`; a pixel's centre is at integers in both
+/// programs.
 /// Errors: kBadValue for a point that names an image that is not there.
 Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result);
 

@@ -8,7 +8,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace nodal;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   using Import = Result<calibration::ImportResult> (*)(std::string_view, std::string_view);
-  for (const Import import : {&calibration::import_pto, &calibration::import_pts, &calibration::import_project}) {
+  for (const Import import : {&calibration::import_pto, &calibration::import_pts, &calibration::import_videostitch,
+                              &calibration::import_surround360, &calibration::import_opencv,
+                              &calibration::import_kalibr, &calibration::import_project}) {
     const Result<calibration::ImportResult> result = import(text, "fuzz");
     if (!result) {
       NODAL_ASSERT(!result.error().message.empty());

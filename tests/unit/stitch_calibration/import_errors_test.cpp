@@ -39,7 +39,8 @@ std::string many(const std::string& line, int count) {
 INSTANTIATE_TEST_SUITE_P(
     Projects, ImportRefuses,
     testing::Values(
-        BadProject{"Empty", "", Errc::kBadFormat, {"neither a Hugin project", "PTGui"}},
+        BadProject{"Empty", "", Errc::kBadFormat, {"none of the files Nodal knows", "PTGui"}},
+        BadProject{"NodalsOwn", R"({"nodal_calibration": 1})", Errc::kBadFormat, {"calibration of Nodal's already"}},
         BadProject{"Json", "{\"fileversion\": 50}", Errc::kBadFormat, {"newer ones save as JSON"}},
         BadProject{
             "HuginWithoutImages", "# hugin project file\np f2 w100 h50\n", Errc::kBadFormat, {"no image line"}},

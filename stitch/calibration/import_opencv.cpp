@@ -1,0 +1,63 @@
+// OpenCV's FileStorage YAML, as its calibration programs and ROS write it: one camera, no place in a rig.
+#include "stitch/calibration/foreign_head.h"
+#include "stitch/calibration/import.h"
+#include "stitch/calibration/panotools_head.h"
+#include "stitch/calibration/pinhole_lens.h"
+#include "stitch/calibration/yaml_fields.h"
+
+namespace nodal::calibration {
+namespace {
+
+/// rows, cols and data of an !!opencv-matrix, or ROS's map of the same.
+Result<std::vector<double>> read_matrix(const YamlFields& file, const std::string& key) {
+  if (!file.has(key)) {
+    return fail(Errc::kMissingField, "there is no '" + key + "' in it; a camera's file has camera_matrix and "
+                                     "distortion_coefficients");
+  }
+  const YamlFields matrix(file.at(key), "'" + key + "'");
+  return matrix.numbers("data");
+}
+
+bool is_fisheye(const YamlFields& file) {
+  const Result<double> flag = file.number_or("fisheye_model", 0);
+  if (flag && *flag != 0) return true;
+  const Result<std::string> model = file.text("distortion_model");
+  return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
+}
+
+}  // namespace
+
+Result<ImportResult> import_opencv(std::string_view text, std::string_view name) {
+  const Result<YAML::Node> root = parse_foreign_yaml(text);
+  if (!root) return fail(root.error());
+  const YamlFields file(*root, "the camera");
+  const Result<int> width = file.side("image_width");
+  if (!width) return fail(width.error());
+  const Result<int> height = file.side("image_height");
+  if (!height) return fail(height.error());
+  const Result<std::vector<double>> K = read_matrix(file, "camera_matrix");
+  if (!K) return fail(K.error());
+  if (K->size() != 9) return fail(Errc::kBadValue, "'camera_matrix' must hold 9 numbers");
+  Result<std::vector<double>> distortion =
+      read_matrix(file, file.has("distortion_coefficients") ? "distortion_coefficients" : "dist_coeffs");
+  if (!distortion) return fail(distortion.error());
+
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from an OpenCV camera file.";
+  std::string camera(name);
+  if (const Result<std::string> named = file.text("camera_name")) camera = *named;
+  HeadCalibration head = blank_head(head_name(camera + ".", {}), *width, *height);
+  const PinholeNumbers pinhole{(*K)[0], (*K)[4], (*K)[2], (*K)[5]};
+  const Status set = is_fisheye(file) ? set_kannala_brandt(pinhole, *distortion, head)
+                                      : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
+  if (!set) return fail(set.error());
+  if ((*K)[1] != 0) result.notes.emplace_back("The camera matrix has a skew, which is left out: pixels have no shear.");
+  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  result.calibration.heads.push_back(std::move(head));
+  result.images.emplace_back();
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+}  // namespace nodal::calibration
