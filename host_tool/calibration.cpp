@@ -199,6 +199,8 @@ void add_calibration(CLI::App& app, CommandLine& line) {
                         "  nodal calibration check rig.json --json | jq .unseen\n");
   check->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   line.on(check, [args](Context& context) { return run_check(context, *args); });
+
+  add_calibration_diff(*group, line);
 }
 
 }  // namespace nodal::host

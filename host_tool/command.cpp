@@ -79,6 +79,9 @@ CommandLine::CommandLine(Console& console)
   add_raymap(app_, *this);
   add_import(app_, *this);
   add_register(app_, *this);
+  add_export(app_, *this);
+  add_pattern(app_, *this);
+  add_calibrate(app_, *this);
   add_completion(app_, *this);
 }
 

@@ -72,6 +72,11 @@ void add_calibration(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);
 void add_import(CLI::App& app, CommandLine& line);
 void add_register(CLI::App& app, CommandLine& line);
+void add_export(CLI::App& app, CommandLine& line);
+void add_pattern(CLI::App& app, CommandLine& line);
+void add_calibrate(CLI::App& app, CommandLine& line);
+/// `calibration diff`, below `calibration`.
+void add_calibration_diff(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
 /// A command with the help text's examples below its options.

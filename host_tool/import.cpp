@@ -146,10 +146,12 @@ void add_import(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(app, "import", "Make a calibration from another program's project; needs no rig",
                                   "  nodal import rig.pts -o calibration.json\n"
                                   "  nodal import hugin.pto --rig-toml rig.toml     and replay its pictures\n"
-                                  "Knows PTGui's text projects (.pts) and Hugin's (.pto). Says what did not fit, and\n"
-                                  "how well the project's control points agree.\n");
+                                  "  nodal import camchain.yaml -o rig.json\n"
+                                  "Knows Hugin's projects (.pto), PTGui's text ones (.pts), VideoStitch's (.ptv),\n"
+                                  "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
+                                  "what did not fit, and how well a project's control points agree.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("FILE", args->file, "The project: .pts or .pto")->required()->type_name("");
+  command->add_option("FILE", args->file, "The project: .pto, .pts, .ptv, .json or .yaml")->required()->type_name("");
   command->add_option("-o,--out", args->out, "The calibration (calibration.json when not given)")->type_name("FILE");
   command->add_option("--name", args->name, "The calibration's name; the project's file name when not given")
       ->type_name("NAME");

@@ -18,6 +18,9 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kLeastExplained = 0.6;     // of a photograph's variance
 constexpr double kLeastTilt = 4 * kDegree;
 constexpr double kMostFocalDeviation = 0.003;
+constexpr std::size_t kLeastViews = 2;
+constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less are one view
+constexpr double kAlikeMove = 0.03;         // of the pattern's distance
 constexpr double kWellCovered = 0.95;
 constexpr long kCalmShare = 4;             // about one pixel in so many is calm enough
 constexpr long kLightSamples = 8'000;       // a photograph
@@ -40,7 +43,12 @@ GreyImage pattern_light(const PatternRaster& raster) {
 }
 
 Status check_photographs(const std::vector<LensPhotograph>& photographs) {
-  if (photographs.empty()) return fail(Errc::kNotDetermined, "no photographs given; take three or more of the pattern");
+  if (photographs.size() < kLeastViews) {
+    return fail(Errc::kNotDetermined, std::to_string(photographs.size()) + " photograph" +
+                                          (photographs.size() == 1 ? " is" : "s are") +
+                                          " too few; take three or more, with the pattern turned by 20 to 40 degrees, "
+                                          "to different sides");
+  }
   for (const LensPhotograph& photo : photographs) {
     const GreyImage& first = photographs[0].luma;
     if (photo.luma.width != first.width || photo.luma.height != first.height) {
@@ -71,6 +79,23 @@ void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arra
 }
 
 double tilt_of(const Pose& pose) { return std::acos(std::clamp(pose.R(2, 2), -1.0, 1.0)); }
+
+/// Photographs from one place are one view, however many there are: they would only look surer than they are.
+Status check_views_differ(const std::vector<Pose>& poses) {
+  const Pose& first = poses[0];
+  double turn = 0, move = 0;
+  for (const Pose& pose : poses) {
+    const double chord = (pose.R - first.R).norm() / (2 * std::numbers::sqrt2);
+    turn = std::max(turn, 2 * std::asin(std::min(1.0, chord)));
+    move = std::max(move, (pose.t - first.t).norm() / first.t.norm());
+  }
+  if (turn > kAlikeTurn || move > kAlikeMove) return {};
+  return fail(Errc::kNotDetermined,
+              "all " + std::to_string(poses.size()) + " photographs are taken from one place (they differ by at most " +
+                  text(turn / kDegree, "%.1f") + " degrees and " + text(100 * move, "%.1f") +
+                  " % of the distance), which is one view of the pattern; turn it by 20 to 40 degrees between them, to "
+                  "different sides");
+}
 
 /// How far the unknowns' covariance lets a ray's place on the picture wander, px rms over the region.
 double mapping_deviation(const LensParameters& lens, const Eigen::MatrixXd& covariance, const Region& region) {
@@ -214,6 +239,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   Result<Arrangement> start = first_arrangement(radial, options.kind, center, options.aspect);
   if (!start) return fail(start.error());
   refine_start(radial, options.aspect_known, *start);
+  if (Status checked = check_views_differ(start->poses); !checked) return fail(checked.error());
 
   const ScaleSpace light(pattern_light(pattern));
   DenseAlignment dense(light, lumas, region, options.for_each);
@@ -251,6 +277,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
     view.explained = fits[v].explained;
     view.rms = 255 * fits[v].rms;
     out.report.views.push_back(view);
+    out.report.residuals.push_back(dense.residual_map(static_cast<int>(v), state));
   }
   fill_head(state, region, options, lumas[0].width, lumas[0].height, out.head);
   if (Status cut = cut_at_turning_point(lens, out); !cut) return fail(cut.error());

@@ -57,6 +57,7 @@ struct LensReport {
   double mapping_deviation_px = 0;      ///< standard deviation of where a ray falls, rms over the region
   double covered = 0;                   ///< part of the region that some photograph covered
   std::vector<std::string> notes;       ///< what a person should know, one sentence each
+  std::vector<GreyImage> residuals;     ///< of each photograph: what is left over, of a range of 1; 0 off the pattern
 };
 
 struct LensCalibration {
@@ -65,8 +66,8 @@ struct LensCalibration {
 };
 
 /// Errors, all naming the photograph where there is one: kBadValue for photographs of different sizes,
-/// kNotDetermined when the pattern is not in a photograph, when all are taken head on, or when they do not
-/// agree.
+/// kNotDetermined for fewer than two photographs, when the pattern is not in one, when all are taken head on or
+/// from one place, or when they do not agree.
 Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
                                        const LensOptions& options);
 

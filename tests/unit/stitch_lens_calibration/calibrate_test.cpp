@@ -195,7 +195,7 @@ TEST(CalibrateLens, PhotographOfSomethingElse_IsRefusedByItsName) {
 }
 
 TEST(CalibrateLens, MirroredPhotograph_IsRefusedByItsName) {
-  auto photos = photographs(print(), paper_lens(), {{20, 0, 0}}, 0.3);
+  auto photos = photographs(print(), paper_lens(), {{20, 0, 0}, {20, 120, 0}}, 0.3);
   for (int j = 0; j < photos[0].luma.height; ++j) {
     std::reverse(photos[0].luma.row(j), photos[0].luma.row(j) + photos[0].luma.width);
   }
@@ -210,6 +210,25 @@ TEST(CalibrateLens, AllHeadOn_FocalLengthIsNotDeterminedAndItIsSaid) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, Errc::kNotDetermined);
   EXPECT_NE(refused.error().message.find("20 to 40 degrees"), std::string::npos) << refused.error().message;
+}
+
+TEST(CalibrateLens, AllFromOnePlace_AreRefusedAsOneView) {
+  ph::Shot shot;
+  shot.noise = 3;
+  const auto refused =
+      calibrate_lens(photographs(print(), paper_lens(), {{25, 40, 0}, {25.5, 41, 1}, {25, 40, 0}}, 0.3, shot),
+                     pattern(), {});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::kNotDetermined);
+  EXPECT_NE(refused.error().message.find("all 3 photographs are taken from one place"), std::string::npos)
+      << refused.error().message;
+}
+
+TEST(CalibrateLens, OnePhotograph_IsTooFew) {
+  const auto refused = calibrate_lens(photographs(print(), paper_lens(), {{25, 40, 0}}, 0.3), pattern(), {});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::kNotDetermined);
+  EXPECT_NE(refused.error().message.find("1 photograph is too few"), std::string::npos) << refused.error().message;
 }
 
 TEST(CalibrateLens, PhotographsOfTwoSizes_AreRefusedByName) {

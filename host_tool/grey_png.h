@@ -1,0 +1,32 @@
+// A grey picture as PNG, and as a page of PDF.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// 8-bit grey, rows packed.
+struct GreyRaster {
+  int width = 0;
+  int height = 0;
+  std::span<const std::uint8_t> values;
+};
+
+/// sRGB, with `pixels_per_meter` for printers when not 0, and a line of text for people who find the file
+/// later.
+/// Errors: kInternal.
+Result<std::vector<std::uint8_t>> grey_png(const GreyRaster& raster, int pixels_per_meter, std::string_view comment);
+
+/// A page of width x height millimetres with the raster in its middle, as large as `margin_mm` around it
+/// allows, in sRGB, without interpolation; `footer` stands below it in small type (ASCII).
+/// Errors: kBadValue when the margins leave no room; kInternal.
+Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page_width_mm, double page_height_mm,
+                                           double margin_mm, std::string_view footer);
+
+}  // namespace nodal::host

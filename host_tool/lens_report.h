@@ -1,0 +1,14 @@
+// What `calibrate lens` found, as a page to look at.
+#pragma once
+
+#include <string>
+
+#include "protocol/base/result.h"
+#include "stitch/calibration/lens/calibrate.h"
+
+namespace nodal::host {
+
+/// One HTML file. Errors: those of grey_png and Head::make.
+Result<std::string> lens_report(const calibration::LensCalibration& result, const std::string& model);
+
+}  // namespace nodal::host
