@@ -32,7 +32,7 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
   free_.reserve(pool_.size());
   for (FrameSet& set : pool_) free_.push_back(&set);
   open_.reserve(kMaxOpenSets);
-  restart_clocks(rate_, false);
+  restart_clocks(rate_, false, Instant());
 }
 
 Capture::~Capture() { close(); }
@@ -52,7 +52,7 @@ bool Capture::step(Instant now) {
   busy |= run_commands(now);
   busy |= take_edges();
   for (CaptureHead& head : heads_) busy |= head.step(now, mode_);
-  busy |= take_frames(now);
+  busy |= take_frames();
   busy |= close_due_sets(now);
   genlock_.step(now);
   if (genlock_wanted_) {
@@ -66,15 +66,15 @@ bool Capture::step(Instant now) {
   return busy;
 }
 
-void Capture::restart_clocks(FrameRate rate, bool genlocked) {
-  clock_.restart(rate, genlocked);
+void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
+  clock_.restart(rate, genlocked, now);
   pulse_drift_.restart(rate);
   for (DriftMeter& drift : head_drift_) drift.restart(rate);
 }
 
 bool Capture::take_edges() {
   bool any = false;
-  while (const auto edge = genlock_.take_edge()) {
+  while (const auto edge = genlock_.take_edge(now_)) {
     clock_.on_edge(*edge);
     pulse_drift_.add(static_cast<std::int64_t>(edge->number), edge->at);
     any = true;
@@ -125,7 +125,7 @@ Status Capture::start_genlock(const GenlockStart& wish, Instant now) {
   mode_ = hal::TriggerMode::kExternal;
   rate_now_ = settings.rate;
   close_all(now);
-  restart_clocks(rate_now_, true);
+  restart_clocks(rate_now_, true, now);
   return {};
 }
 
@@ -135,7 +135,7 @@ void Capture::stop_genlock(Instant now) {
   mode_ = hal::TriggerMode::kFreeRun;
   rate_now_ = rate_;
   close_all(now);
-  restart_clocks(rate_now_, false);
+  restart_clocks(rate_now_, false, now);
 }
 
 bool Capture::take_back_sets() {
@@ -169,6 +169,7 @@ void Capture::check() const {
 GenlockReport Capture::genlock_report() const {
   GenlockReport report = genlock_.report();
   if (!genlock_.running()) report.rate = rate_;
+  report.drift_ppb = drift_ppb();
   return report;
 }
 

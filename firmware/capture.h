@@ -84,13 +84,13 @@ class Capture {
   static constexpr std::size_t kMaxOpenSets = 4;
   static constexpr std::size_t kSetsWaiting = 1;  ///< between capture and blend: newer is better than more
   static constexpr int kHalfPeriodsToWait = 5;
+  static constexpr Duration kOldest = Duration::seconds(1);  ///< and kMaxOpenSets periods: a frame, when it is received
 
  private:
   struct OpenSet {
     SetClock::Slot slot = 0;
     FrameSet* set = nullptr;
-    bool all_triggered = true;  ///< every frame of it has its pulse
-    Skews skews;                ///< of those that have
+    Skews skews;
   };
 
   bool run_commands(Instant now);
@@ -99,9 +99,10 @@ class Capture {
   void stop_genlock(Instant now);
   bool take_back_sets();
   bool take_edges();
-  bool take_frames(Instant now);
-  std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame, Instant now);
-  void place(std::size_t head, const hal::FrameView& frame, Instant now);
+  bool take_frames();
+  bool plausible(const hal::FrameView& frame) const;
+  std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame);
+  void place(std::size_t head, const hal::FrameView& frame);
   OpenSet* open_set(SetClock::Slot slot);
   bool close_complete_sets();
   bool close_due_sets(Instant now);
@@ -109,7 +110,7 @@ class Capture {
   void close_oldest();
   void describe(const OpenSet& open);
   std::optional<std::int32_t> drift_ppb() const;
-  void restart_clocks(FrameRate rate, bool genlocked);
+  void restart_clocks(FrameRate rate, bool genlocked, Instant now);
   void give_back(FrameSet* set);
   void close_all(Instant now);
   GenlockReport genlock_report() const;

@@ -5,9 +5,23 @@
 #include "firmware/capture.h"
 
 namespace nodal::firmware {
+namespace {
+
+Duration spread_of(const Skews& skews) {
+  std::optional<Duration> earliest, latest;
+  for (std::size_t i = 0; i < skews.of.size(); ++i) {
+    if ((skews.known & head_bit(i)) == 0) continue;
+    earliest = std::min(earliest.value_or(skews.of[i]), skews.of[i]);
+    latest = std::max(latest.value_or(skews.of[i]), skews.of[i]);
+  }
+  return earliest ? *latest - *earliest : Duration();
+}
+
+}  // namespace
+
 /// One frame of every head, then the next: after a stall, heads that are taken one by one would fill all open sets
 /// with the first head's frames and find the others late.
-bool Capture::take_frames(Instant now) {
+bool Capture::take_frames() {
   constexpr int kRounds = 8;  // so that a head that floods cannot keep the step from ending
   bool any = false;
   for (int round = 0; round < kRounds; ++round) {
@@ -16,7 +30,7 @@ bool Capture::take_frames(Instant now) {
       const std::uint64_t before = heads_[i].report().counts.frames;
       const auto frame = heads_[i].take_frame();
       more |= heads_[i].report().counts.frames != before;
-      if (frame) place(i, *frame, now);
+      if (frame) place(i, *frame);
     }
     if (!more) break;
     any = true;
@@ -25,44 +39,39 @@ bool Capture::take_frames(Instant now) {
   return any;
 }
 
-std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::FrameView& frame, Instant now) {
-  const Duration delay = genlock_.settings().delay[head];
-  auto match = clock_.match(frame.mid_exposure, frame.in_effect.exposure, delay, now);
-  // Its pulse may have been sent since the pulses were looked at, when this thread had to wait in between.
-  if (!match && take_edges()) match = clock_.match(frame.mid_exposure, frame.in_effect.exposure, delay, now);
-  return match;
+/// A frame's exposure is over when its last byte is there, and not long over: else a clock wrapped or was set, and
+/// one such frame that were believed would make every later one too late.
+bool Capture::plausible(const hal::FrameView& frame) const {
+  const Duration age = frame.received - frame.mid_exposure;
+  return age >= Duration() && age <= kOldest + clock_.period() * kMaxOpenSets;
 }
 
-void Capture::place(std::size_t head, const hal::FrameView& frame, Instant now) {
-  const auto match = this->match(head, frame, now);
+std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::FrameView& frame) {
+  const Duration delay = genlock_.settings().delay[head];
+  const auto match = clock_.match(head, frame.mid_exposure, frame.in_effect.exposure, delay);
+  if (match && match->trigger) return match;
+  // Its pulse may have been sent since the pulses were looked at, when this thread had to wait in between.
+  if (!take_edges()) return match;
+  return clock_.match(head, frame.mid_exposure, frame.in_effect.exposure, delay);
+}
+
+void Capture::place(std::size_t head, const hal::FrameView& frame) {
+  if (!plausible(frame)) return heads_[head].lose(frame, LossReason::kBadTime);
+  const auto match = this->match(head, frame);
   if (!match) return heads_[head].lose(frame, LossReason::kUnmatched);
-  SetClock::Slot slot = match->slot;
-  OpenSet* open = nullptr;
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    if (newest_closed_ && slot <= *newest_closed_) return heads_[head].lose(frame, LossReason::kLate);
-    open = open_set(slot);
-    if (!open) return heads_[head].lose(frame, LossReason::kOverload);
-    if (!open->set->has(head)) break;
-    // In free run the grid moves under a head near its border: its next frame is then the next slot's.
-    const Duration apart = frame.mid_exposure - open->set->frames[head].mid_exposure;
-    if (attempt > 0 || match->trigger || apart <= clock_.period() / 2) {
-      return heads_[head].lose(frame, LossReason::kDuplicate);
-    }
-    ++slot;
-  }
+  if (newest_closed_ && match->slot <= *newest_closed_) return heads_[head].lose(frame, LossReason::kLate);
+  OpenSet* open = open_set(match->slot);
+  if (!open) return heads_[head].lose(frame, LossReason::kOverload);
+  if (open->set->has(head)) return heads_[head].lose(frame, LossReason::kDuplicate);
   FrameSet& set = *open->set;
   set.frames[head] = frame;
   set.mask |= head_bit(head);
   if (match->trigger) {
-    const bool first = !set.sync.trigger;
-    open->skews.earliest = first ? match->skew : std::min(open->skews.earliest, match->skew);
-    open->skews.latest = first ? match->skew : std::max(open->skews.latest, match->skew);
+    open->skews.add(head, match->skew);
     set.sync.trigger = match->trigger;
-  } else {
-    open->all_triggered = false;
   }
   heads_[head].hold(frame);
-  if (!genlock_.running()) head_drift_[head].add(slot, frame.mid_exposure);
+  if (!genlock_.running()) head_drift_[head].add(match->slot, frame.mid_exposure);
 }
 
 Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
@@ -80,7 +89,7 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
   free_.pop_back();
   set->mask = 0;
   set->sync = {};
-  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, true, {}});
+  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, {}});
 }
 
 bool Capture::complete(const OpenSet& open) const {
@@ -122,6 +131,7 @@ void Capture::close_oldest() {
   newest_closed_ = open.slot;
   FrameSet& set = *open.set;
   describe(open);
+  clock_.follow(open.slot, set.mid_exposure);
   set.number = report_.sets++;
   bool every_present = true;
   bool every_head = true;
@@ -135,8 +145,7 @@ void Capture::close_oldest() {
     heads_[i].missed_set();
   }
   if (every_head) ++report_.full_sets;
-  const auto skews = open.all_triggered ? std::optional(open.skews) : std::nullopt;
-  genlock_.on_set(set, skews, every_present, now_);
+  genlock_.on_set(set, open.skews, every_present, now_);
   set.sync.state = genlock_.state();
   FrameSet* lent = &set;
   if (sets_out_.push(std::move(lent))) return;
@@ -172,7 +181,7 @@ void Capture::describe(const OpenSet& open) {
   for (std::size_t i = 0; i < middles.size(); ++i) {
     set.sync.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();
   }
-  if (open.all_triggered) set.sync.begin_spread = open.skews.latest - open.skews.earliest;
+  if (open.skews.known == set.mask) set.sync.begin_spread = spread_of(open.skews);
   set.sync.drift_ppb = drift_ppb();
 }
 

@@ -14,6 +14,7 @@ std::string_view loss_reason_name(LossReason reason) {
     case LossReason::kOverload: return "overload";
     case LossReason::kFieldOrder: return "field-order";
     case LossReason::kFieldParity: return "field-parity";
+    case LossReason::kBadTime: return "bad-time";
   }
   return "unknown";
 }

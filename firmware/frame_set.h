@@ -24,8 +24,9 @@ enum class LossReason : std::uint8_t {
   kOverload,     ///< no room for another open set
   kFieldOrder,   ///< interlaced, and the field that should be second was exposed first
   kFieldParity,  ///< interlaced, and not both fields came; or not interlaced when it should be, or the other way round
+  kBadTime,      ///< it says that it was exposed after it came, or long before
 };
-inline constexpr std::size_t kLossReasons = 10;
+inline constexpr std::size_t kLossReasons = 11;
 /// "late", "no-signal": as the wire and people have it.
 std::string_view loss_reason_name(LossReason reason);
 

@@ -3,85 +3,181 @@
 #include <algorithm>
 
 namespace nodal::firmware {
+namespace {
+
+/// Running means take a sixteenth of what is new.
+constexpr std::int64_t kMean = 16;
+/// Until it is known: the past is then trusted to 0.2 ms, twice this.
+constexpr Duration kJitterAtFirst = Duration::microseconds(100);
+
+Duration size_of(Duration d) { return d < Duration() ? -d : d; }
+
+struct Range {
+  std::optional<Duration> least, most;
+  void add(Duration value) {
+    least = std::min(least.value_or(value), value);
+    most = std::max(most.value_or(value), value);
+  }
+  Duration width() const { return least ? *most - *least : Duration(); }
+  Duration middle() const { return least ? *least + width() / 2 : Duration(); }
+};
+
+}  // namespace
+
+GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
+  using enum GenlockState;
+  using Row = std::array<GenlockState, 5>;
+  constexpr std::array<Row, kGenlockConditions> kTable = {
+      Row{kAcquiring, kAcquiring, kAcquiring, kAcquiring, kAcquiring},  // started
+      Row{kOff, kOff, kOff, kOff, kOff},                                // stopped
+      Row{kOff, kLocked, kLocked, kLocked, kLocked},                    // in step
+      Row{kOff, kAcquiring, kLost, kLost, kLost},                       // out of step
+      Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // pulse unseen
+      Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue
+      Row{kOff, kAcquiring, kLost, kLost, kLost},                       // sets overdue
+      Row{kOff, kLost, kLost, kLost, kLost},                            // port gone
+      Row{kOff, kAcquiring, kLocked, kLost, kLost},                     // coasted long
+  };
+  return kTable[static_cast<std::size_t>(condition)][static_cast<std::size_t>(state)];
+}
+
+std::string_view genlock_condition_name(GenlockCondition condition) {
+  constexpr std::array<std::string_view, kGenlockConditions> kNames = {
+      "started",        "stopped",      "in step",   "out of step", "pulse unseen",
+      "pulses overdue", "sets overdue", "port gone", "coasted long"};
+  return kNames[static_cast<std::size_t>(condition)];
+}
+
+void Genlock::meet(GenlockCondition condition, Instant now) {
+  const GenlockState after = genlock_after(state_, condition);
+  if (condition != GenlockCondition::kInStep) good_sets_ = 0;
+  if (after == state_) return;
+  state_ = after;
+  if (after == GenlockState::kLost) ++report_.losses;
+  if (after == GenlockState::kLocked) was_locked_ = true;
+  if (after == GenlockState::kHoldover) {
+    ++report_.holdovers;
+    coasting_since_ = now;
+  }
+}
 
 Status Genlock::start(const hal::TriggerSettings& settings, Instant now) {
   if (!port_) return fail(Errc::kNoSuchDevice, "this rig has no trigger, so its heads cannot be genlocked");
   port_->stop();
   if (Status started = port_->start(settings); !started) {
-    state_ = GenlockState::kOff;
+    meet(GenlockCondition::kStopped, now);
     return fail(started.error().in("trigger"));
   }
   settings_ = settings;
-  state_ = GenlockState::kAcquiring;
-  failed_ = false;
+  failed_ = was_locked_ = false;
   newest_edge_ = now;
   newest_set_.reset();
-  edges_ = next_number_ = missing_ = 0;
-  good_sets_ = 0;
-  was_locked_ = false;
-  spread_ = spread_worst_ = Duration();
+  next_number_ = 0;
+  jitter_ = kJitterAtFirst;
+  habits_ = {};
+  report_ = {};
+  meet(GenlockCondition::kStarted, now);
   return {};
 }
 
 void Genlock::stop() {
   if (port_) port_->stop();
-  state_ = GenlockState::kOff;
-  good_sets_ = 0;
+  meet(GenlockCondition::kStopped, Instant());
 }
 
-std::optional<hal::TriggerEdge> Genlock::take_edge() {
+std::optional<hal::TriggerEdge> Genlock::take_edge(Instant now) {
   if (!running() || failed_) return std::nullopt;
   auto edge = port_->take_edge();
   if (!edge) {
     failed_ = true;
-    lose();
+    meet(GenlockCondition::kPortGone, now);
     return std::nullopt;
   }
   if (!*edge) return std::nullopt;
   newest_edge_ = std::max(newest_edge_, (*edge)->at);
-  ++edges_;
-  missing_ += (*edge)->number - std::min((*edge)->number, next_number_);
+  ++report_.triggers;
+  report_.missing += (*edge)->number - std::min((*edge)->number, next_number_);
   next_number_ = (*edge)->number + 1;
   return **edge;
 }
 
+bool Genlock::pulses_overdue(Instant now) const { return now - newest_edge_ > settings_.rate.period() * 5 / 2; }
+
 void Genlock::step(Instant now) {
-  if (!running()) return;
-  const Duration period = settings_.rate.period();
-  if (now - newest_edge_ > period * 5 / 2) lose();
-  // Acquiring, heads may take long to start; once locked, silence is a loss.
-  if (state_ == GenlockState::kLocked && newest_set_ && now - *newest_set_ > period * 3) lose();
+  if (!running() || failed_) return;
+  if (pulses_overdue(now)) meet(GenlockCondition::kPulsesOverdue, now);
+  // Acquiring, heads may take long to start; once they followed, silence is a loss.
+  if (newest_set_ && now - *newest_set_ > settings_.rate.period() * 3) meet(GenlockCondition::kSetsOverdue, now);
+  if (state_ == GenlockState::kHoldover && now - coasting_since_ > kHoldover) {
+    meet(GenlockCondition::kCoastedLong, now);
+  }
 }
 
-void Genlock::lose() {
-  good_sets_ = 0;
-  if (running()) state_ = GenlockState::kLost;
-}
-
-bool Genlock::is_good(const Skews& skews) {
-  const Duration middle = skews.earliest + (skews.latest - skews.earliest) / 2;
-  if (good_sets_ == 0 && !was_locked_) latency_ = middle;
-  const Duration crept = middle - latency_;
-  return skews.latest - skews.earliest <= kLockLimit && crept <= kLockLimit && -crept <= kLockLimit;
-}
-
-void Genlock::on_set(const FrameSet& set, const std::optional<Skews>& skews, bool every_present_head, Instant now) {
+void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now) {
   if (!running() || failed_) return;
   newest_set_ = now;
-  if (every_present_head) spread_ = set.sync.spread;
-  const bool overdue = now - newest_edge_ > settings_.rate.period() * 5 / 2;
-  if (overdue || !skews || !is_good(*skews)) {
-    if (state_ == GenlockState::kLocked) lose();
-    good_sets_ = 0;
-    return;
+  if (every_present_head) report_.spread = set.sync.spread;
+  if (skews.known != set.mask) {
+    return meet(is_as_in_lock(set) ? GenlockCondition::kPulseUnseen : GenlockCondition::kOutOfStep, now);
   }
-  if (++good_sets_ >= kSetsToLock) state_ = GenlockState::kLocked;
-  was_locked_ |= state_ == GenlockState::kLocked;
-  if (state_ == GenlockState::kLocked) spread_worst_ = std::max(spread_worst_, set.sync.spread);
+  if (!follows_pulses(skews)) return meet(GenlockCondition::kOutOfStep, now);
+  if (pulses_overdue(now)) return meet(GenlockCondition::kPulsesOverdue, now);
+  if (++good_sets_ >= kSetsToLock) meet(GenlockCondition::kInStep, now);
+  if (state_ != GenlockState::kLocked) return;
+  learn(set, skews);
+  report_.spread_worst = std::max(report_.spread_worst, set.sync.spread);
+}
+
+bool Genlock::follows_pulses(const Skews& skews) {
+  Range raw, smooth;
+  Duration farthest;
+  for (std::size_t i = 0; i < habits_.size(); ++i) {
+    if ((skews.known & head_bit(i)) == 0) continue;
+    raw.add(skews.of[i]);
+    Habit& habit = habits_[i];
+    const Duration off = skews.of[i] - habit.skew();
+    // A leap is not jitter: the head was started anew, or lost its trigger.
+    if (!habit.known || size_of(off) > kLockLimit) {
+      habit.mean = habit.mean_of_means = skews.of[i];
+    } else {
+      habit.mean = habit.mean + (skews.of[i] - habit.mean) / kMean;
+      habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / kMean;
+      farthest = std::max(farthest, size_of(off));
+    }
+    habit.known = true;
+    smooth.add(habit.skew());
+  }
+  // Of uniform jitter the mean distance is half the farthest one.
+  jitter_ = jitter_ + (farthest / 2 - jitter_) / kMean;
+  if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
+  const Duration room = kLockLimit - jitter_ * 2;
+  return raw.width() <= kLockLimit && smooth.width() <= room && size_of(raw.middle() - latency_) <= kLockLimit;
+}
+
+void Genlock::learn(const FrameSet& set, const Skews& skews) {
+  for (std::size_t i = 0; i < habits_.size(); ++i) {
+    if (!set.has(i) || (skews.known & head_bit(i)) == 0) continue;
+    const Duration off = set.sync.offset[i] - habits_[i].offset;
+    habits_[i].offset = size_of(off) > kLockLimit ? set.sync.offset[i] : habits_[i].offset + off / kMean;
+  }
+}
+
+/// Every head is where it was against the others.
+bool Genlock::is_as_in_lock(const FrameSet& set) const {
+  Range moved;
+  for (std::size_t i = 0; i < habits_.size(); ++i) {
+    if (!set.has(i)) continue;
+    if (!habits_[i].known) return false;
+    moved.add(set.sync.offset[i] - habits_[i].offset);
+  }
+  return moved.width() <= kLockLimit;
 }
 
 GenlockReport Genlock::report() const {
-  return {state_, settings_.rate, edges_, missing_, spread_, spread_worst_};
+  GenlockReport report = report_;
+  report.state = state_;
+  report.rate = settings_.rate;
+  return report;
 }
 
 }  // namespace nodal::firmware

@@ -1,8 +1,10 @@
-// Drives the trigger and says, honestly, whether the heads follow it.
+// Drives or follows the trigger and says, honestly, whether the heads follow it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "firmware/frame_set.h"
 #include "hal/trigger.h"
@@ -10,32 +12,66 @@
 
 namespace nodal::firmware {
 
-/// How long after their pulse a set's first and last exposures began.
+/// How long after their pulse, and their own delay, a set's exposures began.
 struct Skews {
-  Duration earliest;
-  Duration latest;
+  HeadMask known = 0;  ///< heads whose exposure has its pulse
+  std::array<Duration, kMaxHeads> of{};
+
+  void add(std::size_t head, Duration skew) {
+    known |= head_bit(head);
+    of[head] = skew;
+  }
 };
+
+/// What the genlock's state depends on.
+enum class GenlockCondition : std::uint8_t {
+  kStarted,
+  kStopped,
+  kInStep,         ///< kSetsToLock good sets in a row
+  kOutOfStep,      ///< a set that is not
+  kPulseUnseen,    ///< a set that no pulse exposed, its heads where they were in lock
+  kPulsesOverdue,  ///< none seen for 2.5 periods
+  kSetsOverdue,    ///< none closed for 3 periods
+  kPortGone,       ///< the trigger's, for good
+  kCoastedLong,    ///< in holdover for kHoldover
+};
+inline constexpr std::size_t kGenlockConditions = 9;
+std::string_view genlock_condition_name(GenlockCondition condition);
+
+/// The whole table; genlock.cpp holds nothing else about states.
+///
+/// | condition      | off       | acquiring | locked    | holdover  | lost      |
+/// |----------------|-----------|-----------|-----------|-----------|-----------|
+/// | started        | acquiring | acquiring | acquiring | acquiring | acquiring |
+/// | stopped        | off       | off       | off       | off       | off       |
+/// | in step        | off       | locked    | locked    | locked    | locked    |
+/// | out of step    | off       | acquiring | lost      | lost      | lost      |
+/// | pulse unseen   | off       | acquiring | holdover  | holdover  | lost      |
+/// | pulses overdue | off       | lost      | holdover  | holdover  | lost      |
+/// | sets overdue   | off       | acquiring | lost      | lost      | lost      |
+/// | port gone      | off       | lost      | lost      | lost      | lost      |
+/// | coasted long   | off       | acquiring | locked    | lost      | lost      |
+GenlockState genlock_after(GenlockState state, GenlockCondition condition);
 
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
   FrameRate rate;
-  std::uint64_t triggers = 0;   ///< pulses seen since start
-  std::uint64_t missing = 0;    ///< pulses whose number never came
-  Duration spread;              ///< of the newest set with every present head in it
-  Duration spread_worst;        ///< of the sets while locked, since the genlock was started
+  std::uint64_t triggers = 0;    ///< pulses seen since start
+  std::uint64_t missing = 0;     ///< pulses whose number never came
+  Duration spread;               ///< of mid-exposures, of the newest set with every present head in it
+  Duration spread_worst;         ///< likewise, of the sets while locked, since the genlock was started
+  std::uint64_t losses = 0;      ///< times it was lost, since start
+  std::uint64_t holdovers = 0;   ///< times it coasted, since start
+  std::optional<std::int32_t> drift_ppb;  ///< of the pulses, or of the heads in free run; see SyncEvidence
 };
 
-/// | state     | pulse overdue / port failed | heads off, or no set | kSetsToLock good sets | start | stop |
-/// |-----------|-----------------------------|----------------------|-----------------------|-------|------|
-/// | off       |                             |                      |                       | acquiring | |
-/// | acquiring | lost                        | (counts anew)        | locked                | acquiring | off |
-/// | locked    | lost                        | lost                 |                       | acquiring | off |
-/// | lost      |                             | (counts anew)        | locked                | acquiring | off |
+/// A set is good when its frames began within kLockLimit of each other, counted from their pulse and their own delay,
+/// and as long after it as when they first locked: a latency that all heads share is no fault, one that creeps is.
+/// What is known of when they began jitters; so what the past of every head says is judged too, against a limit that
+/// leaves room for the jitter that was seen: a head that creeps away is noticed before it is kLockLimit away, not when
+/// jitter happens to show it.
 ///
-/// A pulse is overdue after 2.5 periods, and a set likewise after 3, so that a loss shows within three periods of
-/// being visible at all. A set is good when its frames began within kLockLimit of each other, counted from their
-/// pulse and their own delay, and as long after it as when they first locked: a latency that all heads share is no
-/// fault, one that creeps is.
+/// In holdover no pulses are seen, and a set is as good as its heads are where they were against each other in lock.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the port outlives it.
@@ -44,6 +80,7 @@ class Genlock {
  public:
   static constexpr Duration kLockLimit = Duration::microseconds(500);
   static constexpr int kSetsToLock = 4;
+  static constexpr Duration kHoldover = Duration::seconds(5);  ///< 100 ppm apart makes kLockLimit of it
 
   /// `port` may be null: then start() is kNoSuchDevice.
   explicit Genlock(hal::TriggerPort* port) : port_(port) {}
@@ -52,33 +89,45 @@ class Genlock {
   void stop();
   bool running() const { return state_ != GenlockState::kOff; }
   /// The next pulse, for the set clock; nothing when none is there. Call until it gives nothing, then step().
-  std::optional<hal::TriggerEdge> take_edge();
+  std::optional<hal::TriggerEdge> take_edge(Instant now);
   void step(Instant now);
-  /// A set that was closed, and its skews; nothing when a frame of it has no pulse.
-  void on_set(const FrameSet& set, const std::optional<Skews>& skews, bool every_present_head, Instant now);
+  /// A set that was closed.
+  void on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now);
 
   GenlockState state() const { return state_; }
   const hal::TriggerSettings& settings() const { return settings_; }
   GenlockReport report() const;
 
  private:
-  void lose();
-  bool is_good(const Skews& skews);
+  struct Habit {  ///< of a head, while its exposures have pulses
+    bool known = false;
+    Duration mean, mean_of_means;  ///< of its skews, running
+    Duration offset;               ///< running mean of its mid-exposure after the set's
+
+    /// Brown's double exponential smoothing: what the mean says, without its lag behind a head that creeps.
+    Duration skew() const { return mean * 2 - mean_of_means; }
+  };
+
+  void meet(GenlockCondition condition, Instant now);
+  bool pulses_overdue(Instant now) const;
+  bool follows_pulses(const Skews& skews);
+  void learn(const FrameSet& set, const Skews& skews);
+  bool is_as_in_lock(const FrameSet& set) const;
 
   hal::TriggerPort* port_;
   hal::TriggerSettings settings_;
   GenlockState state_ = GenlockState::kOff;
   bool failed_ = false;  ///< the port is gone for good
   Instant newest_edge_;  ///< or the start, before the first
+  Instant coasting_since_;
   std::optional<Instant> newest_set_;
-  std::uint64_t edges_ = 0;
   std::uint64_t next_number_ = 0;
-  std::uint64_t missing_ = 0;
   int good_sets_ = 0;
   bool was_locked_ = false;  ///< since start
   Duration latency_;  ///< middle of the skews of the first good set of the first lock
-  Duration spread_;
-  Duration spread_worst_;
+  Duration jitter_;   ///< mean distance of a skew from what its head's past says
+  std::array<Habit, kMaxHeads> habits_{};
+  GenlockReport report_;
 };
 
 }  // namespace nodal::firmware

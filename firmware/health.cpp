@@ -44,6 +44,9 @@ std::string degradation(const RigConfig& config, const Signs& signs) {
   if (signs.capture.genlock.state == GenlockState::kLost) {
     return "the genlock is lost: heads no longer follow the trigger";
   }
+  if (signs.capture.genlock.state == GenlockState::kHoldover) {
+    return "the trigger's pulses are not seen; the heads still run in step";
+  }
   if (signs.unfit_frames > 0) return "frames come that are not of the size or format the calibration is for";
   if (!signs.keeper.problem.empty()) return signs.keeper.problem;
   if (std::string problem = first_head_problem(config, signs.capture); !problem.empty()) return problem;

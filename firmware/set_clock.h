@@ -10,9 +10,10 @@
 
 namespace nodal::firmware {
 
-/// Numbers the rig's exposures. Genlocked, a frame's number is that of the trigger pulse it began at; in free
-/// run, that of the frame period it lies in, on a grid that follows the heads' mean phase. Numbers only rise;
-/// they are internal to assembly and start again nowhere.
+/// Numbers the rig's exposures. Genlocked, a frame's number is that of the trigger pulse it began at; in free run, that
+/// of the frame period it lies in, on a grid that follows the sets. There a head keeps its step: its next frame is of
+/// the next period as long as it lies within 0.6 periods of that one's middle, so that a head whose phase is where two
+/// periods meet does not go to and fro. Numbers only rise; they are internal to assembly and start again nowhere.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -23,8 +24,8 @@ class SetClock {
 
   explicit SetClock(FrameRate rate) : period_(rate.period()) {}
 
-  /// Forgets the grid and the pulses: the heads were started anew.
-  void restart(FrameRate rate, bool genlocked);
+  /// Forgets the grid and the pulses: the heads were started anew. Genlocked, what was exposed before is of no pulse.
+  void restart(FrameRate rate, bool genlocked, Instant now);
   void on_edge(const hal::TriggerEdge& edge);
 
   struct Match {
@@ -32,27 +33,36 @@ class SetClock {
     std::optional<std::uint64_t> trigger;
     Duration skew;  ///< genlocked: begin of the exposure after its pulse; else: from the grid's middle
   };
-  /// Genlocked, nothing when no pulse is near. While pulses are missing altogether frames go by the grid, so that a
-  /// lost trigger costs the sync and not the picture.
-  std::optional<Match> match(Instant mid_exposure, Exposure exposure, Duration trigger_delay, Instant now);
+  /// Genlocked, a frame that has no pulse near goes by the grid, so that a pulse that was not seen costs the sync and
+  /// not the picture. Nothing: it is older than every pulse that is remembered.
+  std::optional<Match> match(std::size_t head, Instant mid_exposure, Exposure exposure, Duration trigger_delay);
+  /// A set of this slot was closed: the grid goes an eighth of the way to it.
+  void follow(Slot slot, Instant mid_exposure);
 
   Duration period() const { return period_; }
   /// When the middle of this slot's exposures is to be expected.
   Instant middle_of(Slot slot) const { return anchor_time_ + period_ * (slot - anchor_slot_); }
 
  private:
-  Match match_grid(Instant mid_exposure);
-  void follow(Slot slot, Instant mid_exposure);
-  bool pulses_missing(Instant now) const;
+  Match match_grid(std::size_t head, Instant mid_exposure);
+  void use(std::size_t head, Slot slot, Instant mid_exposure);
 
   static constexpr std::size_t kEdges = 32;
+  static constexpr std::int64_t kReachTenths = 6;  ///< of a period
+
+  struct Step {
+    Slot slot = 0;
+    Instant mid_exposure;
+  };
 
   Duration period_;
   bool genlocked_ = false;
+  Instant since_;
   Slot base_ = 0;  ///< slot of pulse 0
   Slot highest_ = 0;
   std::array<hal::TriggerEdge, kEdges> edges_{};
   std::uint64_t edge_count_ = 0;
+  std::array<std::optional<Step>, kMaxHeads> last_{};  ///< of each head
   bool anchored_ = false;
   Slot anchor_slot_ = 0;
   Instant anchor_time_;

@@ -38,6 +38,9 @@ void fill_genlock(const GenlockReport& genlock, wire::Genlock& into) {
   into.set_missing_triggers(genlock.missing);
   into.set_spread_ns(ns_of(genlock.spread));
   into.set_spread_worst_ns(ns_of(genlock.spread_worst));
+  into.set_losses(genlock.losses);
+  into.set_holdovers(genlock.holdovers);
+  if (genlock.drift_ppb) into.set_drift_ppb(*genlock.drift_ppb);
 }
 
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into) {

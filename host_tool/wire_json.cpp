@@ -36,7 +36,10 @@ Json to_json(const wire::Genlock& genlock) {
           {"triggers", genlock.triggers()},
           {"spread_ns", genlock.spread_ns()},
           {"spread_worst_ns", genlock.spread_worst_ns()},
-          {"missing_triggers", genlock.missing_triggers()}};
+          {"missing_triggers", genlock.missing_triggers()},
+          {"losses", genlock.losses()},
+          {"holdovers", genlock.holdovers()},
+          {"drift_ppb", genlock.has_drift_ppb() ? Json(genlock.drift_ppb()) : Json()}};
 }
 
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address) {

@@ -1,0 +1,123 @@
+#include "tests/sim/draw.h"
+
+#include <array>
+
+namespace nodal::swarm {
+namespace {
+
+Duration up_to(hal::sim::Random& random, Duration most) {
+  return Duration::nanoseconds(static_cast<std::int64_t>(random.below(static_cast<std::uint64_t>(most.ns()) + 1)));
+}
+
+/// Frames cost wall time: most rigs are slow ones, some run at what is common, 29.97 among it.
+FrameRate draw_rate(hal::sim::Random& random) {
+  constexpr std::array<FrameRate, 10> kRates = {FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
+                                                FrameRate{10, 1}, FrameRate{10, 1}, FrameRate{12, 1}, FrameRate{15, 1},
+                                                FrameRate{25, 1}, FrameRate{30000, 1001}};
+  return kRates[random.below(kRates.size())];
+}
+
+}  // namespace
+
+std::string_view name_of(HeadFault fault) {
+  constexpr std::array<std::string_view, kHeadFaults> names = {
+      "loses frames", "corrupts", "tears", "no signal", "duplicates", "delivers late", "stalls", "unplugged",
+      "wrong size", "stuck exposure", "sequence wraps", "starts at zero", "time wraps", "misses pulses", "deaf"};
+  return names[static_cast<std::size_t>(fault)];
+}
+
+std::string_view name_of(HeadState state) {
+  constexpr std::array<std::string_view, kHeadStates> names = {"away", "starting", "free", "triggered", "silent"};
+  return names[static_cast<std::size_t>(state)];
+}
+
+std::string_view name_of(HowMany many) {
+  constexpr std::array<std::string_view, kHowMany> names = {"one", "two", "all"};
+  return names[static_cast<std::size_t>(many)];
+}
+
+std::string_view name_of(RigFault fault) {
+  constexpr std::array<std::string_view, kRigFaults> names = {
+      "pulses missing", "pulses unseen", "extra pulses", "trigger drifts", "trigger gone", "clock step", "suspend",
+      "capture stalls", "blend stalls", "keeper stalls", "control stalls", "disk full", "disk fails", "disk slow",
+      "killed", "power loss", "link split", "link reset", "link stalls", "link replays", "link flips",
+      "host gone mid-upload", "storm"};
+  return names[static_cast<std::size_t>(fault)];
+}
+
+Nature draw_nature(std::uint64_t seed, const Wish& wish) {
+  hal::sim::Random random(seed, "nature");
+  Nature nature;
+  nature.seed = seed;
+  nature.heads = wish.heads ? wish.heads : 2 + static_cast<int>(random.below(random.chance(300'000) ? 15 : 7));
+  nature.rate = wish.ntsc ? FrameRate{} : draw_rate(random);
+  nature.genlocked = wish.ntsc || random.chance(600'000);
+  nature.hosts = wish.faults && random.chance(500'000);
+  nature.look_every = Duration::milliseconds(10);
+  nature.poll = Duration::microseconds(500 + 500 * static_cast<std::int64_t>(random.below(4)));
+  nature.blend_every = 8 + static_cast<int>(random.below(24));
+  nature.trigger.drift_ppb = 50'000 - static_cast<std::int64_t>(random.below(100'001));
+  nature.trigger.jitter = random.chance(500'000) ? Duration::microseconds(200) : Duration::microseconds(2);
+  // Either the exposures themselves jitter by up to 0.2 ms, or what is known of them does; both together would be
+  // 0.8 ms between two heads, and no lock.
+  const bool exposures_jitter = random.chance(500'000);
+  const Duration jitter = up_to(random, Duration::microseconds(200));
+  for (int i = 0; i < nature.heads; ++i) {
+    HeadNature head;
+    head.rate = nature.rate;
+    head.buffers = 6 + static_cast<int>(random.below(5));
+    head.latency = up_to(random, Duration::microseconds(40));
+    head.latency_jitter = exposures_jitter ? jitter : Duration::microseconds(1);
+    head.clock_jitter = exposures_jitter ? Duration::microseconds(1) : jitter;
+    head.readout = nature.rate.period() / 4 + up_to(random, nature.rate.period() / 4);
+    head.drift_ppm = 50 - static_cast<std::int32_t>(random.below(101));
+    head.control_latency = static_cast<int>(random.below(4));
+    nature.head.push_back(head);
+  }
+  return nature;
+}
+
+firmware::RigConfig config_of(const Nature& nature) {
+  firmware::RigConfig config;
+  config.name = "swarm";
+  config.rate = nature.rate;
+  config.raymap.width = 16;
+  config.raymap.height = 8;
+  config.raymap.format = PixelFormat::kGrey8;
+  config.trigger.start = nature.genlocked;
+  for (int i = 0; i < nature.heads; ++i) {
+    firmware::HeadConfig head;
+    head.name = "cam" + std::to_string(i);
+    head.port = {firmware::PortKind::kSim, head.name};
+    head.format = PixelFormat::kGrey8;
+    config.heads.push_back(head);
+  }
+  return config;
+}
+
+Calibration calibration_of(const Nature& nature, int which) {
+  // Forward, right, back, left, and round again, in numbers that every machine writes alike.
+  constexpr std::array<std::array<double, 9>, 4> kLooks = {{{1, 0, 0, 0, 1, 0, 0, 0, 1},
+                                                            {0, 0, -1, 0, 1, 0, 1, 0, 0},
+                                                            {-1, 0, 0, 0, 1, 0, 0, 0, -1},
+                                                            {0, 0, 1, 0, 1, 0, -1, 0, 0}}};
+  Calibration calibration;
+  calibration.name = which == 0 ? "first" : "second";
+  for (int i = 0; i < nature.heads; ++i) {
+    HeadCalibration head;
+    head.name = "cam" + std::to_string(i);
+    head.width = kPictureWidth;
+    head.height = kPictureHeight;
+    head.center_x = kPictureWidth / 2.0;
+    head.center_y = kPictureHeight / 2.0;
+    head.lens = RectilinearLens{{kPictureWidth / 2.0}};
+    head.R_head_rig = kLooks[static_cast<std::size_t>(i) % kLooks.size()];
+    head.region = {0, kStampRows, kPictureWidth, kPictureHeight, std::nullopt};
+    head.vignetting = {kPictureWidth / 2.0, kPictureHeight / 2.0, kPictureWidth / 2.0, {}};
+    if (which == 1) head.gain = {2, 2, 2};
+    calibration.heads.push_back(head);
+  }
+  return calibration;
+}
+
+}  // namespace nodal::swarm

@@ -1,0 +1,152 @@
+// The swarm's head: frames as cheap as they can be, each stamped with the truth, and every fault a head can have.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/head.h"
+#include "hal/sim/clock.h"
+#include "hal/sim/random.h"
+#include "tests/sim/events.h"
+#include "tests/sim/stamp.h"
+
+namespace nodal::swarm {
+
+/// What a head is like, for as long as its world lasts.
+struct HeadNature {
+  FrameRate rate;
+  int buffers = 6;
+  Duration latency = Duration::microseconds(20);  ///< from a pulse to the begin of the exposure
+  Duration latency_jitter;                        ///< of each exposure
+  Duration readout = Duration::milliseconds(8);
+  std::int32_t drift_ppm = 0;                     ///< in free run; positive is slow
+  Duration clock_jitter;                          ///< of what the port says of each exposure's middle
+  int control_latency = 2;
+};
+
+/// Chances of every frame in a million, in a storm of faults.
+struct FrameFaults {
+  std::uint32_t lose = 0, corrupt = 0, tear = 0, duplicate = 0, late = 0, wrong_size = 0, miss_pulse = 0;
+  Duration longest_late = Duration::milliseconds(20);
+};
+
+/// exposed + duplicated = taken + lost + discarded + waiting, at any time.
+struct HeadCounts {
+  std::uint64_t exposed = 0, duplicated = 0, taken = 0, lost = 0, discarded = 0;
+};
+
+/// Threading: thread-bound.
+/// Ownership: the clock and the queue outlive it; it outlives its open port.
+/// Errors: none of its own.
+class Head {
+ public:
+  Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, const HeadNature& nature, std::uint64_t seed);
+  ~Head();
+
+  // What the swarm does.
+  void lose(int frames) { lose_ += frames; }
+  void corrupt(int frames) { corrupt_ += frames; }
+  void tear(int frames) { tear_ += frames; }
+  void duplicate(int frames) { duplicate_ += frames; }
+  void resize(int frames) { resize_ += frames; }
+  void delay(int frames, Duration by);
+  void miss_pulses(int pulses) { miss_ += pulses; }
+  void set_signal(bool there) { signal_ = there; }
+  void set_stuck(bool stuck) { stuck_ = stuck; }      ///< takes settings and does nothing
+  void set_deaf(bool deaf);                           ///< it goes on by its own clock where pulses had it, and slowly away
+  void stall(Duration how_long);                      ///< delivers nothing until then, then all it has
+  void set_sequence(std::uint32_t next) { sequence_ = next; }
+  void set_clock_error(Duration off) { clock_error_ = off; }  ///< of what the port says: a wrap, a clock step
+  void shift(Duration by);                            ///< the rig's clock went on by that much at once
+  void set_storm(const FrameFaults& storm) { storm_ = storm; }
+  void unplug();
+  void replug() { present_ = true; }
+  /// Everything but what it is by nature; a head that was away returns.
+  void forget_faults();
+
+  // What the swarm knows.
+  const HeadCounts& counts() const { return counts_; }
+  bool present() const { return present_; }
+  bool streaming() const { return streaming_; }
+  bool triggered() const { return streaming_ && mode_ == hal::TriggerMode::kExternal; }
+  bool is_open() const { return port_ != nullptr; }
+  Instant started() const { return started_; }
+  std::size_t waiting() const { return exposed_.size() + filled_.size(); }
+  const std::string& path() const { return identity_.path; }
+  const hal::HeadSettings& asked() const { return asked_; }
+
+  // What the world and the enumerator do.
+  Result<std::unique_ptr<hal::HeadPort>> open();
+  void on_pulse(PulseId pulse, Instant at);
+  void on_expose(const Event& event);
+  /// True when a frame is there to be taken.
+  bool on_arrive(const Event& event);
+
+ private:
+  class Port;
+  struct Frame {
+    Stamp stamp;
+    std::uint32_t sequence = 0;
+    Instant mid;  ///< as the port says
+    Instant received;
+    hal::HeadSettings settings;
+    hal::FrameVerdict verdict = hal::FrameVerdict::kGood;
+    bool resized = false;
+  };
+  struct Pending {
+    hal::HeadSettings settings;
+    int frames_left = 0;
+  };
+  struct Buffer {
+    enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
+    std::array<std::uint8_t, kPictureWidth * kPictureHeight> picture{};
+    Frame frame;
+  };
+
+  Status start(hal::TriggerMode mode);
+  void stop();
+  void change(const hal::HeadSettings& wanted);
+  void run_free(Instant from);
+  void expose(Instant begin, PulseId pulse);
+  void deliver(Frame frame);
+  void discard();
+  hal::FrameView view(std::size_t slot) const;
+  static bool take_one(int& count);
+
+  hal::sim::SimClock& clock_;
+  EventQueue& queue_;
+  const HeadNature nature_;
+  hal::HeadIdentity identity_;
+  hal::HeadFormat format_;
+  hal::HeadLimits limits_;
+  hal::sim::Random random_;
+  const std::uint8_t index_;
+
+  Port* port_ = nullptr;
+  bool present_ = true, streaming_ = false, deaf_ = false;
+  hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
+  std::uint32_t epoch_ = 0;
+  Instant started_;
+  Instant free_run_from_;
+  std::uint64_t free_run_next_ = 0;
+  Instant last_begin_, busy_until_, last_received_, stalled_until_;
+  hal::HeadSettings asked_, in_effect_;
+  std::deque<Pending> changes_;
+  std::uint32_t sequence_ = 0;
+  std::uint64_t serial_ = 0;
+  std::deque<Frame> exposed_;
+  std::vector<Buffer> buffers_;
+  std::deque<hal::BufferSlot> filled_;
+  HeadCounts counts_;
+
+  int lose_ = 0, corrupt_ = 0, tear_ = 0, duplicate_ = 0, resize_ = 0, late_ = 0, miss_ = 0;
+  bool signal_ = true, stuck_ = false;
+  Duration late_by_, clock_error_;
+  FrameFaults storm_;
+};
+
+}  // namespace nodal::swarm

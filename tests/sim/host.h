@@ -1,0 +1,81 @@
+// Somebody who talks to the rig: asks, uploads, pulls, genlocks, and whose link may do anything.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/sim/link.h"
+#include "hal/sim/random.h"
+#include "protocol/session.h"
+#include "protocol/upload.h"
+#include "tests/sim/draw.h"
+#include "tests/sim/oracle.h"
+
+namespace nodal::swarm {
+
+/// The calibrations hosts have, and what is known of what the rig must have.
+struct Documents {
+  std::array<std::string, kCalibrations> json;
+  std::array<Sha256, kCalibrations> id;
+  std::optional<int> sure;                  ///< in force by the rig's own word
+  std::array<bool, kCalibrations> maybe{};  ///< asked for since
+};
+
+/// Threading: thread-bound.
+/// Ownership: what it is given outlives it.
+/// Errors: what the rig answers is traced; what it may not answer is the oracle's.
+class Host {
+ public:
+  Host(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed);
+
+  /// Does one thing that is drawn.
+  void act();
+  void genlock(bool start);
+  /// Reads and writes what the link has and takes.
+  void pump();
+  bool dead() const { return gone_ || session_.error(); }
+
+  // What befalls its link.
+  void split(std::uint32_t bytes);
+  void reset() { link_->reset(); }
+  void stall(bool stalled);
+  void flip_bit();
+  void replay();
+  /// Leaves, in the middle of what it was sending.
+  void leave_mid_upload();
+
+ private:
+  struct Open {
+    std::optional<int> upload_to_begin, upload_to_commit;  ///< which document
+  };
+  void send(wire::Request request, Open open = {});
+  void handle(const wire::Reply& reply);
+  void send_document(int which, std::uint64_t offset);
+  void commit_when_sent();
+
+  std::unique_ptr<hal::sim::SimLink> link_;
+  Session session_;
+  Oracle& oracle_;
+  Documents& documents_;
+  Tally& tally_;
+  hal::sim::Random random_;
+  std::map<std::uint64_t, Open> open_;
+  std::uint64_t next_id_ = 1;
+  struct Sending {
+    int which = 0;
+    StreamId stream = 0;
+  };
+  std::optional<Sending> sending_;
+  wire::RaymapHeader raymap_;
+  std::vector<std::uint8_t> pixels_;
+  std::vector<std::uint8_t> recently_sent_;
+  bool gone_ = false;
+};
+
+}  // namespace nodal::swarm

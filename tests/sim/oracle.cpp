@@ -1,0 +1,235 @@
+#include "tests/sim/oracle.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "protocol/upload.h"
+
+namespace nodal::swarm {
+namespace {
+
+using firmware::GenlockState;
+
+constexpr Duration kLockLimit = Duration::microseconds(500);
+
+/// The table of firmware/genlock.h, written down a second time: what may follow what.
+bool may_follow(GenlockState from, GenlockState to) {
+  switch (from) {
+    case GenlockState::kOff: return to == GenlockState::kAcquiring || to == GenlockState::kLost;
+    case GenlockState::kAcquiring: return to != GenlockState::kHoldover;
+    case GenlockState::kLocked: return true;
+    case GenlockState::kHoldover: return true;
+    case GenlockState::kLost: return to != GenlockState::kHoldover;
+  }
+  return false;
+}
+
+std::string of_head(std::size_t head) { return "head " + std::to_string(head) + ": "; }
+
+}  // namespace
+
+void Tally::add(const Tally& other) {
+  for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
+                      &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
+                      &Tally::uploads}) {
+    this->*member += other.*member;
+  }
+  for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_replug_ns, &Tally::slowest_recovery_ns}) {
+    this->*member = std::max(this->*member, other.*member);
+  }
+  for (std::size_t s = 0; s < visited.size(); ++s) {
+    for (std::size_t f = 0; f < visited[s].size(); ++f) {
+      for (std::size_t m = 0; m < visited[s][f].size(); ++m) visited[s][f][m] += other.visited[s][f][m];
+    }
+  }
+  for (std::size_t i = 0; i < rig_faults.size(); ++i) rig_faults[i] += other.rig_faults[i];
+  for (std::size_t i = 0; i < losses.size(); ++i) losses[i] += other.losses[i];
+}
+
+Oracle::Oracle(World& world, const Nature& nature, Tally& tally)
+    : world_(world), nature_(nature), tally_(tally), taken_before_(world.heads()), last_serial_(world.heads()) {
+  new_process();
+}
+
+void Oracle::fail(const std::string& what) {
+  if (!failure_) failure_ = what;
+}
+
+void Oracle::new_process() {
+  tally_.frames += counts_.frames;
+  for (std::size_t i = 0; i < tally_.losses.size(); ++i) tally_.losses[i] += counts_.losses[i];
+  counts_ = {};
+  for (std::size_t i = 0; i < world_.heads(); ++i) taken_before_[i] = world_.head(i).counts().taken;
+  last_set_.reset();
+  not_taken_ = 0;
+  last_trigger_.reset();
+  genlock_ = GenlockState::kOff;
+  remembered_.clear();
+  whole_since_.reset();
+}
+
+void Oracle::begin_to_watch() {
+  first_whole_.reset();
+  whole_since_.reset();
+  sets_ = whole_sets_ = 0;
+}
+
+void Oracle::on_set(const firmware::FrameSet& set) {
+  if (failure_) return;
+  trace(set.number);
+  trace(static_cast<std::uint64_t>(set.mid_exposure.ns()));
+  trace(set.mask | static_cast<std::uint64_t>(set.sync.state) << 32);
+  trace(static_cast<std::uint64_t>(set.sync.spread.ns()));
+  trace(static_cast<std::uint64_t>(set.sync.drift_ppb.value_or(0)));
+  ++tally_.sets;
+  ++sets_;
+  if (last_set_ && set.number <= *last_set_) return fail("set " + std::to_string(set.number) + " follows a later one");
+  last_set_ = set.number;
+  if (set.mask == 0 || set.mask >> world_.heads() != 0) return fail("a set's mask names no head, or one there is not");
+  check_members(set);
+  if (set.sync.state == GenlockState::kLocked) check_locked(set);
+  const bool full = std::popcount(set.mask) == static_cast<int>(world_.heads());
+  tally_.full_sets += full;
+  const bool whole = full && (!world_.trigger().running() || set.sync.state == GenlockState::kLocked);
+  whole_sets_ += whole;
+  if (!whole) whole_since_.reset();
+  else if (!whole_since_) whole_since_ = world_.now();
+  if (whole && !first_whole_) first_whole_ = world_.now();
+  constexpr std::size_t kRemembered = 64;
+  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure};
+  if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
+}
+
+/// Each frame is what it was when its head wrote it, newer than this head's last, and of the set's own trigger.
+void Oracle::check_members(const firmware::FrameSet& set) {
+  std::optional<Instant> earliest, latest, said_earliest, said_latest;
+  std::optional<PulseId> pulse;
+  for (std::size_t i = 0; i < world_.heads(); ++i) {
+    stamps_[i].reset();
+    if (!set.has(i)) continue;
+    const auto& frame = set.frames[i];
+    const auto stamp = Stamp::read(frame.image.planes[0].data);
+    if (!stamp) return fail(of_head(i) + "its picture was overwritten while it was in a set");
+    if (stamp->head != i) return fail(of_head(i) + "its frame in the set is head " + std::to_string(stamp->head) + "'s");
+    if (stamp->serial <= last_serial_[i]) {
+      return fail(of_head(i) + "exposure " + std::to_string(stamp->serial) + " is in a set after exposure " +
+                  std::to_string(last_serial_[i]));
+    }
+    last_serial_[i] = stamp->serial;
+    stamps_[i] = stamp;
+    earliest = std::min(earliest.value_or(stamp->mid), stamp->mid);
+    latest = std::max(latest.value_or(stamp->mid), stamp->mid);
+    said_earliest = std::min(said_earliest.value_or(frame.mid_exposure), frame.mid_exposure);
+    said_latest = std::max(said_latest.value_or(frame.mid_exposure), frame.mid_exposure);
+    if (set.sync.offset[i] != frame.mid_exposure - set.mid_exposure) return fail(of_head(i) + "its offset is wrong");
+    if (stamp->pulse.epoch == 0) continue;
+    if (pulse && *pulse != stamp->pulse) {
+      return fail(of_head(i) + "was exposed by pulse " + std::to_string(stamp->pulse.number) + ", another head of set " +
+                  std::to_string(set.number) + " by pulse " + std::to_string(pulse->number));
+    }
+    pulse = stamp->pulse;
+    if (set.sync.trigger && stamp->pulse.number != *set.sync.trigger) {
+      return fail(of_head(i) + "was exposed by pulse " + std::to_string(stamp->pulse.number) + ", its set says " +
+                  std::to_string(*set.sync.trigger));
+    }
+  }
+  if (set.sync.spread != *said_latest - *said_earliest) return fail("a set's spread is not that of its frames");
+  // Without a pulse, one exposure ends where the next begins: at one period's distance they cannot be one.
+  const Duration period = world_.trigger().running() ? world_.trigger().period() : nature_.rate.period();
+  if (*latest - *earliest > period * 5 / 4) {
+    return fail("set " + std::to_string(set.number) + " mixes exposures " +
+                std::to_string((*latest - *earliest).us()) + " us apart");
+  }
+  if (pulse && last_trigger_ && pulse->epoch == last_trigger_->epoch && pulse->number <= last_trigger_->number) {
+    return fail("set " + std::to_string(set.number) + " is of an older pulse than the one before it");
+  }
+  if (pulse) last_trigger_ = pulse;
+}
+
+void Oracle::check_locked(const firmware::FrameSet& set) {
+  ++tally_.locked_sets;
+  std::optional<Instant> earliest, latest;
+  for (std::size_t i = 0; i < world_.heads(); ++i) {
+    if (!stamps_[i]) continue;
+    earliest = std::min(earliest.value_or(stamps_[i]->begin), stamps_[i]->begin);
+    latest = std::max(latest.value_or(stamps_[i]->begin), stamps_[i]->begin);
+  }
+  if (!set.sync.trigger || !set.sync.begin_spread) return fail("a set is called locked that names no pulse");
+  const Duration spread = *latest - *earliest;
+  tally_.worst_locked_spread_ns = std::max(tally_.worst_locked_spread_ns, spread.ns());
+  if (spread > kLockLimit || *set.sync.begin_spread > kLockLimit) {
+    fail("set " + std::to_string(set.number) + " is called locked and its exposures began " +
+         std::to_string(spread.us()) + " us apart");
+  }
+}
+
+void Oracle::after_event(firmware::Rig& rig, bool capture_ran) {
+  ++tally_.events;
+  if (failure_) return;
+  check_books(rig);
+  check_genlock(rig, capture_ran);
+}
+
+/// frames = in sets + held + lost, and frames are what the heads handed out; nothing waits beyond its bound.
+void Oracle::check_books(firmware::Rig& rig) {
+  const firmware::CaptureReport& report = rig.capture().report();
+  counts_ = {};
+  for (std::size_t i = 0; i < world_.heads(); ++i) {
+    const firmware::FrameCounts& counts = report.heads[i].counts;
+    const std::uint64_t taken = world_.head(i).counts().taken - taken_before_[i];
+    if (counts.frames != taken || counts.frames != counts.in_sets + counts.held + counts.lost()) {
+      return fail(of_head(i) + std::to_string(taken) + " frames were taken, " + std::to_string(counts.in_sets) +
+                  " are in sets, " + std::to_string(counts.held) + " held, " + std::to_string(counts.lost()) + " lost");
+    }
+    if (counts.held > firmware::Capture::kMaxOpenSets) return fail(of_head(i) + "more of its frames are held than sets");
+    counts_.add(counts);
+  }
+  if (rig.control().clients() > firmware::Control::kMaxClients + 1) return fail("more hosts are served than allowed");
+}
+
+void Oracle::check_genlock(firmware::Rig& rig, bool capture_ran) {
+  const GenlockState state = rig.capture().report().genlock.state;
+  if (state != genlock_) {
+    trace(static_cast<std::uint64_t>(state));
+    if (!may_follow(genlock_, state)) {
+      return fail("the genlock went from " + std::string(genlock_state_name(genlock_)) + " to " +
+                  std::string(genlock_state_name(state)));
+    }
+    genlock_ = state;
+  }
+  if (!capture_ran || state != GenlockState::kLocked) return;
+  const Trigger& trigger = world_.trigger();
+  if (world_.now() - trigger.newest_seen() > trigger.period() * 3 + nature_.look_every) {
+    fail("the genlock is called locked " + std::to_string((world_.now() - trigger.newest_seen()).ms()) +
+         " ms after the last pulse");
+  }
+}
+
+void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::uint8_t>& pixels,
+                       const std::array<Sha256, kCalibrations>& ids) {
+  if (failure_) return;
+  ++tally_.raymaps;
+  trace(header.set());
+  const auto set = remembered_.find(header.set());
+  if (set != remembered_.end()) {
+    const bool same_trigger = header.has_trigger() == set->second.trigger.has_value() &&
+                              (!header.has_trigger() || header.trigger() == *set->second.trigger);
+    if ((header.heads_mask() & ~set->second.mask) != 0 || !same_trigger ||
+        header.mid_exposure_ns() != static_cast<std::uint64_t>(set->second.mid.ns())) {
+      return fail("raymap of set " + std::to_string(header.set()) + " tells of another set");
+    }
+  }
+  std::optional<int> which;
+  for (int i = 0; i < kCalibrations; ++i) {
+    if (header.calibration_id() == sha256_to_wire(ids[static_cast<std::size_t>(i)])) which = i;
+  }
+  if (!which) return fail("a raymap names a calibration that nobody uploaded");
+  const int expected = *which == 0 ? kPictureLevel : kPictureLevel / 2;
+  for (const std::uint8_t value : pixels) {
+    if (value == 0 || (value >= expected - 1 && value <= expected + 1)) continue;
+    return fail("raymap of set " + std::to_string(header.set()) + " names calibration " + std::to_string(*which) +
+                " and holds " + std::to_string(value) + ", not " + std::to_string(expected));
+  }
+}
+
+}  // namespace nodal::swarm

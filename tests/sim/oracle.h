@@ -1,0 +1,89 @@
+// What must hold after every event, judged by the truth and by nothing the rig says of itself alone.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/rig.h"
+#include "tests/sim/world.h"
+
+namespace nodal::swarm {
+
+/// What was seen, added up over seeds.
+struct Tally {
+  std::uint64_t events = 0, frames = 0, sets = 0, full_sets = 0, locked_sets = 0, raymaps = 0, kills = 0, replies = 0;
+  std::uint64_t episodes = 0, storms = 0, uploads = 0;
+  std::int64_t worst_locked_spread_ns = 0;  ///< begins, in truth
+  std::int64_t slowest_replug_ns = 0, slowest_recovery_ns = 0;
+  std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
+  std::array<std::uint64_t, kRigFaults> rig_faults{};
+  std::array<std::uint64_t, firmware::kLossReasons> losses{};
+  void add(const Tally& other);
+};
+
+/// Threading: thread-bound.
+/// Ownership: world and tally outlive it.
+/// Errors: failure() has the first; after it nothing is checked any more.
+class Oracle {
+ public:
+  Oracle(World& world, const Nature& nature, Tally& tally);
+
+  /// A process began: its books start at zero.
+  void new_process();
+  /// A set left capture.
+  void on_set(const firmware::FrameSet& set);
+  /// The rig has had its turn.
+  void after_event(firmware::Rig& rig, bool capture_ran);
+  /// A raymap reached a host.
+  void on_raymap(const wire::RaymapHeader& header, const std::vector<std::uint8_t>& pixels,
+                 const std::array<Sha256, kCalibrations>& ids);
+
+  const std::optional<std::string>& failure() const { return failure_; }
+  void fail(const std::string& what);
+  std::uint64_t trace() const { return trace_; }
+  void trace(std::uint64_t what) { trace_ = (trace_ ^ what) * 0x100000001B3ULL + (trace_ >> 47); }
+
+  // For recovery. A whole set has every head, and is locked when the trigger runs.
+  void begin_to_watch();
+  std::optional<Instant> first_whole() const { return first_whole_; }
+  /// Every set has been, since then.
+  std::optional<Instant> whole_since() const { return whole_since_; }
+  std::uint64_t sets_since() const { return sets_; }
+  std::uint64_t whole_sets_since() const { return whole_sets_; }
+
+ private:
+  struct Remembered {
+    firmware::HeadMask mask = 0;
+    std::optional<std::uint64_t> trigger;
+    Instant mid;
+  };
+  void check_members(const firmware::FrameSet& set);
+  void check_locked(const firmware::FrameSet& set);
+  void check_books(firmware::Rig& rig);
+  void check_genlock(firmware::Rig& rig, bool capture_ran);
+
+  World& world_;
+  const Nature& nature_;
+  Tally& tally_;
+  std::optional<std::string> failure_;
+  std::uint64_t trace_ = 0xcbf29ce484222325ULL;
+
+  std::vector<std::uint64_t> taken_before_;   ///< by the head's count, when this process began
+  std::vector<std::uint64_t> last_serial_;    ///< of each head, in a set
+  std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< of the set at hand
+  std::optional<std::uint64_t> last_set_;
+  std::uint64_t not_taken_ = 0;
+  std::optional<PulseId> last_trigger_;
+  firmware::GenlockState genlock_ = firmware::GenlockState::kOff;
+  Instant genlock_started_;
+  std::map<std::uint64_t, Remembered> remembered_;
+  std::optional<Instant> first_whole_, whole_since_;
+  std::uint64_t sets_ = 0, whole_sets_ = 0;
+  firmware::FrameCounts counts_;  ///< of this process, so far
+};
+
+}  // namespace nodal::swarm

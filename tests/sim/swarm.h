@@ -1,0 +1,107 @@
+// One seed, from its first event to its last: a whole rig, its world, its hosts, and everything that befalls them.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/rig.h"
+#include "hal/sim/disk.h"
+#include "hal/sim/link.h"
+#include "hal/sim/watchdog.h"
+#include "tests/sim/host.h"
+#include "tests/sim/oracle.h"
+#include "tests/sim/world.h"
+
+namespace nodal::swarm {
+
+struct Outcome {
+  std::optional<std::string> failure;  ///< with when and in what
+  std::uint64_t trace = 0;
+  Tally tally;
+};
+
+/// Episodes, one after the other, each: a state for some heads to be in, a fault, an end of all faults, and a recovery
+/// that is timed. Everything is drawn from the seed and happens by the queue; the rig is stepped when a device has
+/// something for it, and every few milliseconds.
+///
+/// Threading: thread-bound, and starts no thread.
+/// Ownership: owns the world and the rig.
+/// Errors: in the outcome.
+class Swarm {
+ public:
+  Swarm(std::uint64_t seed, const Wish& wish);
+  ~Swarm();
+
+  Outcome run(Duration how_long);
+
+  static constexpr Duration kWithinReplug = Duration::seconds(2);
+  static constexpr Duration kWithinFaults = Duration::seconds(3);
+
+ private:
+  enum class Phase : std::uint8_t { kCalm, kPrepared, kFaulty, kRecovering };
+  struct Episode {
+    bool of_heads = true;
+    HeadFault head_fault = HeadFault::kLose;
+    RigFault rig_fault = RigFault::kStorm;
+    HeadState state = HeadState::kFree;
+    HowMany many = HowMany::kOne;
+    std::vector<std::size_t> heads;
+  };
+
+  void handle(const Event& event);
+  // The rig's turns.
+  void plan_step(Instant at);
+  void step(Instant now);
+  void look_at_set();
+  void step_rest(Instant now);
+  void start_process();
+  void end_process(bool power_lost);
+  // Hosts.
+  Host& host();
+  void act_hosts();
+  // Episodes.
+  void plan_next(Duration after);
+  void advance_episode();
+  void draw_episode();
+  void prepare();
+  HeadState state_of(std::size_t head);
+  void begin_head_fault();
+  void begin_rig_fault();
+  void begin_link_fault();
+  void begin_storm();
+  void step_clock(Duration by);
+  void end_faults();
+  void check_recovery();
+  Duration drawn(Duration least, Duration most);
+  Duration periods(std::int64_t n) const { return nature_.rate.period() * n; }
+  std::string where() const;
+
+  const Wish wish_;
+  const Nature nature_;
+  hal::sim::Random random_;
+  World world_;
+  Outcome outcome_;
+  Oracle oracle_;
+  Documents documents_;
+  const firmware::RigConfig config_;
+  std::unique_ptr<hal::sim::SimDisk> disk_;
+  std::unique_ptr<hal::sim::SimLinkListener> listener_;
+  std::unique_ptr<hal::sim::SimWatchdog> watchdog_;
+  std::unique_ptr<firmware::Rig> rig_;
+  std::vector<std::unique_ptr<Host>> hosts_;
+  std::uint64_t hosts_made_ = 0;
+
+  Instant end_, next_step_, next_look_;
+  std::optional<std::uint64_t> looked_at_;
+  Instant capture_until_, blend_until_, keeper_until_, control_until_;  ///< stages that are kept waiting
+
+  Phase phase_ = Phase::kCalm;
+  Episode episode_;
+  Instant faults_ended_;
+  Duration recover_within_;
+  bool genlocked_ = false;
+};
+
+}  // namespace nodal::swarm
