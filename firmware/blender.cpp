@@ -10,6 +10,14 @@ void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memo
 
 }  // namespace
 
+InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table) {
+  std::size_t bytes = 0;
+  for (const blend::BlendTable::Source& source : table.sources) bytes += blend::prepared_size(source);
+  const blend::SetTone tone = blend::calibrated_tone(table);
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{
+      id, std::move(name), std::move(table), tone, std::make_shared<std::vector<std::uint8_t>>(bytes)});
+}
+
 Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
                  SpscRing<FrameSet*>& sets_back)
     : config_(config),
@@ -45,23 +53,40 @@ void Blender::close() {
 bool Blender::run_band() {
   std::uint64_t ticket = next_band_.load(std::memory_order_acquire);
   for (;;) {
-    if ((ticket & kNoBands) >= bands_) return false;
+    if ((ticket & kNoBands) >= bands_out_.load(std::memory_order_relaxed)) return false;
     if (next_band_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire)) {
       break;
     }
   }
-  const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
   const blend::BlendTable& table = installed_->table;
-  blend::blend_rows(table, std::span(pictures_).first(table.sources.size()), into_, row,
-                    std::min(row + kBandRows, config_.height));
+  if (preparing_) {
+    const ToPrepare& head = to_prepare_[ticket & kNoBands];
+    std::array<ImageView, blend::kMaxLevels> views;
+    blend::prepare_picture(*head.source, head.picture, head.memory, views);
+    for (std::size_t level = 0; level < head.source->levels; ++level) {
+      pictures_[level * table.sources.size() + head.index] = views[level];
+    }
+  } else {
+    const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
+    blend::blend_rows(table, pictures_, installed_->tone, into_, row, std::min(row + kBandRows, config_.height));
+  }
   bands_done_.fetch_add(1, std::memory_order_acq_rel);
   return true;
 }
 
+void Blender::hand_out(std::uint64_t bands) {
+  bands_done_.store(0, std::memory_order_relaxed);
+  bands_out_.store(bands, std::memory_order_relaxed);
+  next_band_.store(++number_ << kBandBits, std::memory_order_release);
+}
+
 bool Blender::coordinate() {
   if (set_) {
-    if (bands_done_.load(std::memory_order_acquire) < bands_) return false;
-    return finish();
+    if (bands_done_.load(std::memory_order_acquire) < bands_out_.load(std::memory_order_relaxed)) return false;
+    if (!preparing_) return finish();
+    preparing_ = false;
+    hand_out(bands_);
+    return true;
   }
   const bool adopted = adopt();
   return begin() || adopted;
@@ -111,23 +136,34 @@ bool Blender::begin() {
   raymap_.info = {set->number, set->mid_exposure, set->sync, 0, installed_->id};
   raymap_.pixels = std::move(*pixels);
   into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
+  take_pictures(*set);
+  set_ = set;
+  begun_ = clock_.now();
+  preparing_ = heads_to_prepare_ > 0;
+  hand_out(preparing_ ? heads_to_prepare_ : bands_);
+  return true;
+}
+
+void Blender::take_pictures(const FrameSet& set) {
+  const blend::BlendTable& table = installed_->table;
+  std::uint8_t* memory = installed_->prepared->data();
+  heads_to_prepare_ = 0;
   for (std::size_t i = 0; i < table.sources.size(); ++i) {
+    const blend::BlendTable::Source& source = table.sources[i];
+    const std::size_t bytes = blend::prepared_size(source);
+    std::uint8_t* own_memory = memory;
+    memory += bytes;
     pictures_[i] = {};
-    if (!set->has(i)) continue;
-    const ImageView& picture = set->frames[i].image;
-    const blend::BlendTable::Source& fits = table.sources[i];
-    if (picture.format != fits.format || picture.width != fits.width || picture.height != fits.height) {
+    if (!set.has(i)) continue;
+    const ImageView& picture = set.frames[i].image;
+    if (picture.format != source.format || picture.width != source.width || picture.height != source.height) {
       count(counts_.unfit_frames);
       continue;
     }
-    pictures_[i] = picture;
     raymap_.info.heads |= head_bit(i);
+    pictures_[i] = picture;
+    if (bytes > 0) to_prepare_[heads_to_prepare_++] = {&source, picture, own_memory, i};
   }
-  set_ = set;
-  begun_ = clock_.now();
-  bands_done_.store(0, std::memory_order_relaxed);
-  next_band_.store(++number_ << kBandBits, std::memory_order_release);
-  return true;
 }
 
 std::optional<Buffer> Blender::take_pixels() {

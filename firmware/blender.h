@@ -14,13 +14,14 @@
 #include "protocol/base/image.h"
 #include "protocol/base/spsc_ring.h"
 #include "stitch/blend/blend.h"
+#include "stitch/blend/prepare.h"
 
 namespace nodal::firmware {
 
-/// Every call of step() does one piece of work: a band of rows of the raymap under way, or what comes between two
-/// raymaps: finishing one, adopting a new calibration, taking the next set. So a swap of calibrations always falls
-/// between two sets, and every raymap names the one calibration that made it. No thread ever waits for another:
-/// whoever finds nothing to do goes away.
+/// Every call of step() does one piece of work: a head's picture prepared where the table asks for it or, when all
+/// are, a band of rows of the raymap under way; or what comes between: finishing a raymap, adopting a new calibration,
+/// taking the next set. So a swap of calibrations always falls between two sets, and every raymap names the one
+/// calibration that made it. No thread ever waits for another: whoever finds nothing to do goes away.
 ///
 /// Threading: step() is thread-safe; the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
@@ -56,13 +57,13 @@ class Blender {
   /// No set is waiting or under way.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
-  static constexpr int kBandRows = 32;
+  static constexpr int kBandRows = 64;
   static constexpr std::size_t kMaxBuffers = 24;
   static constexpr std::size_t kRaymapsWaiting = 2;
 
  private:
-  // The band to take next, and whose it is: a raymap's number above, a band below. One compare-and-swap hands out a
-  // band, and fails for a thread that comes from an older raymap.
+  // The band to take next, and whose it is: the number of a handing out above, a band below. One compare-and-swap hands
+  // out a band, and fails for a thread that comes from an older raymap. While heads are prepared, a head is a band.
   static constexpr int kBandBits = 16;
   static constexpr std::uint64_t kNoBands = (std::uint64_t{1} << kBandBits) - 1;
 
@@ -71,6 +72,8 @@ class Blender {
   bool finish();
   bool adopt();
   bool begin();
+  void take_pictures(const FrameSet& set);
+  void hand_out(std::uint64_t bands);
   std::optional<Buffer> take_pixels();
   void give_back(FrameSet* set);
 
@@ -94,9 +97,19 @@ class Blender {
 
   // The raymap under way; still while bands of it are out.
   Raymap raymap_;
-  std::array<ImageView, kMaxHeads> pictures_;
+  struct ToPrepare {
+    const blend::BlendTable::Source* source = nullptr;
+    ImageView picture;
+    std::uint8_t* memory = nullptr;
+    std::size_t index = 0;
+  };
+  std::array<ToPrepare, kMaxHeads> to_prepare_;
+  std::size_t heads_to_prepare_ = 0;
+  bool preparing_ = false;
+  std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< as blend::Pictures has them
   MutableImageView into_;
   std::atomic<std::uint64_t> next_band_{kNoBands};
+  std::atomic<std::uint64_t> bands_out_{0};
   std::atomic<std::uint64_t> bands_done_{0};
 
   Counts counts_;

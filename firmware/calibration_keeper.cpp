@@ -170,8 +170,9 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   const RaymapConfig& raymap = config_.raymap;
   table::TableOptions options;
   options.feather = raymap.feather;
-  auto job = table::TableJob::make(*fitted, raymap_layout_name(raymap.layout), raymap.width, raymap.height,
-                                   raymap.format, formats, options);
+  const table::RaymapSpec spec{std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height,
+                               raymap.format};
+  auto job = table::TableCompiler::make(*fitted, spec, formats, options);
   if (!job) return fail(job.error().in("calibration " + short_id(id)));
   installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), 0, false});
   return {};
@@ -209,8 +210,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   }
   report_.in_force = done.id;
   report_.name = done.calibration.name;
-  InstalledPtr installed = std::make_shared<const InstalledCalibration>(
-      InstalledCalibration{done.id, done.calibration.name, std::move(*table)});
+  InstalledPtr installed = make_installed(done.id, done.calibration.name, std::move(*table));
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
   done.handed_over = true;
   return {};

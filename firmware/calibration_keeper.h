@@ -16,7 +16,7 @@
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
 #include "protocol/calibration.h"
-#include "stitch/table/table_job.h"
+#include "stitch/table/table_compiler.h"
 
 namespace nodal::firmware {
 
@@ -91,7 +91,7 @@ class CalibrationKeeper {
   Snapshot<KeeperReport>& snapshot() { return snapshot_; }
   const KeeperReport& report() const { return report_; }
 
-  static constexpr int kRowsAStep = 16;
+  static constexpr int kRowsAStep = 2;  ///< of tiles
 
  private:
   /// A calibration on its way into force.
@@ -100,7 +100,7 @@ class CalibrationKeeper {
     Calibration calibration;
     Sha256 id{};
     bool newly_stored = false;
-    std::optional<table::TableJob> job;
+    std::optional<table::TableCompiler> job;
     int rows_done = 0;
     bool handed_over = false;  ///< to the blend, which takes it between two sets
   };

@@ -11,19 +11,25 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/blend/tone.h"
 
 namespace nodal::firmware {
+
+/// Bytes that one stage fills, the next read, and sessions send without a copy.
+using Buffer = std::shared_ptr<std::vector<std::uint8_t>>;
 
 /// A calibration in the form that runs: its table, compiled and proven. Immutable.
 struct InstalledCalibration {
   Sha256 id{};
   std::string name;
   blend::BlendTable table;
+  blend::SetTone tone;  ///< of heads exposed as they were when calibrated
+  Buffer prepared;      ///< the blender's, for what its table asks to be made of heads' pictures before the blend
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
-/// Bytes that one stage fills, the next read, and sessions send without a copy.
-using Buffer = std::shared_ptr<std::vector<std::uint8_t>>;
+/// Takes all the memory that blending by the table will need, so that the frame path takes none.
+InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table);
 
 struct RaymapInfo {
   std::uint64_t set = 0;

@@ -1,41 +1,66 @@
+// Blends one frame set into one raymap.
 #pragma once
 
+#include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "protocol/base/image.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/blend/tone.h"
 
 namespace nodal::blend {
 
-/// Blends one frame set into rows [row_begin, row_end) of the raymap. row_begin is even where chroma is
-/// halved, row_end too unless it is the last. This scalar code is the specification: every other kernel gives
-/// the same bytes. Of one component of one raymap sample, with every sum exact in 64 bits:
+/// The heads' pictures of one set: that of head h at pyramid level l is pictures[l * heads + h]; levels no source has
+/// (Source::levels) may be left out. A head that is missing has planes[0].data == nullptr at level 0. Planes are read
+/// where they lie, whatever their strides.
+using Pictures = std::span<const ImageView>;
+
+/// Blends one frame set into rows [row_begin, row_end) of the raymap. row_begin is even where chroma is halved, row_end
+/// too unless it is the last; whole multiples of 64 are quickest. With mulr(a, b) = (a * b + 2^14) >> 15 in exact
+/// arithmetic, of one component of pixel (i, j) of a tile:
 ///
-///   sample = s + sharpen * (4 s - its four neighbours) / 64                rounded, halves up; 0 .. 255; the
-///            picture's edge is repeated beyond it. Where sharpen is 0: s
-///   tap    = bilinear mean of its 2x2 samples                              exact
-///   light  = (tap - black) * min(kMaxGain, round(tap gain * head gain))    gains multiply about black
-///   result = black + sum(light * weight) / sum(weight)                     rounded once, halves up; 0 .. 255
+///   for each of the tile's records:
+///     X, Y      = the pixel's place in the patch; x = X >> 12, f = max(1, X >> 5 & 127), y = Y >> 12, g = Y & 4095
+///     t, b      = s(x, y) (128 - f) + s(x + 1, y) f, the same of row y + 1;  s: samples of the patch, 0 .. 255
+///     sample    = t - mulr(t - b, 8 g)                           0 .. kMaxSample
+///     dark      = 128 black - curve(sample)                      curve: HeadTone's; so light is kept negative,
+///     dark      = mulr(dark, gain)                               if gains act; gain = mulr(vignetting's, HeadTone's)
+///     light    += mulr(dark, -weight)                            as weights are: exactly one is then a 16-bit number
+///   level       = black + mulr(light, scale), or curve(light) + 64 >> 7, clamped to 0 .. 255
 ///
-/// A head that is missing has planes[0].data == nullptr: its taps are left out of both sums, so the others
-/// take its share; a sample that no head is left for, or none was there for, gets the component's black.
+/// where `gain` is HeadTone's alone for tables without vignetting gains. Weights w are those of the table; where a
+/// head that looks at the tile is missing, or SetTone::confidence is there and the tile has several records, they are
+/// (w c 2^15 + W / 2) / W, rounded down, W the sum of w c over the tile's records, c the confidence, or 1, and 0 of a
+/// head that is missing; black where W is 0. c goes by the sample of the pixel itself before any curve or gain (the
+/// largest of R G B); for chroma by the luma sample nearest to the chroma sample (x, y) of the pixel.
 ///
-/// The table has been validated, every head's picture is what table.sources says, and the raymap what
-/// table.format says; nothing is checked here. Planes are read where they lie, whatever their strides.
+/// The table has been validated, every head's picture is what table.sources says, prepared as prepare.h says where the
+/// source needs it, and the raymap what table.format says; nothing is checked here. The kernel that runs is the
+/// fastest this processor has; they all give the same bytes.
 ///
-/// Threading: thread-safe; call with disjoint rows from as many threads as you like: any split gives the
-/// same bytes.
+/// Threading: thread-safe; call with disjoint rows from as many threads as you like: any split gives the same
+/// bytes.
 /// Ownership: none. Allocates nothing.
 /// Errors: none.
-void blend_rows(const BlendTable& table, std::span<const ImageView> heads, const MutableImageView& raymap,
+void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone, const MutableImageView& raymap,
                 int row_begin, int row_end);
 
 /// How much of each raymap pixel the heads that are there made, for rows [row_begin, row_end): 255 where no
 /// head is missing, 0 where nothing is left (the pixel is black), else the share of the weight that was there,
-/// 1 .. 254. Only heads[i].planes[0].data is looked at, for being null.
+/// 1 .. 254. Only pictures[h].planes[0].data of level 0 is looked at, for being null.
 ///
 /// Threading, ownership, errors: as blend_rows. `validity` has the raymap's size.
-void validity_rows(const BlendTable& table, std::span<const ImageView> heads, const MutablePlaneView& validity,
-                   int row_begin, int row_end);
+void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,
+                   int row_end);
+
+/// The ways there are to do it.
+enum class Kernel : std::uint8_t { kScalar, kAvx2, kAvx512 };
+std::string_view kernel_name(Kernel kernel);
+/// Those that run here, slowest first; the last is what blend_rows takes.
+std::span<const Kernel> kernels();
+/// blend_rows by one of kernels(): for tests, which hold them against each other, and for measurements.
+void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, const SetTone& tone,
+                   const MutableImageView& raymap, int row_begin, int row_end);
 
 }  // namespace nodal::blend

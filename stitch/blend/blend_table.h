@@ -1,8 +1,10 @@
-// The blend table: for every raymap sample, which source samples to take and how much of each. Made by
-// stitch/table from a calibration and a layout, proven there, and only then run. Integers only.
+// The blend table: for every 8x8 tile of the raymap and every head that looks there, which 16x16 samples of the head
+// hold what the tile needs, where in them each pixel lies, and how much of it to take. Made by stitch/table from a
+// calibration and a layout, proven there, and only then run. Integers only.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -11,44 +13,108 @@
 
 namespace nodal::blend {
 
-/// Of a source coordinate. Twelve bits put a sample within 1/8192 px of where it belongs, so that even black
-/// next to white, on both axes, is off by less than a tenth of a level.
-inline constexpr int kFractionBits = 12;
-inline constexpr int kWeightBits = 15;    ///< weights of a covered sample sum to exactly 1 << kWeightBits
-inline constexpr int kGainBits = 12;      ///< a gain of 1 is 1 << kGainBits
+inline constexpr int kTile = 8;           ///< pixels a side of a tile
+inline constexpr int kTilePixels = kTile * kTile;
+inline constexpr int kPatch = 16;         ///< samples a side of a patch
+inline constexpr int kFractionBits = 12;  ///< of a coordinate in a patch, which has four bits before the point
+inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
+inline constexpr int kGainBits = 12;      ///< of Source::gain
+inline constexpr int kMaxGain = 32767;    ///< of Source::gain: just below 8
 inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
 inline constexpr int kMaxSharpen = 16;
-inline constexpr int kMaxGain = 32767;    ///< just below 8; with it every sum below fits 63 bits
+inline constexpr int kMaxLevels = 5;      ///< of a head's pyramid: 1, 1/2, .. 1/16
 
-/// One head's share in one raymap sample: four source samples from (x, y) on, mixed by the fractions.
-struct Tap {
-  std::uint16_t x = 0;           ///< left column of the 2x2 samples, in the component's own grid
-  std::uint16_t y = 0;           ///< upper row
-  std::uint16_t fraction_x = 0;  ///< of the right column, 0 .. (1 << kFractionBits) - 1
-  std::uint16_t fraction_y = 0;  ///< of the lower row
-  std::uint16_t weight = 0;      ///< 1 .. 1 << kWeightBits
-  std::uint16_t gain = 0;        ///< undoes the vignetting here, 1 .. kMaxGain; Source::gain undoes the rest
+/// Where row j of a tile is kept in an array of 64 values by pixel: even rows first, as registers hold them.
+inline constexpr std::size_t row_place(std::size_t j) { return (j & 1) * 4 + j / 2; }
+/// Of pixel (i, j) in such an array.
+inline constexpr std::size_t pixel_place(std::size_t i, std::size_t j) { return row_place(j) * kTile + i; }
+
+/// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
+using Quadratic = std::array<std::int16_t, 6>;
+
+/// What one head gives to one tile. Pixel (i, j) lies at x(i, j), y(i, j) in the patch, modulo 2^16, in
+/// 1 / (1 << kFractionBits) samples; of pixels with weight both are below 15, so that the next sample is there too.
+/// Two halves of 16 bytes, alike for x and y.
+struct PatchRecord {
+  Quadratic x{};
+  std::uint16_t left = 0;  ///< of the patch in the plane of the record's level
+  std::uint16_t top = 0;
+  Quadratic y{};
   HeadIndex head = 0;
-  std::uint8_t reserved = 0;     ///< 0
-  friend bool operator==(const Tap&, const Tap&) = default;
-};
-static_assert(sizeof(Tap) == 14);
+  /// The pyramid's level, 0 .. kMaxLevels - 1. With kListed the pixels' coordinates are listed in
+  /// GridTable::coordinates and x[0], x[1] are the list's number, low half first.
+  std::uint8_t level = 0;
+  /// The patch's rows in which pixels with weight of tile rows 0 .. 3, and of 4 .. 7, begin: first | last << 4. Each
+  /// also needs the row after.
+  std::array<std::uint8_t, 2> rows{};
 
-/// The taps of one sample grid of the raymap. Sample (x, y) has taps[first[y * width + x]] up to
-/// taps[first[y * width + x + 1]]; a sample with none is not covered.
+  static constexpr std::uint8_t kListed = 0x80;
+  bool listed() const { return (level & kListed) != 0; }
+  int pyramid_level() const { return level & ~kListed; }
+  std::size_t list() const {
+    return static_cast<std::uint16_t>(x[0]) | std::size_t{static_cast<std::uint16_t>(x[1])} << 16;
+  }
+  friend bool operator==(const PatchRecord&, const PatchRecord&) = default;
+};
+static_assert(sizeof(PatchRecord) == 32);
+
+/// How a tile's records share its pixels. Weights are kept negative, for one is then a 16-bit number: -(1 << 15).
+enum class Sharing : std::uint8_t {
+  kAlone,     ///< at most one record; with one, every pixel is all its
+  kBilinear,  ///< four coefficients (1, i, j, ij) a record; the last has none, and gets what the others leave of one
+  kListed,    ///< 64 weights a record by pixel_place(); the last has none, and gets what the others leave of one
+  kOpen,      ///< 64 weights for every record; they sum to one, or to nothing where nobody looks
+};
+
+/// Records of a tile: from `record` up to the next tile's. Tiles are kept in the order they are made, see
+/// GridTable::tile_index.
+struct Tile {
+  std::uint32_t record = 0;
+  std::uint32_t sharing = 0;  ///< Sharing in the upper two bits; below, a quarter of the index into GridTable::weights
+
+  Sharing how() const { return static_cast<Sharing>(sharing >> 30); }
+  std::size_t weights() const { return std::size_t{sharing & 0x3fffffffU} * 4; }
+  friend bool operator==(const Tile&, const Tile&) = default;
+};
+
+/// The tiles of one sample grid of the raymap.
 struct GridTable {
+  static constexpr int kBlockTiles = 8;  ///< tiles are made in blocks of this many by block_rows
+
   int width = 0;
   int height = 0;
-  int row_step = 1;                  ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
-  std::vector<std::uint32_t> first;  ///< width * height + 1 of them, from 0, not falling
-  std::vector<Tap> taps;
+  int row_step = 1;                        ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
+  std::vector<Tile> tiles;                 ///< tile_count() of them, and one for the end of the last
+  std::vector<PatchRecord> records;
+  std::vector<std::int16_t> weights;
+  std::vector<std::uint16_t> coordinates;  ///< lists of 64 x, then 64 y, by pixel_place()
+  /// By record, coefficients of 1, i, j, ij: undoes the vignetting, in 1 / (1 << 15) of BlendTable::vignetting_scale,
+  /// 1 .. 32767 for pixels with weight. Empty where there is none to undo.
+  std::vector<std::array<std::int16_t, 4>> gains;
+
+  /// Whole blocks, which may reach beyond the grid; tiles outside it have no records.
+  int tiles_across() const { return (width + 8 * kTile - 1) / (8 * kTile) * 8; }
+  /// Of a block: as many as 64 raymap rows hold.
+  int block_rows() const { return 8 / row_step; }
+  int tiles_down() const { return (height + block_rows() * kTile - 1) / (block_rows() * kTile) * block_rows(); }
+  std::size_t tile_count() const {
+    return static_cast<std::size_t>(tiles_across()) * static_cast<std::size_t>(tiles_down());
+  }
+  /// Of the tile whose first pixel is (8 column, 8 row): block by block, in rows within the block, so that what
+  /// neighbouring tiles read is still at hand.
+  std::size_t tile_index(int column, int row) const {
+    const int block = row / block_rows() * (tiles_across() / kBlockTiles) + column / kBlockTiles;
+    return (static_cast<std::size_t>(block) * static_cast<std::size_t>(block_rows()) +
+            static_cast<std::size_t>(row % block_rows())) * kBlockTiles + static_cast<std::size_t>(column % kBlockTiles);
+  }
 };
 
-/// What a component is made of, so that gains act on light and uncovered samples are black.
+/// What a component is made of, so that gains act on light and uncovered pixels are black.
 struct ComponentRule {
-  std::uint8_t grid = 0;      ///< index into BlendTable::grids
-  std::uint8_t black = 0;     ///< the value that means no light: 0 for R G B Y (full range), 128 for U V
-  std::uint8_t gain_row = 0;  ///< which of Source::gain acts: 0 red, 1 green, 2 blue
+  std::uint8_t grid = 0;   ///< index into BlendTable::grids
+  std::uint8_t black = 0;  ///< the value that means no light: 0 for R G B Y (full range), 128 for U V
+  std::uint8_t tone = 0;   ///< its class, see tone.h: 0 1 2 for R G B, 0 for Y and GREY, 1 for U and V
+  friend bool operator==(const ComponentRule&, const ComponentRule&) = default;
 };
 
 /// A raymap's blend, whole. Immutable once validated.
@@ -60,15 +126,19 @@ struct BlendTable {
     PixelFormat format = PixelFormat::kI420;
     int width = 0;
     int height = 0;
-    /// Undoes the head's own gain, by gain_row, 1 .. kMaxGain. Acts as tap gain * this, rounded to kGainBits.
+    /// Undoes the head's own gain when it is exposed as it was calibrated, by tone class, 1 .. kMaxGain.
     std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
     /// How much of a sample's difference from each of its four neighbours is added to it before it is mixed, 0 ..
     /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are.
     std::uint8_t sharpen = 0;
+    /// Pyramid levels that records of this head name: 1 where the picture itself is all.
+    std::uint8_t levels = 1;
   };
   std::vector<Source> sources;         ///< what each head must deliver, by head index
   std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own
   std::array<ComponentRule, kMaxPlanes> components{};
+  /// What GridTable::gains are relative to, in 1/256, 256 .. 2048.
+  std::uint16_t vignetting_scale = 256;
 };
 
 }  // namespace nodal::blend

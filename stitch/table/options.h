@@ -24,6 +24,9 @@ struct TableOptions {
   /// Undo each head's vignetting, and each head's gain.
   bool undo_vignetting = true;
   bool undo_gain = true;
+  /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than it is: 1, the picture
+  /// alone, .. 5.
+  int levels = 5;
 };
 
 }  // namespace nodal::table

@@ -1,22 +1,27 @@
-// From double precision to the taps the board runs.
+// From double precision to the integers of the table.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <span>
-#include <vector>
 
 #include "stitch/blend/blend_table.h"
 #include "stitch/table/ray_sampler.h"
 
 namespace nodal::table {
 
-/// A gain about black as the table has it, 1 .. kMaxGain.
+/// To the nearest whole number. What lies exactly between two goes up even when the last bits of a double say
+/// otherwise: sines and cosines differ in those from one machine's library to the next, the table must not.
+std::int64_t round_up_ties(double value);
+
+/// A gain of a head as the table has it, 1 .. kMaxGain.
 std::uint16_t quantize_gain(double gain);
 
-/// Appends the taps of one raymap sample. Coordinates are rounded; weights are shared out by largest remainder,
-/// so that they sum to exactly one, and a head whose share comes to nothing is left out. What lies exactly
-/// between two steps goes up even when the last bits of a double say otherwise: sines and cosines differ in
-/// those from one machine's library to the next, the table must not.
-void append_taps(std::span<const RaySample> samples, const RaySampler& sampler, int grid,
-                 std::vector<blend::Tap>& taps);
+/// A coordinate in 1 / (1 << kFractionBits) samples, such that it and its right neighbour are inside.
+std::int32_t quantize_coordinate(double at, int size);
+
+/// Shares 1 << kWeightBits out by largest remainder, so that the weights sum to exactly that; equal remainders by head,
+/// so that three heads of a third each are the same three numbers everywhere. None of `samples` is zero weights.
+void share_out(std::span<const RaySample> samples, std::array<std::uint16_t, kMaxHeads>& weights);
 
 }  // namespace nodal::table

@@ -1,6 +1,7 @@
 #include "stitch/table/table_compiler.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
+#include "stitch/table/tile_builder.h"
 #include "stitch/table/validate.h"
 
 namespace nodal::table {
@@ -15,48 +17,148 @@ namespace {
 
 /// Y U V are full range: no light is Y 0, and U and V are about 128.
 std::array<blend::ComponentRule, kMaxPlanes> component_rules(PixelFormat format) {
-  if (format == PixelFormat::kI420) return {{{0, 0, 0}, {1, 128, 0}, {1, 128, 0}}};
+  if (format == PixelFormat::kI420) return {{{0, 0, 0}, {1, 128, 1}, {1, 128, 1}}};
   return {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
 }
 
-struct Row {
-  std::vector<std::uint32_t> ends;  ///< taps up to and with each sample of the row
-  std::vector<blend::Tap> taps;
+/// What vignetting gains are relative to, in 1/256: the largest that any head's region asks for, with a little room;
+/// 0 where there is nothing to undo.
+int vignetting_scale(const RaySampler& sampler) {
+  if (!sampler.options().undo_vignetting) return 0;
+  constexpr int kSteps = 64;
+  double largest = 1;
+  bool any = false;
+  for (std::size_t h = 0; h < sampler.heads().size(); ++h) {
+    const HeadCalibration& head = sampler.heads()[h].calibration();
+    for (const double coefficient : head.vignetting.coefficients) any = any || coefficient != 0;
+    const Region& region = head.region;
+    for (int k = 0; k < kSteps * kSteps; ++k) {
+      const geometry::Pixel at{region.left + (region.right - region.left) * (k % kSteps) / (kSteps - 1),
+                               region.top + (region.bottom - region.top) * (k / kSteps) / (kSteps - 1)};
+      if (region.circle && std::hypot(at.x - region.circle->x, at.y - region.circle->y) > region.circle->radius) continue;
+      largest = std::max(largest, sampler.optics()[h].undo.undo(sampler.heads()[h].vignetting(at)));
+    }
+  }
+  if (!any) return 0;
+  return static_cast<int>(std::clamp<std::int64_t>(round_up_ties(largest * 256 * 1.01), 257, 2048));
+}
+
+/// The pixels of a row of tiles, brought together from rows of samples.
+class TileRowSamples {
+ public:
+  TileRowSamples(const RaySampler::Grid& shape) : shape_(shape), tiles_(static_cast<std::size_t>(shape.width + 7) / 8) {}
+
+  void sample(RowSampler& sampler, int grid, int tile_row) {
+    for (TileSamples& tile : tiles_) tile.inside = 0;
+    for (int j = 0; j < blend::kTile && tile_row * blend::kTile + j < shape_.height; ++j) {
+      sampler.sample(grid, tile_row * blend::kTile + j);
+      for (int x = 0; x < shape_.width; ++x) {
+        TileSamples& tile = tiles_[static_cast<std::size_t>(x / blend::kTile)];
+        const std::span<const RaySample> at = sampler.at(x);
+        tile.at[static_cast<std::size_t>(j * blend::kTile + x % blend::kTile)].assign(at.begin(), at.end());
+        tile.inside |= pixel_bit(x % blend::kTile, j);
+      }
+    }
+  }
+  std::span<TileSamples> tiles() { return tiles_; }
+
+ private:
+  const RaySampler::Grid& shape_;
+  std::vector<TileSamples> tiles_;
 };
 
-/// Makes one grid of its rows. They are given back at once: the rig has no room for the table twice.
-Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<Row> rows) {
-  std::size_t taps = 0;
-  for (const Row& row : rows) taps += row.taps.size();
-  if (taps > std::numeric_limits<std::uint32_t>::max()) {
-    return fail(Errc::kTooLarge, "the blend table would have " + std::to_string(taps) +
-                                     " taps, more than it can number; ask for a smaller raymap");
+/// Appends tile k of a run, with all that is its, to the table.
+void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
+  const std::size_t first = run.tiles[k].record;
+  const std::size_t last = k + 1 < run.tiles.size() ? run.tiles[k + 1].record : run.records.size();
+  const auto weights_of = [&](std::size_t tile) {
+    return tile < run.tiles.size() && run.tiles[tile].sharing != 0 ? run.tiles[tile].weights() : run.weights.size();
+  };
+  blend::Tile tile{static_cast<std::uint32_t>(table.records.size()), 0};
+  if (run.tiles[k].sharing != 0) {
+    std::size_t next = k + 1;
+    while (next < run.tiles.size() && run.tiles[next].sharing == 0) ++next;
+    tile.sharing = (run.tiles[k].sharing & 0xc0000000U) | static_cast<std::uint32_t>(table.weights.size() / 4);
+    table.weights.insert(table.weights.end(), run.weights.begin() + static_cast<std::ptrdiff_t>(weights_of(k)),
+                         run.weights.begin() + static_cast<std::ptrdiff_t>(weights_of(next)));
   }
-  blend::GridTable table{shape.width, shape.height, shape.on_raymap.step_y, {}, {}};
-  table.taps.reserve(taps);
-  table.first.reserve(static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(shape.height) + 1);
-  table.first.push_back(0);
-  for (Row& row : rows) {
-    const auto base = static_cast<std::uint32_t>(table.taps.size());
-    for (const std::uint32_t end : row.ends) table.first.push_back(base + end);
-    table.taps.insert(table.taps.end(), row.taps.begin(), row.taps.end());
-    row = Row{};
+  for (std::size_t r = first; r < last; ++r) {
+    blend::PatchRecord record = run.records[r];
+    if (record.listed()) {
+      constexpr std::size_t kList = 2 * blend::kTilePixels;
+      const std::size_t list = table.coordinates.size() / kList;
+      const auto from = run.coordinates.begin() + static_cast<std::ptrdiff_t>(record.list() * kList);
+      table.coordinates.insert(table.coordinates.end(), from, from + kList);
+      record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
+      record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
+    }
+    table.records.push_back(record);
+    if (!run.gains.empty()) table.gains.push_back(run.gains[r]);
   }
+  table.tiles.push_back(tile);
+}
+
+/// Makes one grid of its rows of tiles, in the order in which they are blended. A block's rows are given back once it
+/// is done: the rig has no room for the table twice.
+Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> rows) {
+  blend::GridTable table;
+  table.width = shape.width;
+  table.height = shape.height;
+  table.row_step = shape.on_raymap.step_y;
+  std::size_t records = 0, weights = 0, coordinates = 0, gains = 0;
+  for (const TileRun& row : rows) {
+    records += row.records.size();
+    weights += row.weights.size();
+    coordinates += row.coordinates.size();
+    gains += row.gains.size();
+  }
+  if (records > std::numeric_limits<std::uint32_t>::max() || weights / 4 >= 1U << 30) {
+    return fail(Errc::kTooLarge, "the blend table would have " + std::to_string(records) + " patches and " +
+                                     std::to_string(weights) +
+                                     " weights, more than it can number; ask for a smaller raymap");
+  }
+  table.tiles.reserve(table.tile_count() + 1);
+  table.records.reserve(records);
+  table.weights.reserve(weights);
+  table.coordinates.reserve(coordinates);
+  table.gains.reserve(gains);
+  for (int block = 0; block < table.tiles_down(); block += table.block_rows()) {
+    for (int column = 0; column < table.tiles_across(); column += blend::GridTable::kBlockTiles) {
+      for (int row = block; row < block + table.block_rows(); ++row) {
+        for (int k = column; k < column + blend::GridTable::kBlockTiles; ++k) {
+          const bool there = static_cast<std::size_t>(row) < rows.size() && k * blend::kTile < shape.width;
+          if (there) {
+            append_tile(rows[static_cast<std::size_t>(row)], static_cast<std::size_t>(k), table);
+          } else {
+            table.tiles.push_back({static_cast<std::uint32_t>(table.records.size()), 0});
+          }
+        }
+      }
+    }
+    for (int row = block; row < block + table.block_rows() && static_cast<std::size_t>(row) < rows.size(); ++row) {
+      rows[static_cast<std::size_t>(row)] = TileRun{};
+    }
+  }
+  table.tiles.push_back({static_cast<std::uint32_t>(table.records.size()), 0});
   return table;
 }
+
+int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile - 1) / blend::kTile; }
 
 }  // namespace
 
 struct TableCompiler::Work {
   std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< when make() was given a name
   RaySampler sampler;
-  std::vector<Row> rows;
+  int vignetting_scale = 0;  ///< 0: nothing to undo
+  std::vector<TileRun> rows;
 };
 
 TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)) {
   std::size_t rows = 0;
-  for (const RaySampler::Grid& grid : work_->sampler.grids()) rows += static_cast<std::size_t>(grid.height);
+  for (const RaySampler::Grid& grid : work_->sampler.grids()) rows += static_cast<std::size_t>(tile_rows(grid));
   work_->rows.resize(rows);
+  work_->vignetting_scale = vignetting_scale(work_->sampler);
 }
 TableCompiler::TableCompiler(TableCompiler&&) noexcept = default;
 TableCompiler& TableCompiler::operator=(TableCompiler&&) noexcept = default;
@@ -77,7 +179,7 @@ Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const 
                                           const TableOptions& options) {
   Result<RaySampler> sampler = RaySampler::make(calibration, layout, raymap_format, head_formats, options);
   if (!sampler) return fail(sampler.error());
-  return TableCompiler(std::make_unique<Work>(Work{nullptr, std::move(*sampler), {}}));
+  return TableCompiler(std::make_unique<Work>(Work{nullptr, std::move(*sampler), 0, {}}));
 }
 
 int TableCompiler::row_count() const { return static_cast<int>(work_->rows.size()); }
@@ -85,18 +187,20 @@ int TableCompiler::row_count() const { return static_cast<int>(work_->rows.size(
 void TableCompiler::compile_rows(int begin, int end) {
   const RaySampler& sampler = work_->sampler;
   RowSampler sampled(sampler);
-  std::size_t grid = 0;
-  int grid_begin = 0;
-  for (int r = begin; r < end; ++r) {
-    while (r >= grid_begin + sampler.grids()[grid].height) grid_begin += sampler.grids()[grid++].height;
-    sampled.sample(static_cast<int>(grid), r - grid_begin);
-    Row& row = work_->rows[static_cast<std::size_t>(r)];
-    row = Row{};
-    for (int x = 0; x < sampled.width(); ++x) {
-      append_taps(sampled.at(x), sampler, static_cast<int>(grid), row.taps);
-      row.ends.push_back(static_cast<std::uint32_t>(row.taps.size()));
+  int first = 0;
+  for (std::size_t g = 0; g < sampler.grids().size(); ++g) {
+    const RaySampler::Grid& shape = sampler.grids()[g];
+    TileRowSamples samples(shape);
+    TileBuilder builder(sampler, static_cast<int>(g), work_->vignetting_scale);
+    for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
+      samples.sample(sampled, static_cast<int>(g), r - first);
+      TileRun& row = work_->rows[static_cast<std::size_t>(r)];
+      row = TileRun{};
+      for (TileSamples& tile : samples.tiles()) builder.append(tile, row);
+      row.records.shrink_to_fit();
+      row.weights.shrink_to_fit();
     }
-    row.taps.shrink_to_fit();
+    first += tile_rows(shape);
   }
 }
 
@@ -114,15 +218,20 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     source.sharpen = static_cast<std::uint8_t>(std::clamp(sampler.options().sharpen, 0, blend::kMaxSharpen));
     table.sources.push_back(source);
   }
-  std::span<Row> rows(work_->rows);
+  if (work_->vignetting_scale != 0) table.vignetting_scale = static_cast<std::uint16_t>(work_->vignetting_scale);
+  std::span<TileRun> rows(work_->rows);
   for (const RaySampler::Grid& shape : sampler.grids()) {
-    const auto height = static_cast<std::size_t>(shape.height);
+    const auto height = static_cast<std::size_t>(tile_rows(shape));
     Result<blend::GridTable> grid = join(shape, rows.first(height));
     if (!grid) return fail(grid.error());
     rows = rows.subspan(height);
+    for (const blend::PatchRecord& record : grid->records) {
+      std::uint8_t& levels = table.sources[record.head].levels;
+      levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
+    }
     table.grids.push_back(std::move(*grid));
   }
-  if (table.grids[0].taps.empty()) {
+  if (table.grids[0].records.empty()) {
     return fail(Errc::kNoCoverage, "no head sees any ray of the " + std::string(sampler.layout().name()) +
                                        " raymap; check the heads' regions and rotations");
   }

@@ -57,7 +57,7 @@ class TableCompiler {
   TableCompiler& operator=(TableCompiler&&) noexcept;
   ~TableCompiler();
 
-  /// The rows of every grid, one after the other.
+  /// The rows of tiles of every grid, one after the other.
   int row_count() const;
   void compile_rows(int begin, int end);
   /// Joins the rows, all of which must have been compiled, and proves the table. Errors: kNoCoverage, kTooLarge.

@@ -1,5 +1,6 @@
 #include "stitch/table/validate.h"
 
+#include <algorithm>
 #include <array>
 #include <string>
 
@@ -8,7 +9,9 @@ namespace {
 
 using blend::BlendTable;
 using blend::GridTable;
-using blend::Tap;
+using blend::PatchRecord;
+using blend::Sharing;
+using blend::Tile;
 
 tl::unexpected<Error> invalid(const std::string& what) {
   return fail(Errc::kTableInvalid, "blend table: " + what + "; compile it again from the calibration");
@@ -31,6 +34,9 @@ Status check_shape(const BlendTable& table) {
   if (table.width < 1 || table.height < 1 || table.width > 65535 || table.height > 65535) {
     return invalid("raymap of " + std::to_string(table.width) + " x " + std::to_string(table.height));
   }
+  if (table.vignetting_scale < 256 || table.vignetting_scale > 2048) {
+    return invalid("vignetting scale " + std::to_string(table.vignetting_scale));
+  }
   if (table.sources.empty() || table.sources.size() > kMaxHeads) {
     return invalid(std::to_string(table.sources.size()) + " heads, not 1 to " + std::to_string(kMaxHeads));
   }
@@ -45,6 +51,9 @@ Status check_shape(const BlendTable& table) {
     for (const std::uint16_t gain : source.gain) {
       if (gain < 1 || gain > blend::kMaxGain) return invalid(head + "gain " + std::to_string(gain));
     }
+    if (source.levels < 1 || source.levels > blend::kMaxLevels) {
+      return invalid(head + std::to_string(source.levels) + " levels");
+    }
     if (source.sharpen > blend::kMaxSharpen) return invalid(head + "sharpening " + std::to_string(source.sharpen));
   }
   return {};
@@ -58,7 +67,7 @@ Status check_components(const BlendTable& table) {
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(table.format)); ++c) {
     const blend::ComponentRule& rule = table.components[c];
     const std::size_t expected = chroma && c > 0 ? 1 : 0;
-    if (rule.grid != expected || rule.gain_row > 2) return invalid("rule of component " + std::to_string(c));
+    if (rule.grid != expected || rule.tone > 2) return invalid("rule of component " + std::to_string(c));
     const GridTable& grid = table.grids[expected];
     const int step = expected == 1 ? 2 : 1;
     if (grid.width != raymap.planes[c].width || grid.height != raymap.planes[c].height || grid.row_step != step) {
@@ -68,54 +77,141 @@ Status check_components(const BlendTable& table) {
   return {};
 }
 
-/// Nothing, or what is wrong with a tap.
-const char* fault_of(const Tap& tap, const std::array<PlaneView, kMaxHeads>& planes, std::size_t heads) {
-  if (tap.head >= heads) return "names a head that is not there";
-  const PlaneView& plane = planes[tap.head];
-  if (tap.x + 1 >= plane.width || tap.y + 1 >= plane.height) return "reads outside its head's picture";
-  if (tap.fraction_x >> blend::kFractionBits != 0 || tap.fraction_y >> blend::kFractionBits != 0) {
-    return "has a fraction of one or more";
+/// One grid's proof.
+class GridProof {
+ public:
+  GridProof(const BlendTable& table, std::size_t g) : table_(table), grid_(table.grids[g]), where_("grid " + std::to_string(g)) {
+    for (std::size_t h = 0; h < table.sources.size(); ++h) {
+      planes_[h] = shape_of(table.sources[h].format, table.sources[h].width, table.sources[h].height).planes[g];
+    }
   }
-  if (tap.weight < 1 || tap.weight > 1 << blend::kWeightBits) return "has a weight of nothing or more than one";
-  if (tap.gain < 1 || tap.gain > blend::kMaxGain) return "has a gain out of range";
-  if (tap.reserved != 0) return "has its reserved byte set";
-  return nullptr;
-}
 
-Status check_taps(const BlendTable& table, std::size_t g) {
-  const GridTable& grid = table.grids[g];
-  const std::string where = "grid " + std::to_string(g);
-  const auto samples = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
-  if (grid.first.size() != samples + 1) return invalid(where + ": first[] does not have one entry a sample and one");
-  if (grid.first.front() != 0) return invalid(where + ": first[] does not begin at 0");
-  if (grid.first.back() != grid.taps.size()) return invalid(where + ": first[] does not end at the last tap");
-  std::array<PlaneView, kMaxHeads> planes;
-  for (std::size_t h = 0; h < table.sources.size(); ++h) {
-    planes[h] = shape_of(table.sources[h].format, table.sources[h].width, table.sources[h].height).planes[g];
-  }
-  for (std::size_t s = 0; s < samples; ++s) {
-    const auto at = [&] {
-      return where + ", sample (" + std::to_string(s % static_cast<std::size_t>(grid.width)) + ", " +
-             std::to_string(s / static_cast<std::size_t>(grid.width)) + ")";
-    };
-    const std::uint32_t begin = grid.first[s];
-    const std::uint32_t end = grid.first[s + 1];
-    if (end < begin || end > grid.taps.size()) return invalid(at() + ": first[] falls or runs past the taps");
-    if (begin == end) continue;
-    std::uint64_t sum = 0;
-    for (std::uint32_t t = begin; t < end; ++t) {
-      if (const char* fault = fault_of(grid.taps[t], planes, table.sources.size())) {
-        return invalid(at() + ", tap " + std::to_string(t - begin) + ": " + fault);
+  Status run() {
+    if (grid_.tiles.size() != grid_.tile_count() + 1) return invalid(where_ + ": there is not one tile more than it has");
+    if (grid_.tiles.front().record != 0) return invalid(where_ + ": its tiles do not begin with the first record");
+    if (grid_.tiles.back().record != grid_.records.size()) {
+      return invalid(where_ + ": its tiles do not end with the last record");
+    }
+    if (!grid_.gains.empty() && grid_.gains.size() != grid_.records.size()) {
+      return invalid(where_ + ": there is not one gain a record");
+    }
+    if (grid_.coordinates.size() % (2 * blend::kTilePixels) != 0) return invalid(where_ + ": a list is cut short");
+    for (int row = 0; row < grid_.tiles_down(); ++row) {
+      for (int column = 0; column < grid_.tiles_across(); ++column) {
+        if (const char* fault = fault_of_tile(column, row)) {
+          return invalid(where_ + ", tile (" + std::to_string(column) + ", " + std::to_string(row) + "): " + fault);
+        }
       }
-      sum += grid.taps[t].weight;
     }
-    if (sum != 1U << blend::kWeightBits) {
-      return invalid(at() + ": weights sum to " + std::to_string(sum) + ", not " +
-                     std::to_string(1 << blend::kWeightBits));
-    }
+    return {};
   }
-  return {};
-}
+
+ private:
+  /// Nothing, or what is wrong with a tile.
+  const char* fault_of_tile(int column, int row) {
+    const std::size_t t = grid_.tile_index(column, row);
+    const Tile& tile = grid_.tiles[t];
+    const std::size_t end = grid_.tiles[t + 1].record;
+    if (end < tile.record || end > grid_.records.size()) return "its records fall or run past the last";
+    const std::size_t records = end - tile.record;
+    const Sharing how = tile.how();
+    if (how == Sharing::kAlone && records > 1) return "several records say that they are alone";
+    const std::size_t shared = how == Sharing::kOpen ? records : records == 0 ? 0 : records - 1;
+    const std::size_t each = how == Sharing::kAlone ? 0 : how == Sharing::kBilinear ? 4 : blend::kTilePixels;
+    if (tile.weights() + shared * each > grid_.weights.size()) return "its weights run past the last";
+    inside_x_ = std::min(blend::kTile, grid_.width - column * blend::kTile);
+    inside_y_ = std::min(blend::kTile, grid_.height - row * blend::kTile);
+    std::array<std::int32_t, blend::kTilePixels> rest;
+    rest.fill(1 << blend::kWeightBits);
+    const std::int16_t* at = grid_.weights.data() + tile.weights();
+    for (std::size_t k = 0; k < records; ++k, at += each) {
+      const bool given = k < shared;
+      std::array<std::int32_t, blend::kTilePixels> weights = rest;
+      for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) {
+        const int i = static_cast<int>(p % blend::kTile);
+        const int j = static_cast<int>(p / blend::kTile);
+        weights[p] = how == Sharing::kBilinear ? -(at[0] + at[1] * i + at[2] * j + at[3] * i * j)
+                                               : -at[blend::pixel_place(p % blend::kTile, p / blend::kTile)];
+      }
+      if (const char* fault = fault_of_record(grid_.records[tile.record + k], tile.record + k, weights)) return fault;
+      for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) rest[p] -= weights[p];
+    }
+    return fault_of_sums(how, records, rest);
+  }
+
+  template <class Each>
+  const char* each_pixel(Each fault_at) const {
+    for (int j = 0; j < inside_y_; ++j) {
+      for (int i = 0; i < inside_x_; ++i) {
+        if (const char* fault = fault_at(i, j)) return fault;
+      }
+    }
+    return nullptr;
+  }
+
+  const char* fault_of_sums(Sharing how, std::size_t records, const std::array<std::int32_t, 64>& rest) const {
+    if (how != Sharing::kOpen || records == 0) return nullptr;  // the last got what was left of exactly one
+    return each_pixel([&](int i, int j) -> const char* {
+      const std::int32_t left = rest[static_cast<std::size_t>(j * blend::kTile + i)];
+      return left == 0 || left == 1 << blend::kWeightBits ? nullptr : "weights sum to neither one nor nothing";
+    });
+  }
+
+  const char* fault_of_record(const PatchRecord& record, std::size_t r, const std::array<std::int32_t, 64>& weights) const {
+    if (record.head >= table_.sources.size()) return "names a head that is not there";
+    const int level = record.pyramid_level();
+    if (level >= table_.sources[record.head].levels) return "names a level that its head does not have";
+    const int width = planes_[record.head].width >> level;
+    const int height = planes_[record.head].height >> level;
+    const bool small = std::min(width, height) < blend::kPatch;  // then it is read sample by sample, and may reach beyond
+    if (small ? record.left >= width || record.top >= height
+              : record.left + blend::kPatch > width || record.top + blend::kPatch > height) {
+      return "has a patch outside its head's picture";
+    }
+    for (const std::uint8_t rows : record.rows) {
+      if ((rows & 15) > rows >> 4 || rows >> 4 > blend::kPatch - 2) return "has rows beyond its patch";
+    }
+    if (record.listed() && record.list() >= grid_.coordinates.size() / (2 * blend::kTilePixels)) {
+      return "names a list that is not there";
+    }
+    return each_pixel([&](int i, int j) -> const char* {
+      const std::int32_t weight = weights[static_cast<std::size_t>(j * blend::kTile + i)];
+      if (weight < 0 || weight > 1 << blend::kWeightBits) return "has a weight of less than nothing or more than one";
+      return weight == 0 ? nullptr : fault_of_pixel(record, r, i, j, width, height);
+    });
+  }
+
+  const char* fault_of_pixel(const PatchRecord& record, std::size_t r, int i, int j, int width, int height) const {
+    const auto quadratic = [&](const blend::Quadratic& q) {
+      return static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j + q[4] * i * i + q[5] * j * j);
+    };
+    int x = 0;
+    int y = 0;
+    if (record.listed()) {
+      const std::size_t p = blend::pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+      x = grid_.coordinates[record.list() * 2 * blend::kTilePixels + p] >> blend::kFractionBits;
+      y = grid_.coordinates[(record.list() * 2 + 1) * blend::kTilePixels + p] >> blend::kFractionBits;
+    } else {
+      x = quadratic(record.x) >> blend::kFractionBits;
+      y = quadratic(record.y) >> blend::kFractionBits;
+    }
+    if (x > blend::kPatch - 2 || y > blend::kPatch - 2) return "has a pixel at its patch's edge";
+    if (record.left + x + 1 >= width || record.top + y + 1 >= height) return "reads outside its head's picture";
+    const std::uint8_t rows = record.rows[static_cast<std::size_t>(j / 4)];
+    if (y < (rows & 15) || y > rows >> 4) return "has a pixel in a row that it does not name";
+    if (grid_.gains.empty()) return nullptr;
+    const auto& g = grid_.gains[r];
+    const std::int32_t gain = g[0] + g[1] * i + g[2] * j + g[3] * i * j;
+    return gain < 1 || gain > 32767 ? "has a gain out of range" : nullptr;
+  }
+
+  const BlendTable& table_;
+  const GridTable& grid_;
+  std::string where_;
+  std::array<PlaneView, kMaxHeads> planes_;
+  int inside_x_ = 0;  ///< of the tile at hand, pixels that the grid has
+  int inside_y_ = 0;
+};
 
 }  // namespace
 
@@ -123,7 +219,7 @@ Status validate_blend_table(const BlendTable& table) {
   if (Status shape = check_shape(table); !shape) return shape;
   if (Status components = check_components(table); !components) return components;
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
-    if (Status taps = check_taps(table, g); !taps) return taps;
+    if (Status grid = GridProof(table, g).run(); !grid) return grid;
   }
   return {};
 }

@@ -10,6 +10,7 @@
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/table/table_compiler.h"
+#include "tests/reference/prepared_heads.h"
 
 namespace nodal {
 namespace {
@@ -102,8 +103,11 @@ bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std
     add(table_hash, source.gain.data(), sizeof source.gain);
   }
   for (const blend::GridTable& grid : table->grids) {
-    add(table_hash, grid.first.data(), grid.first.size() * sizeof grid.first[0]);
-    add(table_hash, grid.taps.data(), grid.taps.size() * sizeof grid.taps[0]);
+    add(table_hash, grid.tiles.data(), grid.tiles.size() * sizeof grid.tiles[0]);
+    add(table_hash, grid.records.data(), grid.records.size() * sizeof grid.records[0]);
+    add(table_hash, grid.weights.data(), grid.weights.size() * sizeof grid.weights[0]);
+    add(table_hash, grid.coordinates.data(), grid.coordinates.size() * sizeof grid.coordinates[0]);
+    add(table_hash, grid.gains.data(), grid.gains.size() * sizeof grid.gains[0]);
   }
   Noise noise(rig.heads.size());
   std::vector<std::vector<std::uint8_t>> pixels;
@@ -114,7 +118,8 @@ bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std
     heads.push_back(packed_image(source.format, source.width, source.height, std::as_const(pixels.back()).data()));
   }
   std::vector<std::uint8_t> raymap(packed_size(spec.format, spec.width, spec.height));
-  blend::blend_rows(*table, heads, packed_image(spec.format, spec.width, spec.height, raymap.data()), 0, spec.height);
+  blend::blend_rows(*table, test::PreparedHeads(*table, heads).views(), blend::calibrated_tone(*table),
+                    packed_image(spec.format, spec.width, spec.height, raymap.data()), 0, spec.height);
   std::printf("%-10s %-16s %-6s table %s raymap %s\n", rig.name.c_str(), spec.layout.c_str(),
               std::string(pixel_format_name(spec.format)).c_str(), to_hex(table_hash.finish()).c_str(),
               to_hex(sha256(raymap)).c_str());

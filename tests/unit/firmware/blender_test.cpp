@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "hal/sim/clock.h"
-#include "stitch/table/table_job.h"
+#include "stitch/table/table_compiler.h"
+#include "tests/reference/prepared_heads.h"
 #include "tests/support/rigs.h"
 
 namespace nodal::firmware {
@@ -19,7 +20,7 @@ constexpr int kSide = 48;
 RaymapConfig raymap_config() {
   RaymapConfig config;
   config.width = 200;
-  config.height = 100;  // three bands and a part
+  config.height = 100;  // a band and a part
   config.format = PixelFormat::kRgb24;
   return config;
 }
@@ -29,14 +30,12 @@ InstalledPtr installed(const std::string& name, std::uint8_t mark) {
   calibration.name = name;
   const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
   const RaymapConfig config = raymap_config();
-  auto job = table::TableJob::make(calibration, "equirectangular", config.width, config.height, config.format, formats);
-  EXPECT_TRUE(job);
-  job->compile_rows(0, job->row_count());
-  auto table = std::move(*job).finish();
+  const table::RaymapSpec spec{"equirectangular", config.width, config.height, config.format};
+  auto table = table::compile_blend_table(calibration, spec, formats);
   EXPECT_TRUE(table);
   Sha256 id{};
   id.fill(mark);
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, name, std::move(*table)});
+  return make_installed(id, name, std::move(*table));
 }
 
 class BlenderTest : public testing::Test {
@@ -66,8 +65,8 @@ class BlenderTest : public testing::Test {
     for (std::size_t i = 0; i < kHeads; ++i) {
       if (set.has(i)) views[i] = set.frames[i].image;
     }
-    blend::blend_rows(calibration.table, views, packed_image(config.format, config.width, config.height, pixels.data()),
-                      0, config.height);
+    blend::blend_rows(calibration.table, test::PreparedHeads(calibration.table, views).views(), calibration.tone,
+                      packed_image(config.format, config.width, config.height, pixels.data()), 0, config.height);
     return pixels;
   }
   void blend(FrameSet& set) {

@@ -1,10 +1,10 @@
-// What must hold for every table and every picture.
+// What must hold for every table, every picture, every tone and every kernel.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <cmath>
 #include <thread>
 
+#include "definition.h"
 #include "small_tables.h"
 
 namespace nodal::blend::test {
@@ -12,131 +12,128 @@ namespace {
 
 constexpr std::array kHeadFormats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy};
 
-/// A sample sharpened as blend.h says, by floor(x / 64 + 1/2) on rationals.
-int sharpened(const PlaneView& plane, int x, int y, int sharpen) {
-  const auto at = [&](int i, int j) -> int {
-    const int ci = std::clamp(i, 0, plane.width - 1);
-    const int cj = std::clamp(j, 0, plane.height - 1);
-    return plane.data[cj * plane.row_stride + ci * plane.pixel_stride];
-  };
-  const int difference = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
-  const double exact = at(x, y) + sharpen * difference / 64.0;  // sixty-fourths are exact in a double
-  return static_cast<int>(std::clamp(std::floor(exact + 0.5), 0.0, 255.0));
-}
-
-/// The result by the definition in blend.h, in 128-bit fractions and without any of the kernel's shortcuts.
-std::uint8_t by_definition(const BlendTable& table, const std::vector<ImageView>& heads, int c, int x, int y) {
-  const ComponentRule& rule = table.components[static_cast<std::size_t>(c)];
-  const GridTable& grid = table.grids[rule.grid];
-  const auto index = static_cast<std::size_t>(y * grid.width + x);
-  __int128 sum = 0;
-  __int128 weights = 0;
-  for (std::uint32_t t = grid.first[index]; t < grid.first[index + 1]; ++t) {
-    const Tap& tap = grid.taps[t];
-    const PlaneView& plane = heads[tap.head].planes[static_cast<std::size_t>(c)];
-    if (heads[tap.head].planes[0].data == nullptr) continue;
-    __int128 value = 0;
-    for (int corner = 0; corner < 4; ++corner) {
-      const int i = corner & 1;
-      const int j = corner >> 1;
-      const int share_x = i == 1 ? tap.fraction_x : 4096 - tap.fraction_x;
-      const int share_y = j == 1 ? tap.fraction_y : 4096 - tap.fraction_y;
-      const int sample = sharpened(plane, tap.x + i, tap.y + j, table.sources[tap.head].sharpen);
-      value += __int128{share_x} * share_y * (sample - rule.black);
-    }
-    const int gain = std::min(32767, (tap.gain * table.sources[tap.head].gain[rule.gain_row] + 2048) / 4096);
-    sum += value * gain * tap.weight;
-    weights += tap.weight;
-  }
-  if (weights == 0) return rule.black;
-  const __int128 one = weights * 4096 * 4096 * 4096;
-  // Floor of (black + sum / one + 1/2), moved up by 2^40 levels so that the division never sees a sign.
-  const __int128 up = __int128{1} << 40;
-  const __int128 level = (2 * (sum + (rule.black + up) * one) + one) / (2 * one) - up;
-  return static_cast<std::uint8_t>(std::clamp<__int128>(level, 0, 255));
-}
-
 struct Scene {
   BlendTable table;
+  SetTone tone;
   std::vector<Picture> pictures;
   std::vector<ImageView> heads;
 };
 
+struct Kind {
+  PixelFormat raymap;
+  PixelFormat head;
+};
+Kind random_kind(RandomTables& tables) {
+  switch (tables.below(3)) {
+    case 0: return {PixelFormat::kGrey8, PixelFormat::kGrey8};
+    case 1: return {PixelFormat::kRgb24, PixelFormat::kRgb24};
+    default: return {PixelFormat::kI420, kHeadFormats[static_cast<std::size_t>(tables.below(4))]};
+  }
+}
+
 /// A random table over noise; each head is missing with a chance of one in `missing_in`, never for 0.
-Scene random_scene(std::uint32_t seed, bool yuv, unsigned missing_in) {
-  std::mt19937 random(seed);
-  const PixelFormat head_format = yuv ? kHeadFormats[random() % 4] : PixelFormat::kRgb24;
-  const int width = 1 + static_cast<int>(random() % 12);
-  const int height = 1 + static_cast<int>(random() % 12);
-  Scene scene{random_table(random, yuv ? PixelFormat::kI420 : PixelFormat::kRgb24, head_format, width, height, 3, 9,
-                           7, true),
-              {},
-              {}};
-  for (int h = 0; h < 3; ++h) scene.pictures.push_back(noise(random, head_format, 9, 7));
+Scene random_scene(RandomTables& tables, int width, int height, int head_width, int head_height, int missing_in) {
+  const Kind kind = random_kind(tables);
+  Scene scene{tables.table(kind.raymap, kind.head, width, height, 3, head_width, head_height), {}, {}, {}};
+  scene.tone = tables.tone(scene.table);
+  if (tables.below(3) == 0) {
+    scene.tone.confidence.emplace();
+    for (auto& c : scene.tone.confidence->of_level) c = static_cast<std::uint8_t>(tables.below(3) == 0 ? 0 : tables.below(256));
+  }
+  for (int h = 0; h < 3; ++h) scene.pictures.push_back(noise(tables.random(), kind.head, head_width, head_height));
   for (const Picture& picture : scene.pictures) {
-    scene.heads.push_back(missing_in != 0 && random() % missing_in == 0 ? ImageView{} : picture.view());
+    scene.heads.push_back(missing_in != 0 && tables.below(missing_in) == 0 ? ImageView{} : picture.view());
   }
   return scene;
 }
 
-RC_GTEST_PROP(BlendRows, AnyTableAndPictures_GiveWhatTheDefinitionSays, (std::uint32_t seed, bool yuv)) {
-  const Scene scene = random_scene(seed, yuv, 4);
-  Picture raymap(scene.table.format, scene.table.width, scene.table.height, 77);
-  const MutableImageView view = raymap.mutable_view();
-  blend_rows(scene.table, scene.heads, view, 0, scene.table.height);
-  for (int c = 0; c < 3; ++c) {
-    const MutablePlaneView& plane = view.planes[static_cast<std::size_t>(c)];
-    for (int y = 0; y < plane.height; ++y) {
-      for (int x = 0; x < plane.width; ++x) {
-        RC_ASSERT(plane.data[y * plane.row_stride + x * plane.pixel_stride] ==
-                  by_definition(scene.table, scene.heads, c, x, y));
+Picture blended(Kernel kernel, const Scene& scene, std::uint8_t fill = 77) {
+  Picture raymap(scene.table.format, scene.table.width, scene.table.height, fill);
+  blend_rows_by(kernel, scene.table, scene.heads, scene.tone, raymap.mutable_view(), 0, scene.table.height);
+  return raymap;
+}
+
+RC_GTEST_PROP(BlendRows, AnyTablePicturesAndTone_GiveWhatTheDefinitionSays, (std::uint32_t seed)) {
+  RandomTables tables(seed);
+  const int side = 8 + tables.below(40);  // some are smaller than a patch
+  const Scene scene = random_scene(tables, 1 + tables.below(90), 1 + tables.below(40), side, side + 3, 4);
+  const Definition definition(scene.table, scene.heads, scene.tone);
+  for (const Kernel kernel : kernels()) {
+    const Picture raymap = blended(kernel, scene);
+    for (int c = 0; c < component_count(scene.table.format); ++c) {
+      const PlaneView plane = raymap.view().planes[static_cast<std::size_t>(c)];
+      for (int y = 0; y < plane.height; ++y) {
+        for (int x = 0; x < plane.width; ++x) {
+          RC_ASSERT(int{plane.data[y * plane.row_stride + x * plane.pixel_stride]} == definition.level(c, x, y));
+        }
       }
     }
   }
 }
 
-RC_GTEST_PROP(BlendRows, AnySplitIntoBands_GivesTheSameBytes, (std::uint32_t seed, bool yuv)) {
-  const Scene scene = random_scene(seed, yuv, 8);
-  const int height = scene.table.height;
-  Picture whole(scene.table.format, scene.table.width, height, 77);
-  blend_rows(scene.table, scene.heads, whole.mutable_view(), 0, height);
-
-  Picture bands(scene.table.format, scene.table.width, height, 33);
-  std::vector<int> cuts{0};
-  while (cuts.back() < height) cuts.push_back(std::min(height, cuts.back() + 2 * *rc::gen::inRange(1, 4)));
-  for (std::size_t b = cuts.size() - 1; b > 0; --b) {
-    blend_rows(scene.table, scene.heads, bands.mutable_view(), cuts[b - 1], cuts[b]);
+TEST(BlendRows, AMillionTilesByEveryKernel_AreTheSameBytes) {
+  if (kernels().size() == 1) GTEST_SKIP() << "this processor has the scalar kernel alone";
+  RandomTables tables(2026);
+  std::size_t tiles = 0;
+  while (tiles < 1'000'000) {
+    Scene scene = random_scene(tables, 256, 128, 64, 48, 0);
+    scene.tone.confidence.reset();  // that way is the same code for all of them, and slow
+    for (int again = 0; again < 12; ++again) {
+      scene.tone = tables.tone(scene.table);
+      const Picture expected = blended(Kernel::kScalar, scene);
+      for (const Kernel kernel : kernels().subspan(1)) {
+        ASSERT_EQ(blended(kernel, scene).bytes, expected.bytes) << kernel_name(kernel) << " after " << tiles << " tiles";
+      }
+      for (const GridTable& grid : scene.table.grids) tiles += grid.tile_count();
+    }
   }
-  RC_ASSERT(bands.bytes == whole.bytes);
+}
+
+RC_GTEST_PROP(BlendRows, AnySplitIntoBands_GivesTheSameBytes, (std::uint32_t seed)) {
+  RandomTables tables(seed);
+  Scene scene = random_scene(tables, 1 + tables.below(140), 1 + tables.below(140), 40, 30, 8);
+  const int height = scene.table.height;
+  for (const Kernel kernel : kernels()) {
+    const Picture whole = blended(kernel, scene);
+    Picture bands(scene.table.format, scene.table.width, height, 33);
+    std::vector<int> cuts{0};
+    while (cuts.back() < height) cuts.push_back(std::min(height, cuts.back() + 2 * *rc::gen::inRange(1, 40)));
+    for (std::size_t b = cuts.size() - 1; b > 0; --b) {
+      blend_rows_by(kernel, scene.table, scene.heads, scene.tone, bands.mutable_view(), cuts[b - 1], cuts[b]);
+    }
+    RC_ASSERT(bands.bytes == whole.bytes);
+  }
 }
 
 RC_GTEST_PROP(BlendRows, ConstantScene_GivesExactlyThatConstantWhereCovered, (std::uint32_t seed, std::uint8_t level)) {
-  std::mt19937 random(seed);
-  const PixelFormat head_format = kHeadFormats[random() % 4];
-  const BlendTable table = random_table(random, PixelFormat::kI420, head_format, 11, 9, 3, 9, 7, false);
-  const Picture head(head_format, 9, 7, level);
-  const bool lose_one = random() % 2 == 0;
+  RandomTables tables(seed);
+  const PixelFormat head_format = kHeadFormats[static_cast<std::size_t>(tables.below(4))];
+  BlendTable table = tables.table(PixelFormat::kI420, head_format, 91, 67, 3, 40, 34);
+  for (GridTable& grid : table.grids) grid.gains.clear();
+  table.vignetting_scale = 256;
+  const Picture head(head_format, 40, 34, level);
+  const bool lose_one = tables.below(2) == 0;
   const std::vector<ImageView> heads{lose_one ? ImageView{} : head.view(), head.view(), head.view()};
-  Picture raymap(PixelFormat::kI420, 11, 9);
-  const MutableImageView view = raymap.mutable_view();
-  blend_rows(table, heads, view, 0, 9);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const GridTable& grid = table.grids[table.components[c].grid];
-    for (int s = 0; s < grid.width * grid.height; ++s) {
-      bool covered = false;
-      for (auto t = grid.first[static_cast<std::size_t>(s)]; t < grid.first[static_cast<std::size_t>(s) + 1]; ++t) {
-        covered |= heads[grid.taps[t].head].planes[0].data != nullptr;
-      }
-      RC_ASSERT(view.planes[c].data[s] == (covered ? level : table.components[c].black));
+  for (const Kernel kernel : kernels()) {
+    Picture raymap(PixelFormat::kI420, 91, 67);
+    const MutableImageView view = raymap.mutable_view();
+    blend_rows_by(kernel, table, heads, calibrated_tone(table), view, 0, 67);
+    Picture validity(PixelFormat::kGrey8, 91, 67);
+    validity_rows(table, heads, validity.mutable_view().planes[0], 0, 67);
+    for (std::size_t s = 0; s < validity.bytes.size(); ++s) {
+      RC_ASSERT(view.planes[0].data[s] == (validity.bytes[s] > 0 ? level : 16));
+    }
+    for (std::size_t c = 1; c < 3; ++c) {
+      for (int s = 0; s < 46 * 34; ++s) RC_ASSERT(view.planes[c].data[s] == level || view.planes[c].data[s] == 128);
     }
   }
 }
 
 TEST(BlendRows, YuyvUyvyAndNv12ReadInPlace_EqualTheSamePlanesApart) {
-  std::mt19937 random(7);
+  RandomTables tables(7);
   for (const PixelFormat format : {PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy}) {
-    const BlendTable table = random_table(random, PixelFormat::kI420, format, 10, 8, 1, 8, 6, true);
-    const Picture packed = noise(random, format, 8, 6);
+    const BlendTable table = tables.table(PixelFormat::kI420, format, 100, 80, 1, 70, 46);
+    const Picture packed = noise(tables.random(), format, 70, 46);
     // The same samples, each component in rows of its own.
     std::array<std::vector<std::uint8_t>, 3> planes;
     ImageView apart = packed.view();
@@ -149,28 +146,28 @@ TEST(BlendRows, YuyvUyvyAndNv12ReadInPlace_EqualTheSamePlanesApart) {
       }
       plane = {planes[c].data(), plane.width, plane.height, plane.width, 1};
     }
-    Picture in_place(PixelFormat::kI420, 10, 8);
-    Picture unpacked(PixelFormat::kI420, 10, 8);
-    blend_rows(table, std::vector{packed.view()}, in_place.mutable_view(), 0, 8);
-    blend_rows(table, std::vector{apart}, unpacked.mutable_view(), 0, 8);
-    EXPECT_EQ(in_place.bytes, unpacked.bytes) << pixel_format_name(format);
+    Picture in_place(PixelFormat::kI420, 100, 80);
+    Picture unpacked(PixelFormat::kI420, 100, 80);
+    const SetTone tone = calibrated_tone(table);
+    for (const Kernel kernel : kernels()) {
+      blend_rows_by(kernel, table, std::vector{packed.view()}, tone, in_place.mutable_view(), 0, 80);
+      blend_rows_by(kernel, table, std::vector{apart}, tone, unpacked.mutable_view(), 0, 80);
+      EXPECT_EQ(in_place.bytes, unpacked.bytes) << pixel_format_name(format) << " by " << kernel_name(kernel);
+    }
   }
 }
 
 TEST(BlendRows, BandsOnFourThreads_GiveTheSameBytes) {
-  std::mt19937 random(11);
-  const BlendTable table = random_table(random, PixelFormat::kI420, PixelFormat::kI420, 64, 64, 4, 32, 32, true);
-  std::vector<Picture> pictures;
-  std::vector<ImageView> heads;
-  for (int h = 0; h < 4; ++h) pictures.push_back(noise(random, PixelFormat::kI420, 32, 32));
-  for (const Picture& picture : pictures) heads.push_back(picture.view());
-  Picture one(PixelFormat::kI420, 64, 64);
-  Picture four(PixelFormat::kI420, 64, 64);
-  blend_rows(table, heads, one.mutable_view(), 0, 64);
+  RandomTables tables(11);
+  Scene scene = random_scene(tables, 256, 256, 32, 32, 0);
+  const Picture one = blended(kernels().back(), scene);
+  Picture four(scene.table.format, 256, 256);
   {
     std::vector<std::jthread> threads;
     for (int band = 0; band < 4; ++band) {
-      threads.emplace_back([&, band] { blend_rows(table, heads, four.mutable_view(), 16 * band, 16 * band + 16); });
+      threads.emplace_back([&, band] {
+        blend_rows(scene.table, scene.heads, scene.tone, four.mutable_view(), 64 * band, 64 * band + 64);
+      });
     }
   }
   EXPECT_EQ(one.bytes, four.bytes);

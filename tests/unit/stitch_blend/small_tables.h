@@ -1,6 +1,7 @@
-// Hand-made tables and pictures, small enough to work out on paper.
+// Hand-made tables and pictures, small enough to work out on paper, and random ones that a validated table could be.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <random>
 #include <vector>
@@ -22,72 +23,208 @@ struct Picture {
   std::vector<std::uint8_t> bytes;
 };
 
-/// The grey raymap of one row whose sample i has samples[i] as its taps.
-inline BlendTable grey_row(const std::vector<std::vector<Tap>>& samples, int heads, int head_width, int head_height) {
-  BlendTable table;
-  table.format = PixelFormat::kGrey8;
-  table.width = static_cast<int>(samples.size());
-  table.height = 1;
-  table.sources.assign(static_cast<std::size_t>(heads), {PixelFormat::kGrey8, head_width, head_height});
-  GridTable grid{table.width, 1, 1, {0}, {}};
-  for (const std::vector<Tap>& taps : samples) {
-    grid.taps.insert(grid.taps.end(), taps.begin(), taps.end());
-    grid.first.push_back(static_cast<std::uint32_t>(grid.taps.size()));
-  }
-  table.grids.push_back(std::move(grid));
-  return table;
-}
-
-inline constexpr std::uint16_t kOneGain = 1 << kGainBits;
-inline constexpr std::uint16_t kOneWeight = 1 << kWeightBits;
-inline constexpr std::uint16_t kHalf = 1 << (kFractionBits - 1);
-
-/// A table over `heads` heads of head_width x head_height with up to three random taps a sample, some samples
-/// without any. Every value a validated table may have can appear.
-inline BlendTable random_table(std::mt19937& random, PixelFormat format, PixelFormat head_format, int width,
-                               int height, int heads, int head_width, int head_height, bool with_gains) {
-  const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
-  BlendTable table;
-  table.format = format;
-  table.width = width;
-  table.height = height;
-  table.sources.assign(static_cast<std::size_t>(heads), {head_format, head_width, head_height});
-  if (with_gains) {
-    for (auto& source : table.sources) {
-      for (auto& gain : source.gain) gain = static_cast<std::uint16_t>(1 + below(kMaxGain));
-      source.sharpen = static_cast<std::uint8_t>(below(3) == 0 ? 0 : below(kMaxSharpen + 1));
-    }
-  }
-  const bool chroma = format == PixelFormat::kI420;
-  const ImageView head = packed_image(head_format, head_width, head_height, static_cast<const std::uint8_t*>(nullptr));
-  for (std::size_t g = 0; g < (chroma ? 2U : 1U); ++g) {
-    GridTable grid{g == 0 ? width : (width + 1) / 2, g == 0 ? height : (height + 1) / 2, g == 0 ? 1 : 2, {0}, {}};
-    for (int s = 0; s < grid.width * grid.height; ++s) {
-      int left = kOneWeight;
-      for (int n = below(4); n > 0; --n) {
-        const int weight = n == 1 ? left : 1 + below(left - n);
-        left -= weight;
-        grid.taps.push_back({static_cast<std::uint16_t>(below(head.planes[g].width - 1)),
-                             static_cast<std::uint16_t>(below(head.planes[g].height - 1)),
-                             static_cast<std::uint16_t>(below(1 << kFractionBits)),
-                             static_cast<std::uint16_t>(below(1 << kFractionBits)),
-                             static_cast<std::uint16_t>(weight),
-                             static_cast<std::uint16_t>(with_gains ? 1 + below(kMaxGain) : kOneGain),
-                             static_cast<HeadIndex>(below(heads)), 0});
-      }
-      grid.first.push_back(static_cast<std::uint32_t>(grid.taps.size()));
-    }
-    table.grids.push_back(std::move(grid));
-  }
-  if (chroma) table.components = {{{0, 16, 1}, {1, 128, 1}, {1, 128, 1}}};
-  if (format == PixelFormat::kRgb24) table.components = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
-  return table;
-}
-
 inline Picture noise(std::mt19937& random, PixelFormat format, int width, int height) {
   Picture picture(format, width, height);
   for (auto& byte : picture.bytes) byte = static_cast<std::uint8_t>(random());
   return picture;
 }
+
+inline constexpr std::uint16_t kOneGain = 1 << kGainBits;
+inline constexpr int kOneWeight = 1 << kWeightBits;
+inline constexpr std::uint16_t kOnePixel = 1 << kFractionBits;
+
+/// What one head gives to one pixel of a table made by hand.
+struct Look {
+  HeadIndex head = 0;
+  int x = 0;  ///< in 1/4096 samples of the picture, which is at most 16 wide and high
+  int y = 0;
+  int weight = kOneWeight;
+};
+
+/// The grey raymap of one row of up to eight pixels, pixel i made of looks[i]; one record a head.
+inline BlendTable grey_row(const std::vector<std::vector<Look>>& looks, int heads, int side) {
+  BlendTable table;
+  table.format = PixelFormat::kGrey8;
+  table.width = static_cast<int>(looks.size());
+  table.height = 1;
+  table.sources.assign(static_cast<std::size_t>(heads), {PixelFormat::kGrey8, side, side});
+  GridTable grid;
+  grid.width = table.width;
+  grid.height = 1;
+  grid.tiles.push_back({0, static_cast<std::uint32_t>(Sharing::kOpen) << 30});
+  for (int h = 0; h < heads; ++h) {
+    PatchRecord record;
+    record.head = static_cast<HeadIndex>(h);
+    record.level = PatchRecord::kListed;
+    record.x[0] = static_cast<std::int16_t>(h);
+    record.rows = {0 | 14 << 4, 0 | 14 << 4};
+    grid.records.push_back(record);
+    grid.weights.resize(grid.weights.size() + kTilePixels);
+    grid.coordinates.resize(grid.coordinates.size() + 2 * kTilePixels);
+    for (std::size_t i = 0; i < looks.size(); ++i) {
+      for (const Look& look : looks[i]) {
+        if (look.head != h) continue;
+        grid.weights[grid.weights.size() - kTilePixels + i] = static_cast<std::int16_t>(-look.weight);
+        grid.coordinates[grid.coordinates.size() - 2 * kTilePixels + i] = static_cast<std::uint16_t>(look.x);
+        grid.coordinates[grid.coordinates.size() - kTilePixels + i] = static_cast<std::uint16_t>(look.y);
+      }
+    }
+  }
+  const auto end = static_cast<std::uint32_t>(grid.records.size());
+  grid.tiles.resize(grid.tile_count() + 1, {end, 0});
+  table.grids.push_back(std::move(grid));
+  return table;
+}
+
+/// Draws tables over `heads` heads of one size: every way of giving coordinates and of sharing pixels can appear, with
+/// every value a validated table may have.
+class RandomTables {
+ public:
+  explicit RandomTables(std::uint32_t seed) : random_(seed) {}
+
+  std::mt19937& random() { return random_; }
+  int below(int n) { return static_cast<int>(random_() % static_cast<unsigned>(n)); }
+
+  BlendTable table(PixelFormat format, PixelFormat head_format, int width, int height, int heads, int head_width,
+                   int head_height) {
+    BlendTable table;
+    table.format = format;
+    table.width = width;
+    table.height = height;
+    table.sources.assign(static_cast<std::size_t>(heads), {head_format, head_width, head_height});
+    const bool chroma = format == PixelFormat::kI420;
+    const bool gains = below(2) == 0;
+    table.vignetting_scale = static_cast<std::uint16_t>(gains ? 257 + below(1792) : 256);
+    const ImageView head = packed_image(head_format, head_width, head_height, static_cast<const std::uint8_t*>(nullptr));
+    for (std::size_t g = 0; g < (chroma ? 2U : 1U); ++g) {
+      GridTable grid;
+      grid.width = g == 0 ? width : (width + 1) / 2;
+      grid.height = g == 0 ? height : (height + 1) / 2;
+      grid.row_step = g == 0 ? 1 : 2;
+      for (std::size_t t = 0; t < grid.tile_count(); ++t) add_tile(grid, heads, head.planes[g], gains);
+      grid.tiles.push_back({static_cast<std::uint32_t>(grid.records.size()), 0});
+      table.grids.push_back(std::move(grid));
+    }
+    if (chroma) table.components = {{{0, 16, 0}, {1, 128, 1}, {1, 128, 1}}};
+    if (format == PixelFormat::kRgb24) table.components = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
+    return table;
+  }
+
+  /// Some of everything that a set may ask of its blend.
+  SetTone tone(const BlendTable& table) {
+    SetTone tone = calibrated_tone(table);
+    if (below(3) == 0) {
+      tone.gains = true;
+      for (HeadTone& head : tone.heads) {
+        for (auto& gain : head.gain) gain = static_cast<std::uint16_t>(1 + below(kMaxToneGain));
+      }
+    }
+    for (OutputTone& output : tone.output) output.scale = static_cast<std::uint16_t>(1 + below(below(2) == 0 ? 512 : 32767));
+    if (below(2) == 0) {
+      for (HeadTone& head : tone.heads) {
+        for (auto& curve : head.curve) {
+          if (below(2) == 0) continue;
+          curve.emplace();
+          for (auto& knot : curve->knots) knot = static_cast<std::int16_t>(below(kMaxSample + 1));
+        }
+      }
+    }
+    if (below(3) == 0) {
+      tone.output[0].curve.emplace();
+      for (auto& knot : tone.output[0].curve->knots) knot = static_cast<std::int16_t>(below(kMaxSample + 1));
+    }
+    return tone;
+  }
+
+ private:
+  void add_tile(GridTable& grid, int heads, const PlaneView& plane, bool gains) {
+    const auto how = static_cast<Sharing>(below(4));
+    const int records = how == Sharing::kAlone ? below(2) : 1 + below(4);
+    grid.tiles.push_back({static_cast<std::uint32_t>(grid.records.size()),
+                          static_cast<std::uint32_t>(how) << 30 | static_cast<std::uint32_t>(grid.weights.size() / 4)});
+    std::array<int, kTilePixels> left;
+    left.fill(kOneWeight);
+    for (int r = 0; r < records; ++r) {
+      add_record(grid, heads, plane);
+      const bool last = r + 1 == records;
+      if (how == Sharing::kBilinear && !last) {
+        const int most = kOneWeight / records;  // from 0 to most in i, in j, or in both
+        const int slope = most / 7 / (1 + below(100)), both = below(most / 49 + 1);
+        const std::array<int, 4> ways[] = {{most, 0, 0, 0}, {0, slope, 0, 0}, {most, 0, -slope, 0}, {0, 0, 0, both}};
+        for (const int q : ways[below(4)]) grid.weights.push_back(static_cast<std::int16_t>(-q));
+      } else if ((how == Sharing::kListed && !last) || how == Sharing::kOpen) {
+        for (int& rest : left) {
+          const int choice = below(4);
+          const bool close = last && how == Sharing::kOpen && rest < kOneWeight;  // nobody looks where nobody has yet
+          const int weight = close || choice == 0 ? rest : last ? 0 : choice == 1 ? 0 : below(rest + 1);
+          rest -= weight;
+          grid.weights.push_back(static_cast<std::int16_t>(-weight));
+        }
+      }
+      if (!gains) continue;
+      const auto slope = static_cast<std::int16_t>(below(200));
+      grid.gains.push_back({static_cast<std::int16_t>(1500 + below(20000)), slope, static_cast<std::int16_t>(-slope),
+                            static_cast<std::int16_t>(below(100))});
+    }
+  }
+
+  void add_record(GridTable& grid, int heads, const PlaneView& plane) {
+    PatchRecord record;
+    record.head = static_cast<HeadIndex>(below(heads));
+    record.left = static_cast<std::uint16_t>(below(std::max(1, plane.width - kPatch + 1)));
+    record.top = static_cast<std::uint16_t>(below(std::max(1, plane.height - kPatch + 1)));
+    const int end_x = std::min(kPatch - 1, plane.width - 1 - record.left) << kFractionBits;
+    const int end_y = std::min(kPatch - 1, plane.height - 1 - record.top) << kFractionBits;
+    if (below(3) == 0) {
+      record.level = PatchRecord::kListed;
+      record.x[0] = static_cast<std::int16_t>(grid.coordinates.size() / (2 * kTilePixels));
+      for (const int end : {end_x, end_y}) {
+        for (int p = 0; p < kTilePixels; ++p) grid.coordinates.push_back(static_cast<std::uint16_t>(below(end)));
+      }
+      record.rows = {0 | 14 << 4, 0 | 14 << 4};
+    } else {
+      record.x = polynomial(end_x);
+      record.y = polynomial(end_y);
+      for (int half = 0; half < 2; ++half) {
+        int first = 14, last = 0;
+        for (int j = 4 * half; j < 4 * half + 4; ++j) {
+          for (int i = 0; i < 8; ++i) {
+            const int y = (at(record.y, i, j) & 0xffff) >> kFractionBits;
+            first = std::min(first, y);
+            last = std::max(last, y);
+          }
+        }
+        record.rows[static_cast<std::size_t>(half)] = static_cast<std::uint8_t>(first | last << 4);
+      }
+    }
+    grid.records.push_back(record);
+  }
+
+  static int at(const Quadratic& q, int i, int j) {
+    return q[0] + q[1] * i + q[2] * j + q[3] * i * j + q[4] * i * i + q[5] * j * j;
+  }
+
+  /// Below `end` and not negative all over a tile.
+  Quadratic polynomial(int end) {
+    const int room = end - 1;
+    Quadratic q{};
+    q[1] = static_cast<std::int16_t>(below(room / 21 + 1));
+    q[2] = static_cast<std::int16_t>(below(room / 21 + 1));
+    for (std::size_t k = 3; k < 6; ++k) q[k] = static_cast<std::int16_t>(below(room / 441 + 1));
+    int most = 0;
+    for (int j = 0; j < 8; ++j) {
+      for (int i = 0; i < 8; ++i) most = std::max(most, at(q, i, j));
+    }
+    const int start = below(std::max(1, end - most));
+    q[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(start));
+    if (below(2) == 0 && start + most < 32768) {  // and falling ones, too
+      q[0] = static_cast<std::int16_t>(start + most);
+      for (std::size_t k = 1; k < 6; ++k) q[k] = static_cast<std::int16_t>(-q[k]);
+    }
+    return q;
+  }
+
+  std::mt19937 random_;
+};
 
 }  // namespace nodal::blend::test

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "rigs.h"
+#include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
 
 namespace nodal::table {
@@ -16,24 +17,27 @@ using test::cube_rig;
 void expect_equal(const blend::BlendTable& a, const blend::BlendTable& b) {
   ASSERT_EQ(a.grids.size(), b.grids.size());
   for (std::size_t g = 0; g < a.grids.size(); ++g) {
-    EXPECT_EQ(a.grids[g].first, b.grids[g].first);
-    EXPECT_EQ(a.grids[g].taps, b.grids[g].taps);
+    EXPECT_EQ(a.grids[g].tiles, b.grids[g].tiles);
+    EXPECT_EQ(a.grids[g].records, b.grids[g].records);
+    EXPECT_EQ(a.grids[g].weights, b.grids[g].weights);
+    EXPECT_EQ(a.grids[g].coordinates, b.grids[g].coordinates);
+    EXPECT_EQ(a.grids[g].gains, b.grids[g].gains);
   }
 }
 
 TEST(TableCompiler, AnyPartitionOnAnyThreads_GivesTheSameTable) {
   const Calibration rig = cube_rig(48);
-  const RaymapSpec spec{"equirectangular", 64, 32, PixelFormat::kI420};
+  const RaymapSpec spec{"equirectangular", 136, 68, PixelFormat::kI420};
   const std::vector<PixelFormat> formats(6, PixelFormat::kYuyv);
   const Result<blend::BlendTable> whole = compile_blend_table(rig, spec, formats);
   ASSERT_TRUE(whole) << whole.error().text();
 
   Result<TableCompiler> compiler = TableCompiler::make(rig, spec, formats);
   ASSERT_TRUE(compiler);
-  ASSERT_EQ(compiler->row_count(), 32 + 16);
+  ASSERT_EQ(compiler->row_count(), 9 + 5);  // of tiles
   {
     std::vector<std::jthread> threads;
-    for (const auto& [begin, end] : {std::pair{30, 48}, std::pair{0, 7}, std::pair{7, 8}, std::pair{8, 30}}) {
+    for (const auto& [begin, end] : {std::pair{8, 14}, std::pair{0, 3}, std::pair{3, 4}, std::pair{4, 8}}) {
       threads.emplace_back([&compiler, begin = begin, end = end] { compiler->compile_rows(begin, end); });
     }
   }
@@ -52,29 +56,32 @@ TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   EXPECT_EQ(table->grids[1].width, 24);
   EXPECT_EQ(table->grids[1].height, 16);
   int lowest_yuyv = 0;
-  for (const blend::Tap& tap : table->grids[1].taps) {
-    if (tap.head == 2) lowest_yuyv = std::max<int>(lowest_yuyv, tap.y);
-    if (tap.head == 0) {
-      EXPECT_LE(tap.y, 22);
+  for (const blend::PatchRecord& record : table->grids[1].records) {
+    const int bottom = record.top + (std::max(record.rows[0], record.rows[1]) >> 4) + 1;
+    if (record.head == 2) lowest_yuyv = std::max(lowest_yuyv, bottom);
+    if (record.head == 0) {
+      EXPECT_LE(bottom, 23);
     }
   }
   EXPECT_GT(lowest_yuyv, 40);  // its chroma has all 48 rows
 }
 
-TEST(TableCompiler, GapBetweenHeads_HasNoTaps) {
+TEST(TableCompiler, GapBetweenHeads_IsCoveredByNobody) {
   Calibration rig = cube_rig(48);
   rig.heads.resize(1);
   const auto layout = geometry::make_layout("equirectangular", 64, 32).value();
   const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
   const Result<blend::BlendTable> table = compile_blend_table(rig, *layout, PixelFormat::kGrey8, formats);
   ASSERT_TRUE(table) << table.error().text();
-  const blend::GridTable& grid = table->grids[0];
+  std::vector<std::uint8_t> validity(64 * 32);
+  const std::vector<std::uint8_t> picture(48 * 48);
+  blend::validity_rows(*table, std::vector{packed_image(PixelFormat::kGrey8, 48, 48, picture.data())},
+                       {validity.data(), 64, 32, 64, 1}, 0, 32);
   for (int y = 0; y < 32; ++y) {
     for (int x = 0; x < 64; ++x) {
       const geometry::Ray ray = layout->ray(x + 0.5, y + 0.5).value();
       const bool ahead = ray.z() > 0 && std::max(std::abs(ray.x()), std::abs(ray.y())) / ray.z() < 1.327;
-      const auto s = static_cast<std::size_t>(y * 64 + x);
-      EXPECT_EQ(grid.first[s + 1] - grid.first[s], ahead ? 1U : 0U) << x << ", " << y;
+      EXPECT_EQ(validity[static_cast<std::size_t>(y * 64 + x)], ahead ? 255 : 0) << x << ", " << y;
     }
   }
 }

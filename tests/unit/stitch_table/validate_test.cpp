@@ -5,10 +5,12 @@
 
 #include <functional>
 #include <random>
+#include <stdexcept>
 
 #include "rigs.h"
 #include "stitch/blend/blend.h"
 #include "stitch/table/table_compiler.h"
+#include "tests/reference/prepared_heads.h"
 
 namespace nodal::table {
 namespace {
@@ -17,13 +19,30 @@ using blend::BlendTable;
 
 const BlendTable& good_table() {
   static const BlendTable table = [] {
-    Calibration rig = test::cube_rig(16);
-    rig.heads.pop_back();  // a hole, so that some samples have no taps
+    Calibration rig = test::cube_rig(24);
+    rig.heads.pop_back();  // a hole
+    for (HeadCalibration& head : rig.heads) head.vignetting.coefficients = {-0.1, 0, 0};
     const std::vector<PixelFormat> formats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
                                            PixelFormat::kUyvy, PixelFormat::kI420};
-    return compile_blend_table(rig, {"equirectangular", 12, 6, PixelFormat::kI420}, formats).value();
+    return compile_blend_table(rig, {"equirectangular", 40, 20, PixelFormat::kI420}, formats).value();
   }();
   return table;
+}
+
+/// A tile of the first grid that several records share by lists or coefficients.
+blend::Tile& shared_tile(BlendTable& table) {
+  for (blend::Tile& tile : table.grids[0].tiles) {
+    if (tile.how() != blend::Sharing::kAlone && (&tile + 1)->record > tile.record + 1) return tile;
+  }
+  throw std::logic_error("no tile is shared");
+}
+
+/// A record of the first grid with polynomials.
+blend::PatchRecord& plain_record(BlendTable& table) {
+  for (blend::PatchRecord& record : table.grids[0].records) {
+    if (!record.listed()) return record;
+  }
+  throw std::logic_error("every record is listed");
 }
 
 struct Fault {
@@ -42,25 +61,36 @@ std::vector<Fault> faults() {
       {"HeadGain", "head 2: gain 40000", [](BlendTable& t) { t.sources[2].gain[1] = 40000; }},
       {"Sharpening", "head 0: sharpening 17", [](BlendTable& t) { t.sources[0].sharpen = 17; }},
       {"RaymapFormat", "raymap format NV12", [](BlendTable& t) { t.format = PixelFormat::kNv12; }},
-      {"RaymapOfNothing", "raymap of 0 x 6", [](BlendTable& t) { t.width = 0; }},
+      {"RaymapOfNothing", "raymap of 0 x 20", [](BlendTable& t) { t.width = 0; }},
       {"GridMissing", "1 grids", [](BlendTable& t) { t.grids.pop_back(); }},
-      {"GridOfAnotherSize", "grid 1", [](BlendTable& t) { t.grids[1].width = 7; }},
+      {"GridOfAnotherSize", "grid 1", [](BlendTable& t) { t.grids[1].width = 19; }},
       {"GridStep", "grid 1", [](BlendTable& t) { t.grids[1].row_step = 1; }},
       {"ComponentOnTheWrongGrid", "component 2", [](BlendTable& t) { t.components[2].grid = 0; }},
-      {"GainRow", "component 0", [](BlendTable& t) { t.components[0].gain_row = 3; }},
-      {"FirstTooShort", "grid 0: first[]", [](BlendTable& t) { t.grids[0].first.pop_back(); }},
-      {"FirstNotFromZero", "begin at 0", [](BlendTable& t) { t.grids[0].first[0] = 1; }},
-      {"FirstPastTheEnd", "last tap", [](BlendTable& t) { t.grids[1].first.back() += 1; }},
-      {"FirstFalls", "grid 0, sample (2, 1)", [](BlendTable& t) { t.grids[0].first[15] = 0; }},
-      {"FirstRunsAway", "grid 0, sample (1, 0)", [](BlendTable& t) { t.grids[0].first[2] = 1U << 31; }},
-      {"HeadNotThere", "tap 0: names a head", [](BlendTable& t) { t.grids[0].taps[0].head = 5; }},
-      {"RightOfThePicture", "tap 0: reads outside", [](BlendTable& t) { t.grids[0].taps[0].x = 15; }},
-      {"BelowThePicture", "reads outside", [](BlendTable& t) { t.grids[1].taps[0].y = 65535; }},
-      {"FractionOfOne", "fraction", [](BlendTable& t) { t.grids[0].taps[0].fraction_y = 4096; }},
-      {"NoWeight", "weight of nothing", [](BlendTable& t) { t.grids[0].taps[0].weight = 0; }},
-      {"WeightsOff", "weights sum to", [](BlendTable& t) { t.grids[1].taps[0].weight -= 1; }},
-      {"NoGain", "gain out of range", [](BlendTable& t) { t.grids[0].taps[0].gain = 0; }},
-      {"Reserved", "reserved", [](BlendTable& t) { t.grids[0].taps[0].reserved = 1; }},
+      {"ToneClass", "component 0", [](BlendTable& t) { t.components[0].tone = 3; }},
+      {"NoLevels", "head 3: 0 levels", [](BlendTable& t) { t.sources[3].levels = 0; }},
+      {"VignettingScale", "vignetting scale 255", [](BlendTable& t) { t.vignetting_scale = 255; }},
+      {"TilesTooFew", "grid 0: there is not", [](BlendTable& t) { t.grids[0].tiles.pop_back(); }},
+      {"TilesNotFromZero", "begin with the first", [](BlendTable& t) { t.grids[0].tiles[0].record = 1; }},
+      {"TilesPastTheEnd", "last record", [](BlendTable& t) { t.grids[1].tiles.back().record += 1; }},
+      {"TilesFall", "grid 0, tile (1, 0): its records fall", [](BlendTable& t) { t.grids[0].tiles[2].record = 0; }},
+      {"GainsTooFew", "one gain a record", [](BlendTable& t) { t.grids[0].gains.pop_back(); }},
+      {"ListCutShort", "cut short", [](BlendTable& t) { t.grids[0].coordinates.resize(127); }},
+      {"WeightsRunAway", "weights run past", [](BlendTable& t) { t.grids[0].tiles[0].sharing |= 0x3fffffff; }},
+      {"SeveralAlone", "are alone", [](BlendTable& t) { shared_tile(t).sharing = 0; }},
+      {"HeadNotThere", "names a head", [](BlendTable& t) { t.grids[0].records[0].head = 5; }},
+      {"LevelNotThere", "names a level", [](BlendTable& t) { t.grids[0].records[0].level |= 3; }},
+      {"PatchRightOfThePicture", "patch outside", [](BlendTable& t) { t.grids[0].records[0].left = 9; }},
+      {"PatchBelowThePicture", "patch outside", [](BlendTable& t) { t.grids[1].records[0].top = 65535; }},
+      {"RowsUpsideDown", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows[0] = 0x12; }},
+      {"RowsBeyond", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows[1] = 0xf0; }},
+      {"RowNotNamed", "does not name", [](BlendTable& t) { t.grids[0].records[0].rows = {0xee, 0xee}; }},
+      {"ListNotThere", "names a list", [](BlendTable& t) {
+         t.grids[0].records[0].level |= blend::PatchRecord::kListed;
+         t.grids[0].records[0].x[1] = 77;
+       }},
+      {"PixelAtThePatchsEdge", "patch's edge", [](BlendTable& t) { plain_record(t).x = {-1, 0, 0, 0, 0, 0}; }},
+      {"NegativeWeight", "less than nothing", [](BlendTable& t) { t.grids[0].weights[shared_tile(t).weights()] = 1; }},
+      {"NoGain", "gain out of range", [](BlendTable& t) { t.grids[0].gains[0] = {0, 0, 0, 0}; }},
   };
 }
 
@@ -84,24 +114,30 @@ void mutate(BlendTable& table, std::mt19937& random) {
   const std::uint32_t value = values[random() % 16];
   const auto set = [&](auto& field) { field = static_cast<std::remove_reference_t<decltype(field)>>(value); };
   blend::GridTable& grid = pick(table.grids);
-  blend::Tap& tap = pick(grid.taps);
+  blend::PatchRecord& record = pick(grid.records);
   BlendTable::Source& source = pick(table.sources);
-  switch (random() % 16) {
-    case 0: set(pick(grid.first)); break;
+  switch (random() % 22) {
+    case 0: set(pick(grid.tiles).record); break;
     case 1: set(grid.width); break;
     case 2: set(grid.height); break;
     case 3: set(grid.row_step); break;
-    case 4: set(tap.x); break;
-    case 5: set(tap.y); break;
-    case 6: set(tap.fraction_x); break;
-    case 7: set(tap.weight); break;
-    case 8: set(tap.gain); break;
-    case 9: set(tap.head); break;
+    case 4: set(record.left); break;
+    case 5: set(record.top); break;
+    case 6: set(pick(record.x)); break;
+    case 7: set(pick(record.y)); break;
+    case 8: set(pick(record.rows)); break;
+    case 9: set(record.head); break;
     case 10: set(source.width); break;
     case 11: source.format = static_cast<PixelFormat>(1 + value % 7); break;
     case 12: set(pick(table.components).grid); break;
     case 13: set(table.width); break;
     case 14: source.height = static_cast<int>(value % 64); break;
+    case 15: set(record.level); break;
+    case 16: set(pick(grid.tiles).sharing); break;
+    case 17: pick(grid.tiles).sharing ^= 1U << (random() % 32); break;
+    case 18: if (!grid.weights.empty()) set(pick(grid.weights)); break;
+    case 19: if (!grid.coordinates.empty()) set(pick(grid.coordinates)); break;
+    case 20: set(pick(pick(grid.gains))); break;
     default: set(pick(source.gain)); break;
   }
 }
@@ -125,8 +161,11 @@ RC_GTEST_PROP(ValidateBlendTable, AnyMutatedTable_IsRefusedOrRunsInBounds, (std:
     heads.push_back(packed_image(source.format, source.width, source.height, std::as_const(memory.back()).data()));
   }
   std::vector<std::uint8_t> raymap(packed_size(table.format, table.width, table.height));
-  blend::blend_rows(table, heads, packed_image(table.format, table.width, table.height, raymap.data()), 0,
-                    table.height);
+  const test::PreparedHeads prepared(table, heads);
+  for (const blend::Kernel kernel : blend::kernels()) {
+    blend::blend_rows_by(kernel, table, prepared.views(), blend::calibrated_tone(table),
+                         packed_image(table.format, table.width, table.height, raymap.data()), 0, table.height);
+  }
   std::vector<std::uint8_t> validity(static_cast<std::size_t>(table.width) * static_cast<std::size_t>(table.height));
   blend::validity_rows(table, heads, {validity.data(), table.width, table.height, table.width, 1}, 0, table.height);
 }

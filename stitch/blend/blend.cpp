@@ -1,0 +1,100 @@
+#include "stitch/blend/blend.h"
+
+#include <algorithm>
+#include <array>
+
+#include "stitch/blend/blend_job.h"
+#include "stitch/blend/tile_math.h"
+
+namespace nodal::blend {
+namespace {
+
+struct Kernels {
+  std::array<Kernel, 3> list{Kernel::kScalar};
+  std::size_t count = 1;
+  Kernels() {
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2")) list[count++] = Kernel::kAvx2;
+    if (__builtin_cpu_supports("avx512vbmi") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512vl")) {
+      list[count++] = Kernel::kAvx512;
+    }
+#endif
+  }
+};
+
+/// The rows of a tile that are asked for, as validity.
+void validity_of_tile(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int column,
+                      int row, int row_begin, int row_end) {
+  const GridTable& grid = table.grids[0];
+  const std::size_t t = grid.tile_index(column, row);
+  const Tile& tile = grid.tiles[t];
+  std::array<std::uint32_t, kTilePixels> there{};
+  Weights weights;
+  const std::size_t records = grid.tiles[t + 1].record - tile.record;
+  WeightReader reader(grid, tile, records);
+  for (std::size_t r = tile.record; r < tile.record + records; ++r) {
+    reader.next(weights);
+    if (pictures[grid.records[r].head].planes[0].data == nullptr) continue;
+    for (std::size_t p = 0; p < kTilePixels; ++p) there[p] += weights[p];
+  }
+  for (int y = std::max(row_begin, row * kTile); y < std::min(row_end, (row + 1) * kTile); ++y) {
+    for (int x = column * kTile; x < std::min(grid.width, (column + 1) * kTile); ++x) {
+      const auto i = static_cast<std::size_t>(x % kTile);
+      const std::uint32_t weight = there[pixel_place(i, static_cast<std::size_t>(y % kTile))];
+      const std::uint32_t share = weight * 255 >> kWeightBits;
+      const bool part = weight > 0 && weight < 1U << kWeightBits;
+      validity.data[y * validity.row_stride + std::ptrdiff_t{x} * validity.pixel_stride] =
+          static_cast<std::uint8_t>(part ? std::clamp(share, 1U, 254U) : share);
+    }
+  }
+}
+
+}  // namespace
+
+std::string_view kernel_name(Kernel kernel) {
+  switch (kernel) {
+    case Kernel::kScalar: return "scalar";
+    case Kernel::kAvx2: return "avx2";
+    case Kernel::kAvx512: return "avx512";
+  }
+  return "unknown";
+}
+
+std::span<const Kernel> kernels() {
+  static const Kernels here;
+  return std::span(here.list).first(here.count);
+}
+
+void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone, const MutableImageView& raymap,
+                int row_begin, int row_end) {
+  blend_rows_by(kernels().back(), table, pictures, tone, raymap, row_begin, row_end);
+}
+
+void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, const SetTone& tone,
+                   const MutableImageView& raymap, int row_begin, int row_end) {
+  for (std::size_t g = 0; g < table.grids.size(); ++g) {
+    BlendJob job;
+    make_job(table, g, pictures, tone, raymap, row_begin, row_end, job);
+    switch (kernel) {
+#if defined(__x86_64__)
+      case Kernel::kAvx2: blend_avx2(job); break;
+      case Kernel::kAvx512: blend_avx512(job); break;
+#endif
+      default: blend_scalar(job); break;
+    }
+  }
+}
+
+void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,
+                   int row_end) {
+  const GridTable& grid = table.grids[0];
+  for (int row = row_begin / kTile; row * kTile < std::min(row_end, grid.height); ++row) {
+    for (int column = 0; column * kTile < grid.width; ++column) {
+      validity_of_tile(table, pictures, validity, column, row, row_begin, row_end);
+    }
+  }
+}
+
+}  // namespace nodal::blend

@@ -1,0 +1,406 @@
+// The blend by AVX2: the rows of a patch that half a tile needs are gone through one by one, and every row gives, by a
+// shuffle of its 16 bytes, the samples of the pixels that lie in it.
+#include <immintrin.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <span>
+
+#include "stitch/blend/blend_job.h"
+#include "stitch/blend/target.h"
+
+NODAL_TARGET_BEGIN("avx2")
+
+#include "stitch/blend/tile_driver.h"
+
+namespace nodal::blend {
+namespace {
+
+using V = __m256i;
+
+/// Half a tile in two registers: its two even rows, and its two odd ones. A 128-bit lane is a row.
+struct Rows {
+  V even;
+  V odd;
+};
+
+inline V all(int value) { return _mm256_set1_epi16(static_cast<short>(value)); }
+inline V add(V a, V b) { return _mm256_add_epi16(a, b); }
+inline V mul(V a, V b) { return _mm256_mullo_epi16(a, b); }
+inline V lanes(short lower, short upper) {
+  return _mm256_set_m128i(_mm_set1_epi16(upper), _mm_set1_epi16(lower));
+}
+inline V row(const std::uint8_t* at) {
+  return _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(at)));
+}
+inline V load(const void* at) { return _mm256_loadu_si256(static_cast<const V*>(at)); }
+
+/// i, and of each half of a tile j, jj, 2j + 1 of its even rows.
+struct Steps {
+  V i, ii;
+  V j[2], jj[2], next[2];
+};
+inline Steps steps() {
+  const V i = _mm256_broadcastsi128_si256(_mm_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7));
+  return {i, mul(i, i), {lanes(0, 2), lanes(4, 6)}, {lanes(0, 4), lanes(16, 36)}, {lanes(1, 5), lanes(9, 13)}};
+}
+
+/// A polynomial over a tile, before its rows are told apart.
+struct Polynomial {
+  V constant;  ///< with what goes with i
+  V by_j;
+  V by_jj;
+};
+inline Polynomial quadratic(const Quadratic& q, const Steps& s) {
+  return {add(add(all(q[0]), mul(all(q[1]), s.i)), mul(all(q[4]), s.ii)), add(all(q[2]), mul(all(q[3]), s.i)),
+          all(q[5])};
+}
+inline Rows at_half(const Polynomial& p, const Steps& s, std::size_t half) {
+  const V even = add(add(p.constant, mul(p.by_j, s.j[half])), mul(p.by_jj, s.jj[half]));
+  return {even, add(even, add(p.by_j, mul(p.by_jj, s.next[half])))};
+}
+inline Rows bilinear_half(const std::int16_t* q, const Steps& s, std::size_t half) {
+  const V by_j = add(all(q[2]), mul(all(q[3]), s.i));
+  const V even = add(add(all(q[0]), mul(all(q[1]), s.i)), mul(by_j, s.j[half]));
+  return {even, add(even, by_j)};
+}
+
+/// Where half a tile's pixels lie in a patch, ready for use.
+struct Places {
+  V place;      ///< bytes, by pixel: row * 16 + column of the upper left sample
+  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of 128
+  Rows down;    ///< the lower row's share, of 2^15
+};
+
+inline V place_in_patch(V x, V y) {
+  return _mm256_or_si256(_mm256_and_si256(_mm256_srli_epi16(y, 8), all(0xf0)), _mm256_srli_epi16(x, 12));
+}
+inline V shares_across(V x) {
+  const V f = _mm256_max_epi16(_mm256_and_si256(_mm256_srli_epi16(x, 5), all(127)), all(1));
+  return add(_mm256_slli_epi16(f, 8), _mm256_sub_epi16(all(128), f));
+}
+inline V share_down(V y) { return _mm256_and_si256(_mm256_slli_epi16(y, 3), all(0x7ff8)); }
+
+inline Places places(Rows x, Rows y) {
+  return {_mm256_packus_epi16(place_in_patch(x.even, y.even), place_in_patch(x.odd, y.odd)),
+          {shares_across(x.even), shares_across(x.odd)},
+          {share_down(y.even), share_down(y.odd)}};
+}
+
+/// Both coordinates of a record's pixels.
+class Coordinates {
+ public:
+  Coordinates(const GridTable& grid, const PatchRecord& record, const Steps& s) {
+    if (record.listed()) {
+      list_ = grid.coordinates.data() + record.list() * 2 * kTilePixels;
+    } else {
+      x_ = quadratic(record.x, s);
+      y_ = quadratic(record.y, s);
+    }
+  }
+  Places half(const Steps& s, std::size_t half) const {
+    if (list_ != nullptr) {
+      const std::uint16_t* at = list_ + 16 * half;
+      return places({load(at), load(at + 32)}, {load(at + 64), load(at + 96)});
+    }
+    return places(at_half(x_, s, half), at_half(y_, s, half));
+  }
+
+ private:
+  const std::uint16_t* list_ = nullptr;
+  Polynomial x_{};
+  Polynomial y_{};
+};
+
+/// 64 values by pixel_place(), of half a tile.
+inline Rows listed_half(const std::int16_t* values, std::size_t half) {
+  return {load(values + 16 * half), load(values + 32 + 16 * half)};
+}
+
+/// A patch: its first row, and how far apart its rows are.
+struct Patch {
+  const std::uint8_t* data = nullptr;
+  std::ptrdiff_t stride = 0;
+};
+using Staged = std::array<std::uint8_t, kPatch * kPatch>;
+
+/// Brings a component's samples side by side.
+inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t c, int rows, Staged& staged) {
+  const PlaneView& view = plane.views[c];
+  const int height = std::min(rows, view.height - record.top);
+  const int width = std::min(kPatch, view.width - record.left);
+  const std::uint8_t* from = view.data + record.top * view.row_stride + std::ptrdiff_t{record.left} * view.pixel_stride;
+  const V even = all(0xff);
+  for (int y = 0; y < height; ++y, from += view.row_stride) {
+    std::uint8_t* to = staged.data() + y * kPatch;
+    if (plane.lie == Lie::kPairs) {
+      const V both = load(from - plane.offset[c]);
+      const V mine = plane.offset[c] == 0 ? _mm256_and_si256(both, even) : _mm256_srli_epi16(both, 8);
+      const V packed = _mm256_permute4x64_epi64(_mm256_packus_epi16(mine, mine), 0x08);
+      _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(packed));
+    } else if (plane.lie == Lie::kQuads) {
+      const std::uint8_t* group = from - plane.offset[c];
+      const V shift = _mm256_set1_epi32(8 * plane.offset[c]);
+      const V byte = _mm256_set1_epi32(0xff);
+      const V a = _mm256_and_si256(_mm256_srlv_epi32(load(group), shift), byte);
+      const V b = _mm256_and_si256(_mm256_srlv_epi32(load(group + 32), shift), byte);
+      const V words = _mm256_packus_epi32(a, b);  // a0-3 b0-3 a4-7 b4-7
+      const V bytes = _mm256_packus_epi16(words, words);
+      const V order = _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5);
+      _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(bytes, order)));
+    } else {
+      for (int x = 0; x < width; ++x) to[x] = from[std::ptrdiff_t{x} * view.pixel_stride];
+    }
+  }
+}
+
+template <int N>
+inline void find_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Staged, N>& staged,
+                       std::array<Patch, N>& patch) {
+  const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
+  for (std::size_t c = 0; c < N; ++c) {
+    if (plane.lie == Lie::kPlanar) {
+      patch[c] = {plane.data[c] + record.top * plane.row_stride + record.left, plane.row_stride};
+    } else {
+      if (plane.lie == Lie::kAnyhow) staged[c].fill(0);
+      stage(plane, record, c, rows, staged[c]);
+      patch[c] = {staged[c].data(), kPatch};
+    }
+  }
+}
+
+/// base - sample, base 128 times black, of half a tile whose pixels begin in the patch's rows first .. last.
+inline Rows mix(const Patch& patch, const Places& at, int rows, V base) {
+  const int first = rows & 15;
+  const int last = rows >> 4;
+  // A byte picks when its upper half is 7: its pixel's row less the row at hand is nothing. Else its top bit is set.
+  const V mine = _mm256_set1_epi8(0x70);
+  const V next = _mm256_set1_epi8(0x71);
+  const V step = _mm256_set1_epi8(0x10);
+  V place = _mm256_sub_epi8(at.place, _mm256_set1_epi8(static_cast<char>(first << 4)));
+  V p00 = _mm256_setzero_si256(), p10 = p00, p01 = p00, p11 = p00;
+  const std::uint8_t* from = patch.data + first * patch.stride;
+  V upper = row(from);
+  for (int y = first; y <= last; ++y) {
+    from += patch.stride;
+    const V lower = row(from);
+    const V left = _mm256_adds_epu8(place, mine);
+    const V right = _mm256_adds_epu8(place, next);
+    p00 = _mm256_or_si256(p00, _mm256_shuffle_epi8(upper, left));
+    p10 = _mm256_or_si256(p10, _mm256_shuffle_epi8(upper, right));
+    p01 = _mm256_or_si256(p01, _mm256_shuffle_epi8(lower, left));
+    p11 = _mm256_or_si256(p11, _mm256_shuffle_epi8(lower, right));
+    place = _mm256_sub_epi8(place, step);
+    upper = lower;
+  }
+  const auto down = [&](V top, V bottom, V share) {
+    return add(_mm256_mulhrs_epi16(_mm256_sub_epi16(top, bottom), share), _mm256_sub_epi16(base, top));
+  };
+  return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(p00, p10), at.across.even),
+               _mm256_maddubs_epi16(_mm256_unpacklo_epi8(p01, p11), at.across.even), at.down.even),
+          down(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(p00, p10), at.across.odd),
+               _mm256_maddubs_epi16(_mm256_unpackhi_epi8(p01, p11), at.across.odd), at.down.odd)};
+}
+
+/// 16 of the numbers in `of`, by the bytes 2 k, 2 k + 1 in `index` (of which 32 a half each is picked from).
+inline V look_up(const std::int16_t* of, V piece) {
+  const V low = mul(piece, all(0x0202));
+  const V index = add(low, all(0x0100));  // the bytes 2 k and 2 k + 1
+  V found = _mm256_setzero_si256();
+  for (int k = 0; k < 4; ++k) {
+    // Bytes 16 k .. 16 k + 15: as above, the upper half must be 7.
+    const V at = _mm256_adds_epu8(_mm256_sub_epi8(index, _mm256_set1_epi8(static_cast<char>(k << 4))),
+                                  _mm256_set1_epi8(0x70));
+    found = _mm256_or_si256(
+        found, _mm256_shuffle_epi8(row(reinterpret_cast<const std::uint8_t*>(of + 8 * k)), at));
+  }
+  return found;
+}
+
+/// base - curve(sample) for -sample.
+inline V curved(V negative, const Pieces<32>& curve, V base) {
+  const V sample = _mm256_sub_epi16(_mm256_setzero_si256(), negative);
+  const V piece = _mm256_srli_epi16(sample, 10);
+  const V fraction = _mm256_slli_epi16(_mm256_and_si256(sample, all(1023)), 5);
+  const V rise = _mm256_mulhrs_epi16(look_up(curve.rise.data(), piece), fraction);
+  return _mm256_sub_epi16(base, add(look_up(curve.knot.data(), piece), rise));
+}
+
+inline V developed(V light, const Pieces<64>& curve) {
+  const V at = _mm256_max_epi16(light, _mm256_setzero_si256());
+  const V piece = _mm256_srli_epi16(at, 9);
+  const V fraction = _mm256_slli_epi16(_mm256_and_si256(at, all(511)), 6);
+  const V within = _mm256_and_si256(piece, all(31));
+  const V upper = _mm256_cmpgt_epi16(piece, all(31));
+  const auto find = [&](const std::array<std::int16_t, 64>& of) {
+    return _mm256_blendv_epi8(look_up(of.data(), within), look_up(of.data() + 32, within), upper);
+  };
+  const V shown = add(find(curve.knot), _mm256_mulhrs_epi16(find(curve.rise), fraction));
+  return _mm256_srai_epi16(add(shown, all(64)), kSampleBits);
+}
+
+struct Avx2 {
+  template <int N>
+  using Halves = std::array<std::array<Rows, 2>, N>;
+
+  /// Light of all components by one record, negative.
+  template <int N>
+  static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, Halves<N>& dark) {
+    const PatchRecord& record = job.grid->records[r];
+    const Coordinates coordinates(*job.grid, record, s);
+    alignas(32) std::array<Staged, N> staged;
+    std::array<Patch, N> patch;
+    find_patch<N>(job.plane(record), record, staged, patch);
+    const bool alone = job.grid->gains.empty();
+    for (std::size_t half = 0; half < 2; ++half) {
+      const Places at = coordinates.half(s, half);
+      const Rows vignetting = !job.gains || alone ? Rows{} : bilinear_half(job.grid->gains[r].data(), s, half);
+      for (std::size_t c = 0; c < N; ++c) {
+        const V base = all(job.component[c].black);
+        Rows value = mix(patch[c], at, record.rows[half], job.curves ? _mm256_setzero_si256() : base);
+        if (job.curves) {
+          const Pieces<32>& curve = job.curve[record.head][job.component[c].tone];
+          value = {curved(value.even, curve, base), curved(value.odd, curve, base)};
+        }
+        if (job.gains) {
+          const V head = all(job.gain(record.head, c));
+          const V even = alone ? head : _mm256_mulhrs_epi16(vignetting.even, head);
+          const V odd = alone ? head : _mm256_mulhrs_epi16(vignetting.odd, head);
+          value = {_mm256_mulhrs_epi16(value.even, even), _mm256_mulhrs_epi16(value.odd, odd)};
+        }
+        dark[c][half] = value;
+      }
+    }
+  }
+
+  /// Asks for the patch of a record that is still to come.
+  template <int N>
+  static inline void prefetch(const BlendJob& job, std::size_t r) {
+    const auto& records = job.grid->records;
+    const PatchRecord& record = records[std::min(r, records.size() - 1)];
+    const PatchPlane& plane = job.plane(record);
+    const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
+    const std::ptrdiff_t at = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
+    for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
+      const std::uint8_t* from = plane.data[c] + at;
+      for (int y = 0; y < rows; ++y, from += plane.row_stride) _mm_prefetch(from, _MM_HINT_T0);
+    }
+  }
+
+  static inline V level_of(const BlendJob& job, std::size_t c, V light, bool negative) {
+    const JobComponent& component = job.component[c];
+    if (component.output_curve) {
+      const V positive = negative ? _mm256_sub_epi16(_mm256_setzero_si256(), light) : light;
+      return developed(positive, job.output[component.tone]);
+    }
+    const V scale = all(negative ? -component.scale : component.scale);
+    return add(_mm256_mulhrs_epi16(light, scale), all(component.black_level));
+  }
+
+  template <int N>
+  static inline void finish(const BlendJob& job, const Halves<N>& light, bool negative, std::uint8_t* out) {
+    for (std::size_t c = 0; c < N; ++c) {
+      for (std::size_t half = 0; half < 2; ++half) {
+        const V even = level_of(job, c, light[c][half].even, negative);
+        const V odd = level_of(job, c, light[c][half].odd, negative);
+        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half), _mm256_packus_epi16(even, odd));
+      }
+    }
+  }
+
+  template <int N>
+  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+    const Steps s = steps();
+    Halves<N> dark;
+    if (records == 1 && tile.how() == Sharing::kAlone) {
+      prefetch<N>(job, tile.record + kAhead);
+      dark_of<N>(job, tile.record, s, dark);
+      return finish<N>(job, dark, true, out);
+    }
+    Halves<N> light{};
+    const std::int16_t* weights = job.grid->weights.data() + tile.weights();
+    const Sharing how = tile.how();
+    std::array<Rows, 2> rest;
+    rest.fill({all(-32768), all(-32768)});
+    for (std::size_t r = 0; r < records; ++r) {
+      prefetch<N>(job, tile.record + r + kAhead);
+      dark_of<N>(job, tile.record + r, s, dark);
+      const bool given = r + 1 < records || how == Sharing::kOpen;
+      for (std::size_t half = 0; half < 2; ++half) {
+        Rows weight = rest[half];
+        if (given) {
+          weight = how == Sharing::kBilinear ? bilinear_half(weights, s, half) : listed_half(weights, half);
+          rest[half] = {_mm256_sub_epi16(rest[half].even, weight.even), _mm256_sub_epi16(rest[half].odd, weight.odd)};
+        }
+        for (std::size_t c = 0; c < N; ++c) {
+          light[c][half].even = add(light[c][half].even, _mm256_mulhrs_epi16(dark[c][half].even, weight.even));
+          light[c][half].odd = add(light[c][half].odd, _mm256_mulhrs_epi16(dark[c][half].odd, weight.odd));
+        }
+      }
+      weights += how == Sharing::kBilinear ? 4 : kTilePixels;
+    }
+    finish<N>(job, light, false, out);
+  }
+
+  template <int N>
+  static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+    const Steps s = steps();
+    const Coordinates coordinates(*job.grid, record, s);
+    alignas(32) std::array<Staged, N> staged;
+    std::array<Patch, N> patch;
+    find_patch<N>(job.plane(record), record, staged, patch);
+    const V zero = _mm256_setzero_si256();
+    for (std::size_t half = 0; half < 2; ++half) {
+      const Places at = coordinates.half(s, half);
+      for (std::size_t c = 0; c < N; ++c) {
+        const Rows negative = mix(patch[c], at, record.rows[half], zero);
+        std::int16_t* to = samples[c].data() + 16 * half;
+        _mm256_storeu_si256(reinterpret_cast<V*>(to), _mm256_sub_epi16(zero, negative.even));
+        _mm256_storeu_si256(reinterpret_cast<V*>(to + 32), _mm256_sub_epi16(zero, negative.odd));
+      }
+    }
+  }
+
+  template <int N>
+  static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
+    for (std::size_t c = 0; c < N; ++c) {
+      if (job.out[c].pixel_stride != 1) return false;
+    }
+    for (std::size_t c = 0; c < N; ++c) {
+      const MutablePlaneView& plane = job.out[c];
+      for (std::size_t j = 0; j < kTile; ++j) {
+        std::uint8_t* to = plane.data + (y + static_cast<int>(j)) * plane.row_stride + x;
+        const std::uint8_t* from = strip + c * kStrip + j * kTile;
+        for (std::size_t k = 0; k < 8; k += 4, to += 32) {
+          const auto eight = [&](std::size_t tile) {
+            std::int64_t bytes;
+            std::memcpy(&bytes, from + tile * kTilePixels, sizeof bytes);
+            return bytes;
+          };
+          const V four = _mm256_setr_epi64x(eight(k), eight(k + 1), eight(k + 2), eight(k + 3));
+          if ((reinterpret_cast<std::uintptr_t>(to) & 31) == 0) {
+            _mm256_stream_si256(reinterpret_cast<V*>(to), four);
+          } else {
+            _mm256_storeu_si256(reinterpret_cast<V*>(to), four);
+          }
+        }
+      }
+    }
+    return true;
+  }
+
+  /// Records between asking for a patch and needing it.
+  static constexpr std::size_t kAhead = 256;
+};
+
+}  // namespace
+
+void blend_avx2(const BlendJob& job) {
+  blend_by<Avx2>(job);
+  _mm_sfence();
+}
+
+}  // namespace nodal::blend
+
+NODAL_TARGET_END

@@ -1,0 +1,117 @@
+#include "stitch/blend/blend_job.h"
+
+#include <algorithm>
+
+namespace nodal::blend {
+namespace {
+
+/// How the components in views[0 .. count) lie; `format` tells on which side of a luma sample its chroma is.
+PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size_t count, PixelFormat format) {
+  PatchPlane plane{{}, {}, views[0].row_stride, views[0].pixel_stride, Lie::kAnyhow, views};
+  bool alike = true;
+  for (std::size_t c = 0; c < count; ++c) {
+    plane.data[c] = views[c].data;
+    alike = alike && views[c].row_stride == views[0].row_stride && views[c].pixel_stride == plane.group;
+  }
+  if (!alike || views[0].width < kPatch || views[0].height < kPatch) return plane;
+  const auto grouped = [&](Lie lie, std::uint8_t first, std::uint8_t step) {
+    for (std::size_t c = 0; c < count; ++c) {
+      if (views[c].data != views[0].data + c * step) return;
+      plane.offset[c] = static_cast<std::uint8_t>(first + c * step);
+    }
+    plane.data[0] -= first;
+    plane.lie = lie;
+  };
+  const bool luma_second = format == PixelFormat::kUyvy;
+  const bool packed = luma_second || format == PixelFormat::kYuyv;
+  if (plane.group == 1) {
+    plane.lie = Lie::kPlanar;
+  } else if (plane.group == 2 && count == 1 && packed) {
+    grouped(Lie::kPairs, luma_second ? 1 : 0, 0);
+  } else if (plane.group == 2 && count == 2) {
+    grouped(Lie::kPairs, 0, 1);
+  } else if (plane.group == 3 && count == 3) {
+    grouped(Lie::kTriples, 0, 1);
+  } else if (plane.group == 4 && count == 2 && packed) {
+    grouped(Lie::kQuads, luma_second ? 0 : 1, 2);
+  }
+  return plane;
+}
+
+template <std::size_t kPieces>
+void expand(const std::array<std::int16_t, kPieces + 1>& knots, Pieces<kPieces>& pieces) {
+  for (std::size_t i = 0; i < kPieces; ++i) {
+    pieces.knot[i] = knots[i];
+    pieces.rise[i] = static_cast<std::int16_t>(knots[i + 1] - knots[i]);
+  }
+}
+
+void expand_tone(const SetTone& tone, BlendJob& job) {
+  job.tone = &tone;
+  job.careful = tone.confidence.has_value();
+  job.gains = tone.gains || !job.grid->gains.empty();
+  job.curves = false;
+  ToneCurve same;
+  for (std::size_t i = 0; i < same.knots.size(); ++i) {
+    same.knots[i] = static_cast<std::int16_t>(i < 32 ? i << 10 : 32767);  // never reached; no sample is that large
+  }
+  std::uint32_t classes = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(job.components); ++c) classes |= 1U << job.component[c].tone;
+  for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
+    for (std::size_t k = 0; k < kToneClasses; ++k) job.curves |= (classes >> k & 1) != 0 && tone.heads[h].curve[k];
+  }
+  if (job.curves) {
+    for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
+      for (std::size_t k = 0; k < kToneClasses; ++k) {
+        expand<32>(tone.heads[h].curve[k].value_or(same).knots, job.curve[h][k]);
+        if (!tone.heads[h].curve[k]) job.curve[h][k].rise[31] = 1024;
+      }
+    }
+  }
+  for (std::size_t k = 0; k < kToneClasses; ++k) {
+    if (tone.output[k].curve) expand<64>(tone.output[k].curve->knots, job.output[k]);
+  }
+}
+
+}  // namespace
+
+void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const SetTone& tone,
+              const MutableImageView& raymap, int row_begin, int row_end, BlendJob& job) {
+  const GridTable& grid = table.grids[g];
+  job.table = &table;
+  job.grid = &grid;
+  job.row_begin = (row_begin + grid.row_step - 1) / grid.row_step;
+  job.row_end = (row_end + grid.row_step - 1) / grid.row_step;
+  job.components = 0;
+  for (int c = 0; c < component_count(table.format); ++c) {
+    const ComponentRule& rule = table.components[static_cast<std::size_t>(c)];
+    if (rule.grid != g) continue;
+    const OutputTone& output = tone.output[rule.tone];
+    const auto slot = static_cast<std::size_t>(job.components++);
+    job.component[slot] = {c,         static_cast<std::int16_t>(rule.black << kSampleBits), rule.black,
+                           rule.tone, static_cast<std::int16_t>(output.scale),              output.curve.has_value()};
+    job.out[slot] = raymap.planes[static_cast<std::size_t>(c)];
+  }
+  expand_tone(tone, job);
+  job.missing = 0;
+  const std::size_t heads = table.sources.size();
+  for (std::size_t h = 0; h < heads; ++h) {
+    if (pictures[h].planes[0].data == nullptr) {
+      job.missing |= 1U << h;
+      continue;
+    }
+    const PlaneGrid lie = component_grid(table.sources[h].format, job.component[0].component);
+    job.luma_shift[h] = {static_cast<std::uint8_t>(lie.step_x / 2), static_cast<std::uint8_t>(lie.step_y / 2)};
+    for (std::size_t level = 0; level < table.sources[h].levels; ++level) {
+      const ImageView& picture = pictures[level * heads + h];
+      std::array<PlaneView, kMaxPlanes> views{};
+      for (std::size_t c = 0; c < std::min<std::size_t>(kMaxPlanes, static_cast<std::size_t>(job.components)); ++c) {
+        views[c] = picture.planes[static_cast<std::size_t>(job.component[c].component)];
+      }
+      job.planes[level][h] = patch_plane(views, static_cast<std::size_t>(job.components), picture.format);
+      job.luma[level][h] = picture.planes[0];
+    }
+  }
+}
+
+}  // namespace nodal::blend

@@ -1,0 +1,85 @@
+// What every kernel needs to know of one call of blend_rows, worked out once a call. Internal to stitch/blend.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "stitch/blend/blend.h"
+
+namespace nodal::blend {
+
+/// How the samples of a grid's components lie in a head's picture. In groups, one load brings all components.
+enum class Lie : std::uint8_t {
+  kPlanar,   ///< each component in a plane of its own, samples side by side
+  kPairs,    ///< a sample of every component in 2 bytes: luma of YUYV and UYVY, chroma of NV12
+  kTriples,  ///< in 3: RGB24
+  kQuads,    ///< in 4: chroma of YUYV and UYVY
+  kAnyhow,   ///< by PlaneView; also pictures smaller than a patch
+};
+
+/// A head's picture at one level, as one grid's patches are read from it.
+struct PatchPlane {
+  std::array<const std::uint8_t*, kMaxPlanes> data{};  ///< by component of the grid; for groups [0] is the first group
+  std::array<std::uint8_t, kMaxPlanes> offset{};       ///< of the component in its group
+  std::ptrdiff_t row_stride = 0;
+  int group = 1;                                       ///< bytes from sample to sample
+  Lie lie = Lie::kPlanar;
+  std::array<PlaneView, kMaxPlanes> views{};           ///< by component of the grid
+};
+
+/// A ToneCurve or OutputCurve as kernels look it up: value = knot[i] + mulr(rise[i], fraction).
+template <std::size_t kPieces>
+struct Pieces {
+  alignas(64) std::array<std::int16_t, kPieces> knot;
+  alignas(64) std::array<std::int16_t, kPieces> rise;
+};
+
+/// Of a component of the grid.
+struct JobComponent {
+  int component = 0;        ///< of the raymap's format
+  std::int16_t black = 0;   ///< 128 * ComponentRule::black
+  std::uint8_t black_level = 0;
+  std::uint8_t tone = 0;
+  std::int16_t scale = kScaleOne;
+  bool output_curve = false;
+};
+
+/// One grid's part of a call.
+struct BlendJob {
+  const BlendTable* table = nullptr;
+  const GridTable* grid = nullptr;
+  const SetTone* tone = nullptr;
+  bool gains = false;         ///< any at all
+  bool curves = false;        ///< of any head
+  bool careful = false;       ///< confidence is asked for
+  std::uint32_t missing = 0;  ///< heads, by bit
+  int components = 0;
+  std::array<JobComponent, kMaxPlanes> component{};
+  std::array<std::array<PatchPlane, kMaxHeads>, kMaxLevels> planes{};
+  std::array<std::array<PlaneView, kMaxHeads>, kMaxLevels> luma{};  ///< for confidence
+  /// Chroma samples to luma samples, per head: a chroma sample (x, y) has luma (x << right, y << down).
+  std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
+  std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;
+  std::array<Pieces<64>, kToneClasses> output;
+  std::array<MutablePlaneView, kMaxPlanes> out{};  ///< by component of the grid
+  int row_begin = 0;                               ///< of the grid
+  int row_end = 0;
+
+  const PatchPlane& plane(const PatchRecord& record) const {
+    return planes[static_cast<std::size_t>(record.pyramid_level())][record.head];
+  }
+  std::int16_t gain(HeadIndex head, std::size_t c) const {
+    return static_cast<std::int16_t>(tone->heads[head].gain[component[c].tone]);
+  }
+};
+
+/// Leaves in `job` what grid g of the call needs.
+void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const SetTone& tone,
+              const MutableImageView& raymap, int row_begin, int row_end, BlendJob& job);
+
+void blend_scalar(const BlendJob& job);
+void blend_avx2(const BlendJob& job);
+void blend_avx512(const BlendJob& job);
+
+}  // namespace nodal::blend

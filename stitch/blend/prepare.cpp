@@ -1,0 +1,148 @@
+#include "stitch/blend/prepare.h"
+
+#include <algorithm>
+
+namespace nodal::blend {
+namespace {
+
+constexpr int kOne = 1 << kSharpenBits;
+
+/// In 16 bits throughout, which no step leaves: (64 + 4 * 16) * 255 + 32 < 2^15.
+inline std::uint8_t sharper(std::int16_t own, std::int16_t around, std::int16_t own_share, std::int16_t sharpen) {
+  const auto sum = static_cast<std::int16_t>(own * own_share - around * sharpen + kOne / 2);
+  return static_cast<std::uint8_t>(std::clamp<std::int16_t>(static_cast<std::int16_t>(sum >> kSharpenBits), 0, 255));
+}
+
+/// The inner samples of a row; kStride is the pixel stride.
+template <int kStride>
+void sharpen_inside(const std::uint8_t* own, const std::uint8_t* above, const std::uint8_t* below, std::uint8_t* out,
+                    int width, std::int16_t sharpen) {
+  const auto own_share = static_cast<std::int16_t>(kOne + 4 * sharpen);
+  for (int x = 1; x < width - 1; ++x) {
+    const int at = x * kStride;
+    const auto around = static_cast<std::int16_t>(own[at - kStride] + own[at + kStride] + above[at] + below[at]);
+    out[x] = sharper(own[at], around, own_share, sharpen);
+  }
+}
+
+void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::int16_t sharpen) {
+  const int last = in.width - 1;
+  for (int y = 0; y < in.height; ++y, to += in.width) {
+    const std::uint8_t* own = in.data + y * in.row_stride;
+    const std::uint8_t* above = y > 0 ? own - in.row_stride : own;
+    const std::uint8_t* below = y + 1 < in.height ? own + in.row_stride : own;
+    const auto edge = [&](int x, int left, int right) {
+      const int s = in.pixel_stride;
+      const auto around = static_cast<std::int16_t>(own[left * s] + own[right * s] + above[x * s] + below[x * s]);
+      to[x] = sharper(own[x * s], around, static_cast<std::int16_t>(kOne + 4 * sharpen), sharpen);
+    };
+    edge(0, 0, std::min(1, last));
+    edge(last, std::max(0, last - 1), last);
+    switch (in.pixel_stride) {
+      case 1: sharpen_inside<1>(own, above, below, to, in.width, sharpen); break;
+      case 2: sharpen_inside<2>(own, above, below, to, in.width, sharpen); break;
+      case 3: sharpen_inside<3>(own, above, below, to, in.width, sharpen); break;
+      case 4: sharpen_inside<4>(own, above, below, to, in.width, sharpen); break;
+      default:
+        for (int x = 1; x < last; ++x) edge(x, x - 1, x + 1);
+    }
+  }
+}
+
+template <int kStride>
+void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_t* to, int width) {
+  for (int x = 0; x < width; ++x) {
+    const int at = 2 * x * kStride;
+    to[x] = static_cast<std::uint8_t>((upper[at] + upper[at + kStride] + lower[at] + lower[at + kStride] + 2) >> 2);
+  }
+}
+
+void halve_plane(const PlaneView& in, std::uint8_t* to) {
+  const int width = in.width / 2;
+  for (int y = 0; y < in.height / 2; ++y, to += width) {
+    const std::uint8_t* upper = in.data + 2 * y * in.row_stride;
+    const std::uint8_t* lower = upper + in.row_stride;
+    switch (in.pixel_stride) {
+      case 1: halve_row<1>(upper, lower, to, width); break;
+      case 2: halve_row<2>(upper, lower, to, width); break;
+      case 3: halve_row<3>(upper, lower, to, width); break;
+      case 4: halve_row<4>(upper, lower, to, width); break;
+      default: {
+        const std::ptrdiff_t s = in.pixel_stride;
+        for (int x = 0; x < width; ++x) {
+          const std::ptrdiff_t at = 2 * x * s;
+          to[x] = static_cast<std::uint8_t>((upper[at] + upper[at + s] + lower[at] + lower[at + s] + 2) >> 2);
+        }
+      }
+    }
+  }
+}
+
+std::size_t size_apart(const ImageView& shape) {
+  std::size_t bytes = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(shape.format)); ++c) {
+    bytes += static_cast<std::size_t>(shape.planes[c].width) * static_cast<std::size_t>(shape.planes[c].height);
+  }
+  return bytes;
+}
+
+/// The components of `shape`, each in rows of its own from `memory` on.
+ImageView apart(const ImageView& shape, std::uint8_t* memory) {
+  ImageView image{shape.format, shape.width, shape.height, {}, size_apart(shape)};
+  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(shape.format)); ++c) {
+    const PlaneView& plane = shape.planes[c];
+    image.planes[c] = {memory, plane.width, plane.height, plane.width, 1};
+    memory += std::ptrdiff_t{plane.width} * plane.height;
+  }
+  return image;
+}
+
+ImageView half(ImageView shape) {
+  shape.width /= 2;
+  shape.height /= 2;
+  for (PlaneView& plane : shape.planes) {
+    plane.width /= 2;
+    plane.height /= 2;
+  }
+  return shape;
+}
+
+ImageView shape_of(const BlendTable::Source& source) {
+  return packed_image(source.format, source.width, source.height, static_cast<const std::uint8_t*>(nullptr));
+}
+
+}  // namespace
+
+std::size_t prepared_size(const BlendTable::Source& source) {
+  ImageView shape = shape_of(source);
+  std::size_t bytes = source.sharpen == 0 ? 0 : size_apart(shape);
+  for (int level = 1; level < source.levels; ++level) {
+    shape = half(shape);
+    bytes += size_apart(shape);
+  }
+  return bytes;
+}
+
+void prepare_picture(const BlendTable::Source& source, const ImageView& picture, std::uint8_t* memory,
+                     std::span<ImageView> views) {
+  const auto components = static_cast<std::size_t>(component_count(source.format));
+  views[0] = picture;
+  if (source.sharpen != 0) {
+    views[0] = apart(picture, memory);
+    for (std::size_t c = 0; c < components; ++c) {
+      sharpen_plane(picture.planes[c], memory, source.sharpen);
+      memory += std::ptrdiff_t{picture.planes[c].width} * picture.planes[c].height;
+    }
+  }
+  ImageView larger = picture;
+  for (std::size_t level = 1; level < source.levels; ++level) {
+    views[level] = apart(half(larger), memory);
+    for (std::size_t c = 0; c < components; ++c) {
+      halve_plane(larger.planes[c], memory);
+      memory += std::ptrdiff_t{views[level].planes[c].width} * views[level].planes[c].height;
+    }
+    larger = views[level];
+  }
+}
+
+}  // namespace nodal::blend

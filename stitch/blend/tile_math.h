@@ -1,0 +1,143 @@
+// The blend's arithmetic, one number at a time: the specification, and what is not worth a vector. Internal to
+// stitch/blend. Everything here is in an unnamed namespace on purpose: each kernel's file compiles its own copy for its
+// own instructions.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "stitch/blend/blend_job.h"
+
+namespace nodal::blend {
+namespace {
+
+/// By pixel_place(), of one component.
+using Dark = std::array<std::int16_t, kTilePixels>;
+using Weights = std::array<std::uint16_t, kTilePixels>;
+
+inline std::int16_t wrap(int value) { return static_cast<std::int16_t>(static_cast<std::uint16_t>(value)); }
+
+/// (a * b + 2^14) >> 15: what pmulhrsw and sqrdmulh do.
+inline std::int16_t mulr(std::int16_t a, std::int16_t b) { return wrap((a * b + (1 << 14)) >> 15); }
+
+inline std::uint16_t quadratic_at(const Quadratic& q, int i, int j) {
+  return static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j + q[4] * i * i + q[5] * j * j);
+}
+inline std::int16_t bilinear_at(const std::int16_t* q, int i, int j) {
+  return wrap(q[0] + q[1] * i + q[2] * j + q[3] * i * j);
+}
+
+/// A curve at `at`, of which the low kBits are the fraction of a piece.
+template <int kBits, std::size_t kPieces>
+inline std::int16_t curve_at(const Pieces<kPieces>& curve, int at) {
+  const auto i = static_cast<std::size_t>(at >> kBits) & (kPieces - 1);
+  return wrap(curve.knot[i] + mulr(curve.rise[i], wrap((at & ((1 << kBits) - 1)) << (15 - kBits))));
+}
+
+/// The place of a tile's pixel, in the patch.
+struct Place {
+  std::uint16_t x = 0;
+  std::uint16_t y = 0;
+};
+inline Place place_of(const GridTable& grid, const PatchRecord& record, int i, int j) {
+  if (!record.listed()) return {quadratic_at(record.x, i, j), quadratic_at(record.y, i, j)};
+  const std::size_t p = pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+  const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
+  return {list[p], list[kTilePixels + p]};
+}
+
+/// The samples (x, y) and its neighbours to the right and below, bilinearly. Pixels without weight may lie anywhere;
+/// they are kept inside.
+inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at) {
+  const int x = std::clamp(record.left + (at.x >> kFractionBits), 0, plane.width - 2);
+  const int y = std::clamp(record.top + (at.y >> kFractionBits), 0, plane.height - 2);
+  const std::uint8_t* s = plane.data + y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride;
+  const int f = std::max(1, at.x >> (kFractionBits - 7) & 127);
+  const int g = at.y & ((1 << kFractionBits) - 1);
+  const std::uint8_t* below = s + plane.row_stride;
+  const int top = s[0] * (128 - f) + s[plane.pixel_stride] * f;
+  const int bottom = below[0] * (128 - f) + below[plane.pixel_stride] * f;
+  return top - mulr(wrap(top - bottom), wrap(g << (15 - kFractionBits)));
+}
+
+/// The pixel's light of component c by a head, negative.
+inline std::int16_t dark_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
+  const HeadIndex head = job.grid->records[r].head;
+  const JobComponent& component = job.component[c];
+  const int shown = job.curves ? curve_at<10>(job.curve[head][component.tone], sample) : sample;
+  const std::int16_t dark = wrap(component.black - shown);
+  if (!job.gains) return dark;
+  const std::int16_t head_gain = job.gain(head, c);
+  if (job.grid->gains.empty()) return mulr(dark, head_gain);
+  return mulr(dark, mulr(bilinear_at(job.grid->gains[r].data(), i, j), head_gain));
+}
+
+inline std::uint8_t level_of(const BlendJob& job, std::size_t c, int light) {
+  const JobComponent& component = job.component[c];
+  if (!component.output_curve) {
+    return static_cast<std::uint8_t>(std::clamp(component.black_level + mulr(wrap(light), component.scale), 0, 255));
+  }
+  const int shown = curve_at<9>(job.output[component.tone], std::max(light, 0));
+  return static_cast<std::uint8_t>(std::clamp((shown + 64) >> kSampleBits, 0, 255));
+}
+
+/// The weights of a tile's records, one after the other.
+class WeightReader {
+ public:
+  WeightReader(const GridTable& grid, const Tile& tile, std::size_t records)
+      : how_(tile.how()), at_(grid.weights.data() + tile.weights()), left_(records) {
+    rest_.fill(1 << kWeightBits);
+  }
+
+  /// Of the next record, by pixel_place(), 0 .. 1 << kWeightBits.
+  void next(Weights& weights) {
+    --left_;
+    if (how_ == Sharing::kAlone || (left_ == 0 && how_ != Sharing::kOpen)) {
+      weights = rest_;
+      return;
+    }
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      const int row = static_cast<int>((p / kTile & 3) * 2 + p / (kTilePixels / 2));
+      const int negative = how_ == Sharing::kBilinear ? bilinear_at(at_, static_cast<int>(p % kTile), row) : at_[p];
+      weights[p] = static_cast<std::uint16_t>(-negative);
+      rest_[p] = static_cast<std::uint16_t>(rest_[p] + negative);
+    }
+    at_ += how_ == Sharing::kBilinear ? 4 : kTilePixels;
+  }
+
+ private:
+  Sharing how_;
+  const std::int16_t* at_;
+  std::size_t left_;
+  Weights rest_{};
+};
+
+/// How far a head is to be trusted at each pixel of a record. `samples` are the pixels' own, by component and
+/// pixel_place(), before any curve.
+inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const Dark> samples,
+                  std::array<std::uint8_t, kTilePixels>& trusted) {
+  const auto& of_level = job.tone->confidence->of_level;
+  const bool chroma = job.component[0].component != 0;
+  const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head];
+  for (std::size_t j = 0; j < kTile; ++j) {
+    for (std::size_t i = 0; i < kTile; ++i) {
+      const std::size_t p = pixel_place(i, j);
+      int level = 0;
+      if (chroma) {
+        const Place at = place_of(*job.grid, record, static_cast<int>(i), static_cast<int>(j));
+        const auto& shift = job.luma_shift[record.head];
+        const int x = std::min((record.left + (at.x >> kFractionBits)) << shift[0], luma.width - 1);
+        const int y = std::min((record.top + (at.y >> kFractionBits)) << shift[1], luma.height - 1);
+        level = luma.data[y * luma.row_stride + std::ptrdiff_t{x} * luma.pixel_stride];
+      } else {
+        for (const Dark& component : samples) level = std::max(level, component[p] >> kSampleBits);
+      }
+      trusted[p] = of_level[static_cast<std::size_t>(level)];
+    }
+  }
+}
+
+}  // namespace
+}  // namespace nodal::blend

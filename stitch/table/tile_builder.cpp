@@ -1,0 +1,313 @@
+#include "stitch/table/tile_builder.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stitch/table/quantize.h"
+
+namespace nodal::table {
+namespace {
+
+using blend::kFractionBits;
+using blend::kPatch;
+using blend::PatchRecord;
+using blend::Sharing;
+
+constexpr std::int32_t kWhole = 1 << blend::kWeightBits;
+/// Rounds a coordinate to the 7 bits of it that the blend uses across: half of the last one.
+constexpr std::int32_t kAcross = 1 << (kFractionBits - 8);
+/// A picture is taken at half its size from where that is still a tenth finer than the raymap.
+constexpr double kFinest = 1.8;
+
+template <class Each>
+void for_each(PixelMask mask, Each each) {
+  for (; mask != 0; mask &= mask - 1) each(static_cast<std::size_t>(__builtin_ctzll(mask)));
+}
+
+std::size_t place_of(std::size_t pixel) { return blend::pixel_place(pixel % 8, pixel / 8); }
+
+struct Span {
+  std::int32_t least = INT32_MAX;
+  std::int32_t most = INT32_MIN;
+};
+Span span_of(const PixelValues& values, PixelMask mask) {
+  Span span;
+  for_each(mask, [&](std::size_t p) {
+    span.least = std::min(span.least, values[p]);
+    span.most = std::max(span.most, values[p]);
+  });
+  return span;
+}
+
+/// Where a patch must begin to hold the samples least .. most and the one after, in a plane of `size`; negative where
+/// it cannot. `slack` is what the fit may be off.
+int patch_start(Span span, int size, int slack) {
+  const int first = std::max(0, (span.least - slack) >> kFractionBits);
+  const int last = std::min(size - 2, (span.most + slack) >> kFractionBits);
+  if (last + 1 - first > kPatch - 1) return -1;
+  return std::max(0, std::min(first, size - kPatch));
+}
+
+/// Puts the six coefficients of `values` - origin in `out`, if they hold to kFit wherever mask says, and say how.
+/// Coordinates are modulo 16 samples, and so are their coefficients.
+bool fit_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias, blend::Quadratic& out) {
+  PixelValues local{};
+  for_each(mask, [&](std::size_t p) { local[p] = values[p] - (start << kFractionBits) + bias; });
+  const std::array<std::int32_t, 6> fit = fit_quadratic(local, mask);
+  bool good = true;
+  const std::int32_t end = std::min(kPatch - 1, size - 1 - start) << kFractionBits;  // the next sample is inside
+  for_each(mask, [&](std::size_t p) {
+    const auto i = static_cast<std::int32_t>(p % 8);
+    const auto j = static_cast<std::int32_t>(p / 8);
+    const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j + fit[4] * i * i + fit[5] * j * j;
+    good = good && std::abs(at - local[p]) <= TileBuilder::kFit && at >= 0 && at < end;
+  });
+  for (std::size_t k = 0; k < 6; ++k) out[k] = static_cast<std::int16_t>(static_cast<std::uint16_t>(fit[k]));
+  return good;
+}
+
+/// Lists what fit_coordinate could not hold.
+void list_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias,
+                     std::vector<std::uint16_t>& list) {
+  const std::size_t at = list.size();
+  list.resize(at + blend::kTilePixels);
+  const std::int32_t end = std::min(kPatch - 1, size - 1 - start) << kFractionBits;
+  for_each(mask, [&](std::size_t p) {
+    const std::int32_t local = values[p] - (start << kFractionBits) + bias;
+    list[at + place_of(p)] = static_cast<std::uint16_t>(std::clamp(local, 0, end - 1));
+  });
+}
+
+/// The rows of the patch in which pixels begin, of the upper and the lower half of the tile.
+std::array<std::uint8_t, 2> rows_of(const std::vector<std::uint16_t>& coordinates, const PatchRecord& record,
+                                    PixelMask mask) {
+  std::array<std::uint8_t, 2> rows{};
+  for (std::size_t half = 0; half < 2; ++half) {
+    int first = 14;
+    int last = 0;
+    for_each(mask & (half == 0 ? PixelMask{0xffffffff} : ~PixelMask{0xffffffff}), [&](std::size_t p) {
+      const auto i = static_cast<int>(p % 8);
+      const auto j = static_cast<int>(p / 8);
+      const blend::Quadratic& q = record.y;
+      const int y = record.listed() ? coordinates[record.list() * 128 + 64 + place_of(p)]
+                                    : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j +
+                                                                 q[4] * i * i + q[5] * j * j);
+      first = std::min(first, y >> kFractionBits);
+      last = std::max(last, y >> kFractionBits);
+    });
+    first = std::min(first, last);
+    rows[half] = static_cast<std::uint8_t>(first | last << 4);
+  }
+  return rows;
+}
+
+}  // namespace
+
+void TileBuilder::append(TileSamples& samples, TileRun& run) {
+  parts_.clear();
+  made_.clear();
+  const auto first = static_cast<std::uint32_t>(run.records.size());
+  run.tiles.push_back({first, 0});
+  split_by_head(samples);
+  for (std::size_t k = 0; k < parts_.size(); ++k) {
+    choose_level(parts_[k]);
+    add_patches(k, parts_[k].mask, 0, 0, blend::kTile, run);
+  }
+  share(samples, run);
+}
+
+/// Turns samples by pixel into whole numbers by head. Heads that matter nowhere in the tile are left out of it.
+void TileBuilder::split_by_head(const TileSamples& samples) {
+  std::array<double, kMaxHeads> most{};
+  std::array<bool, kMaxHeads> needed{};
+  for_each(samples.inside, [&](std::size_t p) {
+    for (const RaySample& s : samples.at[p]) {
+      most[s.head] = std::max(most[s.head], s.weight);
+      needed[s.head] = needed[s.head] || samples.at[p].size() == 1;
+    }
+  });
+  const double least = (kWeightFit + 0.5) / kWhole;  // between two weights, so that rounding does not decide
+  std::array<int, kMaxHeads> part_of;
+  part_of.fill(-1);
+  std::vector<RaySample> kept;
+  std::array<std::uint16_t, kMaxHeads> weights;
+  for_each(samples.inside, [&](std::size_t p) {
+    const std::vector<RaySample>& all = samples.at[p];
+    kept.clear();
+    double sum = 0;
+    for (const RaySample& s : all) {
+      if (!needed[s.head] && most[s.head] < least) continue;
+      kept.push_back(s);
+      sum += s.weight;
+    }
+    if (kept.empty() || !(sum > 0.5)) kept = all;  // where only slight heads meet, they are all there is
+    else for (RaySample& s : kept) s.weight /= sum;
+    if (kept.empty()) return;
+    share_out(kept, weights);
+    for (std::size_t k = 0; k < kept.size(); ++k) {
+      if (weights[k] == 0) continue;
+      const RaySample& s = kept[k];
+      if (part_of[s.head] < 0) {
+        part_of[s.head] = static_cast<int>(parts_.size());
+        parts_.emplace_back().head = s.head;
+      }
+      Part& part = parts_[static_cast<std::size_t>(part_of[s.head])];
+      const RaySampler::Plane& plane = sampler_.plane(grid_, s.head);
+      part.mask |= PixelMask{1} << p;
+      part.x[p] = quantize_coordinate(s.x, plane.width);
+      part.y[p] = quantize_coordinate(s.y, plane.height);
+      part.weight[p] = weights[k];
+      if (vignetting_scale_ == 0) continue;
+      part.gain[p] = static_cast<std::int32_t>(
+          std::clamp<std::int64_t>(round_up_ties(s.gain * (256.0 * 32768 / vignetting_scale_)), 1, 32767));
+    }
+  });
+  std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
+}
+
+/// By how many samples of the picture a step on the raymap is, along rows and columns.
+void TileBuilder::choose_level(Part& part) {
+  double square[2] = {0, 0};
+  int count[2] = {0, 0};
+  for_each(part.mask, [&](std::size_t p) {
+    for (std::size_t way = 0; way < 2; ++way) {
+      const std::size_t next = p + (way == 0 ? 1 : 8);
+      if ((way == 0 && p % 8 == 7) || next > 63 || (part.mask >> next & 1) == 0) continue;
+      const double dx = part.x[next] - part.x[p];
+      const double dy = part.y[next] - part.y[p];
+      square[way] += dx * dx + dy * dy;
+      ++count[way];
+    }
+  });
+  if (count[0] == 0 || count[1] == 0) return;
+  constexpr double kOne = 1 << kFractionBits;
+  double square_scale = std::sqrt(square[0] / count[0] * (square[1] / count[1])) / (kOne * kOne);
+  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
+  while (part.level + 1 < sampler_.options().levels && square_scale >= kFinest * kFinest &&
+         std::min(plane.width, plane.height) >> (part.level + 1) >= kPatch) {
+    square_scale /= 4;
+    ++part.level;
+  }
+  if (part.level == 0) return;
+  const auto smaller = [&](std::int32_t at, int size) {
+    const std::int32_t half = 1 << (kFractionBits - 1);
+    return std::clamp<std::int32_t>(((at + half) >> part.level) - half, 0,
+                                    (((size >> part.level) - 1) << kFractionBits) - 1);
+  };
+  for_each(part.mask, [&](std::size_t p) {
+    part.x[p] = smaller(part.x[p], plane.width);
+    part.y[p] = smaller(part.y[p], plane.height);
+  });
+}
+
+/// Patches for the pixels of `mask`, which are in the block of `size` at (i, j).
+void TileBuilder::add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run) {
+  if (mask == 0) return;
+  if (add_patch(parts_[part], mask, size == 1, run)) {
+    made_.push_back({part, mask});
+    return;
+  }
+  const int half = size / 2;
+  for (const int y : {j, j + half}) {
+    for (const int x : {i, i + half}) add_patches(part, mask & block_mask(x, y, half), x, y, half, run);
+  }
+}
+
+/// Whether one patch can hold the pixels; where it `must`, it does.
+bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun& run) {
+  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
+  const int width = plane.width >> part.level;
+  const int height = plane.height >> part.level;
+  const Span across = span_of(part.x, mask);
+  const Span down = span_of(part.y, mask);
+  std::array<std::int16_t, 4> gain{};
+  if (vignetting_scale_ != 0) {
+    const std::array<std::int32_t, 4> fit = fit_bilinear(part.gain, mask);
+    bool good = true;
+    for_each(mask, [&](std::size_t p) {
+      const auto i = static_cast<std::int32_t>(p % 8);
+      const auto j = static_cast<std::int32_t>(p / 8);
+      const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j;
+      good = good && std::abs(at - part.gain[p]) <= kGainFit && at >= 1 && at <= 32767;
+    });
+    for (std::size_t k = 0; k < 4; ++k) good = good && std::abs(fit[k]) <= 32767;
+    if (!good && !must) return false;
+    for (std::size_t k = 0; k < 4; ++k) gain[k] = good ? static_cast<std::int16_t>(fit[k]) : std::int16_t{0};
+    if (!good) for_each(mask, [&](std::size_t p) { gain[0] = static_cast<std::int16_t>(part.gain[p]); });
+  }
+  PatchRecord record;
+  record.head = part.head;
+  record.level = static_cast<std::uint8_t>(part.level);
+  int left = patch_start(across, width, kFit + kAcross);
+  int top = patch_start(down, height, kFit);
+  if (left < 0 || top < 0 || !fit_coordinate(part.x, mask, left, width, kAcross, record.x) ||
+      !fit_coordinate(part.y, mask, top, height, 0, record.y)) {
+    left = patch_start(across, width, 0);
+    top = patch_start(down, height, 0);
+    if (left < 0 || top < 0) return false;
+    const std::size_t list = run.coordinates.size() / (2 * blend::kTilePixels);
+    list_coordinate(part.x, mask, left, width, kAcross, run.coordinates);
+    list_coordinate(part.y, mask, top, height, 0, run.coordinates);
+    record.x = record.y = {};
+    record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
+    record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
+    record.level |= PatchRecord::kListed;
+  }
+  record.left = static_cast<std::uint16_t>(left);
+  record.top = static_cast<std::uint16_t>(top);
+  record.rows = rows_of(run.coordinates, record, mask);
+  run.records.push_back(record);
+  if (vignetting_scale_ != 0) run.gains.push_back(gain);
+  return true;
+}
+
+void TileBuilder::share(const TileSamples& samples, TileRun& run) {
+  PixelMask covered = 0;
+  for (const Made& made : made_) covered |= made.mask;
+  const bool closed = covered == samples.inside;
+  if (made_.empty() || (made_.size() == 1 && closed)) return;  // Sharing::kAlone
+  const auto sharing = [&](Sharing how) {
+    run.tiles.back().sharing = static_cast<std::uint32_t>(how) << 30 | static_cast<std::uint32_t>(run.weights.size() / 4);
+  };
+  const std::size_t begin = run.weights.size();
+  sharing(Sharing::kBilinear);
+  if (closed && made_.size() == parts_.size() && share_bilinear(samples.inside, run)) return;
+  run.weights.resize(begin);
+  sharing(closed ? Sharing::kListed : Sharing::kOpen);
+  for (std::size_t k = 0; k + (closed ? 1 : 0) < made_.size(); ++k) {
+    const std::size_t at = run.weights.size();
+    run.weights.resize(at + blend::kTilePixels);
+    const Part& part = parts_[made_[k].part];
+    for_each(made_[k].mask, [&](std::size_t p) {
+      run.weights[at + place_of(p)] = static_cast<std::int16_t>(-part.weight[p]);
+    });
+  }
+}
+
+/// Four coefficients a head, if they hold to kWeightFit at every pixel, and to nothing where there is nothing.
+bool TileBuilder::share_bilinear(PixelMask inside, TileRun& run) {
+  PixelValues rest{};
+  for_each(inside, [&](std::size_t p) { rest[p] = kWhole; });
+  bool good = true;
+  for (std::size_t k = 0; k < made_.size() && good; ++k) {
+    const PixelValues& weight = parts_[made_[k].part].weight;
+    const bool last = k + 1 == made_.size();
+    std::array<std::int32_t, 4> fit{};
+    if (!last) fit = fit_bilinear(weight, inside);
+    for_each(inside, [&](std::size_t p) {
+      const auto i = static_cast<std::int32_t>(p % 8);
+      const auto j = static_cast<std::int32_t>(p / 8);
+      const std::int32_t at = last ? rest[p] : fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j;
+      good = good && at >= 0 && at <= kWhole && std::abs(at - weight[p]) <= (weight[p] == 0 ? 0 : kWeightFit);
+      rest[p] -= at;
+    });
+    if (last) break;
+    for (const std::int32_t coefficient : fit) {
+      good = good && coefficient >= -32767 && coefficient <= 32768;
+      run.weights.push_back(static_cast<std::int16_t>(static_cast<std::uint16_t>(-coefficient)));
+    }
+  }
+  return good;
+}
+
+}  // namespace nodal::table

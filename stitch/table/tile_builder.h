@@ -1,0 +1,79 @@
+// Makes the tiles of a table: which patches a tile needs, and how they share its pixels.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "stitch/blend/blend_table.h"
+#include "stitch/table/ray_sampler.h"
+#include "stitch/table/tile_fit.h"
+
+namespace nodal::table {
+
+/// A run of tiles with what belongs to them; indices are within it.
+struct TileRun {
+  std::vector<blend::Tile> tiles;  ///< Tile::record is the index of its first
+  std::vector<blend::PatchRecord> records;
+  std::vector<std::int16_t> weights;
+  std::vector<std::uint16_t> coordinates;
+  std::vector<std::array<std::int16_t, 4>> gains;
+};
+
+/// What 64 pixels are made of. Pixels that are not in `inside` are beyond the raymap: nothing depends on them.
+struct TileSamples {
+  std::array<std::vector<RaySample>, blend::kTilePixels> at;  ///< 8 j + i
+  PixelMask inside = 0;
+};
+
+/// Appends tiles of one grid to a run. A head gives a tile one patch with coordinates by quadratics where those are
+/// within kFit of every pixel's own; else one with coordinates listed; and where its pixels lie too far apart for one
+/// patch, or its vignetting is no bilinear function of the pixel, a patch for each quarter that needs one, and so on.
+///
+/// Threading: immutable but for the run; one a thread.
+/// Ownership: keeps the sampler by reference.
+class TileBuilder {
+ public:
+  /// In 1 / (1 << kFractionBits): 1/64 px.
+  static constexpr int kFit = 64;
+  /// Of a weight, in 1 / (1 << kWeightBits): 1/256. A head with less everywhere in a tile is left out of it where
+  /// others can take its share.
+  static constexpr int kWeightFit = 128;
+  /// Of a vignetting gain, in 1/32768 of the table's scale.
+  static constexpr int kGainFit = 24;
+
+  /// vignetting_scale: BlendTable's; 0 where no vignetting is undone.
+  TileBuilder(const RaySampler& sampler, int grid, int vignetting_scale)
+      : sampler_(sampler), grid_(grid), vignetting_scale_(vignetting_scale) {}
+
+  void append(TileSamples& samples, TileRun& run);
+
+ private:
+  /// One head's part in the tile at hand.
+  struct Part {
+    HeadIndex head = 0;
+    int level = 0;
+    PixelMask mask = 0;
+    PixelValues x{}, y{};  ///< in 1 / (1 << kFractionBits) samples of the level's plane
+    PixelValues weight{};
+    PixelValues gain{};
+  };
+  struct Made {
+    std::size_t part = 0;
+    PixelMask mask = 0;
+  };
+  void split_by_head(const TileSamples& samples);
+  void choose_level(Part& part);
+  void add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run);
+  bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
+  void share(const TileSamples& samples, TileRun& run);
+  bool share_bilinear(PixelMask inside, TileRun& run);
+
+  const RaySampler& sampler_;
+  int grid_;
+  int vignetting_scale_;
+  std::vector<Part> parts_;
+  std::vector<Made> made_;
+};
+
+}  // namespace nodal::table

@@ -1,0 +1,113 @@
+#include "stitch/blend/prepare.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "small_tables.h"
+
+namespace nodal::blend::test {
+namespace {
+
+constexpr std::array kFormats{PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12,
+                              PixelFormat::kYuyv,  PixelFormat::kUyvy, PixelFormat::kRgb24};
+
+struct Prepared {
+  std::vector<std::uint8_t> memory;
+  std::array<ImageView, kMaxLevels> views;
+  Prepared(const BlendTable::Source& source, const Picture& picture) : memory(prepared_size(source)) {
+    prepare_picture(source, picture.view(), memory.data(), views);
+  }
+};
+
+std::vector<std::uint8_t> bytes_of(const PlaneView& plane) {
+  std::vector<std::uint8_t> bytes;
+  for (int y = 0; y < plane.height; ++y) {
+    for (int x = 0; x < plane.width; ++x) bytes.push_back(plane.data[y * plane.row_stride + x * plane.pixel_stride]);
+  }
+  return bytes;
+}
+
+TEST(PreparePicture, OneBrightSample_StandsOutMoreAndItsNeighboursLess) {
+  Picture picture(PixelFormat::kGrey8, 4, 3, 100);
+  picture.bytes[5] = 140;  // at (1, 1)
+  BlendTable::Source source{PixelFormat::kGrey8, 4, 3};
+  source.sharpen = 4;  // itself 140 + 4 * 160 / 64; beside it 100 - 4 * 40 / 64 = 97.5, halves up
+  EXPECT_EQ(Prepared(source, picture).memory,
+            (std::vector<std::uint8_t>{100, 98, 100, 100, 98, 150, 98, 100, 100, 98, 100, 100}));
+  picture.bytes[5] = 255;
+  source.sharpen = 16;
+  EXPECT_EQ(Prepared(source, picture).memory[5], 255);  // 255 + 155 is more than white
+  EXPECT_EQ(Prepared(source, picture).memory[4], 61);   // 100 - 155 / 4 = 61.25
+}
+
+TEST(PreparePicture, NothingToDo_TakesNoMemoryAndIsThePictureItself) {
+  const Picture picture(PixelFormat::kUyvy, 6, 4, 9);
+  const Prepared prepared({PixelFormat::kUyvy, 6, 4}, picture);
+  EXPECT_TRUE(prepared.memory.empty());
+  EXPECT_EQ(prepared.views[0].planes[1].data, picture.view().planes[1].data);
+}
+
+TEST(PreparePicture, Levels_AreMeansOfFourEachOfTheOneBefore) {
+  Picture picture(PixelFormat::kGrey8, 5, 4);
+  picture.bytes = {1, 3, 10, 10, 99,  //
+                   5, 8, 10, 12, 99,  //
+                   0, 0, 255, 255, 99, 0, 1, 255, 255, 99};
+  BlendTable::Source source{PixelFormat::kGrey8, 5, 4};
+  source.levels = 3;
+  const Prepared prepared(source, picture);
+  EXPECT_EQ(bytes_of(prepared.views[1].planes[0]), (std::vector<std::uint8_t>{4, 11, 0, 255}));  // 4.25, 10.5, 0.25
+  EXPECT_EQ(bytes_of(prepared.views[2].planes[0]), std::vector<std::uint8_t>{68});               // 67.5
+  source.sharpen = 8;  // which is for the first level alone
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[1].planes[0]), (std::vector<std::uint8_t>{4, 11, 0, 255}));
+}
+
+RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std::uint32_t seed)) {
+  std::mt19937 random(seed);
+  const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
+  BlendTable::Source source{kFormats[random() % 6], 8 + below(40), 8 + below(20)};
+  source.sharpen = static_cast<std::uint8_t>(1 + below(kMaxSharpen));
+  source.levels = static_cast<std::uint8_t>(1 + below(3));
+  const Picture picture = noise(random, source.format, source.width, source.height);
+  const ImageView view = picture.view();
+  const Prepared prepared(source, picture);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(source.format)); ++c) {
+    const PlaneView& plane = view.planes[c];
+    const auto at = [&](int x, int y) -> int {
+      const int i = std::clamp(x, 0, plane.width - 1);
+      const int j = std::clamp(y, 0, plane.height - 1);
+      return plane.data[j * plane.row_stride + i * plane.pixel_stride];
+    };
+    const PlaneView& out = prepared.views[0].planes[c];
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        const int detail = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
+        const double exact = at(x, y) + source.sharpen * detail / 64.0;  // sixty-fourths are exact in a double
+        RC_ASSERT(out.data[y * out.row_stride + x] == std::clamp(std::floor(exact + 0.5), 0.0, 255.0));
+      }
+    }
+    std::vector<std::uint8_t> larger = bytes_of(plane);
+    int width = plane.width;
+    for (std::size_t level = 1; level < source.levels; ++level) {
+      const PlaneView& small = prepared.views[level].planes[c];
+      RC_ASSERT(small.width == width / 2);
+      std::vector<std::uint8_t> expected;
+      for (int y = 0; y < small.height; ++y) {
+        for (int x = 0; x < small.width; ++x) {
+          const auto from = static_cast<std::size_t>(2 * y * width + 2 * x);
+          const auto below_it = from + static_cast<std::size_t>(width);
+          const int sum = larger[from] + larger[from + 1] + larger[below_it] + larger[below_it + 1];
+          expected.push_back(static_cast<std::uint8_t>((sum + 2) / 4));
+        }
+      }
+      RC_ASSERT(bytes_of(small) == expected);
+      larger = expected;
+      width = small.width;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace nodal::blend::test

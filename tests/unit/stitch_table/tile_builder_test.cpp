@@ -1,0 +1,136 @@
+// Tables taken apart again, and held against the samples they were made from.
+#include "stitch/table/tile_builder.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "rigs.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/table_compiler.h"
+
+namespace nodal::table {
+namespace {
+
+struct Given {
+  double weight = 0;
+  double gain = 0;
+  std::vector<std::array<double, 2>> places;  ///< in samples of level 0
+};
+
+/// What the table gives a pixel of grid g, by head, read as blend_table.h says.
+std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g, int x, int y) {
+  const blend::GridTable& grid = table.grids[g];
+  const blend::Tile& tile = grid.tiles[grid.tile_index(x / 8, y / 8)];
+  const std::size_t count = (&tile + 1)->record - tile.record;
+  const int i = x % 8;
+  const int j = y % 8;
+  const std::size_t p = blend::pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+  const auto sum = [&](const auto& q) {
+    const int terms[] = {1, i, j, i * j, i * i, j * j};
+    int value = 0;
+    for (std::size_t k = 0; k < q.size(); ++k) value += q[k] * terms[k];
+    return value;
+  };
+  std::array<Given, kMaxHeads> heads;
+  int left = 32768;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t r = tile.record + k;
+    const blend::PatchRecord& record = grid.records[r];
+    int weight = left;
+    const bool open = tile.how() == blend::Sharing::kOpen;
+    if (tile.how() == blend::Sharing::kBilinear && k + 1 < count) {
+      const std::int16_t* q = grid.weights.data() + tile.weights() + 4 * k;
+      weight = -sum(std::array<int, 4>{q[0], q[1], q[2], q[3]});
+    } else if (open || (tile.how() == blend::Sharing::kListed && k + 1 < count)) {
+      weight = -grid.weights[tile.weights() + 64 * k + p];
+    }
+    left -= weight;
+    if (weight == 0) continue;
+    double at[2];
+    for (std::size_t way = 0; way < 2; ++way) {
+      const int local = record.listed() ? grid.coordinates[record.list() * 128 + 64 * way + p]
+                                        : sum(way == 0 ? record.x : record.y) & 0xffff;
+      // The blend cuts x off at 7 bits, on average half of one.
+      const double in_level = (way == 0 ? record.left : record.top) + (local - (way == 0 ? 16 : 0)) / 4096.0;
+      at[way] = (in_level + 0.5) * (1 << record.pyramid_level()) - 0.5;
+    }
+    heads[record.head].weight += weight / 32768.0;
+    heads[record.head].places.push_back({at[0], at[1]});
+    heads[record.head].gain = grid.gains.empty() ? 1 : sum(grid.gains[r]) / 32768.0 * table.vignetting_scale / 256.0;
+  }
+  return heads;
+}
+
+RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFrom, (std::uint32_t seed, bool minified)) {
+  std::mt19937 random(seed);
+  const Calibration rig = test::random_rig_with_light(random);
+  const int width = minified ? 32 : 120;
+  const auto layout = geometry::make_layout("equirectangular", width, width / 2).value();
+  const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kYuyv);
+  TableOptions options;
+  options.feather = random() % 2 == 0 ? 0.5 : 0.05;
+  const auto table = compile_blend_table(rig, *layout, PixelFormat::kI420, formats, options);
+  RC_PRE(table.has_value());
+  const RaySampler sampler = RaySampler::make(rig, *layout, PixelFormat::kI420, formats, options).value();
+  RowSampler row(sampler);
+  for (std::size_t g = 0; g < 2; ++g) {
+    for (int y = 0; y < sampler.grids()[g].height; ++y) {
+      row.sample(static_cast<int>(g), y);
+      for (int x = 0; x < sampler.grids()[g].width; ++x) {
+        const std::array<Given, kMaxHeads> got = given(*table, g, x, y);
+        std::array<double, kMaxHeads> expected{};
+        for (const RaySample& s : row.at(x)) {
+          expected[s.head] = s.weight;
+          for (const auto& at : got[s.head].places) {
+            const double room = 1.0 / 16 * (1 << (table->sources[s.head].levels - 1));
+            RC_ASSERT(std::abs(at[0] - s.x) <= room || s.x < 1 || s.x > rig.heads[s.head].width / 2 - 2);
+            RC_ASSERT(std::abs(at[1] - s.y) <= room || s.y < 1 || s.y > rig.heads[s.head].height - 2);
+            RC_ASSERT(std::abs(got[s.head].gain - s.gain) <= 0.003);
+          }
+        }
+        double sum = 0;
+        for (std::size_t h = 0; h < kMaxHeads; ++h) {
+          RC_ASSERT(std::abs(got[h].weight - expected[h]) <= 3.0 / 256);
+          RC_ASSERT(got[h].weight == 0 || expected[h] > 0);
+          sum += got[h].weight;
+        }
+        RC_ASSERT(sum == (row.at(x).empty() ? 0 : 1));
+      }
+    }
+  }
+}
+
+TEST(FitQuadratic, ValuesOfAQuadratic_GiveItBack) {
+  const std::array<std::int32_t, 6> truth{1000, -300, 700, 11, -23, 5};
+  PixelValues values;
+  for (int p = 0; p < 64; ++p) {
+    const int i = p % 8, j = p / 8;
+    values[static_cast<std::size_t>(p)] =
+        truth[0] + truth[1] * i + truth[2] * j + truth[3] * i * j + truth[4] * i * i + truth[5] * j * j;
+  }
+  EXPECT_EQ(fit_quadratic(values, ~PixelMask{0}), truth);
+  const auto half = fit_quadratic(values, 0x0f0f0f0f0f0f0f0f);  // half of them say as much, but for the last bits
+  for (int p = 0; p < 64; ++p) {
+    const int i = p % 8, j = p / 8;
+    if (i > 3) continue;
+    const int at = half[0] + half[1] * i + half[2] * j + half[3] * i * j + half[4] * i * i + half[5] * j * j;
+    EXPECT_NEAR(at, values[static_cast<std::size_t>(p)], 4);
+  }
+}
+
+TEST(FitBilinear, RoundedCoefficients_MakeUpForEachOther) {
+  PixelValues values;
+  for (int p = 0; p < 64; ++p) values[static_cast<std::size_t>(p)] = 20000 + p % 8 * (p / 8) / 2;  // half an ij
+  const auto fit = fit_bilinear(values, ~PixelMask{0});
+  for (int p = 0; p < 64; ++p) {
+    const int i = p % 8, j = p / 8;
+    // Cutting the coefficients off one by one would be 24 off in the corner.
+    EXPECT_NEAR(fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j, 20000 + i * j / 2.0, 9);
+  }
+}
+
+}  // namespace
+}  // namespace nodal::table
