@@ -42,7 +42,10 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
                                      SpscRing<InstalledPtr>& tables_back)
-    : config_(config), disk_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {}
+    : config_(config), disk_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {
+  report_.activity = "reading the calibration store";  // so that who asks first is told to wait
+  publish();
+}
 
 bool CalibrationKeeper::step() {
   bool busy = false;
@@ -73,6 +76,7 @@ void CalibrationKeeper::load_at_start() {
   if (!opened) {
     store_status_ = fail(opened.error().in("calibration store"));
     report_.problem = store_status_.error().message;
+    report_.activity.clear();
     report_.ready = true;
     return;
   }
@@ -86,6 +90,7 @@ void CalibrationKeeper::load_at_start() {
     if (entry.id == in_force) to_try_.push_back(entry);
   }
   report_.ready = to_try_.empty();
+  if (report_.ready) report_.activity.clear();
 }
 
 /// The one in force, and when it does not fit the rig any more, the newest that does.
