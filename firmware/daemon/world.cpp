@@ -255,7 +255,7 @@ Status World::listen(const firmware::LinksConfig& links) {
 firmware::RigPorts World::ports() {
   NODAL_ASSERT(state_->disk);
   firmware::RigPorts ports{state_->clock(),    state_->enumerators,    state_->trigger, *state_->disk, {},
-                           &state_->watchdog, &state_->machine_clock};
+                           &state_->watchdog, {}, &state_->machine_clock};
   for (const auto& listener : state_->listeners) ports.listeners.push_back(listener.get());
   return ports;
 }
