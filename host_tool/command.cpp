@@ -78,6 +78,7 @@ CommandLine::CommandLine(Console& console)
   add_calibration(app_, *this);
   add_raymap(app_, *this);
   add_import(app_, *this);
+  add_pairs(app_, *this);
   add_register(app_, *this);
   add_export(app_, *this);
   add_pattern(app_, *this);

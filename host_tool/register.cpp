@@ -8,7 +8,9 @@
 
 #include "host_tool/command.h"
 #include "host_tool/files.h"
+#include "host_tool/pairs_file.h"
 #include "host_tool/registration_input.h"
+#include "stitch/registration/pairs.h"
 
 namespace nodal::host {
 namespace {
@@ -18,7 +20,7 @@ using registration::Report;
 
 struct Args {
   std::vector<std::string> inputs;
-  std::string nominal, circle;
+  std::string nominal, circle, pairs;
   double roll = 0;
   std::string out = "calibration.json";
   std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "shared", gauge = "first";
@@ -163,8 +165,16 @@ void tell(Console& console, const Report& report, bool focals, const std::string
 }
 
 Status run(Context& context, const Args& args) {
-  const Result<Input> input = read_input(args);
+  Result<Input> input = read_input(args);
   if (!input) return fail(input.error());
+  if (!args.pairs.empty()) {
+    const auto pairs = read_pairs(args.pairs, input->prior);
+    if (!pairs) return fail(pairs.error());
+    Result<registration::PairFit> fit = registration::fit_to_pairs(input->prior, *pairs, registration::Free::kRotations);
+    if (!fit) return fail(fit.error().in(args.pairs));
+    input->prior = std::move(fit->calibration);
+    for (const std::string& warning : fit->warnings) context.console().note(args.pairs + ": " + warning);
+  }
   Options options = args.options;
   options.free = kFree.at(args.free);
   options.norm = kNorm.at(args.norm);
@@ -231,6 +241,8 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("first|mean")
       ->check(one_of(kGauge));
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
+  command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts")
+      ->type_name("FILE");
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));

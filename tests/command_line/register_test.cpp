@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "protocol/calibration.h"
+#include "stitch/geometry/head.h"
 #include "tests/support/pictures.h"
 #include "tests/support/process.h"
 #include "tests/support/rendered_rig.h"
@@ -102,6 +104,36 @@ TEST_F(RegisterCommand, FramesThatCannotBeRegistered_OneSentenceAndNoFile) {
     EXPECT_NE(done.err.find(trouble.says), std::string::npos) << done.err;
     EXPECT_FALSE(std::filesystem::exists(path("found.json"))) << trouble.says;
   }
+}
+
+TEST_F(RegisterCommand, HeadsAnywhereAndPointPairs_AreRegisteredFromThere) {
+  write(town(), 60, 170);
+  const Finished alone = run({path("prior.json"), path("frames"), "-o", path("found.json")});
+  EXPECT_EQ(alone.code, 4) << alone.out;
+  // Points a hand would set, to half a pixel: the corners of a cube about the rig, each in three heads.
+  std::string csv = "head_a,x_a,y_a,head_b,x_b,y_b\n";
+  const std::vector<geometry::Head> heads = geometry::make_heads(town().truth).value();
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto ray = geometry::Ray::towards(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+    for (std::size_t a = 0; a < heads.size(); ++a) {
+      for (std::size_t b = a + 1; b < heads.size(); ++b) {
+        const auto pa = heads[a].project(ray), pb = heads[b].project(ray);
+        if (!pa || !pb || !heads[a].contains(*pa) || !heads[b].contains(*pb)) continue;
+        csv += heads[a].name() + "," + std::to_string(std::round(pa->x)) + "," + std::to_string(std::round(pa->y)) + "," +
+               heads[b].name() + "," + std::to_string(std::round(pb->x)) + "," + std::to_string(std::round(pb->y)) + "\n";
+      }
+    }
+  }
+  std::ofstream(path("points.csv")) << csv;
+  const Finished done = run({path("prior.json"), path("frames"), "--pairs", path("points.csv"), "-o", path("found.json")});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const Calibration found = parse_calibration(text_of(path("found.json"))).value();
+  EXPECT_LT(test::rotation_error(town().truth, found).rms_deg, 0.01 * kPixelDeg);
+  const Finished rough = Process({NODAL_BIN_DIR "/nodal", "pairs", path("prior.json"), path("points.csv"), "-o",
+                                  path("rough.json")}).wait();
+  ASSERT_EQ(rough.code, 0) << rough.err;
+  EXPECT_LT(test::rotation_error(town().truth, parse_calibration(text_of(path("rough.json"))).value()).rms_deg, 2 * kPixelDeg);
+  EXPECT_NE(rough.out.find("the point pairs agree within"), std::string::npos) << rough.out;
 }
 
 TEST_F(RegisterCommand, PicturesThatDoNotFitTheCalibration_AreCountedAndNamed) {

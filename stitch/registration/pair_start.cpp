@@ -1,0 +1,103 @@
+#include "stitch/registration/pair_start.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+namespace nodal::registration {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kTolerance = 1.5 * kDegree;  // a lens may still be wrong by that
+constexpr double kLeastBase = 2 * kDegree;    // two things nearer to each other hold no turn about them
+constexpr std::size_t kMostTried = 1500;
+
+struct Joint {
+  Matrix3d R_b_a = Matrix3d::Identity();
+  int agreeing = 0;
+};
+
+double between(const Vector3d& a, const Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
+
+// A frame of two directions: the middle, and what is across.
+Matrix3d frame_of(const Vector3d& p, const Vector3d& q) {
+  Matrix3d frame;
+  frame.col(0) = (p + q).normalized();
+  frame.col(1) = p.cross(q).normalized();
+  frame.col(2) = frame.col(0).cross(frame.col(1));
+  return frame;
+}
+
+// The rotation that takes the rays of a nearest to those of b (Kabsch).
+Matrix3d best_rotation(const std::vector<RayPair>& pairs, const Matrix3d& near) {
+  Matrix3d sum = Matrix3d::Zero();
+  for (const RayPair& pair : pairs) {
+    if (between(near * pair.ray_a, pair.ray_b) < kTolerance) sum += pair.ray_b * pair.ray_a.transpose();
+  }
+  const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  return svd.matrixU() * Vector3d(1, 1, sign < 0 ? -1 : 1).asDiagonal() * svd.matrixV().transpose();
+}
+
+int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a) {
+  int count = 0;
+  for (const RayPair& pair : pairs) count += between(R_b_a * pair.ray_a, pair.ray_b) < kTolerance ? 1 : 0;
+  return count;
+}
+
+Joint joint_of(const std::vector<RayPair>& pairs) {
+  Joint best;
+  const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
+  // When there are too many, every so many of them: the same ones each time.
+  const std::size_t step = 1 + all / kMostTried;
+  std::size_t number = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 1; j < n; ++j) {
+      if (number++ % step != 0) continue;
+      const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
+      const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
+      if (!holds || std::abs(apart_a - apart_b) > 2 * kTolerance) continue;
+      const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
+      if (const int count = agreeing(pairs, R); count > best.agreeing) best = {R, count};
+    }
+  }
+  if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a);
+  return best;
+}
+
+}  // namespace
+
+std::vector<std::optional<Matrix3d>> start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs,
+                                                      std::size_t first) {
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<RayPair>> by_heads;
+  for (const RayPair& pair : pairs) by_heads[{pair.a, pair.b}].push_back(pair);
+  std::map<std::pair<std::size_t, std::size_t>, Joint> joints;
+  for (const auto& [heads, theirs] : by_heads) {
+    if (const Joint joint = joint_of(theirs); joint.agreeing >= 2) joints[heads] = joint;
+  }
+  std::vector<std::optional<Matrix3d>> placed(R.size());
+  placed[first] = R[first];
+  for (;;) {
+    const Joint* best = nullptr;
+    std::size_t a = 0, b = 0;
+    for (const auto& [heads, joint] : joints) {
+      if (placed[heads.first].has_value() == placed[heads.second].has_value()) continue;
+      if (best != nullptr && joint.agreeing <= best->agreeing) continue;
+      best = &joint;
+      std::tie(a, b) = heads;
+    }
+    if (best == nullptr) return placed;
+    if (placed[a]) {
+      placed[b] = best->R_b_a * *placed[a];
+    } else {
+      placed[a] = best->R_b_a.transpose() * *placed[b];
+    }
+  }
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,21 @@
+// Where the point pairs put the heads, roughly but from anywhere: pairs of pairs that agree.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+namespace nodal::registration {
+
+/// Two heads' rays to one thing, each in its head's own frame.
+struct RayPair {
+  std::size_t a = 0, b = 0;  ///< heads, a < b
+  Eigen::Vector3d ray_a, ray_b;
+};
+
+/// R_head_rig of every head that the pairs join to `first`, which is where R says; nothing for the others. The joints
+/// that most pairs agree on come first.
+std::vector<std::optional<Eigen::Matrix3d>> start_from_pairs(const std::vector<Eigen::Matrix3d>& R,
+                                                             const std::vector<RayPair>& pairs, std::size_t first);
+
+}  // namespace nodal::registration

@@ -1,0 +1,295 @@
+#include "stitch/registration/pairs.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <tuple>
+
+#include "stitch/geometry/head.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/registration/descent.h"
+#include "stitch/registration/pair_start.h"
+
+namespace nodal::registration {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr int kMostRounds = 60;
+constexpr double kLeastOutlier = 0.05 / kDegrees;  // by hand nobody is better than that
+constexpr double kFocalSigma = 0.05;               // what a prior's focal length may be off; holds what the pairs do not
+constexpr double kFocalStep = 1e-5;
+constexpr double kMostRms = 2 / kDegrees;
+
+// The adjustment under way.
+class Bundle {
+ public:
+  Bundle(const Calibration& prior, const std::vector<PointPair>& pairs, bool focals)
+      : prior_(prior), pairs_(pairs), focals_(focals), log_focal_(prior.heads.size(), 0.0), used_(pairs.size(), true) {}
+
+  Result<PairFit> run();
+
+ private:
+  Status start();
+  Status adjust();
+  Result<Vector3d> ray(std::size_t head, geometry::Pixel pixel, double log_focal) const;
+  Result<Vector3d> ray(std::size_t head, geometry::Pixel pixel) const { return ray(head, pixel, log_focal_[head]); }
+  bool joined(const PointPair& pair) const { return placed_[pair.head_a] && placed_[pair.head_b]; }
+  Result<std::vector<double>> errors() const;
+  double scale_of(std::vector<double> errors) const;
+  Status add_pair(const PointPair& pair, double weight, Eigen::MatrixXd& H, Eigen::VectorXd& g) const;
+  int column_of(std::size_t head) const { return columns_[head]; }
+  Status add_agreements(PairFit& fit) const;
+  Result<PairFit> fit() const;
+
+  const Calibration& prior_;
+  const std::vector<PointPair>& pairs_;
+  bool focals_;
+  std::vector<Matrix3d> R_;
+  std::vector<double> log_focal_;
+  std::vector<bool> placed_, used_;
+  std::vector<int> columns_;  // of a head's turn; its focal length is behind; -1: it stays
+  int first_ = 0;
+  int count_ = 0;
+  Eigen::MatrixXd H_;
+  double noise_ = 0;          // rad, a pair
+};
+
+Result<Vector3d> Bundle::ray(std::size_t head, geometry::Pixel pixel, double log_focal) const {
+  HeadCalibration own = prior_.heads[head];
+  own.R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  if (log_focal != 0) own.lens = changed_lens(own.lens, log_focal, {}, 1, 1);
+  const Result<geometry::Lens> lens = geometry::Lens::make(own.lens, log_focal == 0 ? own.max_angle : 0);
+  if (!lens) return fail(lens.error().in("head '" + own.name + "'"));
+  const double x = pixel.x - own.center_x, y = (pixel.y - own.center_y) / own.aspect, r = std::hypot(x, y);
+  const std::optional<double> angle = lens->angle(r);
+  if (!angle) {
+    return fail(Errc::kBadValue, "head '" + own.name + "': its lens does not reach the point (" +
+                                     std::to_string(pixel.x) + ", " + std::to_string(pixel.y) +
+                                     "); take the point out, or check the lens");
+  }
+  const double s = r > 0 ? std::sin(*angle) / r : 0;
+  return Vector3d(s * x, s * y, std::cos(*angle));
+}
+
+Status Bundle::start() {
+  std::vector<RayPair> rays;
+  first_ = -1;
+  for (const PointPair& pair : pairs_) {
+    if (std::max(pair.head_a, pair.head_b) >= prior_.heads.size() || pair.head_a == pair.head_b) {
+      return fail(Errc::kBadValue, "a point pair must join two different heads of the calibration");
+    }
+    const PointPair way = pair.head_a < pair.head_b
+                              ? pair : PointPair{pair.head_b, pair.pixel_b, pair.head_a, pair.pixel_a};
+    const Result<Vector3d> a = ray(way.head_a, way.pixel_a), b = ray(way.head_b, way.pixel_b);
+    if (!a) return fail(a.error());
+    if (!b) return fail(b.error());
+    rays.push_back({way.head_a, way.head_b, *a, *b});
+  }
+  for (const HeadCalibration& head : prior_.heads) R_.push_back(geometry::matrix_of(head.R_head_rig));
+  // Of islands that nothing joins the largest is placed; the first of its heads holds the rig.
+  std::vector<std::optional<Matrix3d>> found;
+  std::ptrdiff_t most = 1;
+  for (std::size_t h = 0; h < R_.size(); ++h) {
+    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R_, rays, h);
+    const auto heads = std::ranges::count_if(island, [](const auto& R) { return R.has_value(); });
+    if (heads <= most) continue;
+    most = heads;
+    found = std::move(island);
+    first_ = static_cast<int>(h);
+  }
+  if (first_ < 0) {
+    return fail(Errc::kNoCoverage, "the point pairs join no two heads; give at least two pairs, some degrees apart, for "
+                                   "two heads that overlap, and check that they belong to these heads");
+  }
+  for (std::size_t h = 0; h < R_.size(); ++h) {
+    placed_.push_back(found[h].has_value());
+    if (found[h]) R_[h] = *found[h];
+    const bool moves = placed_.back() && static_cast<int>(h) != first_;
+    columns_.push_back(placed_.back() ? count_ : -1);
+    count_ += (moves ? 3 : 0) + (placed_.back() && focals_ ? 1 : 0);
+  }
+  for (std::size_t p = 0; p < pairs_.size(); ++p) used_[p] = joined(pairs_[p]);
+  return {};
+}
+
+Result<std::vector<double>> Bundle::errors() const {
+  std::vector<double> all;
+  for (const PointPair& pair : pairs_) {
+    const Result<Vector3d> a = ray(pair.head_a, pair.pixel_a), b = ray(pair.head_b, pair.pixel_b);
+    if (!a) return fail(a.error());
+    if (!b) return fail(b.error());
+    all.push_back((R_[pair.head_a].transpose() * *a - R_[pair.head_b].transpose() * *b).norm());
+  }
+  return all;
+}
+
+// A robust standard deviation of the errors of pairs that are joined.
+double Bundle::scale_of(std::vector<double> errors) const {
+  std::vector<double> joined_ones;
+  for (std::size_t p = 0; p < errors.size(); ++p) {
+    if (joined(pairs_[p])) joined_ones.push_back(errors[p]);
+  }
+  const auto middle = joined_ones.begin() + static_cast<std::ptrdiff_t>(joined_ones.size() / 2);
+  std::ranges::nth_element(joined_ones, middle);
+  return std::max(1.2 * *middle, 1e-9);
+}
+
+Status Bundle::add_pair(const PointPair& pair, double weight, Eigen::MatrixXd& H, Eigen::VectorXd& g) const {
+  Eigen::Matrix<double, 3, Eigen::Dynamic> J = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, count_);
+  Vector3d error = Vector3d::Zero();
+  const auto add = [&](std::size_t head, geometry::Pixel pixel, double sign) -> Status {
+    const Result<Vector3d> r = ray(head, pixel);
+    if (!r) return fail(r.error());
+    const Matrix3d back = R_[head].transpose();
+    error += sign * (back * *r);
+    int column = column_of(head);
+    if (static_cast<int>(head) != first_) {
+      // The head turns by w: its ray is seen in the rig at R^T (r - w x r) = R^T r + R^T (r x w).
+      Matrix3d cross;
+      cross << 0, -r->z(), r->y(), r->z(), 0, -r->x(), -r->y(), r->x(), 0;
+      J.block<3, 3>(0, column) += sign * (back * cross);
+      column += 3;
+    }
+    if (!focals_) return {};
+    const Result<Vector3d> above = ray(head, pixel, log_focal_[head] + kFocalStep);
+    const Result<Vector3d> below = ray(head, pixel, log_focal_[head] - kFocalStep);
+    if (above && below) J.col(column) += sign * (back * (*above - *below)) / (2 * kFocalStep);
+    return {};
+  };
+  if (Status done = add(pair.head_a, pair.pixel_a, 1); !done) return done;
+  if (Status done = add(pair.head_b, pair.pixel_b, -1); !done) return done;
+  H += weight * J.transpose() * J;
+  g += weight * J.transpose() * error;
+  return {};
+}
+
+Status Bundle::adjust() {
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Result<std::vector<double>> all = errors();
+    if (!all) return fail(all.error());
+    noise_ = scale_of(*all);
+    const double huber = 2 * noise_;
+    H_ = Eigen::MatrixXd::Zero(count_, count_);
+    Eigen::VectorXd g = Eigen::VectorXd::Zero(count_);
+    for (std::size_t p = 0; p < pairs_.size(); ++p) {
+      used_[p] = joined(pairs_[p]) && (*all)[p] < std::max(5 * noise_, kLeastOutlier);
+      if (!used_[p]) continue;
+      if (Status done = add_pair(pairs_[p], std::min(1.0, huber / std::max((*all)[p], 1e-12)), H_, g); !done) return done;
+    }
+    const double hold = std::pow(noise_ / kFocalSigma, 2);
+    for (std::size_t h = 0; h < R_.size() && focals_; ++h) {
+      if (!placed_[h]) continue;
+      const int column = column_of(h) + (static_cast<int>(h) == first_ ? 0 : 3);
+      H_(column, column) += hold;
+      g[column] += hold * log_focal_[h];
+    }
+    const Eigen::VectorXd step = -solve_symmetric(H_, g);
+    for (std::size_t h = 0; h < R_.size(); ++h) {
+      if (!placed_[h]) continue;
+      int column = column_of(h);
+      if (static_cast<int>(h) != first_) {
+        R_[h] = geometry::rotation_about(step.segment<3>(column)) * R_[h];
+        column += 3;
+      }
+      if (focals_) log_focal_[h] += std::clamp(step[column], -0.1, 0.1);
+    }
+    if (step.norm() < 1e-11) break;
+  }
+  return {};
+}
+
+Status Bundle::add_agreements(PairFit& fit) const {
+  const Result<std::vector<double>> all = errors();
+  if (!all) return fail(all.error());
+  std::map<std::pair<std::size_t, std::size_t>, PairAgreement> agreements;
+  double squares = 0, count = 0;
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const auto heads = std::minmax(pairs_[p].head_a, pairs_[p].head_b);
+    PairAgreement& agreement = agreements[heads];
+    std::tie(agreement.a, agreement.b) = heads;
+    agreement.rejected += used_[p] ? 0 : 1;
+    if (!used_[p]) continue;
+    const double degrees = (*all)[p] * kDegrees;
+    ++agreement.used;
+    agreement.rms_deg += degrees * degrees;
+    agreement.worst_deg = std::max(agreement.worst_deg, degrees);
+    squares += degrees * degrees;
+    ++count;
+  }
+  for (auto& [heads, agreement] : agreements) {
+    if (agreement.used > 0) agreement.rms_deg = std::sqrt(agreement.rms_deg / agreement.used);
+    fit.agreements.push_back(agreement);
+  }
+  fit.rms_deg = count > 0 ? std::sqrt(squares / count) : 0;
+  return {};
+}
+
+Result<PairFit> Bundle::fit() const {
+  PairFit fit;
+  fit.calibration = prior_;
+  fit.used = used_;
+  const Eigen::Index n = count_;
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H_, Eigen::VectorXd::Unit(n, k));
+  covariance *= noise_ * noise_ / 2;  // a pair's error has two directions
+  for (std::size_t h = 0; h < R_.size(); ++h) {
+    HeadReport head;
+    head.name = prior_.heads[h].name;
+    head.placed = placed_[h];
+    if (!placed_[h]) {
+      head.why_not = "no two point pairs join it to the others";
+      head.sigma_deg = std::numeric_limits<double>::infinity();
+      fit.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
+      fit.heads.push_back(head);
+      continue;
+    }
+    const Matrix3d prior = geometry::matrix_of(prior_.heads[h].R_head_rig);
+    head.turned_deg = Eigen::AngleAxisd(Matrix3d(R_[h] * prior.transpose())).angle() * kDegrees;
+    int column = column_of(h);
+    if (static_cast<int>(h) != first_) {
+      const Matrix3d own = covariance.block<3, 3>(column, column);
+      head.sigma_deg = std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3d>(own).eigenvalues().maxCoeff()) * kDegrees;
+      column += 3;
+    }
+    HeadCalibration& found = fit.calibration.heads[h];
+    found.R_head_rig = geometry::rows_of(R_[h]);
+    if (focals_) {
+      found.lens = changed_lens(found.lens, log_focal_[h], {}, 1, 1);
+      head.focal_change_percent = 100 * std::expm1(log_focal_[h]);
+      head.sigma_focal_percent = 100 * std::sqrt(covariance(column, column));
+    }
+    fit.heads.push_back(head);
+  }
+  if (Status done = add_agreements(fit); !done) return fail(done.error());
+  return fit;
+}
+
+Result<PairFit> Bundle::run() {
+  if (Status ready = start(); !ready) return fail(ready.error());
+  if (Status done = adjust(); !done) return fail(done.error());
+  Result<PairFit> found = fit();
+  if (!found) return found;
+  const auto used = std::ranges::count(used_, true);
+  const auto joined_ones = std::ranges::count_if(pairs_, [&](const PointPair& pair) { return joined(pair); });
+  if (noise_ > kMostRms || 2 * used < joined_ones) {
+    return fail(Errc::kHeadMismatch, "most point pairs contradict each other; check that they belong to these heads, in "
+                                     "the calibration's order, and that the lenses are right");
+  }
+  if (Status good = check_calibration(found->calibration); !good) return fail(good.error());
+  return found;
+}
+
+}  // namespace
+
+Result<PairFit> fit_to_pairs(const Calibration& prior, const std::vector<PointPair>& pairs, Free free) {
+  return Bundle(prior, pairs, free != Free::kRotations).run();
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,139 @@
+// Point pairs of rigs whose geometry is known: made by projecting the same rays into the heads.
+#include "stitch/registration/pairs.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "stitch/geometry/head.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::registration {
+namespace {
+
+// Rays all over the sphere, in every two heads that see them.
+std::vector<PointPair> pairs_of(const Calibration& truth, int rays, double noise_px, std::uint64_t seed) {
+  const std::vector<geometry::Head> heads = geometry::make_heads(truth).value();
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<PointPair> pairs;
+  for (int k = 0; k < rays; ++k) {
+    const double x = normal(random), y = normal(random), z = normal(random);
+    const geometry::Ray ray = geometry::Ray::towards(x, y, z);
+    const auto seen = [&](std::size_t h) -> std::optional<geometry::Pixel> {
+      const auto at = heads[h].project(ray);
+      if (!at || !heads[h].contains(*at)) return std::nullopt;
+      return geometry::Pixel{at->x + noise_px * normal(random), at->y + noise_px * normal(random)};
+    };
+    for (std::size_t a = 0; a < heads.size(); ++a) {
+      for (std::size_t b = a + 1; b < heads.size(); ++b) {
+        const auto pa = seen(a), pb = seen(b);
+        if (pa && pb) pairs.push_back(k % 2 == 0 ? PointPair{a, *pa, b, *pb} : PointPair{b, *pb, a, *pa});
+      }
+    }
+  }
+  return pairs;
+}
+
+TEST(Pairs, ExactOnesAndHeadsAnywhere_PlaceThemToRounding) {
+  const Calibration truth = test::six_fisheyes(400);
+  const Calibration prior = test::turned(truth, 40, 180, 2);
+  const Result<PairFit> fit = fit_to_pairs(prior, pairs_of(truth, 80, 0, 1), Free::kRotations);
+  ASSERT_TRUE(fit) << fit.error().text();
+  EXPECT_LT(test::rotation_error(truth, fit->calibration).max_deg, 1e-7);
+  EXPECT_LT(fit->rms_deg, 1e-7);
+  EXPECT_EQ(fit->calibration.heads[0].R_head_rig, prior.heads[0].R_head_rig) << "the first head holds the rig";
+}
+
+TEST(Pairs, NoiseOfHalfAPixel_ErrorIsWhatTheUncertaintySays) {
+  const Calibration truth = test::six_fisheyes(400);
+  double squares = 0;
+  int heads = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const Calibration prior = test::turned(truth, 10, 40, seed);
+    const Result<PairFit> fit = fit_to_pairs(prior, pairs_of(truth, 60, 0.5, seed), Free::kRotations);
+    ASSERT_TRUE(fit) << fit.error().text();
+    const double error = test::rotation_error(truth, fit->calibration).rms_deg;
+    EXPECT_LT(error, 0.15);
+    for (std::size_t h = 1; h < 6; ++h) {
+      squares += std::pow(error / fit->heads[h].sigma_deg, 2);
+      ++heads;
+    }
+  }
+  // sigma is of the worst axis and against the first head, the error is of all three about the common mean.
+  EXPECT_GT(std::sqrt(squares / heads), 0.4);
+  EXPECT_LT(std::sqrt(squares / heads), 2.0);
+}
+
+TEST(Pairs, AFifthOfThemWrong_AreLeftOutAndNothingElse) {
+  const Calibration truth = test::six_fisheyes(400);
+  std::vector<PointPair> pairs = pairs_of(truth, 100, 0.3, 3);
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> anywhere(80, 320);
+  std::size_t wrong = 0;
+  for (std::size_t p = 0; p < pairs.size(); p += 5, ++wrong) pairs[p].pixel_b = {anywhere(random), anywhere(random)};
+  const Result<PairFit> fit = fit_to_pairs(test::turned(truth, 20, 60, 4), pairs, Free::kRotations);
+  ASSERT_TRUE(fit) << fit.error().text();
+  EXPECT_LT(test::rotation_error(truth, fit->calibration).rms_deg, 0.05);
+  std::size_t left_out = 0;
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    if (p % 5 == 0) left_out += fit->used[p] ? 0 : 1;
+    else EXPECT_TRUE(fit->used[p]) << p;
+  }
+  EXPECT_GE(left_out, wrong - 2) << "one in a hundred may lie right by chance";
+}
+
+TEST(Pairs, FocalsTwoPercentOff_AreFoundWhenAskedFor) {
+  const Calibration truth = test::six_fisheyes(400);
+  Calibration prior = test::turned(truth, 5, 20, 6);
+  for (std::size_t h = 0; h < 6; ++h) {
+    std::get<EquidistantLens>(prior.heads[h].lens).coefficients[0] *= h % 2 == 0 ? 1.02 : 0.98;
+  }
+  const Result<PairFit> fit = fit_to_pairs(prior, pairs_of(truth, 150, 0, 7), Free::kFocals);
+  ASSERT_TRUE(fit) << fit.error().text();
+  for (std::size_t h = 0; h < 6; ++h) {
+    const double found = std::get<EquidistantLens>(fit->calibration.heads[h].lens).coefficients[0];
+    EXPECT_NEAR(found / std::get<EquidistantLens>(truth.heads[h].lens).coefficients[0], 1, 2e-4);
+  }
+  EXPECT_LT(test::rotation_error(truth, fit->calibration).rms_deg, 0.01);
+}
+
+TEST(Pairs, AHeadThatNoPairJoins_IsNamedAndKept) {
+  const Calibration truth = test::six_fisheyes(400);
+  std::vector<PointPair> pairs = pairs_of(truth, 60, 0.2, 8);
+  std::erase_if(pairs, [](const PointPair& pair) { return pair.head_a == 3 || pair.head_b == 3; });
+  const Calibration prior = test::turned(truth, 10, 20, 9);
+  const Result<PairFit> fit = fit_to_pairs(prior, pairs, Free::kRotations);
+  ASSERT_TRUE(fit) << fit.error().text();
+  EXPECT_FALSE(fit->heads[3].placed);
+  EXPECT_EQ(fit->calibration.heads[3].R_head_rig, prior.heads[3].R_head_rig);
+  ASSERT_EQ(fit->warnings.size(), 1u);
+  EXPECT_NE(fit->warnings[0].find("'cam3'"), std::string::npos);
+}
+
+TEST(Pairs, PairsThatSayNothingOrContradictThemselves_AreRefused) {
+  const Calibration truth = test::six_fisheyes(400);
+  EXPECT_EQ(fit_to_pairs(truth, {}, Free::kRotations).error().code, Errc::kNoCoverage);
+  const std::vector<PointPair> one{pairs_of(truth, 60, 0, 1).front()};
+  EXPECT_EQ(fit_to_pairs(truth, one, Free::kRotations).error().code, Errc::kNoCoverage);
+  EXPECT_EQ(fit_to_pairs(truth, {{0, {200, 200}, 9, {200, 200}}}, Free::kRotations).error().code, Errc::kBadValue);
+  std::vector<PointPair> outside{{0, {-900, 200}, 1, {200, 200}}};
+  Calibration capped = truth;
+  for (HeadCalibration& head : capped.heads) head.max_angle = 1.6;
+  const auto beyond = fit_to_pairs(capped, outside, Free::kRotations);
+  ASSERT_FALSE(beyond);
+  EXPECT_NE(beyond.error().message.find("head 'cam0'"), std::string::npos);
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> anywhere(80, 320);
+  std::vector<PointPair> nonsense;
+  for (int k = 0; k < 200; ++k) {
+    nonsense.push_back({static_cast<std::size_t>(k % 6), {anywhere(random), anywhere(random)},
+                        static_cast<std::size_t>((k + 1 + k % 3) % 6), {anywhere(random), anywhere(random)}});
+  }
+  const auto contradiction = fit_to_pairs(truth, nonsense, Free::kRotations);
+  ASSERT_FALSE(contradiction);
+  EXPECT_EQ(contradiction.error().code, Errc::kHeadMismatch) << contradiction.error().text();
+}
+
+}  // namespace
+}  // namespace nodal::registration
