@@ -6,19 +6,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cerrno>
 #include <charconv>
 #include <filesystem>
-#include <numbers>
 #include <sstream>
 
 #include "host_tool/files.h"
+#include "stitch/calibration/export.h"
 #include "stitch/calibration/import.h"
-#include "stitch/geometry/head.h"
 
 namespace nodal::host {
 namespace {
@@ -100,40 +97,6 @@ Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const C
   return pairs;
 }
 
-// A head's lens as Hugin's equidistant one with a, b, c: exact at N = min(w, h) / 2, fitted elsewhere. Square pixels
-// are all that Hugin knows; features stand an aspect near 1.
-std::string hugin_lens(const geometry::Head& head) {
-  const double N = std::min(head.width(), head.height()) / 2.0, per_aspect = 1 / std::sqrt(head.calibration().aspect);
-  const double edge = std::min(head.lens().max_radius(), std::hypot(head.width(), head.height()) / 2);
-  const double f = N / head.lens().angle(std::min(N, edge)).value_or(head.lens().max_angle()) * std::min(1.0, edge / N);
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();
-  for (int k = 1; k <= 40; ++k) {
-    const double r = edge * k / 40, x = f * head.lens().angle(r).value_or(head.lens().max_angle()) / N;
-    const Eigen::Vector3d row(std::pow(x, 4) - x, std::pow(x, 3) - x, x * x - x);
-    H += row * row.transpose();
-    g += row * (r / N - x);
-  }
-  const Eigen::Vector3d abc = (H + 1e-9 * Eigen::Matrix3d::Identity()).ldlt().solve(g);
-  const HeadCalibration& own = head.calibration();
-  return fmt::format("v{:.6f} a{:.8f} b{:.8f} c{:.8f} d{:.4f} e{:.4f}",
-                     std::min(head.width() / (f / per_aspect) * 180 / std::numbers::pi, 350.0), abc[0], abc[1], abc[2],
-                     own.center_x - head.width() / 2.0, own.center_y - head.height() / 2.0);
-}
-
-// A project that cpfind reads: it undoes the lenses before it looks for features, so they need only be near.
-Result<std::string> pto_of(const std::vector<std::string>& pictures, const Calibration& rig) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(rig);
-  if (!heads) return fail(heads.error());
-  std::string text = "# hugin project file\np f2 w2048 h1024 v360 n\"TIFF_m\"\nm g1 i0 f0\n";
-  for (std::size_t h = 0; h < pictures.size(); ++h) {
-    const geometry::Head& head = (*heads)[h];
-    text += fmt::format("i w{} h{} f3 {} y0 p0 r0 Eev0 Er1 Eb1 n\"{}\"\n", head.width(), head.height(),
-                        hugin_lens(head), fs::absolute(pictures[h]).string());
-  }
-  return text;
-}
-
 // The program's exit code; its words go nowhere.
 Result<int> run_quietly(const std::vector<std::string>& command) {
   std::vector<char*> argv;
@@ -207,10 +170,13 @@ Result<std::vector<PointPair>> find_pairs(const std::vector<std::string>& pictur
   }
   const Workshop workshop;
   if (!workshop.good()) return fail(Errc::kIo, "no folder for temporary files");
-  const Result<std::string> project = pto_of(pictures, rig);
-  if (!project) return fail(project.error());
+  // cpfind undoes the lenses before it looks for features, so they need only be near.
+  calibration::ExportOptions options;
+  for (const std::string& picture : pictures) options.images.push_back(fs::absolute(picture).string());
+  const auto project = calibration::export_calibration(rig, calibration::ExportFormat::kHugin, options);
+  if (!project) return fail(project.error().in("for cpfind"));
   const std::string in = workshop.file("in.pto"), out = workshop.file("out.pto");
-  if (Status written = write_file(in, *project); !written) return fail(written.error());
+  if (Status written = write_file(in, project->files.front().text); !written) return fail(written.error());
   const Result<int> code = run_quietly({"cpfind", "--fullscale", "-o", out, in});
   if (!code) return fail(code.error());
   if (*code != 0) return fail(Errc::kNotDetermined, fmt::format("cpfind failed with code {}", *code));
