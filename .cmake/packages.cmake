@@ -22,8 +22,11 @@ nodal_pkgconfig_package(crypto libcrypto)
 nodal_pkgconfig_package(fmt fmt)
 nodal_pkgconfig_package(spdlog spdlog)
 nodal_pkgconfig_package(protobuf protobuf-lite)
-nodal_pkgconfig_package(yaml yaml-cpp)
 nodal_pkgconfig_package(zlib zlib)
+# Debian has yaml-cpp's development files for one architecture at a time: the headers serve all, and a cross build
+# links the library itself.
+find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 REQUIRED)
+nodal_package(yaml ${NODAL_YAML_LIBRARY})
 nodal_package(json)      # nlohmann-json: headers in /usr/include
 nodal_package(toml)      # toml++: headers in /usr/include
 nodal_package(cli)       # CLI11: headers in /usr/include
