@@ -5,8 +5,6 @@
 namespace nodal::firmware {
 namespace {
 
-/// Running means take a sixteenth of what is new.
-constexpr std::int64_t kMean = 16;
 /// Until it is known: the past is then trusted to 0.2 ms, twice this.
 constexpr Duration kJitterAtFirst = Duration::microseconds(100);
 
@@ -130,27 +128,33 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
 
 bool Genlock::follows_pulses(const Skews& skews) {
   Range raw, smooth;
-  Duration farthest;
+  const Duration leap = jitter_ * 4 + kJitterAtFirst;
+  Duration off_in_all;
+  std::int64_t judged = 0;
+  std::int64_t least_known = kMean;
   for (std::size_t i = 0; i < habits_.size(); ++i) {
     if ((skews.known & head_bit(i)) == 0) continue;
     raw.add(skews.of[i]);
     Habit& habit = habits_[i];
     const Duration off = skews.of[i] - habit.skew();
-    // A leap is not jitter: the head was started anew, or lost its trigger.
-    if (!habit.known || size_of(off) > kLockLimit) {
+    // A leap is not jitter: the head was started anew, or lost its trigger, or has it back.
+    if (habit.skews == 0 || size_of(off) > std::min(kLockLimit, leap)) {
       habit.mean = habit.mean_of_means = skews.of[i];
+      habit.skews = 1;
     } else {
-      habit.mean = habit.mean + (skews.of[i] - habit.mean) / kMean;
-      habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / kMean;
-      farthest = std::max(farthest, size_of(off));
+      habit.skews = std::min(habit.skews + 1, kMean);
+      habit.mean = habit.mean + (skews.of[i] - habit.mean) / habit.skews;
+      habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / habit.skews;
+      off_in_all = off_in_all + size_of(off);
+      ++judged;
     }
-    habit.known = true;
+    least_known = std::min(least_known, habit.skews);
     smooth.add(habit.skew());
   }
-  // Of uniform jitter the mean distance is half the farthest one.
-  jitter_ = jitter_ + (farthest / 2 - jitter_) / kMean;
+  if (judged > 0) jitter_ = jitter_ + (off_in_all / judged - jitter_) / kMean;
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
-  const Duration room = kLockLimit - jitter_ * 2;
+  // Twice the mean distance is more than four deviations of a whole past, and of a short one almost twice that.
+  const Duration room = kLockLimit - jitter_ * 2 * (2 * kMean - least_known) / kMean;
   return raw.width() <= kLockLimit && smooth.width() <= room && size_of(raw.middle() - latency_) <= kLockLimit;
 }
 
@@ -167,7 +171,7 @@ bool Genlock::is_as_in_lock(const FrameSet& set) const {
   Range moved;
   for (std::size_t i = 0; i < habits_.size(); ++i) {
     if (!set.has(i)) continue;
-    if (!habits_[i].known) return false;
+    if (habits_[i].skews == 0) return false;
     moved.add(set.sync.offset[i] - habits_[i].offset);
   }
   return moved.width() <= kLockLimit;

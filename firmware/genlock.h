@@ -100,7 +100,7 @@ class Genlock {
 
  private:
   struct Habit {  ///< of a head, while its exposures have pulses
-    bool known = false;
+    std::int64_t skews = 0;        ///< that went into it since the last leap, up to kMean
     Duration mean, mean_of_means;  ///< of its skews, running
     Duration offset;               ///< running mean of its mid-exposure after the set's
 
@@ -120,6 +120,8 @@ class Genlock {
   bool failed_ = false;  ///< the port is gone for good
   Instant newest_edge_;  ///< or the start, before the first
   Instant coasting_since_;
+  static constexpr std::int64_t kMean = 16;  ///< running means take a sixteenth of what is new
+
   std::optional<Instant> newest_set_;
   std::uint64_t next_number_ = 0;
   int good_sets_ = 0;

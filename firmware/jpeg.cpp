@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdarg>
 #include <cstdio>
 
 namespace nodal::firmware {
@@ -60,17 +61,21 @@ std::string gpano_packet(int width, int height) {
          "<?xpacket end=\"r\"?>";
 }
 
-std::string raymap_comment(const RaymapInfo& info) {
-  std::array<char, 256> text{};
-  const int length = std::snprintf(
-      text.data(), text.size(), "nodal set=%llu mid_exposure_ns=%lld spread_ns=%lld heads=0x%x genlock=%s calibration=",
+void RaymapComment::add(const char* format, ...) {
+  std::va_list arguments;
+  va_start(arguments, format);
+  const int more = std::vsnprintf(text_.data() + length_, text_.size() - length_, format, arguments);
+  va_end(arguments);
+  NODAL_ASSERT(more > 0 && static_cast<std::size_t>(more) < text_.size() - length_);
+  length_ += static_cast<std::size_t>(more);
+}
+
+RaymapComment::RaymapComment(const RaymapInfo& info) {
+  add("nodal set=%llu mid_exposure_ns=%lld spread_ns=%lld heads=0x%x genlock=%s calibration=",
       static_cast<unsigned long long>(info.set), static_cast<long long>(info.mid_exposure.ns()),
       static_cast<long long>(info.sync.spread.ns()), info.heads, genlock_state_name(info.sync.state).data());
-  NODAL_ASSERT(length > 0 && static_cast<std::size_t>(length) < text.size());
-  std::string comment(text.data(), static_cast<std::size_t>(length));
-  comment += to_hex(info.calibration);
-  if (info.sync.trigger) comment += " trigger=" + std::to_string(*info.sync.trigger);
-  return comment;
+  for (const std::uint8_t byte : info.calibration) add("%02x", byte);
+  if (info.sync.trigger) add(" trigger=%llu", static_cast<unsigned long long>(*info.sync.trigger));
 }
 
 JpegEncoder::JpegEncoder(const RaymapConfig& config)
@@ -116,7 +121,7 @@ Status JpegEncoder::encode(const ImageView& raymap, const RaymapInfo& info, std:
   const std::size_t lead = lead_bytes(jpeg, *size);
   into.assign(jpeg, jpeg + lead);
   into.insert(into.end(), gpano_.begin(), gpano_.end());
-  append_segment(into, kComment, {raymap_comment(info)});
+  append_segment(into, kComment, {RaymapComment(info).text()});
   into.insert(into.end(), jpeg + lead, jpeg + *size);
   return {};
 }

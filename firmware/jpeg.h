@@ -1,6 +1,7 @@
 // Raymaps as JPEG files that 360-degree viewers open as a sphere.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -19,10 +20,21 @@ namespace nodal::firmware {
 std::string gpano_packet(int width, int height);
 
 /// What the comment of a raymap's JPEG says: "nodal set=12 calibration=<64 hex digits> heads=0x3ff ...".
-std::string raymap_comment(const RaymapInfo& info);
+/// Made for every raymap, so it allocates nothing.
+class RaymapComment {
+ public:
+  explicit RaymapComment(const RaymapInfo& info);
+  std::string_view text() const { return {text_.data(), length_}; }
+
+ private:
+  void add(const char* format, ...) __attribute__((format(printf, 2, 3)));
+
+  std::array<char, 320> text_{};
+  std::size_t length_ = 0;
+};
 
 /// Compresses packed raymaps with TurboJPEG and writes their metadata: GPano in an APP1 segment when the layout is
-/// equirectangular, and raymap_comment().
+/// equirectangular, and a RaymapComment.
 ///
 /// Threading: thread-bound.
 /// Ownership: keeps a scratch buffer of the largest JPEG a raymap can become.

@@ -56,7 +56,11 @@ SetClock::Match SetClock::match_grid(std::size_t head, Instant mid_exposure) {
   Slot slot = anchor_slot_ + floor_div((mid_exposure - anchor_time_ + period_ / 2).ns(), period);
   if (const auto& last = last_[head]) {
     const Slot next = last->slot + floor_div((mid_exposure - last->mid_exposure + period_ / 2).ns(), period);
-    if (distance(mid_exposure - middle_of(next)) <= period_ * kReachTenths / 10) slot = next;
+    if (next <= last->slot) {
+      slot = last->slot;  // the same exposure once more, wherever the grid has gone since
+    } else if (distance(mid_exposure - middle_of(next)) <= period_ * kReachTenths / 10) {
+      slot = next;
+    }
   }
   const Match match{slot, std::nullopt, mid_exposure - middle_of(slot)};
   use(head, slot, mid_exposure);

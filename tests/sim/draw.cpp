@@ -11,7 +11,7 @@ Duration up_to(hal::sim::Random& random, Duration most) {
 
 /// Frames cost wall time: most rigs are slow ones, some run at what is common, 29.97 among it.
 FrameRate draw_rate(hal::sim::Random& random) {
-  constexpr std::array<FrameRate, 10> kRates = {FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
+  constexpr std::array<FrameRate, 10> kRates = {FrameRate{6, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
                                                 FrameRate{10, 1}, FrameRate{10, 1}, FrameRate{12, 1}, FrameRate{15, 1},
                                                 FrameRate{25, 1}, FrameRate{30000, 1001}};
   return kRates[random.below(kRates.size())];

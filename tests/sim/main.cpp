@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -22,6 +23,7 @@ struct Options {
   int jobs = 2;
   bool coverage = false;  ///< every state x fault x how many must have been visited
   bool quiet = false;
+  bool canary = false;  ///< a bug was planted: success is to find it
   Wish wish;
   std::string program;
 };
@@ -29,6 +31,7 @@ struct Options {
 /// What a worker process leaves for its parent, in memory that both have.
 struct Report {
   std::uint64_t seed = 0;  ///< under way; 0: none
+  std::atomic<bool> stop{false};  ///< somebody has found a failure
   std::uint64_t done = 0;
   std::uint64_t failed_seed = 0;
   std::uint64_t trace = 0;
@@ -47,7 +50,8 @@ std::string replay(const Options& options, std::uint64_t seed) {
 
 /// Seeds first + job, + jobs, and so on.
 void work(const Options& options, int job, Report& report) {
-  for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.seeds; i += static_cast<std::uint64_t>(options.jobs)) {
+  const auto jobs = static_cast<std::uint64_t>(options.jobs);
+  for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.seeds && !report.stop; i += jobs) {
     report.seed = options.first + i;
     const Outcome outcome = Swarm(report.seed, options.wish).run(Duration::seconds(60 * options.minutes));
     report.tally.add(outcome.tally);
@@ -59,6 +63,12 @@ void work(const Options& options, int job, Report& report) {
     return;
   }
   report.seed = 0;
+}
+
+std::uint64_t lost_in(const Tally& tally) {
+  std::uint64_t lost = tally.never_came;
+  for (const std::uint64_t losses : tally.losses) lost += losses;
+  return lost;
 }
 
 void print_tally(const Tally& tally) {
@@ -73,9 +83,9 @@ void print_tally(const Tally& tally) {
               static_cast<long long>(tally.slowest_replug_ns / 1'000'000),
               static_cast<long long>(tally.slowest_recovery_ns / 1'000'000));
   std::printf("  frames lost:");
-  std::uint64_t lost = 0;
+  const std::uint64_t lost = lost_in(tally);
+  if (tally.never_came > 0) std::printf(" before they could be taken %llu", n(tally.never_came));
   for (std::size_t i = 0; i < tally.losses.size(); ++i) {
-    lost += tally.losses[i];
     if (tally.losses[i] == 0) continue;
     std::printf(" %s %llu", firmware::loss_reason_name(static_cast<firmware::LossReason>(i)).data(),
                 n(tally.losses[i]));
@@ -122,14 +132,16 @@ int run(const Options& options) {
       work(options, 0, reports[0]);
     } else if (fork() == 0) {
       work(options, job, reports[job]);
-      std::fflush(stdout);
-      _exit(0);
+      _exit(reports[job].failed_seed == 0 ? 0 : 1);
     }
   }
-  while (wait(nullptr) > 0) {
+  for (int status = 0; wait(&status) > 0;) {
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) continue;
+    for (int job = 0; job < options.jobs; ++job) reports[job].stop = true;
   }
   Report all;
   int failures = 0;
+  std::fflush(stdout);
   for (int job = 0; job < options.jobs; ++job) {
     const Report& report = reports[job];
     all.tally.add(report.tally);
@@ -148,8 +160,13 @@ int run(const Options& options) {
               static_cast<long long>(took.count() / 1000), static_cast<long long>(took.count() % 1000 / 100),
               static_cast<unsigned long long>(all.trace));
   if (!options.quiet) print_tally(all.tally);
+  if (!options.wish.faults && (lost_in(all.tally) > 0 || all.tally.full_sets != all.tally.sets)) {
+    std::printf("FAILED: nothing went wrong, and frames were lost or sets not full\n");
+    ++failures;
+  }
   if (failures == 0 && options.coverage) failures += print_coverage(all.tally);
-  return failures == 0 ? 0 : 1;
+  if (options.canary) std::printf(failures > 0 ? "the planted bug was found\n" : "FAILED: a planted bug was not found\n");
+  return (failures == 0) != options.canary ? 0 : 1;
 }
 
 constexpr const char* kHelp =
@@ -163,6 +180,7 @@ constexpr const char* kHelp =
     "  --no-faults    nothing goes wrong; with it, a frame lost is a failure\n"
     "  --heads H      not drawn\n"
     "  --ntsc         29.97 a second and genlocked, not drawn\n"
+    "  --canary       a bug was planted in this program: fails when it is not found\n"
     "  --quiet        one line\n";
 
 bool parse(int argc, char** argv, Options& options) {
@@ -173,6 +191,7 @@ bool parse(int argc, char** argv, Options& options) {
     else if (flag == "--no-faults") options.wish.faults = false;
     else if (flag == "--ntsc") options.wish.ntsc = true;
     else if (flag == "--quiet") options.quiet = true;
+    else if (flag == "--canary") options.canary = true;
     else {
       std::uint64_t value = 0;
       const char* text = i + 1 < argc ? argv[++i] : "";

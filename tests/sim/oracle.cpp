@@ -31,7 +31,7 @@ std::string of_head(std::size_t head) { return "head " + std::to_string(head) + 
 void Tally::add(const Tally& other) {
   for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
                       &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
-                      &Tally::uploads}) {
+                      &Tally::uploads, &Tally::never_came}) {
     this->*member += other.*member;
   }
   for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_replug_ns, &Tally::slowest_recovery_ns}) {
@@ -74,7 +74,7 @@ void Oracle::begin_to_watch() {
   sets_ = whole_sets_ = 0;
 }
 
-void Oracle::on_set(const firmware::FrameSet& set) {
+void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   if (failure_) return;
   trace(set.number);
   trace(static_cast<std::uint64_t>(set.mid_exposure.ns()));
@@ -86,6 +86,11 @@ void Oracle::on_set(const firmware::FrameSet& set) {
   if (last_set_ && set.number <= *last_set_) return fail("set " + std::to_string(set.number) + " follows a later one");
   last_set_ = set.number;
   if (set.mask == 0 || set.mask >> world_.heads() != 0) return fail("a set's mask names no head, or one there is not");
+  // 2.5 periods after its middle at the latest, and what the daemon takes to look.
+  const Duration age = world_.now() - set.mid_exposure;
+  if (!held_up && age > period() * 4 + nature_.look_every) {
+    return fail("set " + std::to_string(set.number) + " was held for " + std::to_string(age.ms()) + " ms");
+  }
   check_members(set);
   if (set.sync.state == GenlockState::kLocked) check_locked(set);
   const bool full = std::popcount(set.mask) == static_cast<int>(world_.heads());
@@ -98,6 +103,10 @@ void Oracle::on_set(const firmware::FrameSet& set) {
   constexpr std::size_t kRemembered = 64;
   remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure};
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
+}
+
+Duration Oracle::period() const {
+  return world_.trigger().running() ? world_.trigger().period() : nature_.rate.period();
 }
 
 /// Each frame is what it was when its head wrote it, newer than this head's last, and of the set's own trigger.
@@ -135,8 +144,7 @@ void Oracle::check_members(const firmware::FrameSet& set) {
   }
   if (set.sync.spread != *said_latest - *said_earliest) return fail("a set's spread is not that of its frames");
   // Without a pulse, one exposure ends where the next begins: at one period's distance they cannot be one.
-  const Duration period = world_.trigger().running() ? world_.trigger().period() : nature_.rate.period();
-  if (*latest - *earliest > period * 5 / 4) {
+  if (*latest - *earliest > period() * 5 / 4) {
     return fail("set " + std::to_string(set.number) + " mixes exposures " +
                 std::to_string((*latest - *earliest).us()) + " us apart");
   }
@@ -163,11 +171,11 @@ void Oracle::check_locked(const firmware::FrameSet& set) {
   }
 }
 
-void Oracle::after_event(firmware::Rig& rig, bool capture_ran) {
+void Oracle::after_event(firmware::Rig& rig, std::optional<Instant> captured) {
   ++tally_.events;
   if (failure_) return;
   check_books(rig);
-  check_genlock(rig, capture_ran);
+  check_genlock(rig, captured);
 }
 
 /// frames = in sets + held + lost, and frames are what the heads handed out; nothing waits beyond its bound.
@@ -187,7 +195,7 @@ void Oracle::check_books(firmware::Rig& rig) {
   if (rig.control().clients() > firmware::Control::kMaxClients + 1) return fail("more hosts are served than allowed");
 }
 
-void Oracle::check_genlock(firmware::Rig& rig, bool capture_ran) {
+void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) {
   const GenlockState state = rig.capture().report().genlock.state;
   if (state != genlock_) {
     trace(static_cast<std::uint64_t>(state));
@@ -197,10 +205,10 @@ void Oracle::check_genlock(firmware::Rig& rig, bool capture_ran) {
     }
     genlock_ = state;
   }
-  if (!capture_ran || state != GenlockState::kLocked) return;
+  if (!captured || state != GenlockState::kLocked) return;
   const Trigger& trigger = world_.trigger();
-  if (world_.now() - trigger.newest_seen() > trigger.period() * 3 + nature_.look_every) {
-    fail("the genlock is called locked " + std::to_string((world_.now() - trigger.newest_seen()).ms()) +
+  if (*captured - trigger.newest_seen() > trigger.period() * 3 + nature_.look_every) {
+    fail("the genlock is called locked " + std::to_string((*captured - trigger.newest_seen()).ms()) +
          " ms after the last pulse");
   }
 }

@@ -17,6 +17,7 @@ namespace nodal::swarm {
 struct Tally {
   std::uint64_t events = 0, frames = 0, sets = 0, full_sets = 0, locked_sets = 0, raymaps = 0, kills = 0, replies = 0;
   std::uint64_t episodes = 0, storms = 0, uploads = 0;
+  std::uint64_t never_came = 0;  ///< frames that were exposed and lost before the rig could take them
   std::int64_t worst_locked_spread_ns = 0;  ///< begins, in truth
   std::int64_t slowest_replug_ns = 0, slowest_recovery_ns = 0;
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
@@ -34,10 +35,10 @@ class Oracle {
 
   /// A process began: its books start at zero.
   void new_process();
-  /// A set left capture.
-  void on_set(const firmware::FrameSet& set);
-  /// The rig has had its turn.
-  void after_event(firmware::Rig& rig, bool capture_ran);
+  /// A set left capture. `held_up`: something kept frames or the rig waiting, so it may be old.
+  void on_set(const firmware::FrameSet& set, bool held_up);
+  /// The rig has had its turn; `captured` is when capture did, if it did.
+  void after_event(firmware::Rig& rig, std::optional<Instant> captured);
   /// A raymap reached a host.
   void on_raymap(const wire::RaymapHeader& header, const std::vector<std::uint8_t>& pixels,
                  const std::array<Sha256, kCalibrations>& ids);
@@ -61,10 +62,11 @@ class Oracle {
     std::optional<std::uint64_t> trigger;
     Instant mid;
   };
+  Duration period() const;
   void check_members(const firmware::FrameSet& set);
   void check_locked(const firmware::FrameSet& set);
   void check_books(firmware::Rig& rig);
-  void check_genlock(firmware::Rig& rig, bool capture_ran);
+  void check_genlock(firmware::Rig& rig, std::optional<Instant> captured);
 
   World& world_;
   const Nature& nature_;

@@ -44,9 +44,10 @@ Outcome Swarm::run(Duration how_long) {
   if (!oracle_.failure() && rig_) {
     hosts_.clear();
     rig_->close();
-    oracle_.after_event(*rig_, false);
+    oracle_.after_event(*rig_, std::nullopt);
   }
   oracle_.new_process();  // adds up the books
+  for (std::size_t i = 0; i < world_.heads(); ++i) outcome_.tally.never_came += world_.head(i).counts().lost;
   if (oracle_.failure()) outcome_.failure = where() + *oracle_.failure();
   outcome_.trace = oracle_.trace();
   return outcome_;
@@ -104,7 +105,7 @@ void Swarm::step(Instant now) {
     step_rest(now);
   }
   oracle_.trace(static_cast<std::uint64_t>(now.ns()));
-  oracle_.after_event(*rig_, capture_runs);
+  oracle_.after_event(*rig_, capture_runs ? std::optional(now) : std::nullopt);
   plan_step(world_.now() + Duration::nanoseconds(1));
 }
 
@@ -124,13 +125,27 @@ void Swarm::look_at_set() {
   if (!set) return;
   if (looked_at_ != (*set)->number) {
     looked_at_ = (*set)->number;
-    oracle_.on_set(**set);
+    oracle_.on_set(**set, held_up());
   }
   const bool kept_waiting = world_.now() < blend_until_;
   if (kept_waiting || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) {
     NODAL_ASSERT(out.push(std::move(*set)));
   } else {
     NODAL_ASSERT(rig_->capture().sets_back().push(std::move(*set)));
+  }
+}
+
+bool Swarm::held_up() const {
+  if (phase_ != Phase::kFaulty && phase_ != Phase::kRecovering) return false;
+  if (episode_.of_heads) return episode_.head_fault == HeadFault::kLate || episode_.head_fault == HeadFault::kStall;
+  switch (episode_.rig_fault) {
+    case RigFault::kClockStep:
+    case RigFault::kSuspend:
+    case RigFault::kCaptureStalls:
+    case RigFault::kBlendStalls:
+    case RigFault::kDiskSlow:
+    case RigFault::kStorm: return true;
+    default: return false;
   }
 }
 

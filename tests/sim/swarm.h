@@ -55,6 +55,7 @@ class Swarm {
   void plan_step(Instant at);
   void step(Instant now);
   void look_at_set();
+  bool held_up() const;
   void step_rest(Instant now);
   void start_process();
   void end_process(bool power_lost);

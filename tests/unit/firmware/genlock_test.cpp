@@ -164,8 +164,11 @@ TEST_F(GenlockTest, Holdover_LastsFiveSecondsAndIsThenALoss) {
 // Found by the swarm: of a head that left its trigger and crept away at 20 ppm, seen through 0.2 ms of jitter, sets were
 // called locked until jitter happened to show it, up to 0.6 ms apart in truth.
 TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLimitAway) {
-  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
     hal::sim::Random random(seed, "jitter");
+    // 20 ppm at 29.97 a second, and 100 ppm at 6.
+    settings.rate = seed % 2 == 0 ? FrameRate{} : FrameRate{6, 1};
+    const std::int64_t step_ns = seed % 2 == 0 ? 700 : 16'667;
     const auto seen = [&](Duration truth) { return truth + random.around_zero(Duration::microseconds(200)); };
     ASSERT_TRUE(genlock.start(settings, clock.now()));
     std::int64_t creep_ns = 0;
@@ -173,7 +176,7 @@ TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLi
       clock.advance(settings.rate.period());
       while (genlock.take_edge(clock.now())) {
       }
-      if (i > 200) creep_ns += 700;
+      if (i > 200) creep_ns += step_ns;
       Skews skews;
       skews.add(0, seen(Duration()));
       skews.add(1, seen(Duration::nanoseconds(creep_ns)));

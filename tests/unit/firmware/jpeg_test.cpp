@@ -84,11 +84,11 @@ TEST(Jpeg, ASphere_CarriesGPanoAsViewersReadIt) {
     EXPECT_NE(xmp.body.find(attribute), std::string::npos) << attribute;
   }
   EXPECT_EQ(found->at(2).marker, 0xfe);
-  EXPECT_EQ(found->at(2).body, raymap_comment(some_info()));
+  EXPECT_EQ(found->at(2).body, RaymapComment(some_info()).text());
 }
 
 TEST(Jpeg, ItsComment_NamesTheSetItsPulseAndItsCalibration) {
-  const std::string comment = raymap_comment(some_info());
+  const std::string comment(RaymapComment(some_info()).text());
   EXPECT_EQ(comment,
             "nodal set=12 mid_exposure_ns=0 spread_ns=0 heads=0x3ff genlock=locked calibration="
             "abababababababababababababababababababababababababababababababab trigger=34");

@@ -137,6 +137,20 @@ TEST(SetClock, InFreeRun_AHeadWherePeriodsMeetKeepsItsStep) {
   }
 }
 
+// Found by the swarm: the copy of a frame that lay far from the grid's middle was given to the next set.
+TEST(SetClock, InFreeRun_AFrameThatComesTwiceIsOfTheSameSlotWhereverTheGridWent) {
+  SetClock clock(kNtsc);
+  clock.restart(kNtsc, false, Instant());
+  const Instant first = at_ms(1000);
+  ASSERT_TRUE(clock.match(0, first, Exposure(), Duration()));
+  const Instant late = first + kPeriod + kPeriod * 45 / 100;
+  const auto once = clock.match(1, late, Exposure(), Duration());
+  for (int set = 0; set < 8; ++set) clock.follow(once->slot, late - kPeriod * 95 / 100);
+  const auto twice = clock.match(1, late, Exposure(), Duration());
+  ASSERT_TRUE(once && twice);
+  EXPECT_EQ(twice->slot, once->slot);
+}
+
 TEST(SetClock, Genlocked_WhatWasExposedBeforeTheStartIsOfNoPulse) {
   SetClock clock(kNtsc);
   clock.restart(kNtsc, true, at_ms(2000));

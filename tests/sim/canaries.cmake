@@ -1,0 +1,45 @@
+# Bugs that the swarm must find within 200 seeds. Each is one program: a source of the firmware, copied with one text
+# replaced, goes before the library, whose own is then left out. Nothing of it is in what is shipped.
+#
+# canary(NAME FILE FROM TO)
+function(canary name file from to)
+  get_filename_component(copy ${file} NAME)
+  set(mutated ${CMAKE_CURRENT_BINARY_DIR}/canaries/${name}/${copy})
+  add_custom_command(OUTPUT ${mutated} VERBATIM DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake
+    COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
+            -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
+  nodal_module(swarm_canary_${name} EXECUTABLE SOURCES main.cpp ${mutated}
+    SEES ${swarm_modules} sim_swarm PACKAGES protobuf)
+  add_test(NAME sim/canary_${name} COMMAND swarm_canary_${name} --canary --seeds 200 --minutes 10 --quiet)
+  set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600 PROCESSORS 2)
+endfunction()
+
+canary(late_frame_taken firmware/capture_sets.cpp
+  "if (newest_closed_ && match->slot <= *newest_closed_)" "if (newest_closed_ && match->slot + 1 < *newest_closed_)")
+canary(loss_not_counted firmware/capture_head.cpp
+  "++report_.counts.losses[static_cast<std::size_t>(reason)]\;"
+  "if (reason != LossReason::kDuplicate) ++report_.counts.losses[static_cast<std::size_t>(reason)]\;")
+canary(buffer_given_back_early firmware/capture_head.cpp
+  "if (!reason) return frame\;" "if (!reason) return port_->release(frame.slot), frame\;")
+canary(wrapped_time_believed firmware/capture_sets.cpp
+  "return age >= Duration() && age <=" "return age <=" )
+canary(no_step_kept firmware/set_clock.cpp
+  "<= period_ * kReachTenths / 10" "< Duration()")
+canary(old_train_matched firmware/set_clock.cpp
+  "if (begin < since_) return std::nullopt\;" "")
+canary(holdover_called_locked firmware/genlock.cpp
+  "Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue"
+  "Row{kOff, kLost, kLocked, kHoldover, kLost},")
+canary(creeping_head_unnoticed firmware/genlock.cpp
+  "smooth.width() <= room &&" "room > Duration() &&")
+canary(jumping_head_unnoticed firmware/genlock.cpp
+  "return raw.width() <= kLockLimit && smooth.width() <= room &&" "return room > Duration() &&")
+canary(set_waits_for_ever firmware/capture_sets.cpp
+  "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
+canary(head_not_looked_for firmware/capture_head.cpp
+  "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
+canary(calibration_not_synced firmware/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")
+canary(told_and_not_kept firmware/calibration_keeper.cpp
+  "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
+canary(raymap_names_the_first firmware/blender.cpp
+  "installed_->id}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }()}\;")
