@@ -126,7 +126,7 @@ void tell(Console& console, const cal::LensCalibration& result, const Args& args
   console.line("");
   console.line(fmt::format("focal length  {}", show(report.focal, args.model == "tsai" ? " px" : " px/rad")));
   console.line(fmt::format("centre        {}, {}", show(report.center_x, ""), show(report.center_y, " px")));
-  console.line(fmt::format("aspect        {}", show(report.aspect, "")));
+  console.line(fmt::format("aspect        {:.6f} ± {:.6f}", report.aspect.value, report.aspect.deviation));
   console.line(fmt::format("mapping       ± {:.4f} px over the picture, {:.0f} % of it seen",
                            report.mapping_deviation_px, 100 * report.covered));
   console.line(fmt::format("light         {}; {:.2f} of it left in the farthest corner", show_response(head.response),
@@ -187,7 +187,7 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_calibrate(CLI::App& app, CommandLine& line) {
-  CLI::App* group = add_command(app, "calibrate", "Find out what a head's lens does; needs no rig", "");
+  CLI::App* group = add_command(app, "calibrate", "Find out what heads do to rays and to light; needs no rig", "");
   group->require_subcommand(1);
   CLI::App* lens = add_command(
       *group, "lens", "A head's lens from photographs of the pattern",
@@ -212,6 +212,8 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
   lens->add_option("--report", args->report, "A page to look at, too: one HTML file with residual maps and curves")
       ->type_name("FILE");
   line.on(lens, [args](Context& context) { return run(context, *args); });
+
+  add_calibrate_light(*group, line);
 }
 
 }  // namespace nodal::host

@@ -78,6 +78,8 @@ void add_pattern(CLI::App& app, CommandLine& line);
 void add_calibrate(CLI::App& app, CommandLine& line);
 /// `calibration diff`, below `calibration`.
 void add_calibration_diff(CLI::App& group, CommandLine& line);
+/// `calibrate light`, below `calibrate`.
+void add_calibrate_light(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
 /// A command with the help text's examples below its options.

@@ -75,7 +75,8 @@ Result<std::string> lens_report(const calibration::LensCalibration& result, cons
   report.table({"", "value ± standard deviation"}, {{"focal length, px", measured(found.focal)},
                                                     {"centre x, px", measured(found.center_x)},
                                                     {"centre y, px", measured(found.center_y)},
-                                                    {"aspect", measured(found.aspect)}});
+                                                    {"aspect", fmt::format("{:.6f} ± {:.6f}", found.aspect.value,
+                                                                           found.aspect.deviation)}});
   std::vector<std::vector<std::string>> rows;
   for (const calibration::ViewReport& view : found.views) {
     rows.push_back({view.name, std::to_string(view.pairs), fmt::format("{:.1f}", view.tilt_deg),

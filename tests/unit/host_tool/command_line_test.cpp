@@ -8,43 +8,16 @@
 #include <nlohmann/json.hpp>
 
 #include "host_tool/completion.h"
+#include "run_nodal.h"
 
 namespace nodal::host {
 namespace {
-
-std::string content_of(std::FILE* file) {
-  std::string text;
-  std::rewind(file);
-  for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text.push_back(static_cast<char>(c));
-  return text;
-}
-
-/// One run of `nodal` in this process, with what it printed.
-struct Outcome {
-  explicit Outcome(std::vector<const char*> words) {
-    words.insert(words.begin(), "nodal");
-    std::FILE* out_file = std::tmpfile();
-    std::FILE* err_file = std::tmpfile();
-    Console console(out_file, err_file);
-    CommandLine line(console);
-    testing::internal::CaptureStdout();  // the parser prints help there by itself
-    code = line.run(static_cast<int>(words.size()), words.data());
-    help = testing::internal::GetCapturedStdout();
-    out = content_of(out_file);
-    err = content_of(err_file);
-    std::fclose(out_file);
-    std::fclose(err_file);
-  }
-  ExitCode code;
-  std::string help, out, err;
-};
 
 TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
   Console console(stdout, stderr);
   CommandLine line(console);
   for (const CommandWords& command : command_words(line.app())) {
-    std::vector<const char*> words;
-    for (const std::string& word : command.path) words.push_back(word.c_str());
+    std::vector<std::string> words = command.path;
     words.push_back("--help");
     const Outcome run(words);
     EXPECT_EQ(run.code, ExitCode::kOk);
@@ -56,7 +29,7 @@ TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
 }
 
 TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
-  const std::vector<std::vector<const char*>> wrong{
+  const std::vector<std::vector<std::string>> wrong{
       {}, {"stauts"}, {"status", "--wacth"}, {"status", "more"}, {"head", "set", "0"}, {"head", "set", "--gain", "1dB"},
       {"head", "set", "0", "--gain", "6"}, {"head", "set", "0", "--exposure", "0"}, {"genlock"}, {"genlock", "begin"},
       {"genlock", "start", "--rate", "fast"}, {"calibration", "upload"}, {"calibration", "use"},
@@ -66,7 +39,7 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
   for (const auto& words : wrong) {
     const Outcome run(words);
     std::string line;
-    for (const char* word : words) line += std::string(" ") + word;
+    for (const std::string& word : words) line += " " + word;
     EXPECT_EQ(run.code, ExitCode::kUsage) << "nodal" << line;
     EXPECT_NE(run.err.find("nodal: "), std::string::npos) << "nodal" << line;
     EXPECT_EQ(run.out, "") << "nodal" << line;

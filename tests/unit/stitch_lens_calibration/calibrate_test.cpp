@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "photographer.h"
+#include "tests/support/photographer.h"
 
 namespace nodal::calibration {
 namespace {

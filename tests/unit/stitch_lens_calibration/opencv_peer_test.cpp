@@ -11,8 +11,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "photographer.h"
 #include "stitch/calibration/lens/calibrate.h"
+#include "tests/support/photographer.h"
 
 namespace nodal::calibration {
 namespace {

@@ -1,4 +1,4 @@
-#include "photographer.h"
+#include "tests/support/photographer.h"
 
 #include <algorithm>
 #include <cmath>

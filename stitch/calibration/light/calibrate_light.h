@@ -1,0 +1,52 @@
+// The heads' light (§4.3): gain, fall-off and response from what overlapping heads say of the same rays, and from
+// pictures of the same scene under known exposures.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/calibration/light/light_samples.h"
+
+namespace nodal::calibration {
+
+struct LightOptions {
+  bool own_vignetting = false;  ///< a fall-off for each head, instead of one for all
+  bool own_response = false;    ///< a curve for each head, instead of one for all
+};
+
+struct HeadLight {
+  std::string name;
+  bool placed = true;         ///< false: it shares too little with the others, and its gain stays
+  int shared = 0;             ///< rays it shares, all sets together
+  std::array<double, 3> gain_stops{};        ///< red, green, blue, against the rig's mean
+  std::array<double, 3> sigma_gain_stops{};  ///< standard deviation
+  double corner_stops = 0;        ///< light lost in the corner of its picture
+  double sigma_corner_stops = 0;
+  double before_stops = 0;        ///< rms distance from the others' light, with the prior
+  double after_stops = 0;
+};
+
+struct LightReport {
+  Calibration calibration;  ///< the prior with what was found; checked
+  std::vector<HeadLight> heads;
+  bool response_found = false;
+  double sigma_gamma = 0;          ///< of a gamma curve
+  double response_left_stops = 0;  ///< rms left over between exposures
+  double before_stops = 0, after_stops = 0;  ///< rms over all rays that are shared
+  std::vector<std::string> notes;  ///< what a person should know, one sentence each
+};
+
+/// Gains and fall-off come from the overlaps; the response only from sets with at least two different known stops
+/// (without them a steeper curve with larger gains explains the overlaps as well), else it stays as the prior has it.
+///
+/// Threading: thread-safe.
+/// Ownership: the frames' bytes must stay for the time of the call.
+/// Errors: kBadValue, naming set and head, for frames that are not RGB24 or not of the head's size, and for stops that
+/// are all alike; kNoCoverage when no two heads share rays; kNotDetermined when the pictures do not follow the stops.
+Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<ExposedSet>& sets,
+                                    const LightOptions& options);
+
+}  // namespace nodal::calibration

@@ -1,0 +1,49 @@
+// Least squares on logarithms of light: whatever saw one light must have decoded to one value.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "protocol/calibration.h"
+#include "stitch/calibration/light/light_samples.h"
+
+namespace nodal::calibration {
+
+/// The radiometry of the heads: ln light = ln decode(value) - log_gain - ln V(s), V = 1 + v1 s + v2 s^2 + v3 s^3.
+struct LightModel {
+  std::vector<Response> response;
+  std::vector<std::array<double, 3>> log_gain;    ///< red, green, blue
+  std::vector<std::array<double, 3>> vignetting;  ///< alike for all when shared
+};
+
+/// How far apart observations of one light are under a model, natural logarithms.
+struct Disagreement {
+  double rms = 0;                 ///< weighted
+  std::vector<double> head_rms;   ///< of each head's observations
+};
+Disagreement disagreement(const LightGroups& groups, const LightModel& model);
+
+/// A curve that explains how values change with the known exposures. A gamma curve unless a polynomial explains
+/// clearly more.
+struct ResponseFit {
+  Response response;
+  double sigma_gamma = 0;  ///< standard deviation; 0 for a polynomial
+  double rms = 0;          ///< left over, natural logarithms
+};
+ResponseFit fit_response(const LightGroups& same_places);
+
+/// Seeks gains and fall-off of the heads that `placed` marks, with their responses as they are. The mean of their
+/// log gains stays. The others take no part, and `shared_rays` must hold nothing of theirs.
+struct LightFreedom {
+  std::vector<bool> placed;
+  bool own_vignetting = false;
+};
+struct LightFit {
+  LightModel model;
+  std::vector<std::array<double, 3>> sigma_log_gain;  ///< of each head
+  std::vector<double> sigma_corner;                   ///< of ln V at s = 1
+};
+LightFit fit_gains(const LightGroups& shared_rays, const LightModel& start, const LightFreedom& freedom);
+
+}  // namespace nodal::calibration

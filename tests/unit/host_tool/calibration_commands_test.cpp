@@ -1,0 +1,152 @@
+// The commands that make calibrations from files, as users run them: files in, files and answers out, exit codes.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "hal/replay/image_file.h"
+#include "host_tool/files.h"
+#include "host_tool/grey_png.h"
+#include "protocol/calibration.h"
+#include "run_nodal.h"
+#include "tests/support/photographer.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+namespace ph = nodal::photographer;
+using nlohmann::json;
+
+/// A folder for one test's files.
+class CalibrationCommands : public testing::Test {
+ protected:
+  CalibrationCommands() {
+    std::string name = fs::temp_directory_path() / "nodal-commands-XXXXXX";
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~CalibrationCommands() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  Calibration read(const std::string& name) const {
+    const auto text = read_file(path(name), kMaxCalibrationBytes);
+    EXPECT_TRUE(text) << (text ? "" : text.error().text());
+    const auto calibration = text ? parse_calibration(*text) : Result<Calibration>(fail(Errc::kNotFound, name));
+    EXPECT_TRUE(calibration) << (calibration ? "" : calibration.error().text());
+    return calibration.value_or(Calibration{});
+  }
+
+  std::string write_rig(const std::string& name, const Calibration& rig) const {
+    EXPECT_TRUE(write_file(path(name), to_json(rig)));
+    return path(name);
+  }
+
+ private:
+  fs::path folder_;
+};
+
+json document(const Outcome& run) { return json::parse(run.out, nullptr, false); }
+
+TEST_F(CalibrationCommands, EveryFormat_ExportedImportedAndComparedIsTheSameRig) {
+  const std::string rig = write_rig("rig.json", test::six_fisheyes(400, 110));
+  for (const std::string format : {"pto", "pts", "ptv", "surround360", "kalibr"}) {
+    const Outcome exported({"export", rig, "--format", format, "-o", path("there." + format), "--json"});
+    ASSERT_EQ(exported.code, ExitCode::kOk) << exported.err;
+    ASSERT_EQ(document(exported)["heads"].size(), 6u) << format;
+    EXPECT_LT(document(exported)["heads"][0]["max_px"], 1e-3) << format;
+    const Outcome imported({"import", path("there." + format), "-o", path("back.json")});
+    ASSERT_EQ(imported.code, ExitCode::kOk) << imported.err;
+    const Outcome compared({"calibration", "diff", rig, path("back.json"), "--json"});
+    ASSERT_EQ(compared.code, ExitCode::kOk) << compared.err;
+    for (const json& head : document(compared)["heads"]) {
+      EXPECT_LT(head["turned_deg"], 1e-5) << format;
+      EXPECT_LT(head["max_px"], 1e-2) << format;
+    }
+  }
+}
+
+TEST_F(CalibrationCommands, FormatOfOneCameraAFile_WritesOneForEveryHead) {
+  const std::string rig = write_rig("rig.json", test::six_fisheyes(400, 110));
+  const Outcome exported({"export", rig, "--format", "opencv", "-o", path("cam.yaml")});
+  ASSERT_EQ(exported.code, ExitCode::kOk) << exported.err;
+  for (int h = 0; h < 6; ++h) {
+    const Outcome imported({"import", path("cam-cam" + std::to_string(h) + ".yaml"), "-o", path("one.json")});
+    EXPECT_EQ(imported.code, ExitCode::kOk) << imported.err;
+  }
+}
+
+TEST_F(CalibrationCommands, WhatCannotBe_IsRefusedWithItsExitCode) {
+  const std::string rig = write_rig("rig.json", test::six_fisheyes(100, 110));
+  EXPECT_EQ(Outcome({"export", rig, "--format", "bmp"}).code, ExitCode::kUsage);
+  EXPECT_EQ(Outcome({"export", path("none.json"), "--format", "pto"}).code, ExitCode::kStorage);
+  const Outcome again({"import", rig, "-o", path("x.json")});
+  EXPECT_EQ(again.code, ExitCode::kBadInput);
+  EXPECT_NE(again.err.find("already"), std::string::npos) << again.err;
+  Calibration two = test::six_fisheyes(100, 110);
+  two.heads.resize(2);
+  two.heads[0].name = "left";
+  two.heads[1].name = "right";
+  const Outcome unlike({"calibration", "diff", rig, write_rig("two.json", two)});
+  EXPECT_EQ(unlike.code, ExitCode::kBadInput);
+  EXPECT_NE(unlike.err.find("cannot be paired"), std::string::npos) << unlike.err;
+  EXPECT_EQ(Outcome({"pattern", "-o", path("p.bmp")}).code, ExitCode::kBadInput);
+  EXPECT_EQ(Outcome({"pattern", "-o", path("p.png"), "--size", "letter"}).code, ExitCode::kUsage);
+}
+
+/// A small head with the paper's lens.
+ph::Lens small_lens() {
+  ph::Lens lens;
+  lens.width = 360;
+  lens.height = 240;
+  lens.f = 245;
+  lens.cx = 181.2;
+  lens.cy = 116.9;
+  lens.k = {2.29e-6 * 4, 1.65e-11 * 16};
+  return lens;
+}
+
+TEST_F(CalibrationCommands, PatternPhotographedAndCalibrated_GivesTheLensAndAPageToLookAt) {
+  const Outcome drawn({"pattern", "-o", path("pattern.png"), "--size", "1200x848", "--seed", "5"});
+  ASSERT_EQ(drawn.code, ExitCode::kOk) << drawn.err;
+  const auto raster = hal::replay::read_image(path("pattern.png"), PixelFormat::kGrey8);
+  ASSERT_TRUE(raster);
+  const ph::Scene print = ph::print_of(raster->width, raster->height, raster->bytes);
+  const auto photograph = [&](const std::string& name, const ph::Scene& scene, double tilt, double about) {
+    ph::Shot shot;
+    shot.tilt_deg = tilt;
+    shot.tilt_about_deg = about;
+    shot.distance = 0.3;
+    shot.noise = 1;
+    const ph::Photo photo = ph::take(scene, small_lens(), shot);
+    const auto png = grey_png({photo.width, photo.height, photo.grey}, 0, "");
+    EXPECT_TRUE(png && write_file(path(name), *png));
+    return path(name);
+  };
+  const std::string a = photograph("a.png", print, 25, 30), b = photograph("b.png", print, 28, 200);
+  const Outcome found({"calibrate", "lens", a, b, "--pattern", path("pattern.png"), "--name", "cam5", "-o",
+                       path("cam5.json"), "--report", path("cam5.html"), "--json"});
+  ASSERT_EQ(found.code, ExitCode::kOk) << found.err;
+  EXPECT_NEAR(document(found)["focal_px"]["value"], 245, 0.5);
+  EXPECT_EQ(document(found)["views"].size(), 2u);
+  const Calibration lens = read("cam5.json");
+  ASSERT_EQ(lens.heads.size(), 1u);
+  EXPECT_EQ(lens.heads[0].name, "cam5");
+  EXPECT_NEAR(lens.heads[0].center_x, 181.2, 0.3);
+  const auto page = read_file(path("cam5.html"), 64 << 20);
+  ASSERT_TRUE(page);
+  EXPECT_NE(page->find("data:image/png;base64,"), std::string::npos);
+  EXPECT_EQ(page->find("src=\"http"), std::string::npos);
+
+  const std::string board = photograph("board.png", ph::chessboard(9, 6), 25, 30);
+  const Outcome refused({"calibrate", "lens", a, board, "--pattern", path("pattern.png"), "-o", path("no.json")});
+  EXPECT_EQ(refused.code, ExitCode::kBadInput);
+  EXPECT_NE(refused.err.find("board.png: the pattern is not in this photograph"), std::string::npos) << refused.err;
+  EXPECT_FALSE(fs::exists(path("no.json")));
+}
+
+}  // namespace
+}  // namespace nodal::host

@@ -1,0 +1,43 @@
+// `nodal` in this process, as a user runs it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "host_tool/command.h"
+
+namespace nodal::host {
+
+/// One run, with what it printed.
+struct Outcome {
+  explicit Outcome(const std::vector<std::string>& words) {
+    std::vector<const char*> all{"nodal"};
+    for (const std::string& word : words) all.push_back(word.c_str());
+    std::FILE* out_file = std::tmpfile();
+    std::FILE* err_file = std::tmpfile();
+    Console console(out_file, err_file);
+    CommandLine line(console);
+    testing::internal::CaptureStdout();  // the parser prints help there by itself
+    code = line.run(static_cast<int>(all.size()), all.data());
+    help = testing::internal::GetCapturedStdout();
+    out = content_of(out_file);
+    err = content_of(err_file);
+    std::fclose(out_file);
+    std::fclose(err_file);
+  }
+  ExitCode code;
+  std::string help, out, err;
+
+ private:
+  static std::string content_of(std::FILE* file) {
+    std::string text;
+    std::rewind(file);
+    for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text.push_back(static_cast<char>(c));
+    return text;
+  }
+};
+
+}  // namespace nodal::host
