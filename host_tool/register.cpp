@@ -10,6 +10,7 @@
 #include "host_tool/files.h"
 #include "host_tool/pairs_file.h"
 #include "host_tool/registration_input.h"
+#include "host_tool/registration_report.h"
 #include "stitch/registration/pairs.h"
 
 namespace nodal::host {
@@ -20,7 +21,7 @@ using registration::Report;
 
 struct Args {
   std::vector<std::string> inputs;
-  std::string nominal, circle, pairs;
+  std::string nominal, circle, pairs, report;
   double roll = 0;
   std::string out = "calibration.json";
   std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "shared", gauge = "first";
@@ -196,6 +197,11 @@ Status run(Context& context, const Args& args) {
   if (!report) return fail(report.error());
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
+  if (!args.report.empty()) {
+    const Result<std::string> page = registration_report(input->prior, input->pictures.frames().front(), *report);
+    if (!page) return fail(page.error());
+    if (const Status written = write_file(args.report, *page); !written) return written;
+  }
   Json document = to_json(*report);
   document["out"] = args.out;
   document["seconds"] = seconds;
@@ -243,6 +249,8 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
   command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts")
       ->type_name("FILE");
+  command->add_option("--report", args->report, "A page to look at: convergence, differences, seams, uncertainties")
+      ->type_name("HTML");
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));

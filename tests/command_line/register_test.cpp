@@ -106,6 +106,22 @@ TEST_F(RegisterCommand, FramesThatCannotBeRegistered_OneSentenceAndNoFile) {
   }
 }
 
+TEST_F(RegisterCommand, Report_IsOneFileWithEveryHeadAndPicturesAndNothingFromANetwork) {
+  test::RenderedRig rig = town();
+  std::ranges::fill(rig.bytes[4], std::uint8_t{140});
+  write(rig);
+  const Finished done = run({path("prior.json"), path("frames"), "-o", path("found.json"), "--report", path("page.html")});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const std::string page = text_of(path("page.html"));
+  for (const char* says : {"<html", "cam0", "cam5", "kept as it was", "is not placed", "Seams, before and after",
+                           "What the heads differ by", "data:image/png;base64,", "</html>"}) {
+    EXPECT_NE(page.find(says), std::string::npos) << says;
+  }
+  for (const char* remote : {"src=\"http", "href=\"http", "url(http", "@import"}) {
+    EXPECT_EQ(page.find(remote), std::string::npos) << remote;
+  }
+}
+
 TEST_F(RegisterCommand, HeadsAnywhereAndPointPairs_AreRegisteredFromThere) {
   write(town(), 60, 170);
   const Finished alone = run({path("prior.json"), path("frames"), "-o", path("found.json")});
