@@ -1,0 +1,14 @@
+// Rigs like the reference set's, rendered by the simulator with other seeds.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+namespace nodal::bench {
+
+/// Ten 720x480 heads with lenses as in the paper's Figure 3, each a little different, over the whole sphere; gains of
+/// +-15 %, fall-off, noise. Writes the heads' pictures, rig_gt.json and the true sphere, as the reference set has them.
+/// Exits with one line when a file cannot be written.
+void render_set(const std::filesystem::path& folder, std::uint64_t seed);
+
+}  // namespace nodal::bench
