@@ -159,14 +159,17 @@ void fill_head(const DenseState& state, const Region& region, const LensOptions&
 }
 
 void fill_photometry(const DenseAlignment& dense, const DenseState& state, const std::vector<DenseFit>& fits,
-                     LensCalibration& out) {
-  std::vector<LightSample> samples;
-  for (std::size_t v = 0; v < fits.size(); ++v) {
+                     const ForEach& for_each, LensCalibration& out) {
+  std::vector<std::vector<LightSample>> views(fits.size());
+  for_each(static_cast<int>(fits.size()), [&](int view) {
+    const auto v = static_cast<std::size_t>(view);
     const int stride = static_cast<int>(std::max(1L, fits[v].pixels / (kLightSamples * kCalmShare)));
-    dense.each_calm_pixel(static_cast<int>(v), state, stride, [&](double x, double y, double light, double value) {
-      samples.push_back({static_cast<int>(v), x, y, light, value});
+    dense.each_calm_pixel(view, state, stride, [&](double x, double y, double light, double value) {
+      views[v].push_back({view, x, y, light, value});
     });
-  }
+  });
+  std::vector<LightSample> samples;
+  for (const auto& view : views) samples.insert(samples.end(), view.begin(), view.end());
   HeadCalibration& head = out.head;
   const double radius = std::hypot(head.width, head.height / head.aspect) / 2;
   const Photometry photometry = fit_photometry(samples, static_cast<int>(fits.size()), head, radius);
@@ -247,9 +250,11 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   std::vector<bool> fixed(static_cast<std::size_t>(state.arrangement.lens.count), false);
   fixed[kAspect] = options.aspect_known;
   for (int level = dense.coarsest(); level >= 0; --level) {
-    tell("aligning every pixel at 1/" + std::to_string(1 << level), level == 0 ? 0.5 : 0.25);
-    dense.run(level, fixed, state);
+    tell("aligning pixels at 1/" + std::to_string(1 << level), level == 0 ? 0.4 : 0.25);
+    dense.run(level, DenseAlignment::kFewPixels, fixed, state);
   }
+  tell("aligning every pixel", 0.5);
+  dense.run(0, DenseAlignment::kMostPixels, fixed, state);
   tell("light and uncertainties", 0.9);
   const std::vector<DenseFit> fits = dense.fits(state);
   if (Status checked = check_fits(photographs, fits); !checked) return fail(checked.error());
@@ -281,7 +286,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   }
   fill_head(state, region, options, lumas[0].width, lumas[0].height, out.head);
   if (Status cut = cut_at_turning_point(lens, out); !cut) return fail(cut.error());
-  fill_photometry(dense, state, fits, out);
+  fill_photometry(dense, state, fits, options.for_each, out);
   add_notes(options, out.report);
   if (Status checked = check_head(out.head); !checked) return fail(checked.error());
   tell("done", 1);

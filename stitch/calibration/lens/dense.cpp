@@ -90,11 +90,11 @@ DenseAlignment::DenseAlignment(const ScaleSpace& pattern, const std::vector<Grey
   }
 }
 
-void DenseAlignment::set_level(int level) {
+void DenseAlignment::set_level(int level, long most_pixels) {
   level_ = level;
   const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level)];
   const double pixels = static_cast<double>(image.width) * image.height * static_cast<double>(pyramids_.size());
-  stride_ = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / static_cast<double>(kMostPixels)))));
+  stride_ = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / static_cast<double>(most_pixels)))));
 }
 
 bool DenseAlignment::see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight,
@@ -136,7 +136,7 @@ bool DenseAlignment::in_region(const geometry::Pixel& pixel, double margin) cons
 }
 
 void DenseAlignment::gather(const DenseState& state, int band,
-                            const std::function<void(std::size_t view, const Seen&)>& take) const {
+                            const std::function<void(std::size_t view, const Seen&)>& take, int only) const {
   const SightFinder lens(state.arrangement.lens);
   std::vector<PlaneFinder> planes;
   for (const Pose& pose : state.arrangement.poses) planes.emplace_back(pose);
@@ -157,6 +157,7 @@ void DenseAlignment::gather(const DenseState& state, int band,
       seen.x = 2 * seen.pixel.x / (px * first.width) - 1;
       seen.y = 2 * seen.pixel.y / (px * first.height) - 1;
       for (std::size_t v = 0; v < pyramids_.size(); ++v) {
+        if (only >= 0 && v != static_cast<std::size_t>(only)) continue;
         if (!see(state, v, planes[v], *sight, seen)) continue;
         seen.value = static_cast<double>(pyramids_[v][level].row(j)[i]);
         take(v, seen);
@@ -220,8 +221,8 @@ Evaluation DenseAlignment::evaluate(const DenseState& state) const {
   return total;
 }
 
-void DenseAlignment::run(int level, const std::vector<bool>& fixed_lens, DenseState& state) {
-  set_level(level);
+void DenseAlignment::run(int level, long most_pixels, const std::vector<bool>& fixed_lens, DenseState& state) {
+  set_level(level, most_pixels);
   std::vector<bool> fixed = fixed_lens;
   fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
   const auto step = [](const DenseState& from, const Eigen::VectorXd& d) {
@@ -253,16 +254,25 @@ std::vector<DenseFit> DenseAlignment::fits(const DenseState& state) const {
   struct Sums {
     double n = 0, value = 0, square = 0, left = 0;
   };
-  std::vector<Sums> sums(pyramids_.size());
-  for (int band = 0; band < kBands; ++band) {
+  std::vector<std::vector<Sums>> bands(kBands, std::vector<Sums>(pyramids_.size()));
+  for_each_(kBands, [&](int band) {
     gather(state, band, [&](std::size_t v, const Seen& s) {
       const double left = shadings_.at(v, s.x, s.y, s.pattern.value).value - s.value;
-      Sums& sum = sums[v];
+      Sums& sum = bands[static_cast<std::size_t>(band)][v];
       sum.n += 1;
       sum.value += s.value;
       sum.square += s.value * s.value;
       sum.left += left * left;
     });
+  });
+  std::vector<Sums> sums(pyramids_.size());
+  for (const auto& band : bands) {
+    for (std::size_t v = 0; v < sums.size(); ++v) {
+      sums[v].n += band[v].n;
+      sums[v].value += band[v].value;
+      sums[v].square += band[v].square;
+      sums[v].left += band[v].left;
+    }
   }
   const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
   const double all = static_cast<double>(image.width) * image.height / (stride_ * stride_);
@@ -320,13 +330,15 @@ GreyImage DenseAlignment::residual_map(int view, const DenseState& state) const 
   const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
   GreyImage map(image.width / stride_ + 1, image.height / stride_ + 1);
   const double px = std::ldexp(1.0, level_) * stride_;
-  for (int band = 0; band < kBands; ++band) {
-    gather(state, band, [&](std::size_t v, const Seen& s) {
-      if (static_cast<int>(v) != view) return;
-      map.row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
-          static_cast<float>(s.value - shadings_.at(v, s.x, s.y, s.pattern.value).value);
-    });
-  }
+  for_each_(kBands, [&](int band) {  // each writes rows of its own
+    gather(
+        state, band,
+        [&](std::size_t v, const Seen& s) {
+          map.row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
+              static_cast<float>(s.value - shadings_.at(v, s.x, s.y, s.pattern.value).value);
+        },
+        view);
+  });
   return map;
 }
 
@@ -334,10 +346,13 @@ void DenseAlignment::each_calm_pixel(int view, const DenseState& state, int stri
                                 const std::function<void(double, double, double, double)>& tell) const {
   int n = 0;
   for (int band = 0; band < kBands; ++band) {
-    gather(state, band, [&](std::size_t v, const Seen& s) {
-      if (static_cast<int>(v) != view || std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
-      if (n++ % stride == 0) tell(s.pixel.x, s.pixel.y, s.pattern.value, s.value);
-    });
+    gather(
+        state, band,
+        [&](std::size_t, const Seen& s) {
+          if (std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
+          if (n++ % stride == 0) tell(s.pixel.x, s.pixel.y, s.pattern.value, s.value);
+        },
+        view);
   }
 }
 

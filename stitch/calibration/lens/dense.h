@@ -39,9 +39,9 @@ class DenseAlignment {
  public:
   DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region, ForEach for_each);
 
-  /// Descends at one pyramid level (0: every pixel, or as many as kMostPixels allows), shading refitted as it
-  /// goes. `fixed_lens` marks lens parameters that stay.
-  void run(int level, const std::vector<bool>& fixed_lens, DenseState& state);
+  /// Descends at one pyramid level (0: full size) on about so many pixels of all photographs together, spread evenly;
+  /// shading refitted as it goes. `fixed_lens` marks lens parameters that stay.
+  void run(int level, long most_pixels, const std::vector<bool>& fixed_lens, DenseState& state);
   /// Coarsest level worth using.
   int coarsest() const { return static_cast<int>(pyramids_[0].size()) - 1; }
 
@@ -60,15 +60,18 @@ class DenseAlignment {
                   const std::function<void(double x, double y, double light, double value)>& tell) const;
 
   static constexpr int kOwn = 7;  // six of the pose, one of the blur
-  static constexpr long kMostPixels = 700'000;  // of all photographs together: more do not make it better
+  static constexpr long kMostPixels = 700'000;  // more do not make it better
+  static constexpr long kFewPixels = 120'000;   // enough to come within a hundredth of a pixel
 
  private:
   struct Seen;
   bool see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight, Seen& seen) const;
   void fit_shading(const DenseState& state);
   Evaluation evaluate(const DenseState& state) const;
-  void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take) const;
-  void set_level(int level);
+  /// Calls back with every pixel of a band that shows the pattern, in all photographs or in `only` one.
+  void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take,
+              int only = -1) const;
+  void set_level(int level, long most_pixels);
   bool in_region(const geometry::Pixel& pixel, double margin) const;
 
   const ScaleSpace& pattern_;

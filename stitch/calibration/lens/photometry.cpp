@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "stitch/calibration/lens/levenberg_marquardt.h"
 #include "stitch/geometry/response.h"
@@ -58,17 +59,31 @@ bool rises(const Response& response) {
   return geometry::RisingPolynomial(response.coefficients, 1.0).max_x() >= 1.0;
 }
 
+/// A curve made ready for many values: `polynomial` when it is no gamma curve.
+struct Curve {
+  Response response;
+  std::optional<geometry::RisingPolynomial> polynomial;
+
+  explicit Curve(const Response& of) : response(of) {
+    if (of.curve != Response::Curve::kGamma) polynomial.emplace(of.coefficients, 1.0);
+  }
+  double encode(double light) const {
+    return polynomial ? polynomial->inverse(std::min(light, 1.0)).value_or(1.0) : geometry::encode(response, light);
+  }
+};
+
 /// Below kFoot of light a curve may be endlessly steep: there its tangent stands in for it.
-Decoded encode_with_slopes(const Response& response, double light) {
+Decoded encode_with_slopes(const Curve& curve, double light) {
   Decoded d{};
-  const double e = std::max(geometry::encode(response, std::max(light, kFoot)), 1e-4);
-  if (response.curve == Response::Curve::kGamma) {
-    d.slope = response.gamma * std::pow(e, response.gamma - 1);
-    d.by_curve[0] = std::pow(e, response.gamma) * std::log(e);
+  const double e = std::max(curve.encode(std::max(light, kFoot)), 1e-4);
+  if (!curve.polynomial) {
+    const double gamma = curve.response.gamma;
+    d.slope = gamma * std::pow(e, gamma - 1);
+    d.by_curve[0] = std::pow(e, gamma) * std::log(e);
     d.encoded = e + std::min(light - kFoot, 0.0) / d.slope;
     return d;
   }
-  d.slope = std::max(geometry::RisingPolynomial(response.coefficients, 1.0).slope(e), 1e-6);
+  d.slope = std::max(curve.polynomial->slope(e), 1e-6);
   d.encoded = e + std::min(light - kFoot, 0.0) / d.slope;
   for (int k = 0; k < kMostCurve; ++k) d.by_curve[static_cast<std::size_t>(k)] = std::pow(e, k + 2) - e;
   return d;
@@ -81,6 +96,7 @@ Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool
     sum.cost = 1e300;
     return sum;
   }
+  const Curve curve(response);
   const auto& v = state.shared;
   for (const Placed& p : samples) {
     const auto& own = state.own[static_cast<std::size_t>(p.view)];
@@ -89,7 +105,7 @@ Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool
     for (std::size_t k = 0; k < kOwn; ++k) lamp += own[k] * field[k];
     const double fall = 1 + p.s * (v[kVignetting] + p.s * (v[kVignetting + 1] + p.s * v[kVignetting + 2]));
     const double seen = p.light + v[kFlare];
-    const Decoded d = encode_with_slopes(response, lamp * fall * seen);
+    const Decoded d = encode_with_slopes(curve, lamp * fall * seen);
     const double residual = d.encoded - p.value;
     const double by_light = 1 / d.slope;
     std::array<double, kShared> by_shared{};
