@@ -307,9 +307,13 @@ struct Avx512 {
     const PatchPlane& plane = job.plane(record);
     const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
     const std::ptrdiff_t at = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
+    const std::ptrdiff_t reach = std::ptrdiff_t{kPatch} * plane.group - 1;
     for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
       const std::uint8_t* from = plane.data[c] + at;
-      for (int y = 0; y < rows; ++y, from += plane.row_stride) _mm_prefetch(from, _MM_HINT_T0);
+      for (int y = 0; y < rows; ++y, from += plane.row_stride) {
+        _mm_prefetch(from, _MM_HINT_T0);  // a row may lie across two lines
+        _mm_prefetch(from + reach, _MM_HINT_T0);
+      }
     }
   }
 

@@ -25,9 +25,9 @@ void sharpen_inside(const std::uint8_t* own, const std::uint8_t* above, const st
   }
 }
 
-void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::int16_t sharpen) {
+void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::ptrdiff_t stride, std::int16_t sharpen) {
   const int last = in.width - 1;
-  for (int y = 0; y < in.height; ++y, to += in.width) {
+  for (int y = 0; y < in.height; ++y, to += stride) {
     const std::uint8_t* own = in.data + y * in.row_stride;
     const std::uint8_t* above = y > 0 ? own - in.row_stride : own;
     const std::uint8_t* below = y + 1 < in.height ? own + in.row_stride : own;
@@ -57,9 +57,9 @@ void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_
   }
 }
 
-void halve_plane(const PlaneView& in, std::uint8_t* to) {
+void halve_plane(const PlaneView& in, std::uint8_t* to, std::ptrdiff_t stride) {
   const int width = in.width / 2;
-  for (int y = 0; y < in.height / 2; ++y, to += width) {
+  for (int y = 0; y < in.height / 2; ++y, to += stride) {
     const std::uint8_t* upper = in.data + 2 * y * in.row_stride;
     const std::uint8_t* lower = upper + in.row_stride;
     switch (in.pixel_stride) {
@@ -78,10 +78,16 @@ void halve_plane(const PlaneView& in, std::uint8_t* to) {
   }
 }
 
+/// Rows begin with a line of the cache, so that patches seldom lie across two.
+constexpr std::size_t kLine = 64;
+std::ptrdiff_t stride_of(const PlaneView& plane) {
+  return static_cast<std::ptrdiff_t>((static_cast<std::size_t>(plane.width) + kLine - 1) / kLine * kLine);
+}
+
 std::size_t size_apart(const ImageView& shape) {
   std::size_t bytes = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(shape.format)); ++c) {
-    bytes += static_cast<std::size_t>(shape.planes[c].width) * static_cast<std::size_t>(shape.planes[c].height);
+    bytes += static_cast<std::size_t>(stride_of(shape.planes[c]) * shape.planes[c].height);
   }
   return bytes;
 }
@@ -91,8 +97,8 @@ ImageView apart(const ImageView& shape, std::uint8_t* memory) {
   ImageView image{shape.format, shape.width, shape.height, {}, size_apart(shape)};
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(shape.format)); ++c) {
     const PlaneView& plane = shape.planes[c];
-    image.planes[c] = {memory, plane.width, plane.height, plane.width, 1};
-    memory += std::ptrdiff_t{plane.width} * plane.height;
+    image.planes[c] = {memory, plane.width, plane.height, stride_of(plane), 1};
+    memory += stride_of(plane) * plane.height;
   }
   return image;
 }
@@ -120,26 +126,29 @@ std::size_t prepared_size(const BlendTable::Source& source) {
     shape = half(shape);
     bytes += size_apart(shape);
   }
-  return bytes;
+  return bytes == 0 ? 0 : bytes + kLine;  // the memory may begin anywhere
 }
 
 void prepare_picture(const BlendTable::Source& source, const ImageView& picture, std::uint8_t* memory,
                      std::span<ImageView> views) {
   const auto components = static_cast<std::size_t>(component_count(source.format));
+  memory += (kLine - reinterpret_cast<std::uintptr_t>(memory) % kLine) % kLine;
   views[0] = picture;
   if (source.sharpen != 0) {
     views[0] = apart(picture, memory);
     for (std::size_t c = 0; c < components; ++c) {
-      sharpen_plane(picture.planes[c], memory, source.sharpen);
-      memory += std::ptrdiff_t{picture.planes[c].width} * picture.planes[c].height;
+      const std::ptrdiff_t stride = stride_of(picture.planes[c]);
+      sharpen_plane(picture.planes[c], memory, stride, source.sharpen);
+      memory += stride * picture.planes[c].height;
     }
   }
   ImageView larger = picture;
   for (std::size_t level = 1; level < source.levels; ++level) {
     views[level] = apart(half(larger), memory);
     for (std::size_t c = 0; c < components; ++c) {
-      halve_plane(larger.planes[c], memory);
-      memory += std::ptrdiff_t{views[level].planes[c].width} * views[level].planes[c].height;
+      const std::ptrdiff_t stride = views[level].planes[c].row_stride;
+      halve_plane(larger.planes[c], memory, stride);
+      memory += stride * views[level].planes[c].height;
     }
     larger = views[level];
   }

@@ -48,6 +48,20 @@ int patch_start(Span span, int size, int slack) {
   return std::max(0, std::min(first, size - kPatch));
 }
 
+/// The same across, where there is a choice: rows of patches that begin at a multiple of 16 lie in one line of a cache
+/// however the picture's rows are aligned to each other; else one where they do in pictures whose rows begin with a line.
+int patch_left(Span span, int size, int slack) {
+  const int most = patch_start(span, size, slack);
+  if (most < 0) return most;
+  const int last = std::min(size - 2, (span.most + slack) >> kFractionBits);
+  const int least = std::max(0, last + 1 - (kPatch - 1));
+  if (most / 16 * 16 >= least) return most / 16 * 16;
+  for (int left = most; left >= least; --left) {
+    if (left % 64 <= 48) return left;
+  }
+  return most;
+}
+
 /// Puts the six coefficients of `values` - origin in `out`, if they hold to kFit wherever mask says, and say how.
 /// Coordinates are modulo 16 samples, and so are their coefficients.
 bool fit_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias, blend::Quadratic& out) {
@@ -238,11 +252,11 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
   PatchRecord record;
   record.head = part.head;
   record.level = static_cast<std::uint8_t>(part.level);
-  int left = patch_start(across, width, kFit + kAcross);
+  int left = patch_left(across, width, kFit + kAcross);
   int top = patch_start(down, height, kFit);
   if (left < 0 || top < 0 || !fit_coordinate(part.x, mask, left, width, kAcross, record.x) ||
       !fit_coordinate(part.y, mask, top, height, 0, record.y)) {
-    left = patch_start(across, width, 0);
+    left = patch_left(across, width, 0);
     top = patch_start(down, height, 0);
     if (left < 0 || top < 0) return false;
     const std::size_t list = run.coordinates.size() / (2 * blend::kTilePixels);

@@ -35,12 +35,12 @@ TEST(PreparePicture, OneBrightSample_StandsOutMoreAndItsNeighboursLess) {
   picture.bytes[5] = 140;  // at (1, 1)
   BlendTable::Source source{PixelFormat::kGrey8, 4, 3};
   source.sharpen = 4;  // itself 140 + 4 * 160 / 64; beside it 100 - 4 * 40 / 64 = 97.5, halves up
-  EXPECT_EQ(Prepared(source, picture).memory,
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0]),
             (std::vector<std::uint8_t>{100, 98, 100, 100, 98, 150, 98, 100, 100, 98, 100, 100}));
   picture.bytes[5] = 255;
   source.sharpen = 16;
-  EXPECT_EQ(Prepared(source, picture).memory[5], 255);  // 255 + 155 is more than white
-  EXPECT_EQ(Prepared(source, picture).memory[4], 61);   // 100 - 155 / 4 = 61.25
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[5], 255);  // 255 + 155 is more than white
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[4], 61);   // 100 - 155 / 4 = 61.25
 }
 
 TEST(PreparePicture, NothingToDo_TakesNoMemoryAndIsThePictureItself) {

@@ -1,0 +1,344 @@
+// blend_bench [--quick] [--json FILE]: the blend, the best that OpenCV can do, and what memory allows, on the reference
+// workloads in one process: a frame of each variant in turn, over inputs that are more than the caches hold.
+#include <CLI/CLI.hpp>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <turbojpeg.h>
+
+#include "measure.h"
+#include "opencv_peer.h"
+#include "report.h"
+#include "stitch/blend/blend.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "tests/bench/workloads.h"
+#include "tests/reference/double_blend.h"
+#include "tests/reference/prepared_heads.h"
+
+namespace nodal::bench {
+namespace {
+
+constexpr int kBandRows = 64;
+
+/// Lines that are written whole need not be read first.
+void store_past_caches(std::uint8_t* to, std::uint64_t value) {
+#if defined(__x86_64__)
+  _mm_stream_si64(reinterpret_cast<long long*>(to), static_cast<long long>(value));
+#else
+  std::memcpy(to, &value, sizeof value);
+#endif
+}
+
+struct Variant {
+  Finding found;
+  std::function<void(std::size_t set, Pool& pool)> frame;
+  Times times{1};
+  bool against_opencv = true;
+};
+
+/// Pictures in a format, several times over.
+class Films {
+ public:
+  Films(const Calibration& rig, PixelFormat format, std::size_t count) {
+    sets_.push_back(film(rig, format, 1));
+    while (sets_.size() < count) sets_.push_back(copy(sets_.front()));
+  }
+  const FrameSet& at(std::size_t set) const { return sets_[set % sets_.size()]; }
+
+ private:
+  std::vector<FrameSet> sets_;
+};
+
+/// Raymaps to write to, in lines of 64 bytes.
+class Outputs {
+ public:
+  Outputs(PixelFormat format, int width, int height) {
+    for (auto& memory : memory_) {
+      memory.resize(packed_size(format, width, height) + 64);
+      const auto at = (reinterpret_cast<std::uintptr_t>(memory.data()) + 63) / 64 * 64;
+      images_.push_back(packed_image(format, width, height, reinterpret_cast<std::uint8_t*>(at)));
+    }
+  }
+  const MutableImageView& at(std::size_t set) const { return images_[set % images_.size()]; }
+
+ private:
+  std::array<std::vector<std::uint8_t>, 3> memory_;
+  std::vector<MutableImageView> images_;
+};
+
+double table_bytes(const blend::BlendTable& table) {
+  double bytes = 0;
+  for (const blend::GridTable& g : table.grids) {
+    bytes += static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
+                                 g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8);
+  }
+  return bytes;
+}
+
+/// One workload's variants.
+class Course {
+ public:
+  Course(Workload work, bool quick) : work_(std::move(work)), quick_(quick), rounds_(quick ? 9 : 31) {
+    heads_ = work_.rig.heads.size();
+    layout_ = geometry::make_layout(work_.raymap.layout, work_.raymap.width, work_.raymap.height).value();
+  }
+
+  void run(std::vector<Finding>& findings) {
+    add_peers();
+    add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, work_.raymap, false);
+    add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, work_.raymap, true);
+    add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, work_.raymap, false);
+    add_blends("NV12 read in place", PixelFormat::kNv12, PixelFormat::kI420, work_.raymap, false);
+    add_blends("RGB", PixelFormat::kRgb24, PixelFormat::kRgb24, work_.raymap, false);
+    const int side = static_cast<int>(std::sqrt(work_.raymap.width * work_.raymap.height / 6.0)) / 16 * 16;
+    add_blends("cube of equal pixels", PixelFormat::kI420, PixelFormat::kI420, {"cube", 3 * side, 2 * side, {}}, false);
+    if (work_.raymap.width > 2048) {
+      add_blends("minified to 2048x1024", PixelFormat::kI420, PixelFormat::kI420,
+                 {"equirectangular", 2048, 1024, {}}, false);
+    }
+    add_jpeg();
+    measure();
+    report(findings);
+  }
+
+ private:
+  void add(const std::string& variant, const std::string& isa, int threads, double pixels, double bytes,
+           std::function<void(std::size_t, Pool&)> frame) {
+    Variant v;
+    v.found = {work_.name, variant, isa, threads, 0, 0, 0, 0, 0, bytes / pixels, pixels / 1e6};
+    v.frame = std::move(frame);
+    v.times = Times(threads);
+    variants_.push_back(std::move(v));
+  }
+
+  const Films& films(PixelFormat format) {
+    auto& made = films_[static_cast<std::size_t>(format)];
+    if (!made) made = std::make_unique<Films>(work_.rig, format, heads_ > 8 ? 8 : 3);
+    return *made;
+  }
+
+  void add_peers();
+  void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format, table::RaymapSpec raymap, bool light);
+  void add_jpeg();
+  void judge(const blend::BlendTable& table, const Films& films, const table::TableOptions& options, Finding& found);
+  void measure();
+  void report(std::vector<Finding>& findings);
+
+  Workload work_;
+  bool quick_;
+  int rounds_;
+  std::size_t heads_ = 0;
+  std::unique_ptr<geometry::RaymapLayout> layout_;
+  std::array<std::unique_ptr<Films>, 8> films_;
+  std::vector<std::shared_ptr<void>> kept_;
+  std::vector<Variant> variants_;
+  std::function<void(std::size_t, Pool&)> opencv_frame_, best_frame_;
+  const Outputs* opencv_out_ = nullptr;
+  const Outputs* best_out_ = nullptr;
+};
+
+table::TableOptions options_of(bool light) {
+  table::TableOptions options;
+  options.sharpen = 0;
+  options.undo_vignetting = options.undo_gain = light;
+  return options;
+}
+
+void Course::add_peers() {
+  const Films& input = films(PixelFormat::kI420);
+  const int width = work_.raymap.width, height = work_.raymap.height;
+  const double pixels = static_cast<double>(width) * height;
+  auto out = std::make_shared<Outputs>(PixelFormat::kI420, width, height);
+  kept_.push_back(out);
+  const int bands = (height + kBandRows - 1) / kBandRows;
+  for (const int threads : {1, 2}) {
+    // Every byte of the heads once into a register, every byte of the raymap once from one.
+    add("roofline", "-", threads, pixels, 0, [&input, out, bands](std::size_t set, Pool& pool) {
+      pool.run(bands, [&](int band) {
+        std::array<std::uint64_t, 8> sum{};
+        const auto share = [&](std::size_t bytes) {
+          const auto b = static_cast<std::size_t>(band);
+          const auto n = static_cast<std::size_t>(bands);
+          return std::pair(bytes * b / n / 64 * 64, bytes * (b + 1) / n / 64 * 64);
+        };
+        for (const ImageView& head : input.at(set).heads) {
+          const auto [from, to] = share(head.bytes);
+          for (std::size_t i = from; i < to; i += 64) {
+            std::array<std::uint64_t, 8> line;
+            std::memcpy(&line, head.planes[0].data + i, 64);
+            for (std::size_t k = 0; k < 8; ++k) sum[k] ^= line[k];
+          }
+        }
+        const MutableImageView& raymap = out->at(set);
+        const auto [from, to] = share(raymap.bytes);
+        for (std::size_t i = from; i < to; i += 64) {
+          for (std::size_t k = 0; k < 8; ++k) {
+            store_past_caches(raymap.planes[0].data + i + 8 * k, sum[k]);
+          }
+        }
+      });
+    });
+  }
+  const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
+  const auto sampler = table::RaySampler::make(work_.rig, *layout_, PixelFormat::kI420, formats, options_of(false)).value();
+  auto peer = std::make_shared<OpenCvPeer>(sampler);
+  kept_.push_back(peer);
+  opencv_frame_ = [&input, out, peer](std::size_t set, Pool& pool) {
+    pool.run(peer->bands(), [&](int band) { peer->band(input.at(set).heads, out->at(set), band); });
+  };
+  opencv_out_ = out.get();
+  for (const int threads : {1, 2}) add("OpenCV remap + blend", "native", threads, pixels, peer->table_bytes(), opencv_frame_);
+}
+
+void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format, table::RaymapSpec raymap,
+                        bool light) {
+  raymap.format = format;
+  const table::TableOptions options = options_of(light);
+  const std::vector<PixelFormat> formats(heads_, head_format);
+  const double begin = thread_time_ms();
+  auto table = std::make_shared<blend::BlendTable>(table::compile_blend_table(work_.rig, raymap, formats, options).value());
+  std::printf("%s, %s: table compiled in %.0f ms of one core\n", work_.name.c_str(), name.c_str(), thread_time_ms() - begin);
+  auto tone = std::make_shared<blend::SetTone>(blend::calibrated_tone(*table));
+  if (light) {
+    for (blend::HeadTone& head : tone->heads) {
+      auto& knots = head.curve[0].emplace().knots;  // costs what any curve does, and leaves samples as they are
+      for (std::size_t i = 0; i < knots.size(); ++i) {
+        knots[i] = static_cast<std::int16_t>(std::min<int>(static_cast<int>(i) << 10, blend::kMaxSample));
+      }
+    }
+  }
+  auto out = std::make_shared<Outputs>(format, raymap.width, raymap.height);
+  kept_.insert(kept_.end(), {table, tone, out});
+  const Films& input = films(head_format);
+  const double pixels = static_cast<double>(raymap.width) * raymap.height;
+  Finding judged;
+  if (!quick_ && (name == "plain" || light)) judge(*table, input, options, judged);
+  for (const blend::Kernel kernel : blend::kernels()) {
+    if (kernel == blend::Kernel::kScalar && name != "plain") continue;
+    for (const int threads : {1, 2}) {
+      const auto frame = [=, &input, heads = heads_](std::size_t set, Pool& pool) {
+        std::vector<ImageView> pictures(input.at(set).heads);
+        std::unique_ptr<test::PreparedHeads> prepared;
+        if (table->sources[0].levels > 1) {
+          prepared = std::make_unique<test::PreparedHeads>(*table, pictures);
+          pictures.assign(prepared->views().begin(), prepared->views().end());
+        }
+        pool.run((raymap.height + kBandRows - 1) / kBandRows, [&](int band) {
+          blend::blend_rows_by(kernel, *table, pictures, *tone, out->at(set), band * kBandRows,
+                               std::min(raymap.height, (band + 1) * kBandRows));
+        });
+      };
+      add(name, std::string(blend::kernel_name(kernel)), threads, pixels, table_bytes(*table), frame);
+      variants_.back().found.psnr_db = judged.psnr_db;
+      variants_.back().found.max_error = judged.max_error;
+      if (name == "plain" && kernel == blend::kernels().back()) {
+        best_frame_ = frame;
+        best_out_ = out.get();
+      }
+    }
+  }
+}
+
+/// A frame blended, against the blend in double precision before it is rounded.
+void Course::judge(const blend::BlendTable& table, const Films& films, const table::TableOptions& options, Finding& found) {
+  std::vector<std::uint8_t> memory(packed_size(table.format, table.width, table.height));
+  const MutableImageView raymap = packed_image(table.format, table.width, table.height, memory.data());
+  blend::blend_rows(table, films.at(0).heads, blend::calibrated_tone(table), raymap, 0, table.height);
+  const std::vector<PixelFormat> formats(heads_, table.sources[0].format);
+  const auto sampler = table::RaySampler::make(work_.rig, *layout_, table.format, formats, options).value();
+  double squares = 0;
+  double count = 0;
+  const std::vector<test::RealPlane> real = test::blend_in_double(sampler, films.at(0).heads);
+  for (std::size_t c = 0; c < real.size(); ++c) {
+    for (std::size_t i = 0; i < real[c].values.size(); ++i) {
+      if (!real[c].covered[i]) continue;
+      const double error = raymap.planes[c].data[i] - std::clamp(real[c].values[i], 0.0, 255.0);
+      squares += error * error;
+      ++count;
+      found.max_error = std::max(found.max_error, std::abs(error));
+    }
+  }
+  found.psnr_db = 10 * std::log10(255.0 * 255.0 * count / squares);
+}
+
+void Course::add_jpeg() {
+  const double pixels = static_cast<double>(work_.raymap.width) * work_.raymap.height;
+  const auto coded = [pixels](const Outputs* out, const auto& frame) {
+    std::shared_ptr<void> coder(tjInitCompress(), [](void* handle) { tjDestroy(handle); });
+    auto jpeg = std::make_shared<std::vector<unsigned char>>(static_cast<std::size_t>(pixels) * 3);
+    return [=](std::size_t set, Pool& pool) {
+      frame(set, pool);
+      const MutableImageView& raymap = out->at(set);
+      const unsigned char* planes[] = {raymap.planes[0].data, raymap.planes[1].data, raymap.planes[2].data};
+      unsigned char* to = jpeg->data();
+      unsigned long bytes = jpeg->size();
+      tjCompressFromYUVPlanes(coder.get(), planes, raymap.width, nullptr, raymap.height, TJSAMP_420, &to, &bytes, 85,
+                              TJFLAG_NOREALLOC);
+    };
+  };
+  add("OpenCV, then JPEG q85", "native", 1, pixels, 0, coded(opencv_out_, opencv_frame_));
+  variants_.back().against_opencv = false;
+  add("plain, then JPEG q85", std::string(blend::kernel_name(blend::kernels().back())), 1, pixels, 0,
+      coded(best_out_, best_frame_));
+  variants_.back().against_opencv = false;
+}
+
+void Course::measure() {
+  Pool one(1), two(2);
+  for (int round = 0; round < rounds_; ++round) {
+    for (std::size_t v = 0; v < variants_.size(); ++v) {
+      Variant& variant = variants_[v];
+      if (variant.found.isa == "scalar" && round >= 5) continue;
+      const auto set = static_cast<std::size_t>(round) * variants_.size() + v;
+      Pool& pool = variant.found.threads == 1 ? one : two;
+      variant.times.take([&] { variant.frame(set, pool); });
+    }
+  }
+}
+
+void Course::report(std::vector<Finding>& findings) {
+  const auto ms_of = [&](const std::string& name, int threads) {
+    for (const Variant& v : variants_) {
+      if (v.found.variant == name && v.found.threads == threads) return v.times.median_ms();
+    }
+    return 0.0;
+  };
+  for (Variant& v : variants_) {
+    v.found.ms = v.times.median_ms();
+    const double whole = static_cast<double>(work_.raymap.width) * work_.raymap.height / 1e6;
+    // Where a raymap of another size is made, OpenCV is taken to need as much for a pixel.
+    const double peer = v.against_opencv ? ms_of("OpenCV remap + blend", v.found.threads) * v.found.mpixels / whole
+                                         : ms_of("OpenCV, then JPEG q85", 1);
+    v.found.ratio_to_opencv = peer / v.found.ms;
+    v.found.roofline_share = ms_of("roofline", v.found.threads) / v.found.ms;
+    findings.push_back(v.found);
+  }
+}
+
+}  // namespace
+}  // namespace nodal::bench
+
+int main(int argc, char** argv) {
+  using namespace nodal::bench;
+  CLI::App app("Measures the blend against OpenCV and against memory.");
+  bool quick = false;
+  std::string json;
+  std::string only;
+  app.add_flag("--quick", quick, "fewer frames, no accuracy");
+  app.add_option("--json", json, "write the findings here, too");
+  app.add_option("--only", only, "one workload: r10 or r8");
+  CLI11_PARSE(app, argc, argv);
+  std::vector<Finding> findings;
+  for (Workload work : {r10(), r8()}) {
+    if (only.empty() || only == work.name) Course(std::move(work), quick).run(findings);
+  }
+  print_table(findings);
+  if (json.empty()) return 0;
+  std::ofstream file(json);
+  file << to_json(findings);
+  return file.good() ? 0 : 1;
+}
