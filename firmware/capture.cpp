@@ -13,10 +13,20 @@ std::string port_path(const PortAddress& port) {
   return (port.kind == PortKind::kSim ? "sim:" : "replay:") + port.name;
 }
 
+hal::TriggerSettings settings_of(const RigConfig& config) {
+  hal::TriggerSettings settings;
+  settings.rate = config.rate;
+  settings.follow = config.trigger.follow;
+  settings.pulse_width = config.trigger.pulse_width;
+  settings.active_high = config.trigger.active_high;
+  for (std::size_t i = 0; i < config.heads.size(); ++i) settings.delay[i] = config.heads[i].trigger_delay;
+  return settings;
+}
+
 }  // namespace
 
 Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
-    : trigger_config_(config.trigger),
+    : trigger_settings_(settings_of(config)),
       genlock_(trigger),
       clock_(config.rate),
       rate_(config.rate),
@@ -114,10 +124,9 @@ Status Capture::change_heads(const HeadChange& change) {
 }
 
 Status Capture::start_genlock(const GenlockStart& wish, Instant now) {
-  hal::TriggerSettings settings;
-  settings.rate = wish.rate.value_or(rate_);
-  settings.pulse_width = wish.pulse_width.value_or(trigger_config_.pulse_width);
-  settings.active_high = trigger_config_.active_high;
+  hal::TriggerSettings settings = trigger_settings_;
+  settings.rate = wish.rate.value_or(settings.rate);
+  settings.pulse_width = wish.pulse_width.value_or(settings.pulse_width);
   if (Status started = genlock_.start(settings, now); !started) {
     stop_genlock(now);
     return started;

@@ -117,7 +117,7 @@ class Capture {
   void update_report(Instant now, bool changed);
   void check() const;
 
-  const TriggerConfig trigger_config_;
+  const hal::TriggerSettings trigger_settings_;  ///< by rig.toml
   std::deque<CaptureHead> heads_;  ///< they never move
   Genlock genlock_;
   SetClock clock_;

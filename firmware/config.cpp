@@ -82,6 +82,7 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
     reader.refuse("pulse_width_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   }
   trigger.active_high = reader.choice("polarity", {"high", "low"}, 0) == 0;
+  trigger.follow = reader.choice("source", {"own", "external"}, 0) == 1;
 }
 
 void read_links(TomlReader reader, LinksConfig& links) {
@@ -137,7 +138,7 @@ PortAddress read_port(TomlReader& reader) {
   return address;
 }
 
-HeadConfig read_head(TomlReader reader) {
+HeadConfig read_head(TomlReader reader, FrameRate rate) {
   HeadConfig head;
   head.line = reader.line();
   head.name = name_of(reader);
@@ -158,6 +159,12 @@ HeadConfig read_head(TomlReader reader) {
   }
   if (reader.has("gamma")) {
     head.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
+  }
+  head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
+  if (head.trigger_delay >= rate.period()) {
+    reader.refuse("trigger_delay_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
+    reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
   }
   head.fields = static_cast<Fields>(reader.choice("fields", {"progressive", "top-first", "bottom-first"}, 0));
   return head;
@@ -183,8 +190,9 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
       return;
     }
     TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
-                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields"}, error);
-    HeadConfig head = read_head(reader);
+                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
+                       "trigger_delay_us"}, error);
+    HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second) reader.refuse("name", "\"" + head.name + "\" is taken by a head above");
     if (!ports.insert({head.port.kind, head.port.name}).second) reader.refuse("port", "is taken by a head above");
     config.heads.push_back(std::move(head));
@@ -203,7 +211,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
   read_raymap({section("raymap"), "raymap", {"layout", "width", "height", "format", "jpeg_quality", "feather"}, error},
               config.raymap);
-  read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity"}, error}, config.rate,
+  read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);
   read_links({section("links"), "links", {"unix", "tcp_port"}, error}, config.links);
   TomlReader store(section("store"), "store", {"folder"}, error);

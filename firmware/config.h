@@ -38,6 +38,7 @@ struct HeadConfig {
   std::optional<WhiteBalance> white_balance;
   std::optional<hal::Gamma> gamma;
   Fields fields = Fields::kProgressive;  ///< what it delivers
+  Duration trigger_delay;  ///< of its pulse after the trigger
   int line = 0;  ///< in rig.toml, for messages
 };
 
@@ -60,6 +61,7 @@ struct TriggerConfig {
   bool start = false;  ///< genlock at start, without a host's asking
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
+  bool follow = false;  ///< somebody else drives the line, at the rig's rate
 };
 
 /// [sim]: the world that "sim:" heads look at.

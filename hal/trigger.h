@@ -11,7 +11,8 @@ namespace nodal::hal {
 
 /// The pulse train that genlocks the heads.
 struct TriggerSettings {
-  FrameRate rate;
+  FrameRate rate;      ///< to be driven, or to be expected
+  bool follow = false; ///< somebody else drives the line: pulses are reported and passed on, none are made
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger
@@ -19,7 +20,7 @@ struct TriggerSettings {
 
 /// One pulse that was sent, seen where it leaves the board.
 struct TriggerEdge {
-  std::uint64_t number = 0;  ///< counts from 0 at start(); a gap is a pulse that was not sent
+  std::uint64_t number = 0;  ///< counts periods from 0 at start(); a gap is a pulse that was not sent, or not seen
   Instant at;
 };
 
@@ -27,7 +28,8 @@ struct TriggerEdge {
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none.
-/// Errors: kDeviceGone is final; kBadValue for a rate or width the hardware cannot make.
+/// Errors: kDeviceGone is final; kBadValue for a rate or width the hardware cannot make; kUnsupported to follow when
+///   it has no input.
 class TriggerPort {
  public:
   virtual ~TriggerPort() = default;

@@ -34,6 +34,7 @@ class ReplayTrigger final : public TriggerPort {
                                        std::to_string(settings.pulse_width.us()) +
                                        " us cannot be made; pulses must be shorter than the period");
     }
+    if (settings.follow) return fail(Errc::kUnsupported, "trigger 'replay': there is nobody to follow; drive it");
     stop();
     rate_ = settings.rate;
     started_ = clock_.now();

@@ -17,7 +17,7 @@ Duration stretched(Duration d, std::int64_t ppb) {
 SimTrigger::SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed)
     : clock_(clock), options_(options), random_(seed, "trigger") {}
 
-Status SimTrigger::start(const TriggerSettings& settings) {
+Status SimTrigger::check(const TriggerSettings& settings) const {
   if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
   if (settings.rate.numerator == 0 || settings.rate.denominator == 0 ||
       settings.rate.period() < options_.fastest.period()) {
@@ -37,10 +37,24 @@ Status SimTrigger::start(const TriggerSettings& settings) {
                                        " is not between 0 and the period of " + std::to_string(period.us()) + " us");
     }
   }
+  if (settings.follow && !options_.external) {
+    return fail(Errc::kUnsupported, "trigger 'sim': nobody drives its input; drive it, or connect what does");
+  }
+  return {};
+}
+
+Status SimTrigger::start(const TriggerSettings& settings) {
+  if (Status fine = check(settings); !fine) return fine;
   stop();
   settings_ = settings;
   running_ = true;
+  rate_ = settings.follow ? *options_.external : settings.rate;
   started_ = clock_.now() + options_.first_pulse;
+  if (settings.follow) {
+    // Pulse 0 is the next of a train that began without us.
+    const std::int64_t period = rate_.period().ns();
+    started_ = Instant::from_ns((started_.ns() + period - 1) / period * period);
+  }
   next_ = 0;
   next_at_ = planned(0);
   edges_.clear();
@@ -78,7 +92,7 @@ void SimTrigger::step(Instant now) {
 }
 
 Instant SimTrigger::planned(std::uint64_t number) const {
-  return started_ + stretched(settings_.rate.start_of(number), options_.drift_ppb);
+  return started_ + stretched(rate_.start_of(number), options_.drift_ppb);
 }
 
 void SimTrigger::send(std::uint64_t number, Instant at) {

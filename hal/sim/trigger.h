@@ -3,6 +3,7 @@
 
 #include <array>
 #include <deque>
+#include <optional>
 
 #include "hal/clock.h"
 #include "hal/sim/random.h"
@@ -23,6 +24,7 @@ struct TriggerOptions {
   std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
+  std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the world's first second
 };
 
 /// Threading: thread-bound to capture, with the heads of its world.
@@ -50,6 +52,7 @@ class SimTrigger final : public TriggerPort {
   void step(Instant now);
 
  private:
+  Status check(const TriggerSettings& settings) const;
   Instant planned(std::uint64_t number) const;
   void send(std::uint64_t number, Instant at);
 
@@ -60,7 +63,8 @@ class SimTrigger final : public TriggerPort {
   TriggerSettings settings_;
   bool running_ = false;
   bool gone_ = false;
-  Instant started_;
+  Instant started_;  ///< moment of pulse 0
+  FrameRate rate_;   ///< of whoever drives
   std::uint64_t next_ = 0;
   Instant next_at_;
   std::uint64_t sent_ = 0;

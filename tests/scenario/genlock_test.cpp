@@ -129,6 +129,45 @@ TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
   EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
 }
 
+TEST(Genlock, SomebodyElseDrivesTheLine_ItIsFollowedAndSetsNameItsPulses) {
+  StandOptions options;
+  options.config.trigger.follow = true;
+  options.world.trigger.external = FrameRate{};
+  options.world.trigger.drift_ppb = -30'000;
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.run(Duration::seconds(20));
+  const wire::Genlock now = host.status().genlock();
+  EXPECT_EQ(now.state(), "locked");
+  EXPECT_EQ(now.missing_triggers(), 0u);
+  EXPECT_LE(now.spread_worst_ns(), 4'000u);
+  EXPECT_NEAR(now.drift_ppb(), -30'000, 100);
+}
+
+TEST(Genlock, NobodyDrivesTheLineThatIsToBeFollowed_TheStartSaysSo) {
+  StandOptions options;
+  options.config.trigger.follow = true;
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::START)).error().code(), static_cast<unsigned>(Errc::kUnsupported));
+  EXPECT_EQ(stand.capture().genlock.state, GenlockState::kOff);
+}
+
+TEST(Genlock, AHeadsDelay_MovesItsExposureAndNotTheLock) {
+  StandOptions options;
+  options.config.heads[2].trigger_delay = Duration::milliseconds(3);
+  Stand stand(std::move(options));
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  const StreamId stream = host.pull(false, 1);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  const wire::RaymapHeader& header = host.pulled[stream].at(0).header;
+  EXPECT_EQ(header.genlock(), "locked");
+  EXPECT_LE(header.begin_spread_ns(), 4'000u);
+  EXPECT_NEAR(static_cast<double>(header.offset_ns(2)), 3e6, 5e3);
+}
+
 TEST(Genlock, RigTomlSaysStart_ItLocksWithoutAHost) {
   StandOptions options;
   options.config.trigger.start = true;

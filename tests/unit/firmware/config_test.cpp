@@ -65,6 +65,17 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->store, "/var/lib/nodal");
 }
 
+TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
+  const std::string text = kSmall + "trigger_delay_us = 1500\n[trigger]\nsource = \"external\"\n";
+  const auto config = parse_rig_config(text, "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_TRUE(config->trigger.follow);
+  EXPECT_EQ(config->heads[0].trigger_delay, Duration::microseconds(1500));
+  expect_refused(kSmall + "trigger_delay_us = 33367\n", Errc::kBadValue, "heads[0].trigger_delay_us must be shorter");
+  expect_refused("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\ntrigger_delay_us = 5\n", Errc::kBadValue,
+                 "heads[0].trigger_delay_us is there");
+}
+
 TEST(RigConfig, ReplayHeads_NeedNoSim) {
   const auto config = parse_rig_config("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\n", "rig.toml");
   ASSERT_TRUE(config) << config.error().text();
