@@ -183,6 +183,7 @@ Status run(Context& context, const Args& args) {
   options.vignetting = kVignetting.at(args.vignetting);
   options.gauge = kGauge.at(args.gauge);
   options.search = !args.no_search;
+  options.lens_far_off = !args.nominal.empty();  // a data sheet knows a field of view, not a lens
   Result<Report> report = fail(Errc::kInternal, "");
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();

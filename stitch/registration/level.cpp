@@ -28,6 +28,10 @@ LevelPlan plan_level(int level, int width, double per_radian, const Options& opt
   plan.margin_px = level <= 1 ? 2 * kFineSigma : 1.5;
   plan.focal = options.free != Free::kRotations && level <= 2;
   plan.lens = options.free == Free::kLens && level <= 1;
+  if (options.free == Free::kLens && options.lens_far_off) {
+    plan.focal = plan.lens = true;
+    plan.share_lens = level >= 2;
+  }
   plan.curvature = level <= 1 ? Curvature::kCommon : Curvature::kOwn;
   plan.most_iterations = level == 0 ? 15 : 12;
   // A thirtieth of a pixel of a coarse level is what the next one finds at a glance; a thousandth at the end.
@@ -77,6 +81,7 @@ std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Op
   LevelPlan& finest = plans.back();
   finest.focal = options.free != Free::kRotations;
   finest.lens = options.free == Free::kLens;
+  finest.share_lens = false;
   finest.curvature = Curvature::kCommon;
   finest.turn_rad = 0.001 / per_radian;
   return plans;

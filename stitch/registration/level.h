@@ -18,6 +18,7 @@ struct LevelPlan {
   double sigma_px = 0;   ///< of the blur, in the level's pixels
   double margin_px = 0;  ///< kept from the region's edge, in the level's pixels
   bool focal = false, lens = false;
+  bool share_lens = false;  ///< all heads' lenses move alike
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 10;
   double turn_rad = 0;   ///< that ends the descent

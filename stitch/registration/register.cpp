@@ -17,9 +17,10 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kSmallestLevel = 16;      // px on the shorter side of the coarsest picture
-constexpr double kLooseSigmaPx = 0.25;  // a head that is held more loosely than this shows at its seams
+constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than this shows at its seams
 constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
 constexpr int kQuickWidth = 512;        // of the raymap where usual mistakes are tried
+constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
 constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
 
 // One registration under way.
@@ -34,7 +35,7 @@ class Run {
  private:
   Status prepare(const std::vector<FrameSet>& frame_sets);
   Status find_dull_heads();
-  Status check_agreement(const Detail& detail);
+  Status check_agreement();
   Status descend_level(const LevelPlan& plan);
   Status descend_coarse();
   Status check_placed(bool& changed);
@@ -43,7 +44,7 @@ class Run {
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
-  Held held() const;
+  Held held(const LevelPlan& plan) const;
   std::vector<bool> used() const;
   static bool is_coarse(const LevelPlan& plan) { return plan.level >= 2; }
   int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
@@ -110,7 +111,7 @@ std::vector<bool> Run::used() const {
   return used;
 }
 
-Held Run::held() const {
+Held Run::held(const LevelPlan& plan) const {
   Held held;
   held.geometry.resize(heads_.size());
   held.light.resize(heads_.size());
@@ -119,6 +120,7 @@ Held Run::held() const {
     held.geometry[h] = held.light[h] = !why_not_[h].empty();
     if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
   }
+  held.share_lens = plan.share_lens;
   held.share_vignetting = options_.vignetting == VignettingModel::kShared;
   return held;
 }
@@ -152,14 +154,19 @@ Status Run::descend_level(const LevelPlan& plan) {
   const Sought sought = sought_of(plan);
   const Result<Normal> start = objective.evaluate(heads_, sought, false);
   if (!start) return fail(start.error());
-  if (start->measure <= 0) return fail(Errc::kNoCoverage, nothing_shared(prior_));
+  if (start->measure <= 0) {
+    // A thin overlap may be lost in a coarse level's margins; the finest one has to see it.
+    if (plan.level == plans_.back().level) return fail(Errc::kNoCoverage, nothing_shared(prior_));
+    work_done_ += static_cast<double>(plan.width) * plan.width;
+    return {};
+  }
   objective.set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
   DescentOptions descent;
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
   descent.turn_rad = plan.turn_rad;
   descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
-  Result<Descended> found = descend(objective, heads_, sought, held(), descent);
+  Result<Descended> found = descend(objective, heads_, sought, held(plan), descent);
   if (!found) return fail(found.error());
   heads_ = std::move(found->heads);
   last_ = std::move(found->normal);
@@ -183,8 +190,20 @@ Status Run::find_dull_heads() {
   return check_enough_placed(prior_, why_not_);
 }
 
-Status Run::check_agreement(const Detail& detail) {
-  wrong_ = disagreeing(detail, why_not_);
+// Heads that stand right agree on detail of some size: the finest, where they share a nodal point; coarser where things
+// are near and each sees them from its own place.
+Status Run::check_agreement() {
+  std::optional<Detail> best;
+  for (const LevelPlan& plan : plans_) {
+    if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
+    Result<Detail> detail = measure_detail(plan, pyramids_, heads_, used(), options_, workers_);
+    if (!detail) return fail(detail.error());
+    for (std::size_t h = 0; best && h < heads_.size(); ++h) {
+      detail->heads[h].agreement = std::max(detail->heads[h].agreement, best->heads[h].agreement);
+    }
+    best = std::move(*detail);
+  }
+  wrong_ = disagreeing(*best, why_not_);
   return registration::check_agreement(prior_, wrong_,
                                        static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
 }
@@ -193,7 +212,7 @@ Status Run::check_placed(bool& changed) {
   changed = false;
   const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
-  if (Status agree = check_agreement(*detail); !agree) return agree;
+  if (Status agree = check_agreement(); !agree) return agree;
   const double per_radian = pixels_per_radian(heads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
@@ -240,10 +259,10 @@ Status Run::light_unplaced_heads() {
 Status Run::check_lenses(Objective& objective) {
   if (options_.free == Free::kLens) return {};
   const Sought sought = sought_of(plans_.back());
-  const Result<double> by_lens = promised_by(objective, heads_, sought, held(), Free::kLens);
+  const Result<double> by_lens = promised_by(objective, heads_, sought, held(plans_.back()), Free::kLens);
   if (!by_lens) return fail(by_lens.error());
   if (*by_lens < kLensMisfit) return {};
-  const Result<double> by_focals = promised_by(objective, heads_, sought, held(), Free::kFocals);
+  const Result<double> by_focals = promised_by(objective, heads_, sought, held(plans_.back()), Free::kFocals);
   if (!by_focals) return fail(by_focals.error());
   const bool focals = options_.free == Free::kRotations && *by_focals > 0.7 * *by_lens;
   if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
@@ -270,7 +289,7 @@ Result<Report> Run::report() {
   if (!detail) return fail(detail.error());
   report_.objective_before = before->objective();
   report_.objective_after = after->objective();
-  const Parameters parameters(heads_, sought_of(finest), held());
+  const Parameters parameters(heads_, sought_of(finest), held(plans_.back()));
   Eigen::MatrixXd gauge;
   if (options_.gauge == Gauge::kMean) gauge = mean_taken_out(heads_, used(), parameters);
   const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_, gauge);
@@ -316,8 +335,7 @@ Status Run::descend_coarse() {
   Status done = descend_all();
   if (!options_.search) return done;
   if (done) {
-    const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
-    if (detail && check_agreement(*detail)) return {};
+    if (check_agreement()) return {};
   }
   heads_ = start_;
   work_done_ = 0;

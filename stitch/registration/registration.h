@@ -56,6 +56,9 @@ struct Options {
   std::string layout = "equirectangular";
   /// The finest raymap has as many rays as an equirectangular one this wide; 0: as fine as the pictures are.
   int width = 0;
+  /// With Free::kLens: the prior's lenses are only of the right kind. They are sought from the coarsest level on, at
+  /// first one for all heads.
+  bool lens_far_off = false;
   /// Looks for heads that stand far from the prior, before the descent.
   bool search = true;
   int threads = 0;  ///< 0: one a core. The result does not depend on it.
