@@ -23,8 +23,6 @@ canary(buffer_given_back_early firmware/capture_head.cpp
   "if (!reason) return frame\;" "if (!reason) return port_->release(frame.slot), frame\;")
 canary(wrapped_time_believed firmware/capture_sets.cpp
   "return age >= Duration() && age <=" "return age <=" )
-canary(no_step_kept firmware/set_clock.cpp
-  "<= period_ * kReachTenths / 10" "< Duration()")
 canary(old_train_matched firmware/set_clock.cpp
   "if (begin < since_) return std::nullopt\;" "")
 canary(holdover_called_locked firmware/genlock.cpp
