@@ -107,6 +107,12 @@ std::string wrong_lenses(bool focals) {
          (focals ? "seek the focal lengths, too" : "check the lens model and the field of view, and seek the lenses, too");
 }
 
+std::string doubtful_seam(const std::string& a, const std::string& b) {
+  return "heads " + quoted(a) + " and " + quoted(b) +
+         " do not line up in fine detail; look at their seam: things stand near the rig, their lenses are not right, or "
+         "they repeat and are a period off (point pairs help)";
+}
+
 std::string nothing_shared(const Calibration& prior) {
   return "none of the " + std::to_string(prior.heads.size()) +
          " heads shares rays with another; check fields of view and rotations of the prior";

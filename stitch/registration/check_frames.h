@@ -30,6 +30,9 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 std::string lens_misfit(bool focals, double promised);
 std::string wrong_lenses(bool focals);
 
+/// What is said of two placed heads whose fine detail does not line up.
+std::string doubtful_seam(const std::string& a, const std::string& b);
+
 std::string nothing_shared(const Calibration& prior);
 
 }  // namespace nodal::registration

@@ -21,6 +21,7 @@ constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than 
 constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
 constexpr int kQuickWidth = 512;        // of the raymap where usual mistakes are tried
 constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
+constexpr double kLeastPairAgreement = 0.2, kSmallOverlapSr = 0.02;
 constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
 
 // One registration under way.
@@ -317,6 +318,11 @@ Result<Report> Run::report() {
       if (after->pairs[p].measure <= 0) continue;
       report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels()),
                                before->pairs[p].rms(), after->pairs[p].rms(), detail->pairs[p].correlation()});
+      const auto j = static_cast<std::size_t>(b);
+      const bool both = why_not_[i].empty() && why_not_[j].empty();
+      if (both && report_.pairs.back().agreement < kLeastPairAgreement && report_.pairs.back().shared_sr > kSmallOverlapSr) {
+        report_.warnings.push_back(doubtful_seam(prior_.heads[i].name, prior_.heads[j].name));
+      }
     }
   }
   if (Status good = check_calibration(report_.calibration); !good) return fail(good.error());
