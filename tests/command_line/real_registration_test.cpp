@@ -1,0 +1,46 @@
+// `nodal register` on a real rig, from no more than its data sheet.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+
+namespace nodal::command_line {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippedCalibration) {
+  const fs::path rig = fs::path(NODAL_SHARED_DIR) / "data" / "stitchem_3cam";
+  if (!fs::exists(rig / "input-00.jpg")) GTEST_SKIP() << rig << " is not there: no real rig is registered";
+  const test::TemporaryFolder folder;
+  const std::string nodal = NODAL_BIN_DIR "/nodal", shipped = (folder / "shipped.json").string();
+  const std::vector<std::string> pictures{rig / "input-00.jpg", rig / "input-01.jpg", rig / "input-02.jpg"};
+  const auto run = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), nodal);
+    return test::Process(words).wait(std::chrono::seconds(110));
+  };
+  const auto register_it = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), "register");
+    words.insert(words.end(), pictures.begin(), pictures.end());
+    // On one raymap, so that the two figures mean the same.
+    for (const char* word : {"--vignetting", "fixed", "--no-search", "--width", "2048", "--json", "-o"}) words.emplace_back(word);
+    words.push_back((folder / "found.json").string());
+    const test::Finished done = run(words);
+    EXPECT_EQ(done.code, 0) << done.err;
+    return done.code == 0 ? json::parse(done.out) : json();
+  };
+  ASSERT_EQ(run({"import", rig / "3_Cam_-_Sample.pts", "-o", shipped}).code, 0);
+  const json by_maker = register_it({shipped});
+  const json by_data_sheet =
+      register_it({"--nominal", "3x230", "--circle", "1920,1080,1587", "--roll", "90", "--free", "lens"});
+  ASSERT_TRUE(by_maker.is_object() && by_data_sheet.is_object());
+  EXPECT_LE(by_data_sheet["objective_after"].get<double>(), by_maker["objective_before"].get<double>());
+  for (const json& head : by_data_sheet["heads"]) EXPECT_TRUE(head["placed"].get<bool>()) << head["why_not"];
+}
+
+}  // namespace
+}  // namespace nodal::command_line
