@@ -161,40 +161,47 @@ constexpr Picks kTriplePicks = triple_picks();
 
 inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si512(bytes.data()); }
 
-/// By PlaneView, into memory and from there.
+/// A patch in memory, one component after the other.
 template <int N>
-void load_anyhow(const PatchPlane& plane, const PatchRecord& record, std::array<Patch, N>& patch) {
-  alignas(64) std::array<std::uint8_t, kPatch * kPatch> staged;
-  for (std::size_t c = 0; c < N; ++c) {
+using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
+
+/// By PlaneView, sample by sample. Not inlined: patches that are read otherwise then never leave their registers.
+[[gnu::noinline]] void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t components,
+                             std::uint8_t* staged) {
+  std::fill_n(staged, components * kPatch * kPatch, std::uint8_t{0});
+  for (std::size_t c = 0; c < components; ++c, staged += kPatch * kPatch) {
     const PlaneView& view = plane.views[c];
-    staged.fill(0);
     for (int y = 0; y < std::min(kPatch, view.height - record.top); ++y) {
       const std::uint8_t* from = view.data + (record.top + y) * view.row_stride;
       for (int x = 0; x < std::min(kPatch, view.width - record.left); ++x) {
-        staged[static_cast<std::size_t>(y * kPatch + x)] = from[std::ptrdiff_t{record.left + x} * view.pixel_stride];
+        staged[y * kPatch + x] = from[std::ptrdiff_t{record.left + x} * view.pixel_stride];
       }
     }
-    for (std::size_t k = 0; k < 4; ++k) patch[c].rows[k] = _mm512_load_si512(staged.data() + 64 * k);
   }
 }
 
 template <int N>
 inline void load_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Patch, N>& patch) {
-  const std::ptrdiff_t stride = plane.row_stride;
+  std::ptrdiff_t stride = plane.row_stride;
   const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
+  Staged<N> staged;
   // A tile seldom needs the last four of a patch's rows.
   const bool all_rows = std::max(record.rows[0], record.rows[1]) >> 4 > 10;
   const std::size_t quarters = all_rows ? 4 : 3;
-  if (plane.lie == Lie::kPlanar) {
+  if (plane.lie == Lie::kPlanar || plane.lie == Lie::kAnyhow) {
+    const bool anyhow = plane.lie == Lie::kAnyhow;
+    if (anyhow) {
+      stage(plane, record, N, staged.data());
+      stride = kPatch;
+    }
     for (std::size_t c = 0; c < N; ++c) {
-      const std::uint8_t* from = plane.data[c] + at;
+      const std::uint8_t* from = anyhow ? staged.data() + c * kPatch * kPatch : plane.data[c] + at;
       for (std::size_t k = 0; k < 3; ++k, from += 4 * stride) patch[c].rows[k] = four_rows(from, stride);
       patch[c].rows[3] = all_rows ? four_rows(from, stride) : patch[c].rows[2];
     }
     return;
   }
   const std::uint8_t* from = plane.data[0] + at;
-  if (plane.lie == Lie::kAnyhow) return load_anyhow<N>(plane, record, patch);
   for (std::size_t k = 0; k < quarters; ++k, from += 4 * stride) {
     if (plane.lie == Lie::kPairs) {
       const V upper = two_rows(from, stride);
