@@ -96,7 +96,7 @@ void SimDisk::make_last(std::size_t k) {
       lasting_.erase(name);
     }
     for (std::size_t older = 0; older < k; ++older) {
-      std::erase_if(unsynced_[older].entries, [&](const auto& entry) { return entry.first == name; });
+      std::erase_if(unsynced_[older].entries, [&changed = name](const auto& entry) { return entry.first == changed; });
     }
   }
 }
