@@ -10,12 +10,15 @@ void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memo
 
 }  // namespace
 
-InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table) {
+InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table, blend::MeterTable meter,
+                            blend::ToneTable exposures) {
   std::size_t bytes = 0;
   for (const blend::BlendTable::Source& source : table.sources) bytes += blend::prepared_size(source);
   const blend::SetTone tone = blend::calibrated_tone(table);
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{
-      id, std::move(name), std::move(table), tone, std::make_shared<std::vector<std::uint8_t>>(bytes)});
+  auto prepared = std::make_shared<std::vector<std::uint8_t>>(bytes);
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(table), tone,
+                                                                           std::move(prepared), std::move(meter),
+                                                                           std::move(exposures)});
 }
 
 Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
@@ -28,7 +31,8 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Fra
       tables_in_(1),  // so that a full ring says that the newest is not in force yet
       tables_out_(8),
       pixels_free_(kMaxBuffers),
-      raymaps_out_(kRaymapsWaiting) {
+      raymaps_out_(kRaymapsWaiting),
+      light_out_(4) {
   NODAL_ASSERT(bands_ < kNoBands);
 }
 
@@ -68,7 +72,7 @@ bool Blender::run_band() {
     }
   } else {
     const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
-    blend::blend_rows(table, pictures_, installed_->tone, into_, row, std::min(row + kBandRows, config_.height));
+    blend::blend_rows(table, pictures_, tone_, into_, row, std::min(row + kBandRows, config_.height));
   }
   bands_done_.fetch_add(1, std::memory_order_acq_rel);
   return true;
@@ -137,10 +141,12 @@ bool Blender::begin() {
   raymap_.pixels = std::move(*pixels);
   into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
   take_pictures(*set);
+  undo_exposures(*set);
   set_ = set;
   begun_ = clock_.now();
   preparing_ = heads_to_prepare_ > 0;
   hand_out(preparing_ ? heads_to_prepare_ : bands_);
+  measure();  // while the others blend; the raymap is not finished before this is done
   return true;
 }
 
@@ -164,6 +170,32 @@ void Blender::take_pictures(const FrameSet& set) {
     pictures_[i] = picture;
     if (bytes > 0) to_prepare_[heads_to_prepare_++] = {&source, picture, own_memory, i};
   }
+}
+
+/// A head that is missing counts as it was last exposed, so that the others' light does not jump when it goes.
+void Blender::undo_exposures(const FrameSet& set) {
+  const std::size_t heads = installed_->table.sources.size();
+  bool known = installed_->exposures.heads.size() == heads;
+  for (std::size_t i = 0; i < heads; ++i) {
+    if (set.has(i)) {
+      const hal::HeadSettings& in_effect = set.frames[i].in_effect;
+      exposed_[i] = {stops_of(in_effect.exposure) + stops_of(in_effect.gain), in_effect.gamma.thousandths()};
+      was_exposed_ |= head_bit(i);
+    }
+    known = known && (was_exposed_ & head_bit(i)) != 0;
+  }
+  tone_ = known ? blend::tone_of_exposures(installed_->table, installed_->exposures, exposed_) : installed_->tone;
+}
+
+void Blender::measure() {
+  if (light_out_.full()) return;
+  std::array<ImageView, kMaxHeads> seen_by{};  // as heads sent them; preparing moves pictures_ meanwhile
+  for (std::size_t i = 0; i < seen_by.size(); ++i) {
+    if ((raymap_.info.heads & head_bit(i)) != 0) seen_by[i] = set_->frames[i].image;
+  }
+  blend::SphereLight seen = blend::meter(installed_->meter, seen_by, exposed_);
+  seen.set = set_->number;
+  light_out_.push(std::move(seen));
 }
 
 std::optional<Buffer> Blender::take_pixels() {

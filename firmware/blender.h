@@ -42,6 +42,8 @@ class Blender {
   SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
   SpscRing<Buffer>& pixels_free() { return pixels_free_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
+  /// What the heads of each blended set saw. When nobody takes it, the newest are left out.
+  SpscRing<blend::SphereLight>& light_out() { return light_out_; }
 
   struct Counts {
     std::atomic<std::uint64_t> blended{0};
@@ -75,6 +77,8 @@ class Blender {
   void take_pictures(const FrameSet& set);
   void hand_out(std::uint64_t bands);
   std::optional<Buffer> take_pixels();
+  void undo_exposures(const FrameSet& set);
+  void measure();
   void give_back(FrameSet* set);
 
   const RaymapConfig config_;
@@ -86,12 +90,15 @@ class Blender {
   SpscRing<InstalledPtr> tables_out_;
   SpscRing<Buffer> pixels_free_;
   SpscRing<Raymap> raymaps_out_;
+  SpscRing<blend::SphereLight> light_out_;
 
   // Between raymaps, by whoever holds coordinating_.
   std::atomic_flag coordinating_;
   InstalledPtr installed_;
   std::size_t buffers_made_ = 0;
   std::uint64_t number_ = 0;
+  std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
+  HeadMask was_exposed_ = 0;                               ///< those that ever were
   FrameSet* set_ = nullptr;  ///< under way
   Instant begun_;
 
@@ -107,6 +114,7 @@ class Blender {
   std::size_t heads_to_prepare_ = 0;
   bool preparing_ = false;
   std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< as blend::Pictures has them
+  blend::SetTone tone_;
   MutableImageView into_;
   std::atomic<std::uint64_t> next_band_{kNoBands};
   std::atomic<std::uint64_t> bands_out_{0};

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "stitch/table/meter_compiler.h"
+#include "stitch/table/tone_compiler.h"
+
 #include "firmware/durable_file.h"
 #include "firmware/settings.h"
 
@@ -206,6 +209,8 @@ bool CalibrationKeeper::compile_some() {
 Status CalibrationKeeper::put_in_force(Installation& done) {
   auto table = std::move(*done.job).finish();
   if (!table) return fail(table.error().in("calibration " + short_id(done.id)));
+  auto meter = table::compile_meter_table(done.calibration);
+  if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
   if (done.ticket || store_->in_force() != done.id || !store_->note().empty()) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
@@ -215,7 +220,8 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   }
   report_.in_force = done.id;
   report_.name = done.calibration.name;
-  InstalledPtr installed = make_installed(done.id, done.calibration.name, std::move(*table));
+  InstalledPtr installed = make_installed(done.id, done.calibration.name, std::move(*table), std::move(*meter),
+                                          table::compile_tone_table(done.calibration));
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
   done.handed_over = true;
   return {};

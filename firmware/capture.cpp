@@ -1,5 +1,6 @@
 #include "firmware/capture.h"
 
+#include <algorithm>
 #include <bit>
 
 namespace nodal::firmware {
@@ -28,6 +29,7 @@ hal::TriggerSettings settings_of(const RigConfig& config) {
 Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
     : trigger_settings_(settings_of(config)),
       genlock_(trigger),
+      exposure_(config.exposure),
       clock_(config.rate),
       rate_(config.rate),
       rate_now_(config.rate),
@@ -59,6 +61,7 @@ void Capture::close() {
 bool Capture::step(Instant now) {
   now_ = now;
   bool busy = take_back_sets();
+  busy |= follow_light();
   busy |= run_commands(now);
   busy |= take_edges();
   for (CaptureHead& head : heads_) busy |= head.step(now, mode_);
@@ -103,15 +106,50 @@ bool Capture::run_commands(Instant now) {
       status = change_heads(*change);
     } else if (const auto* start = std::get_if<GenlockStart>(&command->what)) {
       status = start_genlock(*start, now);
+    } else if (const auto* wish = std::get_if<ExposureWish>(&command->what)) {
+      exposure_.wish(*wish);
     } else {
       stop_genlock(now);
     }
-    answers_.push(CaptureAnswer{command->ticket, std::move(status), genlock_report()});
+    answers_.push(CaptureAnswer{command->ticket, std::move(status), genlock_report(), exposure_.report()});
+  }
+  return any;
+}
+
+bool Capture::follow_light() {
+  bool any = false;
+  while (auto seen = light_in_ ? light_in_->pop() : std::nullopt) {
+    any = true;
+    std::array<std::optional<ExposureRange>, kMaxHeads> ranges;
+    const ExposureWish& wish = exposure_.report().wish;
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      const HeadReport& head = heads_[i].report();
+      if (!head.present || !head.limits) {
+        exposure_.forget(i);
+        continue;
+      }
+      const hal::HeadLimits& limits = *head.limits;
+      ranges[i] = {limits.exposure_min, std::clamp(wish.longest, limits.exposure_min, limits.exposure_max),
+                   limits.gain_min, std::clamp(wish.highest, limits.gain_min, limits.gain_max)};
+    }
+    const ExposureControl::Orders orders = exposure_.step(*seen, ranges);
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      if ((orders.heads & head_bit(i)) == 0) continue;
+      // Within its limits; a head that is vanishing just now is asked when it returns.
+      (void)heads_[i].change({orders.of[i].exposure, orders.of[i].gain, std::nullopt, std::nullopt});
+    }
   }
   return any;
 }
 
 Status Capture::change_heads(const HeadChange& change) {
+  const ExposureWish& exposing = exposure_.report().wish;
+  if ((change.change.exposure || change.change.gain) && exposing.program != ExposureProgram::kManual &&
+      !exposing.locked) {
+    return fail(Errc::kWrongState, "the exposure program '" + std::string(exposure_program_name(exposing.program)) +
+                                       "' sets exposures and gains; `nodal exposure set manual` or `nodal exposure "
+                                       "lock` first");
+  }
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((change.heads & head_bit(i)) == 0) continue;
     if (Status allowed = heads_[i].check(change.change); !allowed) return allowed;
@@ -190,6 +228,7 @@ void Capture::update_report(Instant now, bool changed) {
     report_.frames.add(heads_[i].report().counts);
   }
   report_.genlock = genlock_report();
+  report_.exposure = exposure_.report();
   if (now >= next_report_ || report_.sets != reported_sets_) {
     snapshot_.publish(report_);
     next_report_ = now + kReportEvery;

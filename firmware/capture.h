@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "firmware/capture_head.h"
+#include "firmware/exposure.h"
 #include "firmware/config.h"
 #include "firmware/drift.h"
 #include "firmware/frame_set.h"
@@ -36,12 +37,13 @@ struct GenlockStart {
 struct GenlockStop {};
 struct CaptureCommand {
   std::uint64_t ticket = 0;
-  std::variant<HeadChange, GenlockStart, GenlockStop> what;
+  std::variant<HeadChange, GenlockStart, GenlockStop, ExposureWish> what;
 };
 struct CaptureAnswer {
   std::uint64_t ticket = 0;
   Status status;
   GenlockReport genlock;  ///< after it
+  ExposureControl::Report exposure;
 };
 
 /// Capture as status tells of it.
@@ -51,6 +53,7 @@ struct CaptureReport {
   std::uint64_t sets = 0;
   std::uint64_t full_sets = 0;           ///< of them, with every head of the rig
   std::uint64_t sets_not_taken = 0;      ///< the blend had no room for them
+  ExposureControl::Report exposure;
   GenlockReport genlock;
 };
 
@@ -74,6 +77,8 @@ class Capture {
 
   SpscRing<FrameSet*>& sets_out() { return sets_out_; }
   SpscRing<FrameSet*>& sets_back() { return sets_back_; }
+  /// Where the meter's readings come from; without it exposures stay as they are.
+  void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
   SpscRing<CaptureCommand>& commands() { return commands_; }
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
@@ -98,6 +103,7 @@ class Capture {
   Status start_genlock(const GenlockStart& wish, Instant now);
   void stop_genlock(Instant now);
   bool take_back_sets();
+  bool follow_light();
   bool take_edges();
   bool take_frames();
   bool plausible(const hal::FrameView& frame) const;
@@ -120,6 +126,8 @@ class Capture {
   const hal::TriggerSettings trigger_settings_;  ///< by rig.toml
   std::deque<CaptureHead> heads_;  ///< they never move
   Genlock genlock_;
+  ExposureControl exposure_;
+  SpscRing<blend::SphereLight>* light_in_ = nullptr;
   SetClock clock_;
   DriftMeter pulse_drift_;
   std::array<DriftMeter, kMaxHeads> head_drift_;

@@ -15,7 +15,7 @@ namespace nodal::firmware {
 
 /// Raymaps on their way to a client, by one stream.
 struct Pull {
-  bool jpeg = true;
+  wire::PullRequest::Coding coding = wire::PullRequest::JPEG;
   bool lossless = false;
   std::uint64_t count = 0;              ///< wanted in all; 0: until it is stopped
   std::uint64_t delivered = 0;          ///< when last looked at

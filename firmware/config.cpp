@@ -85,6 +85,24 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
   trigger.follow = reader.choice("source", {"own", "external"}, 0) == 1;
 }
 
+Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
+
+/// After the heads: the anchor is one of them.
+void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, ExposureWish& wish) {
+  wish.program = static_cast<ExposureProgram>(reader.choice("program", {"manual", "each", "joint"}, 0));
+  wish.target = -stops_from(reader.number("target_stops", 0.5, 8, 2.5));
+  wish.difference = stops_from(reader.number("difference_stops", 0, 8, 1));
+  wish.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
+  wish.longest = Exposure::microseconds(reader.integer("longest_us", 1, 10'000'000, wish.longest.us()));
+  wish.highest = Gain::millidecibels(
+      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -60'000, 60'000, wish.highest.mdb())));
+  const std::string anchor = reader.text("anchor", "");
+  if (anchor.empty()) return;
+  const auto found = std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
+  if (found == heads.end()) return reader.refuse("anchor", "is \"" + anchor + "\", and no head is called so");
+  wish.anchor = static_cast<HeadIndex>(found - heads.begin());
+}
+
 void read_links(TomlReader reader, LinksConfig& links) {
   links.unix_path = reader.text("unix", links.unix_path);
   if (links.unix_path.size() > kMaxUnixPath) {
@@ -201,7 +219,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
 
 RigConfig read_file(const toml::table& root, FirstError& error) {
   RigConfig config;
-  TomlReader file(root, "", {"rig", "raymap", "trigger", "links", "store", "sim", "heads"}, error);
+  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "store", "sim", "heads"}, error);
   static const toml::table kEmpty;
   const auto section = [&](std::string_view name) -> const toml::table& {
     const toml::table* table = file.table(name);
@@ -218,6 +236,10 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   read_heads(file, config, error);
+  read_exposure({section("exposure"), "exposure",
+                 {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",
+                  "highest_gain_mdb"}, error},
+                config.heads, config.exposure);
 
   const bool wants_sim = std::any_of(config.heads.begin(), config.heads.end(),
                                      [](const HeadConfig& head) { return head.port.kind == PortKind::kSim; });

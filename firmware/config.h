@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware/exposure.h"
 #include "hal/head.h"
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
@@ -93,6 +94,7 @@ struct RigConfig {
   RaymapConfig raymap;
   std::vector<HeadConfig> heads;
   TriggerConfig trigger;
+  ExposureWish exposure;         ///< [exposure]
   std::optional<SimConfig> sim;  ///< there exactly when a head is on a "sim:" port
   LinksConfig links;
   std::string store = "/var/lib/nodal";  ///< folder of the calibration store

@@ -55,7 +55,7 @@ std::vector<std::string> Control::take_news() { return std::exchange(news_, {});
 wire::Hello Control::hello() const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"calibration", "exposure", "genlock", "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature : {"calibration", "exposure", "exposure-programs", "genlock", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
   if (keeper_->in_force) hello.set_calibration_id(sha256_to_wire(*keeper_->in_force));
@@ -158,6 +158,8 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   message.set_id(open.request.id());
   if (open.request.has_genlock()) {
     fill_genlock(answer.genlock, *message.mutable_genlock());
+  } else if (open.request.has_exposure()) {
+    fill_exposure(answer.exposure, config_.heads.size(), *message.mutable_exposure());
   } else {
     message.mutable_done();
   }

@@ -82,6 +82,7 @@ class Control {
   void handle(Client& client, const wire::Request& request, Instant now);
   Status set(std::uint64_t client, const wire::Request& request);
   Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
+  Result<CaptureCommand> exposure_command(const wire::ExposureRequest& wish) const;
   Result<CaptureCommand> genlock_command(const wire::GenlockRequest& wish) const;
   Status ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what);
   Status commit(Client& client, const wire::Request& request);

@@ -35,11 +35,14 @@ Result<StreamId> Publisher::start(Client& client, const wire::PullRequest& reque
   if (client.pulls.size() >= kMaxPulls) {
     return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
   }
+  if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
+    return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
+  }
   const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
   auto stream = client.session().open_stream(policy);
   if (!stream) return stream;
   Pull& pull = client.pulls[*stream];
-  pull.jpeg = request.coding() != wire::PullRequest::RAW;
+  pull.coding = request.coding();
   pull.lossless = request.lossless();
   pull.count = request.count();
   return stream;
@@ -99,9 +102,10 @@ bool Publisher::holds_up(Client& client, Instant now) {
 bool Publisher::offer(Client& client, const Raymap& raymap) {
   bool given = false;
   for (auto& [stream, pull] : client.pulls) {
-    const bool there = pull.jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
+    const bool jpeg = pull.coding == wire::PullRequest::JPEG;
+    const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
     if (pull.ended || !there) continue;
-    if (!client.session().offer(stream, item(raymap, pull.jpeg))) continue;
+    if (!client.session().offer(stream, item(raymap, pull.coding))) continue;
     given = true;
     if (pull.count == 0) continue;
     const auto counts = client.session().counts(stream);
@@ -112,19 +116,21 @@ bool Publisher::offer(Client& client, const Raymap& raymap) {
   return given;
 }
 
-BulkItem Publisher::item(const Raymap& raymap, bool jpeg) const {
+BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding) const {
   const RaymapInfo& info = raymap.info;
   wire::RaymapHeader header;
   header.set_set(info.set);
   header.set_mid_exposure_ns(static_cast<std::uint64_t>(info.mid_exposure.ns()));
-  header.set_coding(jpeg ? "jpeg" : std::string(pixel_format_name(config_.format)));
+  const bool jpeg = coding == wire::PullRequest::JPEG;
+  const bool raw = coding == wire::PullRequest::RAW;
+  header.set_coding(jpeg ? "jpeg" : raw ? std::string(pixel_format_name(config_.format)) : "none");
   header.set_width(static_cast<std::uint32_t>(config_.width));
   header.set_height(static_cast<std::uint32_t>(config_.height));
   header.set_layout(std::string(raymap_layout_name(config_.layout)));
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
   fill_sync(info, header);
-  return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raymap.pixels, 0};
+  return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raw ? raymap.pixels : nullptr, 0};
 }
 
 void Publisher::forget_ended(Client& client) {
@@ -150,7 +156,7 @@ std::uint64_t Publisher::dropped(const Client& client) {
 bool Publisher::jpeg_wanted(const Clients& clients) {
   return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
     return std::any_of(client->pulls.begin(), client->pulls.end(),
-                       [](const auto& pull) { return pull.second.jpeg && !pull.second.ended; });
+                       [](const auto& pull) { return pull.second.coding == wire::PullRequest::JPEG && !pull.second.ended; });
   });
 }
 

@@ -50,7 +50,7 @@ class Publisher {
  private:
   bool holds_up(Client& client, Instant now);
   bool offer(Client& client, const Raymap& raymap);
-  BulkItem item(const Raymap& raymap, bool jpeg) const;
+  BulkItem item(const Raymap& raymap, wire::PullRequest::Coding coding) const;
   static void forget_ended(Client& client);
   bool reclaim();
 

@@ -11,6 +11,8 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/blend/exposure_tone.h"
+#include "stitch/blend/meter.h"
 #include "stitch/blend/tone.h"
 
 namespace nodal::firmware {
@@ -25,11 +27,14 @@ struct InstalledCalibration {
   blend::BlendTable table;
   blend::SetTone tone;  ///< of heads exposed as they were when calibrated
   Buffer prepared;      ///< the blender's, for what its table asks to be made of heads' pictures before the blend
+  blend::MeterTable meter;
+  blend::ToneTable exposures;  ///< undoes what heads are exposed differently by
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
 /// Takes all the memory that blending by the table will need, so that the frame path takes none.
-InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table);
+InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table,
+                            blend::MeterTable meter = {}, blend::ToneTable exposures = {});
 
 struct RaymapInfo {
   std::uint64_t set = 0;

@@ -21,6 +21,11 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       if (later) done = set(client.number(), request);
       else fill_genlock(capture_->genlock, *answer.mutable_genlock());
       break;
+    case wire::Request::kExposure:
+      later = request.exposure().ByteSizeLong() > 0;
+      if (later) done = set(client.number(), request);
+      else fill_exposure(capture_->exposure, config_.heads.size(), *answer.mutable_exposure());
+      break;
     case wire::Request::kUploadBegin: {
       const auto name = sha256_from_wire(request.upload_begin().sha256());
       const auto offset = name ? uploads_.begin(*name, request.upload_begin().length()) : fail(name.error());
@@ -74,8 +79,9 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
 
 /// Asks capture for a setting, for a client or one of those that need no answer.
 Status Control::set(std::uint64_t client, const wire::Request& request) {
-  Result<CaptureCommand> command =
-      request.has_genlock() ? genlock_command(request.genlock()) : head_command(request.head_set());
+  Result<CaptureCommand> command = request.has_genlock()    ? genlock_command(request.genlock())
+                                   : request.has_exposure() ? exposure_command(request.exposure())
+                                                            : head_command(request.head_set());
   if (!command) return fail(command.error());
   command->ticket = next_ticket_++;
   const std::uint64_t ticket = command->ticket;
@@ -133,6 +139,53 @@ Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) c
     change.change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(wish.gamma()));
   }
   return CaptureCommand{0, change};
+}
+
+Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wish) const {
+  ExposureWish now = capture_->exposure.wish;
+  if (wish.has_program()) {
+    const auto program = exposure_program_of(wish.program());
+    if (!program) {
+      return fail(Errc::kBadValue, "there is no exposure program '" + wish.program() + "'; manual, each and joint are");
+    }
+    now.program = *program;
+  }
+  if (wish.has_anchor()) {
+    if (wish.anchor() < -1 || wish.anchor() >= static_cast<std::int32_t>(config_.heads.size())) {
+      return fail(Errc::kBadValue, "there is no head " + std::to_string(wish.anchor()) + " to anchor on");
+    }
+    now.anchor.reset();
+    if (wish.anchor() >= 0) now.anchor = static_cast<HeadIndex>(wish.anchor());
+  }
+  const auto stops = [](std::uint32_t thousandths) { return static_cast<Stops>((thousandths * 1024 + 500) / 1000); };
+  const auto within = [](std::uint32_t value, std::uint32_t low, const char* what) -> Status {
+    if (value >= low && value <= 8000) return {};
+    return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) + " to 8000 thousandths of a stop, not " +
+                                     std::to_string(value));
+  };
+  Status good;
+  if (wish.has_target_below()) {
+    good = within(wish.target_below(), 500, "the target");
+    now.target = -stops(wish.target_below());
+  }
+  if (good && wish.has_difference()) {
+    good = within(wish.difference(), 0, "the difference");
+    now.difference = stops(wish.difference());
+  }
+  if (good && wish.has_ramp()) {
+    good = within(wish.ramp(), 1, "the ramp");
+    now.ramp = stops(wish.ramp());
+  }
+  if (good && wish.has_longest_ns()) {
+    if (wish.longest_ns() < 1000 || wish.longest_ns() > 10'000'000'000) {
+      return fail(Errc::kBadValue, "the longest shutter is 1 us to 10 s");
+    }
+    now.longest = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.longest_ns())));
+  }
+  if (wish.has_highest_gain_mdb()) now.highest = Gain::millidecibels(wish.highest_gain_mdb());
+  if (wish.has_locked()) now.locked = wish.locked();
+  if (!good) return fail(good.error());
+  return CaptureCommand{0, now};
 }
 
 Result<CaptureCommand> Control::genlock_command(const wire::GenlockRequest& wish) const {

@@ -21,6 +21,11 @@ bool Settings::remember(const wire::Request& request, std::size_t heads) {
     genlock_ = request.genlock();
     return true;
   }
+  if (request.has_exposure()) {
+    if (!exposure_) exposure_.emplace();
+    exposure_->MergeFrom(request.exposure());
+    return true;
+  }
   if (!request.has_head_set()) return false;
   wire::HeadSetRequest wish = request.head_set();
   std::vector<std::uint32_t> set(wish.heads().begin(), wish.heads().end());
@@ -32,11 +37,14 @@ bool Settings::remember(const wire::Request& request, std::size_t heads) {
 
 std::vector<wire::Request> Settings::requests() const {
   std::vector<wire::Request> all;
+  // Heads are set by hand while no program does, so that comes first whatever rig.toml says.
+  if (exposure_) all.emplace_back().mutable_exposure()->set_program("manual");
   for (const auto& [head, wish] : heads_) {
     wire::HeadSetRequest& request = *all.emplace_back().mutable_head_set();
     request = wish;
     request.add_heads(head);
   }
+  if (exposure_) *all.emplace_back().mutable_exposure() = *exposure_;
   if (genlock_) *all.emplace_back().mutable_genlock() = *genlock_;
   return all;
 }

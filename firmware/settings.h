@@ -14,7 +14,7 @@
 
 namespace nodal::firmware {
 
-/// The requests that made the settings, the newest of each: one a head, and one for the genlock. Making the same
+/// The requests that made the settings, the newest of each: one a head, one for the genlock, one for the exposure program. Making the same
 /// requests again makes the same settings.
 ///
 /// Threading: thread-bound to control.
@@ -35,6 +35,7 @@ class Settings {
  private:
   std::map<std::uint32_t, wire::HeadSetRequest> heads_;
   std::optional<wire::GenlockRequest> genlock_;
+  std::optional<wire::ExposureRequest> exposure_;
 };
 
 /// In the root of the store's disk.

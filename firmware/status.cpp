@@ -43,6 +43,40 @@ void fill_genlock(const GenlockReport& genlock, wire::Genlock& into) {
   if (genlock.drift_ppb) into.set_drift_ppb(*genlock.drift_ppb);
 }
 
+void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into) {
+  const auto thousandths = [](Stops stops) { return stops * 1000 / kStop; };
+  const ExposureWish& wish = exposure.wish;
+  wire::ExposureRequest& told = *into.mutable_wish();
+  told.set_program(std::string(exposure_program_name(wish.program)));
+  told.set_anchor(wish.anchor ? std::int32_t{*wish.anchor} : -1);
+  told.set_target_below(static_cast<std::uint32_t>(thousandths(-wish.target)));
+  told.set_difference(static_cast<std::uint32_t>(thousandths(wish.difference)));
+  told.set_ramp(static_cast<std::uint32_t>(thousandths(wish.ramp)));
+  told.set_longest_ns(ns_of(wish.longest.duration()));
+  told.set_highest_gain_mdb(wish.highest.mdb());
+  told.set_locked(wish.locked);
+  into.set_settled(exposure.settled);
+  into.set_sets(exposure.sets);
+  into.set_set(exposure.seen.set);
+  into.set_light(thousandths(exposure.seen.light));
+  const auto ppm = [](std::uint32_t part, std::uint64_t whole) {
+    return whole == 0 ? 0U : static_cast<std::uint32_t>(std::uint64_t{part} * 1'000'000 / whole);
+  };
+  into.set_sphere_ppm(ppm(exposure.seen.solid_angle, 1 << 24));
+  for (std::size_t i = 0; i < heads; ++i) {
+    const blend::HeadLight& seen = exposure.seen.heads[i];
+    wire::HeadExposure& head = *into.add_heads();
+    head.set_index(static_cast<std::uint32_t>(i));
+    head.set_metered(seen.solid_angle > 0);
+    if (!head.metered()) continue;
+    head.set_exposure(thousandths(seen.exposure));
+    head.set_goal(thousandths(exposure.goal[i]));
+    head.set_light(thousandths(seen.light));
+    head.set_clipped_ppm(ppm(seen.clipped, seen.solid_angle));
+    head.set_black_ppm(ppm(seen.black, seen.solid_angle));
+  }
+}
+
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into) {
   for (std::size_t i = 0; i < capture.heads.size(); ++i) {
     const HeadReport& head = capture.heads[i];

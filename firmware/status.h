@@ -10,6 +10,7 @@
 namespace nodal::firmware {
 
 wire::Error to_wire(const Error& error);
+void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
 void fill_genlock(const GenlockReport& genlock, wire::Genlock& into);
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
 /// Frames, sets and genlock.

@@ -74,8 +74,10 @@ CommandLine::CommandLine(Console& console)
   app_.add_flag("--json", context_.json, "Answer in JSON, one document a line, for programs");
   add_status(app_, *this);
   add_heads(app_, *this);
+  add_exposure(app_, *this);
   add_genlock(app_, *this);
   add_calibration(app_, *this);
+  add_sync(app_, *this);
   add_raymap(app_, *this);
   add_import(app_, *this);
   add_pairs(app_, *this);

@@ -67,8 +67,10 @@ class CommandLine {
 // One a file; each adds its command below `app` and says what it does.
 void add_status(CLI::App& app, CommandLine& line);
 void add_heads(CLI::App& app, CommandLine& line);
+void add_exposure(CLI::App& app, CommandLine& line);
 void add_genlock(CLI::App& app, CommandLine& line);
 void add_calibration(CLI::App& app, CommandLine& line);
+void add_sync(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);
 void add_import(CLI::App& app, CommandLine& line);
 void add_pairs(CLI::App& app, CommandLine& line);

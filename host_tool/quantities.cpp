@@ -116,6 +116,14 @@ Result<std::uint32_t> parse_gamma(std::string_view text) {
   return static_cast<std::uint32_t>(std::lround(gamma->number * 1000));
 }
 
+Result<std::uint32_t> parse_stops(std::string_view text) {
+  const std::optional<Quantity> stops = split(text);
+  if (!stops || !stops->unit.empty() || stops->number < 0 || stops->number > 8) {
+    return bad("stops", text, "a number 0 to 8, such as 2.5; a stop is twice the light");
+  }
+  return static_cast<std::uint32_t>(std::lround(stops->number * 1000));
+}
+
 Result<FrameRate> parse_rate(std::string_view text) {
   constexpr std::string_view kAllowed = "frames a second: 30000/1001, 29.97, 25 or 12.5; up to 1000";
   FrameRate rate;

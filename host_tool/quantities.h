@@ -21,6 +21,8 @@ Result<Gain> parse_gain(std::string_view text);
 Result<WhiteBalance> parse_white_balance(std::string_view text);
 /// "2.2" as thousandths; "own" is 0: the curve a head was calibrated with.
 Result<std::uint32_t> parse_gamma(std::string_view text);
+/// "2.5" stops, 0 to 8, as thousandths.
+Result<std::uint32_t> parse_stops(std::string_view text);
 /// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
 Result<FrameRate> parse_rate(std::string_view text);
 

@@ -42,6 +42,34 @@ Json to_json(const wire::Genlock& genlock) {
           {"drift_ppb", genlock.has_drift_ppb() ? Json(genlock.drift_ppb()) : Json()}};
 }
 
+Json to_json(const wire::ExposureState& exposure) {
+  const wire::ExposureRequest& wish = exposure.wish();
+  Json heads = Json::array();
+  for (const wire::HeadExposure& head : exposure.heads()) {
+    heads.push_back({{"index", head.index()},
+                     {"metered", head.metered()},
+                     {"exposure_millistops", head.exposure()},
+                     {"goal_millistops", head.goal()},
+                     {"light_millistops", head.light()},
+                     {"clipped_ppm", head.clipped_ppm()},
+                     {"black_ppm", head.black_ppm()}});
+  }
+  return {{"program", wish.program()},
+          {"locked", wish.locked()},
+          {"anchor", wish.anchor()},
+          {"target_below_millistops", wish.target_below()},
+          {"difference_millistops", wish.difference()},
+          {"ramp_millistops", wish.ramp()},
+          {"longest_ns", wish.longest_ns()},
+          {"highest_gain_mdb", wish.highest_gain_mdb()},
+          {"settled", exposure.settled()},
+          {"sets", exposure.sets()},
+          {"set", exposure.set()},
+          {"light_millistops", exposure.light()},
+          {"sphere_ppm", exposure.sphere_ppm()},
+          {"heads", heads}};
+}
+
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address) {
   return {{"rig", rig_name},
           {"address", address},

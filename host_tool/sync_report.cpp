@@ -1,0 +1,233 @@
+#include "host_tool/sync_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "host_tool/quantities.h"
+
+namespace nodal::host {
+namespace {
+
+std::string signed_time(std::int64_t ns) {
+  return (ns < 0 ? "-" : "+") + show_duration(static_cast<std::uint64_t>(std::abs(ns)));
+}
+std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64_t>(ns)); }
+
+Json figures_json(const SyncFigures& figures) {
+  return {{"median_ns", figures.median_ns}, {"p99_ns", figures.p99_ns}, {"worst_ns", figures.worst_ns}};
+}
+
+std::string escaped(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '<') out += "&lt;";
+    else if (c == '>') out += "&gt;";
+    else if (c == '&') out += "&amp;";
+    else if (c == '"') out += "&quot;";
+    else out += c;
+  }
+  return out;
+}
+
+/// The least of 1, 2, 5 times a power of ten that is not below.
+double round_up(double value) {
+  const double ten = std::pow(10.0, std::floor(std::log10(std::max(value, 1.0))));
+  for (const double step : {1.0, 2.0, 5.0}) {
+    if (value <= step * ten) return step * ten;
+  }
+  return 10 * ten;
+}
+
+/// Told apart by people who see colours differently too (Okabe and Ito).
+constexpr std::array<std::string_view, 8> kColours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                                   "#e69f00", "#56b4e9", "#000000", "#999999"};
+
+}  // namespace
+
+SyncFigures SyncFigures::of(std::vector<std::int64_t> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto rank = [&](std::size_t percent) { return values[(values.size() * percent + 99) / 100 - 1]; };
+  return {rank(50), rank(99), values.back()};
+}
+
+void SyncReport::add(const wire::RaymapHeader& set) { sets_.push_back(set); }
+
+std::vector<SyncReport::Head> SyncReport::heads() const {
+  std::vector<Head> all;
+  for (std::size_t i = 0; i < names_.size(); ++i) {
+    Head head;
+    head.name = names_[i];
+    std::vector<std::int64_t> seen, off;
+    for (const wire::RaymapHeader& set : sets_) {
+      const bool there = (set.heads_mask() >> i & 1) != 0 && static_cast<int>(i) < set.offset_ns_size();
+      head.offsets.emplace_back();
+      if (!there) {
+        ++head.missing;
+        continue;
+      }
+      head.offsets.back() = set.offset_ns(static_cast<int>(i));
+      seen.push_back(*head.offsets.back());
+      off.push_back(std::abs(seen.back()));
+    }
+    head.median_ns = SyncFigures::of(std::move(seen)).median_ns;
+    const SyncFigures figures = SyncFigures::of(std::move(off));
+    head.p99_ns = figures.p99_ns;
+    head.worst_ns = figures.worst_ns;
+    all.push_back(std::move(head));
+  }
+  return all;
+}
+
+SyncFigures SyncReport::spread() const {
+  std::vector<std::int64_t> values;
+  for (const wire::RaymapHeader& set : sets_) values.push_back(static_cast<std::int64_t>(set.spread_ns()));
+  return SyncFigures::of(std::move(values));
+}
+
+std::optional<SyncFigures> SyncReport::begin_spread() const {
+  std::vector<std::int64_t> values;
+  for (const wire::RaymapHeader& set : sets_) {
+    if (set.has_begin_spread_ns()) values.push_back(static_cast<std::int64_t>(set.begin_spread_ns()));
+  }
+  if (values.empty()) return std::nullopt;
+  return SyncFigures::of(std::move(values));
+}
+
+std::optional<std::int32_t> SyncReport::drift_ppb() const {
+  const auto newest = std::find_if(sets_.rbegin(), sets_.rend(), [](const auto& set) { return set.has_drift_ppb(); });
+  if (newest == sets_.rend()) return std::nullopt;
+  return newest->drift_ppb();
+}
+
+std::uint64_t SyncReport::sets_lost() const {
+  return sets_.empty() ? 0 : sets_.back().set() - sets_.front().set() + 1 - sets_.size();
+}
+
+std::uint64_t SyncReport::triggers_lost() const {
+  std::uint64_t lost = 0;
+  std::optional<std::uint64_t> before;
+  for (const wire::RaymapHeader& set : sets_) {
+    if (!set.has_trigger()) {
+      before.reset();
+      continue;
+    }
+    // A genlock that starts anew counts its pulses from 0 again.
+    if (before && set.trigger() > *before) lost += set.trigger() - *before - 1;
+    before = set.trigger();
+  }
+  return lost;
+}
+
+std::map<std::string, std::uint64_t> SyncReport::states() const {
+  std::map<std::string, std::uint64_t> states;
+  for (const wire::RaymapHeader& set : sets_) ++states[set.genlock()];
+  return states;
+}
+
+std::vector<std::string> SyncReport::lines() const {
+  using Align = Table::Align;
+  Table table({{"head"}, {"median", Align::kRight}, {"p99", Align::kRight}, {"worst", Align::kRight},
+               {"missing", Align::kRight}});
+  for (const Head& head : heads()) {
+    if (head.missing == sets_.size()) {
+      table.row({head.name, "-", "-", "-", std::to_string(head.missing)});
+    } else {
+      table.row({head.name, signed_time(head.median_ns), time(head.p99_ns), time(head.worst_ns),
+                 std::to_string(head.missing)});
+    }
+  }
+  std::vector<std::string> lines = table.lines();
+  const auto figures = [](const char* what, const SyncFigures& f) {
+    return fmt::format("{}: median {}, p99 {}, worst {}", what, time(f.median_ns), time(f.p99_ns), time(f.worst_ns));
+  };
+  lines.push_back(figures("spread of mid-exposures", spread()));
+  if (const auto begins = begin_spread()) lines.push_back(figures("spread of begins after their pulse", *begins));
+  const auto drift = drift_ppb();
+  lines.push_back(drift ? fmt::format("drift against the rig's clock: {:+.3f} ppm", *drift / 1000.0)
+                        : "drift against the rig's clock: not known yet");
+  std::string state;
+  for (const auto& [name, count] : states()) state += fmt::format("{}{} {}", state.empty() ? "" : ", ", name, count);
+  lines.push_back("genlock: " + state);
+  lines.push_back(fmt::format("{} sets; {} lost, {} of them on the way to here; {} pulses without a set", sets_.size(),
+                              sets_lost(), std::min(dropped_, sets_lost()), triggers_lost()));
+  return lines;
+}
+
+Json SyncReport::json() const {
+  Json list = Json::array();
+  for (const Head& head : heads()) {
+    list.push_back({{"name", head.name},
+                    {"median_ns", head.median_ns},
+                    {"p99_ns", head.p99_ns},
+                    {"worst_ns", head.worst_ns},
+                    {"missing", head.missing}});
+  }
+  const auto begins = begin_spread();
+  const auto drift = drift_ppb();
+  return {{"sets", sets_.size()},
+          {"first_set", sets_.empty() ? 0 : sets_.front().set()},
+          {"sets_lost", sets_lost()},
+          {"dropped", dropped_},
+          {"triggers_lost", triggers_lost()},
+          {"spread", figures_json(spread())},
+          {"begin_spread", begins ? figures_json(*begins) : Json()},
+          {"drift_ppb", drift ? Json(*drift) : Json()},
+          {"genlock", states()},
+          {"heads", list}};
+}
+
+std::string SyncReport::svg() const {
+  constexpr double kLeft = 70, kTop = 48, kWide = 760, kHigh = 320, kRight = 190, kBelow = 60;
+  const std::vector<Head> all = heads();
+  std::int64_t worst = 1000;
+  for (const Head& head : all) worst = std::max(worst, head.worst_ns);
+  const double reach_us = round_up(static_cast<double>(worst) / 1000);
+  const double last = std::max<double>(1, static_cast<double>(sets_.size()) - 1);
+  const auto x = [&](std::size_t i) { return kLeft + kWide * static_cast<double>(i) / last; };
+  const auto y = [&](double us) { return kTop + kHigh / 2 - kHigh / 2 * us / reach_us; };
+  std::string svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
+      "font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
+      "<text x=\"{2}\" y=\"24\" font-size=\"15\">Middle of each head's exposure after its set's, microseconds</text>\n",
+      kLeft + kWide + kRight, kTop + kHigh + kBelow, kLeft);
+  for (const double us : {-reach_us, -reach_us / 2, 0.0, reach_us / 2, reach_us}) {
+    svg += fmt::format("<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ddd\"/>\n"
+                       "<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{:+g}</text>\n",
+                       kLeft, kLeft + kWide, y(us), y(us), kLeft - 8, y(us) + 4, us);
+  }
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    const std::string_view colour = kColours[h % kColours.size()];
+    std::string points;
+    const auto flush = [&] {
+      if (!points.empty()) {
+        svg += fmt::format("<polyline fill=\"none\" stroke=\"{}\"{} points=\"{}\"/>\n", colour,
+                           h >= kColours.size() ? " stroke-dasharray=\"5 3\"" : "", points);
+      }
+      points.clear();
+    };
+    for (std::size_t i = 0; i < sets_.size(); ++i) {
+      if (!all[h].offsets[i]) flush();  // a gap where it was missing
+      else points += fmt::format("{:.1f},{:.1f} ", x(i), y(static_cast<double>(*all[h].offsets[i]) / 1000));
+    }
+    flush();
+    svg += fmt::format("<text x=\"{}\" y=\"{}\" fill=\"{}\">{}: worst {}{}</text>\n", kLeft + kWide + 12,
+                       kTop + 10 + 18 * static_cast<double>(h), colour, escaped(all[h].name), time(all[h].worst_ns),
+                       all[h].missing > 0 ? fmt::format(", {} missing", all[h].missing) : "");
+  }
+  if (!sets_.empty()) {
+    svg += fmt::format("<text x=\"{}\" y=\"{}\">set {}</text>\n<text x=\"{}\" y=\"{}\" text-anchor=\"end\">set {}</text>\n",
+                       kLeft, kTop + kHigh + 20, sets_.front().set(), kLeft + kWide, kTop + kHigh + 20,
+                       sets_.back().set());
+  }
+  const SyncFigures together = spread();
+  svg += fmt::format("<text x=\"{}\" y=\"{}\">spread: median {}, p99 {}, worst {}; {} sets lost</text>\n</svg>\n", kLeft,
+                     kTop + kHigh + 44, time(together.median_ns), time(together.p99_ns), time(together.worst_ns),
+                     sets_lost());
+  return svg;
+}
+
+}  // namespace nodal::host

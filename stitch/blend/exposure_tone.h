@@ -1,0 +1,46 @@
+// Undoes what heads are exposed differently by: a set's exposures become the tone its blend takes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "protocol/base/stops.h"
+#include "stitch/blend/blend_table.h"
+#include "stitch/blend/tone.h"
+
+namespace nodal::blend {
+
+/// How heads' numbers follow light. Made by stitch/table off the hot path.
+///
+/// Where numbers are a power of light, so are gains, and a change of light is undone exactly by multiplying numbers.
+/// Where they are not (sRGB, polynomials), a curve takes them to light^(1 / 2.2), where gains act exactly too, and
+/// `shown` takes the mixed light back.
+struct ToneTable {
+  struct Head {
+    std::uint16_t exponent = 1 << 15;  ///< numbers ~ light^(exponent / 2^15)
+    std::optional<ToneCurve> curve;
+    friend bool operator==(const Head&, const Head&) = default;
+  };
+  std::vector<Head> heads;
+  /// The sample that light^(1 / 2.2) is shown as, at 1 / 1024 of its range; empty when heads have no curves.
+  std::vector<std::int16_t> shown;
+};
+
+struct ExposedHead {
+  Stops exposure = 0;      ///< stops_of(shutter) + stops_of(gain)
+  std::int32_t gamma = 0;  ///< thousandths; 0: as the table has it
+};
+
+/// Exposures that are closer than this are taken for the same: a two hundredth of light.
+inline constexpr Stops kSameExposure = kStop / 128;
+/// From here on heads are trusted by what they saw, so that one that is not clipped outweighs one that is.
+inline constexpr Stops kTrustDifference = kStop / 8;
+
+/// The tone that shows every head as if it had been exposed like the mean of them; the table's calibrated_tone where
+/// they were. Allocates nothing.
+SetTone tone_of_exposures(const BlendTable& table, const ToneTable& tones, std::span<const ExposedHead> heads);
+
+}  // namespace nodal::blend
