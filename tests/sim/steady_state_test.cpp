@@ -86,7 +86,7 @@ class SteadyState : public testing::Test {
     const Calibration calibration = calibration_of(nature, 0);
     ASSERT_TRUE(store && store->put(calibration) && store->set_in_force(calibration_id(calibration)));
     rig = std::make_unique<firmware::Rig>(
-        config(), firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), disk, {}, nullptr, nullptr},
+        config(), firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), disk, {}, nullptr, {}, nullptr},
         "a rig");
     for (int i = 0; i < 10'000 && rig->blender().counts().adopted == 0; ++i) {
       rig->step_keeper();

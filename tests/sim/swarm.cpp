@@ -155,7 +155,7 @@ void Swarm::start_process() {
   rig_ = std::make_unique<firmware::Rig>(
       config_,
       firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {listener_.get()},
-                         watchdog_.get(), nullptr},
+                         watchdog_.get(), {}, nullptr},
       "a swarm");
   looked_at_.reset();
   oracle_.new_process();
