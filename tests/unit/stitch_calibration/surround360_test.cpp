@@ -16,7 +16,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using nlohmann::json;
 
-Vector3d vector(const json& v) { return {v[0], v[1], v[2]}; }
+Vector3d vector(const json& v) { return Vector3d(v[0].get<double>(), v[1].get<double>(), v[2].get<double>()); }
 
 /// pixel(p) of their Camera: rotate into right, up, backward; project by type; distort; scale by focal; shift.
 Vector2d their_pixel(const json& camera, const Vector3d& world) {
