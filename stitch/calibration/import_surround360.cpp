@@ -67,13 +67,20 @@ Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<st
     return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + *type + "' here; there are FTHETA, "
                                                      "RECTILINEAR, EQUISOLID and ORTHOGRAPHIC");
   }
-  const double end = head.max_angle > 0 ? head.max_angle : kPi / 2;
+  const bool equisolid = *type == "EQUISOLID";
+  const auto radius = [&](double a) {
+    const double s = equisolid ? 2 * std::sin(a / 2) : std::sin(a);
+    return f * s * (1 + s * s * (d[0] + s * s * (d[1] + s * s * d[2])));
+  };
+  // As far as the rig says, or as the picture's farthest corner is.
+  double end = head.max_angle > 0 ? head.max_angle : kPi / 2;
+  const double corner = std::hypot(std::max(head.center_x, head.width - head.center_x),
+                                   std::max(head.center_y, head.height - head.center_y) / head.aspect);
+  while (equisolid && head.max_angle == 0 && end < 0.95 * kPi && radius(end) < corner) end += 0.01;
   std::vector<RayPixel> samples;
   for (int i = 1; i <= 400; ++i) {
     const double a = end * i / 400;
-    const double s = *type == "EQUISOLID" ? 2 * std::sin(a / 2) : std::sin(a);
-    const double r = f * s * (1 + s * s * (d[0] + s * s * (d[1] + s * s * d[2])));
-    samples.push_back({{std::sin(a), 0, std::cos(a)}, {r, 0}});
+    samples.push_back({{std::sin(a), 0, std::cos(a)}, {radius(a), 0}});
   }
   PolynomialHead start;
   start.exponents = {1, 3, 5, 7, 9};

@@ -56,7 +56,7 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
       return fail(Errc::kBadFormat, "it is a calibration of Nodal's already: there is nothing to import");
     }
     if (says("\"cameras\"")) return import_surround360(text, name);
-    if (says("\"inputs\"")) return import_videostitch(text, name);
+    if (says("\"inputs\"") || says("\"pano\"")) return import_videostitch(text, name);
     return fail(Errc::kBadFormat, kUnknown);
   }
   if (text.starts_with("%YAML") || says("camera_matrix")) return import_opencv(text, name);

@@ -65,6 +65,8 @@ void Oracle::new_process() {
   last_trigger_.reset();
   genlock_ = GenlockState::kOff;
   remembered_.clear();
+  first_exposed_.reset();
+  ever_exposed_apart_ = false;
   whole_since_.reset();
 }
 
@@ -101,8 +103,24 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   else if (!whole_since_) whole_since_ = world_.now();
   if (whole && !first_whole_) first_whole_ = world_.now();
   constexpr std::size_t kRemembered = 64;
-  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure};
+  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure, exposed_alike(set)};
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
+}
+
+/// A missing head counts as the blend last saw it, which is known only while no head was ever exposed otherwise.
+bool Oracle::exposed_alike(const firmware::FrameSet& set) {
+  std::optional<hal::HeadSettings> first;
+  bool alike = true;
+  for (std::size_t i = 0; i < world_.heads(); ++i) {
+    if (!set.has(i)) continue;
+    const hal::HeadSettings& in_effect = set.frames[i].in_effect;
+    if (!first) first = in_effect;
+    if (!first_exposed_) first_exposed_ = in_effect;
+    alike = alike && in_effect == *first;
+    ever_exposed_apart_ = ever_exposed_apart_ || !(in_effect == *first_exposed_);
+  }
+  const bool full = std::popcount(set.mask) == static_cast<int>(world_.heads());
+  return full ? alike : !ever_exposed_apart_;
 }
 
 Duration Oracle::period() const {
@@ -232,6 +250,7 @@ void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::
     if (header.calibration_id() == sha256_to_wire(ids[static_cast<std::size_t>(i)])) which = i;
   }
   if (!which) return fail("a raymap names a calibration that nobody uploaded");
+  if (set == remembered_.end() || !set->second.exposed_alike) return;
   const int expected = *which == 0 ? kPictureLevel : kPictureLevel / 2;
   for (const std::uint8_t value : pixels) {
     if (value == 0 || (value >= expected - 1 && value <= expected + 1)) continue;

@@ -61,7 +61,9 @@ class Oracle {
     firmware::HeadMask mask = 0;
     std::optional<std::uint64_t> trigger;
     Instant mid;
+    bool exposed_alike = false;  ///< the blend has nothing to undo, so a raymap's levels are the calibration's alone
   };
+  bool exposed_alike(const firmware::FrameSet& set);
   Duration period() const;
   void check_members(const firmware::FrameSet& set);
   void check_locked(const firmware::FrameSet& set);
@@ -83,6 +85,8 @@ class Oracle {
   firmware::GenlockState genlock_ = firmware::GenlockState::kOff;
   Instant genlock_started_;
   std::map<std::uint64_t, Remembered> remembered_;
+  std::optional<hal::HeadSettings> first_exposed_;  ///< of this process
+  bool ever_exposed_apart_ = false;
   std::optional<Instant> first_whole_, whole_since_;
   std::uint64_t sets_ = 0, whole_sets_ = 0;
   firmware::FrameCounts counts_;  ///< of this process, so far

@@ -84,7 +84,7 @@ TEST(PeerHugin, RigOfForeignLensesExported_HuginSeesItAsTheResidualSays) {
   ASSERT_TRUE(exported) << exported.error().text();
   double told = 0;
   for (const ExportedHead& head : exported->heads) told = std::max(told, head.max_px);
-  const double worst = worst_disagreement(exported->files.at(0).text, *geometry::make_heads(rig), 4000);
+  const double worst = worst_disagreement(exported->files.at(0).text, *geometry::make_heads(rig), 4096);
   RecordProperty("worst_px", std::to_string(worst));
   RecordProperty("told_px", std::to_string(told));
   EXPECT_LE(worst, told + 0.03);
