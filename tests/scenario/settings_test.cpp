@@ -68,7 +68,9 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   disk->close(handle);
   Stand stand(options, std::move(disk));
   ASSERT_TRUE(stand.run_until([&] { return stand.state() == "running"; }));
+  stand.run(Duration::seconds(1));
   EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
+  EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
 }
 
 TEST(Settings, AKnobIsTurned_TheDiskIsWrittenOnceASecond) {
