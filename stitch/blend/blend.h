@@ -21,7 +21,7 @@ using Pictures = std::span<const ImageView>;
 /// arithmetic, of one component of pixel (i, j) of a tile:
 ///
 ///   for each of the tile's records:
-///     X, Y      = the pixel's place in the patch; x = X >> 12, f = max(1, X >> 5 & 127), y = Y >> 12, g = Y & 4095
+///     X, Y      = the pixel's place in the patch; x = X >> 12, f = X >> 5 & 127, y = Y >> 12, g = Y & 4095
 ///     t, b      = s(x, y) (128 - f) + s(x + 1, y) f, the same of row y + 1;  s: samples of the patch, 0 .. 255
 ///     sample    = t - mulr(t - b, 8 g)                           0 .. kMaxSample
 ///     dark      = 128 black - curve(sample)                      curve: HeadTone's; so light is kept negative,

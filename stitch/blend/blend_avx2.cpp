@@ -69,7 +69,7 @@ inline Rows bilinear_half(const std::int16_t* q, const Steps& s, std::size_t hal
 /// Where half a tile's pixels lie in a patch, ready for use.
 struct Places {
   V place;      ///< bytes, by pixel: row * 16 + column of the upper left sample
-  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of 128
+  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
   Rows down;    ///< the lower row's share, of 2^15
 };
 
@@ -77,8 +77,8 @@ inline V place_in_patch(V x, V y) {
   return _mm256_or_si256(_mm256_and_si256(_mm256_srli_epi16(y, 8), all(0xf0)), _mm256_srli_epi16(x, 12));
 }
 inline V shares_across(V x) {
-  const V f = _mm256_max_epi16(_mm256_and_si256(_mm256_srli_epi16(x, 5), all(127)), all(1));
-  return add(_mm256_slli_epi16(f, 8), _mm256_sub_epi16(all(128), f));
+  const V f = _mm256_and_si256(_mm256_srli_epi16(x, 5), all(127));
+  return _mm256_sub_epi16(add(f, all(128)), _mm256_slli_epi16(f, 8));
 }
 inline V share_down(V y) { return _mm256_and_si256(_mm256_slli_epi16(y, 3), all(0x7ff8)); }
 
@@ -194,8 +194,8 @@ inline Rows mix(const Patch& patch, const Places& at, int rows, V base) {
     place = _mm256_sub_epi8(place, step);
     upper = lower;
   }
-  const auto down = [&](V top, V bottom, V share) {
-    return add(_mm256_mulhrs_epi16(_mm256_sub_epi16(top, bottom), share), _mm256_sub_epi16(base, top));
+  const auto down = [&](V top, V bottom, V share) {  // both negative
+    return add(_mm256_mulhrs_epi16(_mm256_sub_epi16(bottom, top), share), add(base, top));
   };
   return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(p00, p10), at.across.even),
                _mm256_maddubs_epi16(_mm256_unpacklo_epi8(p01, p11), at.across.even), at.down.even),

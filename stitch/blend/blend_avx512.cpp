@@ -47,18 +47,18 @@ inline Steps steps() {
 /// Where a tile's pixels lie in a patch, ready for use.
 struct Places {
   V index;      ///< bytes, by pixel: row * 16 + column of the upper left sample
-  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of 128
+  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
   Rows down;    ///< the lower row's share, of 2^15
 };
 
 inline Places places(Rows x, Rows y) {
-  const V row = all(0xf0), low = all(127), one = all(1), whole = all(128), fraction = all(0x7ff8);
+  const V row = all(0xf0), low = all(127), whole = all(128), fraction = all(0x7ff8);
   const auto index = [&](V x_, V y_) {
     return _mm512_ternarylogic_epi32(_mm512_srli_epi16(y_, 8), row, _mm512_srli_epi16(x_, 12), 0xea);  // a & b | c
   };
   const auto across = [&](V x_) {
-    const V f = _mm512_max_epi16(_mm512_and_si512(_mm512_srli_epi16(x_, 5), low), one);
-    return _mm512_add_epi16(_mm512_slli_epi16(f, 8), _mm512_sub_epi16(whole, f));
+    const V f = _mm512_and_si512(_mm512_srli_epi16(x_, 5), low);
+    return _mm512_sub_epi16(_mm512_add_epi16(f, whole), _mm512_slli_epi16(f, 8));
   };
   return {_mm512_packus_epi16(index(x.even, y.even), index(x.odd, y.odd)),
           {across(x.even), across(x.odd)},
@@ -247,8 +247,8 @@ inline Rows mix(const Patch& patch, const Places& at, V base) {
   const V p10 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(1)));
   const V p01 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(16)));
   const V p11 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(17)));
-  const auto down = [&](V top, V bottom, V share) {
-    return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(top, bottom), share), _mm512_sub_epi16(base, top));
+  const auto down = [&](V top, V bottom, V share) {  // both negative
+    return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
   };
   return {down(_mm512_maddubs_epi16(_mm512_unpacklo_epi8(p00, p10), at.across.even),
                _mm512_maddubs_epi16(_mm512_unpacklo_epi8(p01, p11), at.across.even), at.down.even),

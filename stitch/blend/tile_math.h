@@ -54,7 +54,7 @@ inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at
   const int x = std::clamp(record.left + (at.x >> kFractionBits), 0, plane.width - 2);
   const int y = std::clamp(record.top + (at.y >> kFractionBits), 0, plane.height - 2);
   const std::uint8_t* s = plane.data + y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride;
-  const int f = std::max(1, at.x >> (kFractionBits - 7) & 127);
+  const int f = at.x >> (kFractionBits - 7) & 127;
   const int g = at.y & ((1 << kFractionBits) - 1);
   const std::uint8_t* below = s + plane.row_stride;
   const int top = s[0] * (128 - f) + s[plane.pixel_stride] * f;

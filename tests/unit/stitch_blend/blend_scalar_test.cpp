@@ -39,9 +39,8 @@ TEST(BlendRows, FractionsOfOneLook_MixTheFourSamplesBilinearly) {
   const Picture head = grey2x2(0, 100, 200, 40);
   const BlendTable table =
       grey_row({{{0, 0, 0}}, {{0, kHalf, 0}}, {{0, 0, kHalf}}, {{0, kHalf, kHalf}}, {{0, kHalf / 2, kHalf}}}, 1, 2);
-  // Last: top 25, bottom 160, half way 92.5, and halves go up. The first has the least share of the right sample that
-  // there is, 1/128 of 100; the third of 0 + 1/128 of 100 and 200 - 1/128 of 160.
-  EXPECT_EQ(blend_grey(table, {head.view()}), (std::vector<std::uint8_t>{1, 50, 100, 85, 93}));
+  // The first is its sample itself. Last: top 25, bottom 160, half way 92.5, and halves go up.
+  EXPECT_EQ(blend_grey(table, {head.view()}), (std::vector<std::uint8_t>{0, 50, 100, 85, 93}));
 }
 
 TEST(BlendRows, WeightsOfTwoHeads_GiveTheWeightedMean) {

@@ -139,7 +139,7 @@ class Definition {
       const int y = share.record->top + share.y / 4096 + dy;
       return std::int64_t{plane.data[y * plane.row_stride + x * plane.pixel_stride]};
     };
-    const int f = std::max(1, share.x % 4096 / 32);
+    const int f = share.x % 4096 / 32;
     const std::int64_t top = s(0, 0) * (128 - f) + s(1, 0) * f;
     const std::int64_t bottom = s(0, 1) * (128 - f) + s(1, 1) * f;
     return static_cast<int>(top - mulr(top - bottom, 8 * (share.y % 4096)));
