@@ -221,7 +221,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   report_.in_force = done.id;
   report_.name = done.calibration.name;
   InstalledPtr installed = make_installed(done.id, done.calibration.name, std::move(*table), std::move(*meter),
-                                          table::compile_tone_table(done.calibration));
+                                          table::compile_tone_table(done.calibration, config_.raymap.soft));
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
   done.handed_over = true;
   return {};

@@ -73,6 +73,7 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   raymap.format = formats[reader.choice("format", {"I420", "RGB24", "GREY"}, 0)];
   raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
+  raymap.soft = reader.choice("tone", {"soft", "clip"}, 0) == 0;
 }
 
 void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
@@ -227,7 +228,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   };
   if (!file.has("rig")) file.refuse("rig", "must be there: a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
-  read_raymap({section("raymap"), "raymap", {"layout", "width", "height", "format", "jpeg_quality", "feather"}, error},
+  read_raymap({section("raymap"), "raymap", {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone"}, error},
               config.raymap);
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);

@@ -55,6 +55,7 @@ struct RaymapConfig {
   PixelFormat format = PixelFormat::kI420;  ///< kI420, kRgb24 or kGrey8
   int jpeg_quality = 85;                    ///< 1 .. 100
   double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
+  bool soft = true;                         ///< highlights that darker heads saw are held back, not clipped
 };
 
 /// [trigger]

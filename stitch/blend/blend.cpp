@@ -51,6 +51,24 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
   }
 }
 
+/// I420's chroma in rows [row_begin, row_end) of the raymap.
+void fade_chroma(const ChromaFade& fade, const MutableImageView& raymap, int row_begin, int row_end) {
+  const MutablePlaneView& luma = raymap.planes[0];
+  for (int y = row_begin; y < row_end; y += 2) {
+    const std::uint8_t* upper = luma.data + y * luma.row_stride;
+    const std::uint8_t* lower = y + 1 < raymap.height ? upper + luma.row_stride : upper;
+    std::uint8_t* u = raymap.planes[1].data + y / 2 * raymap.planes[1].row_stride;
+    std::uint8_t* v = raymap.planes[2].data + y / 2 * raymap.planes[2].row_stride;
+    for (int x = 0; x < (raymap.width + 1) / 2; ++x) {
+      const int right = std::min(2 * x + 1, raymap.width - 1);
+      const int level = (upper[2 * x] + upper[right] + lower[2 * x] + lower[right] + 2) >> 2;
+      const int left = fade.of_luma[static_cast<std::size_t>(level)];
+      u[x] = static_cast<std::uint8_t>(128 + (((u[x] - 128) * left + 128) >> 8));
+      v[x] = static_cast<std::uint8_t>(128 + (((v[x] - 128) * left + 128) >> 8));
+    }
+  }
+}
+
 }  // namespace
 
 std::string_view kernel_name(Kernel kernel) {
@@ -85,6 +103,7 @@ void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, co
       default: blend_scalar(job); break;
     }
   }
+  if (tone.fade && raymap.format == PixelFormat::kI420) fade_chroma(*tone.fade, raymap, row_begin, row_end);
 }
 
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,

@@ -35,6 +35,9 @@ using Pictures = std::span<const ImageView>;
 /// head that is missing; black where W is 0. c goes by the sample of the pixel itself before any curve or gain (the
 /// largest of R G B); for chroma by the luma sample nearest to the chroma sample (x, y) of the pixel.
 ///
+/// After that, where SetTone::fade is there, chroma is 128 + ((chroma - 128) fade.of_luma[m] + 128 >> 8), m the mean of
+/// its four luma samples, halves up; beyond odd edges the edge is repeated.
+///
 /// The table has been validated, every head's picture is what table.sources says, prepared as prepare.h says where the
 /// source needs it, and the raymap what table.format says; nothing is checked here. The kernel that runs is the
 /// fastest this processor has; they all give the same bytes.

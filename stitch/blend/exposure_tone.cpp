@@ -5,33 +5,62 @@
 namespace nodal::blend {
 namespace {
 
-/// Little where a head is clipped or black, never nothing: what all see so is still shown.
-constexpr Confidence kTrust = [] {
-  Confidence trust;
-  constexpr int kFull = 232;  // mixed with a clipped neighbour, a sample is not yet full itself
+/// How a head's samples are trusted: full between black and `full`, little beyond. What every head that looks there has
+/// clipped is at least as bright as the darkest of them says, and what is black to all at most what the brightest says.
+void trust(int full, int clipped, Stops above_darkest, Stops below_brightest, std::array<std::uint8_t, 256>& of_level) {
+  const int floor = std::max(1, 64 >> std::min(6, 2 * above_darkest / kStop));
   for (int level = 0; level < 256; ++level) {
     int value = 255;
-    if (level < 4) value = 16 + 60 * level;
-    if (level > kFull) value = std::max(1, 255 - (level - kFull) * 14);
-    trust.of_level[static_cast<std::size_t>(level)] = static_cast<std::uint8_t>(value);
+    if (level < 4 && below_brightest >= kTrustDifference) value = 16 + 60 * level;
+    if (level > full) value = std::max(floor, 255 - 255 * (level - full) / (clipped - full));
+    of_level[static_cast<std::size_t>(level)] = static_cast<std::uint8_t>(value);
   }
-  return trust;
-}();
+}
 
-/// What light is shown as, once lifted by `scale`.
-OutputCurve output_curve(const ToneTable& tones, std::uint16_t scale) {
-  OutputCurve curve;
+Confidence trust_all(bool by_luma, std::span<const ExposedHead> heads, Stops least, Stops most) {
+  Confidence confidence;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const Stops exposure = heads[h].exposure;
+    // By luma alone it cannot be seen that red or blue is clipped: it is, by a luma of 168, in a light that has half as
+    // much again of one of them. Else: mixed with a clipped neighbour, a sample is not yet full itself.
+    trust(by_luma ? 168 : 232, by_luma ? 240 : 250, exposure - least, most - exposure, confidence.of_level[h]);
+  }
+  return confidence;
+}
+
+/// What a sample of light^(1 / 2.2), 1 / 256 of it, is shown as.
+std::int64_t shown_at(const ToneTable& tones, std::int64_t sample) {
+  if (tones.shown.empty()) return std::min<std::int64_t>(sample / 256, kMaxSample);
   const auto last = static_cast<std::int64_t>(tones.shown.size()) - 1;
+  const std::int64_t at = std::min(sample * last / kMaxSample, last * 256);
+  const auto low = static_cast<std::size_t>(at / 256);
+  const std::int64_t from = tones.shown[low];
+  const std::int64_t to = tones.shown[std::min(low + 1, static_cast<std::size_t>(last))];
+  return from + (to - from) * (at % 256) / 256;
+}
+
+/// What light is shown as, once lifted by `scale`; nothing of it is above `top`.
+OutputCurve output_curve(const ToneTable& tones, std::uint16_t scale, std::int64_t top) {
+  OutputCurve curve;
   for (std::size_t i = 0; i < curve.knots.size(); ++i) {
-    // Where in `shown` the knot's light lies, in 1 / 256 of its steps.
-    const std::int64_t light = static_cast<std::int64_t>(512 * i) * scale / kScaleOne;
-    const std::int64_t at = std::min(light * last * 256 / kMaxSample, last * 256);
-    const auto low = static_cast<std::size_t>(at / 256);
-    const std::int64_t from = tones.shown[low];
-    const std::int64_t to = tones.shown[std::min(low + 1, static_cast<std::size_t>(last))];
-    curve.knots[i] = static_cast<std::int16_t>(from + (to - from) * (at % 256) / 256);
+    const std::int64_t lifted = static_cast<std::int64_t>(512 * i) * scale;  // in 1 / 256
+    const std::int64_t held = tones.soft ? soften(lifted, top * 256, kMaxSample * 256) : lifted;
+    curve.knots[i] = static_cast<std::int16_t>(shown_at(tones, held));
   }
   return curve;
+}
+
+/// How much chroma is left where luma is shown as each level.
+ChromaFade fade_of(const ToneTable& tones, std::int64_t top) {
+  ChromaFade fade;
+  std::int64_t lifted = 0;
+  for (std::size_t level = 0; level < fade.of_luma.size(); ++level) {
+    const auto wanted = static_cast<std::int64_t>(level << kSampleBits);
+    while (lifted < top && shown_at(tones, soften(lifted, top, kMaxSample) * 256) < wanted) lifted += 16;
+    const std::int64_t held = soften(lifted, top, kMaxSample);
+    fade.of_luma[level] = static_cast<std::uint16_t>(lifted == 0 ? kScaleOne : held * kScaleOne / lifted);
+  }
+  return fade;
 }
 
 bool has_black(const BlendTable& table, std::size_t tone_class) {
@@ -40,15 +69,32 @@ bool has_black(const BlendTable& table, std::size_t tone_class) {
   });
 }
 
-void add_curves(const BlendTable& table, const ToneTable& tones, SetTone& tone) {
+/// `top`: the most that a sample can be lifted to.
+void add_curves(const BlendTable& table, const ToneTable& tones, std::int64_t top, SetTone& tone) {
+  const bool bent = tones.soft && top > kMaxSample;
+  if (tones.shown.empty() && !bent) return;
   for (std::size_t k = 0; k < kToneClasses; ++k) {
-    if (has_black(table, k)) continue;  // of U and V gains are all there is
+    if (has_black(table, k)) {  // of U and V gains are all there is
+      if (bent) tone.fade = fade_of(tones, top);
+      continue;
+    }
     for (std::size_t h = 0; h < table.sources.size(); ++h) tone.heads[h].curve[k] = tones.heads[h].curve;
-    tone.output[k].curve = output_curve(tones, tone.output[k].scale);
+    tone.output[k].curve = output_curve(tones, tone.output[k].scale, top);
   }
 }
 
 }  // namespace
+
+std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full) {
+  const std::int64_t from = full * kSoftFromPercent / 100;
+  if (value <= from || top <= full) return std::min(value, full);
+  const std::int64_t width = full - from;
+  const std::int64_t above = std::min(value, top) - from;
+  const std::int64_t most = top - from;
+  // t (1 + t / T^2) / (1 + t) of t = above / width, T = most / width; in steps that stay within 64 bits.
+  const std::int64_t bent = above + above * width / most * above / most;
+  return from + bent * width / (width + above);
+}
 
 SetTone tone_of_exposures(const BlendTable& table, const ToneTable& tones, std::span<const ExposedHead> heads) {
   const std::size_t count = std::min(table.sources.size(), tones.heads.size());
@@ -64,17 +110,20 @@ SetTone tone_of_exposures(const BlendTable& table, const ToneTable& tones, std::
   if (most - least < kSameExposure) return calibrated_tone(table);
   const auto mean = static_cast<Stops>(sum / static_cast<std::int64_t>(count));
   std::array<std::array<std::uint16_t, kToneClasses>, kMaxHeads> gains{};
+  Stops most_lift = 0;
   for (std::size_t h = 0; h < count; ++h) {
     const std::int64_t by = heads[h].gamma == 0 ? tones.heads[h].exponent : (1 << 15) * 1000 / heads[h].gamma;
     const auto lift = static_cast<Stops>((mean - heads[h].exposure) * by / (1 << 15));
+    most_lift = std::max(most_lift, lift);
     for (std::size_t k = 0; k < kToneClasses; ++k) {
       const std::uint64_t gain = exp2_stops(lift, table.sources[h].gain[k]);
       gains[h][k] = static_cast<std::uint16_t>(std::clamp<std::uint64_t>(gain, 1, kMaxGain));
     }
   }
   SetTone tone = tone_of_gains(table, std::span(gains).first(count));
-  if (!tones.shown.empty()) add_curves(table, tones, tone);
-  if (most - least >= kTrustDifference) tone.confidence = kTrust;
+  const auto top = static_cast<std::int64_t>(exp2_stops(std::min(most_lift, 3 * kStop), kMaxSample));
+  add_curves(table, tones, top, tone);
+  if (most - least >= kTrustDifference) tone.confidence = trust_all(has_black(table, 1), heads.first(count), least, most);
   return tone;
 }
 

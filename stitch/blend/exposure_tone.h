@@ -27,6 +27,9 @@ struct ToneTable {
   std::vector<Head> heads;
   /// The sample that light^(1 / 2.2) is shown as, at 1 / 1024 of its range; empty when heads have no curves.
   std::vector<std::int16_t> shown;
+  /// What heads that were exposed less saw of light that fills the raymap's samples: held back so that all of it is
+  /// shown (soften()), or clipped.
+  bool soft = true;
 };
 
 struct ExposedHead {
@@ -38,6 +41,12 @@ struct ExposedHead {
 inline constexpr Stops kSameExposure = kStop / 128;
 /// From here on heads are trusted by what they saw, so that one that is not clipped outweighs one that is.
 inline constexpr Stops kTrustDifference = kStop / 8;
+
+/// A value that may reach up to `top` >= full, put under `full`: itself up to kSoftFromPercent of it, from there on rising less
+/// and less (Reinhard's extended curve, which meets the straight part with its slope and `full` exactly at `top`).
+/// Rises with `value`, and is `value` where top == full. All in the same unit, below 2^20.
+std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full);
+inline constexpr std::int64_t kSoftFromPercent = 70;
 
 /// The tone that shows every head as if it had been exposed like the mean of them; the table's calibrated_tone where
 /// they were. Allocates nothing.

@@ -118,7 +118,7 @@ class WeightReader {
 /// pixel_place(), before any curve.
 inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const Dark> samples,
                   std::array<std::uint8_t, kTilePixels>& trusted) {
-  const auto& of_level = job.tone->confidence->of_level;
+  const auto& of_level = job.tone->confidence->of_level[record.head];
   const bool chroma = job.component[0].component != 0;
   const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head];
   for (std::size_t j = 0; j < kTile; ++j) {

@@ -53,12 +53,18 @@ struct OutputTone {
   std::optional<OutputCurve> curve;
 };
 
-/// How far a head is to be trusted by what it saw, 0 .. 255 by the level (sample / 128) of its luma, or of the largest
+/// How far each head is to be trusted by what it saw, 0 .. 255 by the level (sample / 128) of its luma, or of the largest
 /// of R G B: a head's weight is multiplied by it, and the weights of a raymap sample are made to sum to one again. So
 /// where heads overlap, one that is not clipped outweighs one that is. Where it is 0 for every head that looks there,
 /// the sample is black: keep 1 at least where something should be seen anyhow.
 struct Confidence {
-  std::array<std::uint8_t, 256> of_level{};
+  std::array<std::array<std::uint8_t, 256>, kMaxHeads> of_level{};  ///< by head
+};
+
+/// What is left of a raymap's chroma by the level of its luma, in 1/256, at most kScaleOne: where luma's curve holds
+/// highlights back, their colour is held back as much. Of the 2x2 luma samples of a chroma sample, their mean.
+struct ChromaFade {
+  std::array<std::uint16_t, 256> of_luma{};
 };
 
 /// Everything a set may ask of its blend. What it does not ask for costs nothing; confidence makes the blend of tiles
@@ -67,6 +73,7 @@ struct SetTone {
   std::array<HeadTone, kMaxHeads> heads{};
   std::array<OutputTone, kToneClasses> output{};
   std::optional<Confidence> confidence;
+  std::optional<ChromaFade> fade;  ///< of raymaps with chroma
   /// Whether gains act at all: false promises that every gain is kMaxToneGain and stands for exactly one.
   bool gains = false;
 };

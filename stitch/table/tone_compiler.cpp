@@ -30,8 +30,9 @@ blend::ToneCurve to_power(const Response& response) {
 
 }  // namespace
 
-blend::ToneTable compile_tone_table(const Calibration& calibration) {
+blend::ToneTable compile_tone_table(const Calibration& calibration, bool soft) {
   blend::ToneTable table;
+  table.soft = soft;
   const bool powers = std::all_of(calibration.heads.begin(), calibration.heads.end(),
                                   [](const HeadCalibration& head) { return is_power(head.response); });
   for (const HeadCalibration& head : calibration.heads) {

@@ -6,7 +6,9 @@
 
 namespace nodal::table {
 
+/// `soft`: ToneTable's.
+///
 /// Threading: thread-safe. Errors: none; the calibration has been checked.
-blend::ToneTable compile_tone_table(const Calibration& calibration);
+blend::ToneTable compile_tone_table(const Calibration& calibration, bool soft = true);
 
 }  // namespace nodal::table

@@ -60,6 +60,7 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->raymap.format, PixelFormat::kI420);
   EXPECT_EQ(config->raymap.jpeg_quality, 85);
   EXPECT_EQ(config->raymap.feather, 0.5);
+  EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);
   EXPECT_EQ(config->links.tcp_port, 0);
   EXPECT_EQ(config->store, "/var/lib/nodal");

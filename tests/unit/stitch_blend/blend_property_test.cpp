@@ -38,7 +38,13 @@ Scene random_scene(RandomTables& tables, int width, int height, int head_width, 
   scene.tone = tables.tone(scene.table);
   if (tables.below(3) == 0) {
     scene.tone.confidence.emplace();
-    for (auto& c : scene.tone.confidence->of_level) c = static_cast<std::uint8_t>(tables.below(3) == 0 ? 0 : tables.below(256));
+    for (auto& head : scene.tone.confidence->of_level) {
+      for (auto& c : head) c = static_cast<std::uint8_t>(tables.below(3) == 0 ? 0 : tables.below(256));
+    }
+  }
+  if (tables.below(3) == 0) {
+    scene.tone.fade.emplace();
+    for (auto& left : scene.tone.fade->of_luma) left = static_cast<std::uint16_t>(tables.below(kScaleOne + 1));
   }
   for (int h = 0; h < 3; ++h) scene.pictures.push_back(noise(tables.random(), kind.head, head_width, head_height));
   for (const Picture& picture : scene.pictures) {

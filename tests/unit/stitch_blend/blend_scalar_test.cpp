@@ -116,11 +116,11 @@ TEST(BlendRows, HeadThatIsClipped_YieldsToOneThatIsNot) {
   const BlendTable table = grey_row({{{0, 0, 0, 16384}, {1, 0, 0, 16384}}, {{0, 0, 0}}}, 2, 2);
   SetTone tone = calibrated_tone(table);
   tone.confidence.emplace();
-  tone.confidence->of_level.fill(255);
+  for (auto& head : tone.confidence->of_level) head.fill(255);
   EXPECT_EQ(blend_grey(table, {flat(255).view(), flat(100).view()}, tone), (std::vector<std::uint8_t>{178, 255}));
-  tone.confidence->of_level[255] = 5;  // (255 * 5 + 100 * 255) / 260 = 102.98
+  for (auto& head : tone.confidence->of_level) head[255] = 5;  // (255 * 5 + 100 * 255) / 260 = 102.98
   EXPECT_EQ(blend_grey(table, {flat(255).view(), flat(100).view()}, tone), (std::vector<std::uint8_t>{103, 255}));
-  tone.confidence->of_level[255] = 0;
+  for (auto& head : tone.confidence->of_level) head[255] = 0;
   EXPECT_EQ(blend_grey(table, {flat(255).view(), flat(100).view()}, tone), (std::vector<std::uint8_t>{100, 0}));
 }
 

@@ -15,6 +15,17 @@ class Definition {
 
   /// The level of component c at (x, y) of its grid.
   int level(int c, int x, int y) const {
+    if (!tone_.fade || table_.format != PixelFormat::kI420 || c == 0) return blended(c, x, y);
+    int luma = 2;
+    for (int k = 0; k < 4; ++k) {
+      luma += blended(0, std::min(2 * x + k % 2, table_.width - 1), std::min(2 * y + k / 2, table_.height - 1));
+    }
+    const std::int64_t left = tone_.fade->of_luma[static_cast<std::size_t>(luma / 4)];
+    return static_cast<int>(128 + floor_div((blended(c, x, y) - 128) * left + 128, 256));
+  }
+
+ private:
+  int blended(int c, int x, int y) const {
     const ComponentRule& rule = table_.components[static_cast<std::size_t>(c)];
     const GridTable& grid = table_.grids[rule.grid];
     const std::vector<Share> shares = shares_at(grid, c, x, y);
@@ -40,7 +51,6 @@ class Definition {
     return static_cast<int>(level < 0 ? 0 : level > 255 ? 255 : level);
   }
 
- private:
   struct Share {
     const PatchRecord* record = nullptr;
     int x = 0, y = 0;  ///< in 1/4096 of a sample of the patch
@@ -108,7 +118,7 @@ class Definition {
     for (Share& share : shares) {
       if (gone(share.record->head)) share.weight = 0;
       if (share.weight == 0) continue;
-      if (tone_.confidence) share.weight *= tone_.confidence->of_level[static_cast<std::size_t>(seen(share, c))];
+      if (tone_.confidence) share.weight *= tone_.confidence->of_level[share.record->head][static_cast<std::size_t>(seen(share, c))];
       sum += share.weight;
     }
     for (Share& share : shares) share.weight = sum == 0 ? 0 : (share.weight * 32768 + sum / 2) / sum;

@@ -1,0 +1,300 @@
+// A sunset by heads that are exposed four stops apart: every seam against the true light of its rays, and what each of
+// them could not have seen. Rendered by the simulator's sensors, blended by the integer path that runs on board.
+// NODAL_PICTURES=FOLDER leaves the raymaps and close-ups of their seams there.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "hal/replay/image_file.h"
+#include "hal/sim/response.h"
+#include "hal/sim/sensor.h"
+#include "stitch/blend/blend.h"
+#include "stitch/blend/exposure_tone.h"
+#include "stitch/table/table_compiler.h"
+#include "stitch/table/tone_compiler.h"
+#include "tests/reference/png_file.h"
+#include "tests/reference/prepared_heads.h"
+#include "tests/scenario/small_rig.h"
+
+namespace nodal::scenario {
+namespace {
+
+constexpr int kWidth = 1024;
+constexpr int kHeight = 512;
+constexpr int kSide = 256;  ///< of a head's picture
+constexpr std::uint32_t kFrames = 4;  ///< whose raymaps are averaged: noise is no seam
+constexpr auto kPixels = static_cast<std::size_t>(kWidth) * kHeight;
+
+/// Four stops of light between heads that are neighbours: two more than 5 ms and two less.
+Exposure shutter(std::size_t head) { return Exposure::microseconds(head % 2 == 0 ? 1'250 : 20'000); }
+
+hal::sim::Direction ray_at(int x, int y) {
+  const double theta = 2 * M_PI * ((x + 0.5) / kWidth - 0.5);
+  const double phi = M_PI * ((y + 0.5) / kHeight - 0.5);
+  return {std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
+}
+
+/// The sun low between the head that looks ahead and the one that looks right, a sky that darkens away from it, and
+/// ground in shadow. Light changes smoothly everywhere, so that whatever is a step is the stitcher's.
+class Sunset final : public hal::sim::Scene {
+ public:
+  hal::sim::Light light(const hal::sim::Direction& from, double /*footprint_rad*/) const override {
+    const double beside = std::acos(std::clamp((from.x + from.z) * 0.7021 - from.y * 0.1187, -1.0, 1.0)) * 180 / M_PI;
+    const double sun = 40 * std::exp(-beside * beside / 9) + 0.9 * std::exp(-beside / 4) + 0.1 * std::exp(-beside / 30);
+    const double up = 1 / (1 + std::exp(from.y * 9));  // the horizon, in some haze
+    const double sky = 0.03 + 0.05 * up;
+    const double ground = 0.75 + 0.25 * std::sin(9 * from.x) * std::sin(11 * from.z);
+    const double level = sky * (up + (1 - up) * ground) + sun * (0.25 + 0.75 * up);
+    const double warm = std::exp(-beside / 40);
+    return {static_cast<float>(level * (1 + 0.25 * warm)), static_cast<float>(level),
+            static_cast<float>(level * (1.15 - 0.55 * warm))};
+  }
+};
+
+struct Case {
+  const char* name;
+  PixelFormat format;
+  Response response;
+};
+
+/// Extended Reinhard above seven tenths, where the darker heads see up to `top`: worked out again, in double precision.
+double softened(double value, double top) {
+  if (value <= 0.7) return value;
+  const double t = (std::min(value, top) - 0.7) / 0.3;
+  const double most = (top - 0.7) / 0.3;
+  return 0.7 + 0.3 * t * (1 + t / (most * most)) / (1 + t);
+}
+
+/// What light should be shown as: levels of 255, of heads whose mean sees it as the scene says. Highlights are held back
+/// where light^(1 / 2.2) is above seven tenths; of each colour by itself, or of I420 all of them as luma is.
+std::array<double, 3> shown(const Case& how, const hal::sim::Light& light) {
+  const double top = std::exp2(2 / 2.2);
+  std::array<double, 3> levels{std::pow(light.r, 1 / 2.2), std::pow(light.g, 1 / 2.2), std::pow(light.b, 1 / 2.2)};
+  const double luma = 0.299 * levels[0] + 0.587 * levels[1] + 0.114 * levels[2];
+  for (double& level : levels) {
+    const double held = how.format == PixelFormat::kI420 ? level * softened(luma, top) / luma : softened(level, top);
+    level = 255 * hal::sim::encode(how.response, std::pow(std::min(held, 1.0), 2.2));
+  }
+  return levels;
+}
+
+class Sunsets : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    calibration_ = small_calibration("sunset");
+    for (HeadCalibration& head : calibration_.heads) {
+      head.width = head.height = kSide;
+      head.center_x = head.center_y = kSide / 2.0;
+      head.lens = RectilinearLens{{22.4 * kSide / kHeadSide}};
+      head.region = {0, 0, kSide, kSide, std::nullopt};
+      head.vignetting = {kSide / 2.0, kSide / 2.0, kSide / 2.0, {}};
+      head.response = GetParam().response;
+    }
+    table::TableOptions options;
+    options.sharpen = 0;  // sharpening is not undone here, and the light has nothing to sharpen
+    table_ = table::compile_blend_table(calibration_, {"equirectangular", kWidth, kHeight, GetParam().format},
+                                        std::vector<PixelFormat>(kHeads, GetParam().format), options)
+                 .value();
+    for (std::size_t h = 0; h < kHeads; ++h) {
+      settings_[h] = {shutter(h), Gain::millidecibels(0), {}, {}};
+      take(h);
+    }
+  }
+
+  void take(std::size_t head) {
+    hal::sim::HeadOptions options;
+    options.pixels = GetParam().format;
+    options.reference = Exposure::microseconds(5'000);
+    options.noise.levels = 1;  // 48 dB, as NTSC heads have; without it, steps of the heads' eight bits would be lines
+    hal::sim::Sensor sensor(calibration_.heads[head], options, scene_, 1 + head);
+    sensor.prepare();
+    for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+      std::vector<std::uint8_t>& picture = pictures_[frame][head];
+      picture.resize(packed_size(GetParam().format, kSide, kSide));
+      sensor.render(settings_[head], Instant(), frame, picture, 0);
+    }
+  }
+
+  /// The raymap of a frame as RGB; `undo`: whether the heads' exposures are undone.
+  std::vector<std::uint8_t> blend(std::uint32_t frame, bool undo) const {
+    std::vector<ImageView> views;
+    std::vector<blend::ExposedHead> exposed;
+    for (std::size_t h = 0; h < kHeads; ++h) {
+      views.push_back(packed_image(GetParam().format, kSide, kSide, pictures_[frame][h].data()));
+      exposed.push_back({stops_of(settings_[h].exposure) + stops_of(settings_[h].gain), 0});
+    }
+    const blend::SetTone tone =
+        undo ? blend::tone_of_exposures(table_, table::compile_tone_table(calibration_), exposed)
+             : blend::calibrated_tone(table_);
+    std::vector<std::uint8_t> raymap(packed_size(GetParam().format, kWidth, kHeight));
+    blend::blend_rows(table_, test::PreparedHeads(table_, views).views(), tone,
+                      packed_image(GetParam().format, kWidth, kHeight, raymap.data()), 0, kHeight);
+    if (GetParam().format == PixelFormat::kRgb24) return raymap;
+    return hal::replay::convert_image(packed_image(GetParam().format, kWidth, kHeight,
+                                                   static_cast<const std::uint8_t*>(raymap.data())),
+                                      PixelFormat::kRgb24)
+        .bytes;
+  }
+
+  std::vector<double> mean(bool undo) const {
+    std::vector<double> sum(3 * kPixels);
+    for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+      const std::vector<std::uint8_t> raymap = blend(frame, undo);
+      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += raymap[i] / double{kFrames};
+    }
+    return sum;
+  }
+
+  /// Which heads look at each pixel, by which remain when all others are taken away.
+  std::vector<std::uint32_t> seen_by() const {
+    std::vector<std::uint32_t> masks(kPixels, 0);
+    std::vector<std::uint8_t> validity(kPixels);
+    const std::vector<std::uint8_t> something(1);
+    for (std::size_t h = 0; h < kHeads; ++h) {
+      std::vector<ImageView> views(kHeads);
+      views[h].planes[0].data = something.data();
+      blend::validity_rows(table_, views, {validity.data(), kWidth, kHeight, kWidth, 1}, 0, kHeight);
+      for (std::size_t p = 0; p < kPixels; ++p) masks[p] |= validity[p] > 0 ? 1U << h : 0U;
+    }
+    return masks;
+  }
+
+  Calibration calibration_;
+  blend::BlendTable table_;
+  hal::sim::ScenePtr scene_ = std::make_shared<Sunset>();
+  std::array<hal::HeadSettings, kHeads> settings_;
+  std::array<std::array<std::vector<std::uint8_t>, kHeads>, kFrames> pictures_;
+};
+
+/// In the components that the raymap has.
+std::array<double, 3> errors(const Case& how, const double* rgb, const hal::sim::Light& light) {
+  const std::array<double, 3> expected = shown(how, light);
+  const std::array<double, 3> off{rgb[0] - expected[0], rgb[1] - expected[1], rgb[2] - expected[2]};
+  if (how.format == PixelFormat::kRgb24) return off;
+  const double luma = 0.299 * off[0] + 0.587 * off[1] + 0.114 * off[2];
+  return {luma, 0.564 * (off[2] - luma), 0.713 * (off[0] - luma)};
+}
+
+/// How far a raymap is from the light, and how much of that steps where heads meet.
+struct Seams {
+  double step = 0;       ///< the most that the mean error changes from a block of 16x16 to the next, where heads overlap
+  int step_x = 0, step_y = 0;
+  double inside = 0;     ///< the same where one head is alone: what is not a seam's
+  double mean = 0;       ///< error of all pixels that could be known, either way
+  double worst = 0;
+  double unknown = 0;    ///< share of the pixels that every head which looks there has clipped
+};
+
+/// Pixels that some head has seen unclipped, one component after the other.
+Seams measure(const std::vector<double>& raymap, const std::vector<std::uint32_t>& seen_by,
+              const hal::sim::Scene& scene, const Case& how) {
+  constexpr int kBlock = 16;
+  constexpr int kColumns = kWidth / kBlock, kRows = kHeight / kBlock;
+  Seams result;
+  for (std::size_t c = 0; c < 3; ++c) {
+    std::vector<double> error(kColumns * kRows, 0);
+    std::vector<std::uint32_t> all(kColumns * kRows, ~0U), any(kColumns * kRows, 0);
+    std::vector<bool> known(kColumns * kRows, true);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const auto p = static_cast<std::size_t>(y * kWidth + x);
+        const auto b = static_cast<std::size_t>(y / kBlock * kColumns + x / kBlock);
+        const hal::sim::Light light = scene.light(ray_at(x, y), 0);
+        const double brightest = std::max({light.r, light.g, light.b});
+        // A head two stops under clips at four times the light, one two stops over at a quarter; with some margin, for
+        // its neighbours are mixed in.
+        bool seen = false;
+        for (std::size_t h = 0; h < kHeads; ++h) {
+          const double full = 5000.0 / static_cast<double>(shutter(h).duration().us());
+          seen = seen || ((seen_by[p] >> h & 1) != 0 && brightest < 0.85 * full);
+        }
+        if (!seen && c == 0) result.unknown += 1.0 / kPixels;
+        const double off = errors(how, &raymap[3 * p], light)[c];
+        if (seen) {
+          result.mean += std::abs(off) / (3.0 * kPixels);
+          result.worst = std::max(result.worst, std::abs(off));
+        }
+        known[b] = known[b] && seen;
+        error[b] += off / (kBlock * kBlock);
+        all[b] &= seen_by[p];
+        any[b] |= seen_by[p];
+      }
+    }
+    for (int y = 2; y < kRows - 2; ++y) {  // at the poles a block is a needle
+      for (int x = 0; x < kColumns; ++x) {
+        const auto b = static_cast<std::size_t>(y * kColumns + x);
+        for (const std::size_t other : {static_cast<std::size_t>(y * kColumns + (x + 1) % kColumns), b + kColumns}) {
+          if (!known[b] || !known[other]) continue;
+          const double step = std::abs(error[b] - error[other]);
+          const std::uint32_t heads = any[b] | any[other];
+          if ((heads & (heads - 1)) == 0) {
+            result.inside = std::max(result.inside, step);
+          } else if (step > result.step) {
+            result.step = step;
+            result.step_x = x * kBlock;
+            result.step_y = y * kBlock;
+          }
+        }
+      }
+    }
+  }
+  return result;
+}
+
+void leave(const std::vector<std::uint8_t>& raymap, const std::string& name) {
+  const char* folder = std::getenv("NODAL_PICTURES");
+  if (folder == nullptr) return;
+  test::Picture picture(PixelFormat::kRgb24, kWidth, kHeight);
+  picture.bytes = raymap;
+  ASSERT_TRUE(test::write_png(std::filesystem::path(folder) / (name + ".png"), picture));
+}
+
+TEST_P(Sunsets, HeadsFourStopsApart_NoSeamStepsByALevelAndSunAndShadowAreKept) {
+  const std::vector<std::uint32_t> masks = seen_by();
+  const Seams after = measure(mean(true), masks, *scene_, GetParam());
+  const Seams before = measure(mean(false), masks, *scene_, GetParam());
+  const std::vector<std::uint8_t> raymap = blend(0, true);
+  leave(raymap, std::string(GetParam().name) + "-after");
+  leave(blend(0, false), std::string(GetParam().name) + "-before");
+  std::printf("%-12s before: step %.2f; after: step %.2f at %d,%d (inside heads %.2f), mean error %.2f, worst %.1f; "
+              "clipped by all %.2f %%\n",
+              GetParam().name, before.step, after.step, after.step_x, after.step_y, after.inside, after.mean,
+              after.worst, 100 * after.unknown);
+  EXPECT_GT(before.step, 20);
+  EXPECT_LE(after.step, 1);
+  EXPECT_LT(after.mean, 0.8);
+  EXPECT_LT(after.worst, 10) << "noise of a level is lifted to two, and the sun's edge is two pixels wide";
+  EXPECT_LT(after.unknown, 0.002) << "the sun itself, clipped by both heads that see it";
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_GE(raymap[3 * (236 * kWidth + 640) + c], 245) << "which is white, not grey";
+  }
+}
+
+Response response_of(Response::Curve curve, double gamma = 2.2) {
+  Response response;
+  response.curve = curve;
+  response.gamma = gamma;
+  return response;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Heads, Sunsets,
+    testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+                    Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
+                    Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
+                    Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)}),
+    [](const auto& param_info) {
+      std::string name = param_info.param.name;
+      std::replace(name.begin(), name.end(), '-', '_');
+      return name;
+    });
+
+}  // namespace
+}  // namespace nodal::scenario
