@@ -6,6 +6,7 @@
 #include <array>
 #include <cstring>
 #include <span>
+#include <type_traits>
 
 #include "stitch/blend/blend_job.h"
 #include "stitch/blend/target.h"
@@ -165,7 +166,7 @@ inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si
 template <int N>
 using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
 
-/// By PlaneView, sample by sample. Not inlined: patches that are read otherwise then never leave their registers.
+/// By PlaneView, sample by sample.
 [[gnu::noinline]] void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t components,
                              std::uint8_t* staged) {
   std::fill_n(staged, components * kPatch * kPatch, std::uint8_t{0});
@@ -180,73 +181,95 @@ using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
   }
 }
 
-template <int N>
+/// Rows 4 k .. 4 k + 3 of the patches of all components, whose first row begins at from[c], or in groups at from[0].
+template <int N, Lie kLie>
+inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from, std::ptrdiff_t stride,
+                      std::size_t k, std::array<Patch, N>& patch) {
+  const std::ptrdiff_t down = static_cast<std::ptrdiff_t>(4 * k) * stride;
+  const auto row = [&](int y) { return _mm512_loadu_si512(from[0] + down + y * stride); };
+  if constexpr (kLie == Lie::kPairs) {
+    const V upper = two_rows(from[0] + down, stride);
+    const V lower = two_rows(from[0] + down + 2 * stride, stride);
+    for (std::size_t c = 0; c < N; ++c) {
+      patch[c].rows[k] = _mm512_permutex2var_epi8(upper, load(kPairPicks.of[plane.offset[c] & 1]), lower);
+    }
+  } else if constexpr (kLie == Lie::kQuads) {
+    const V picks = load(kQuadPicks.of[plane.offset[0] & 1]);
+    const V upper = _mm512_permutex2var_epi8(row(0), picks, row(1));
+    const V lower = _mm512_permutex2var_epi8(row(2), picks, row(3));
+    patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
+    patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
+  } else if constexpr (kLie == Lie::kTriples) {
+    const auto triples = [&](int y) { return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from[0] + down + y * stride); };
+    const V rows[4] = {triples(0), triples(1), triples(2), triples(3)};
+    const V both = load(kTriplePicks.of[0]);
+    const V last = load(kTriplePicks.of[1]);
+    const V upper = _mm512_permutex2var_epi8(rows[0], both, rows[1]);
+    const V lower = _mm512_permutex2var_epi8(rows[2], both, rows[3]);
+    patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
+    patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
+    patch[2].rows[k] = _mm512_shuffle_i64x2(_mm512_permutex2var_epi8(rows[0], last, rows[1]),
+                                            _mm512_permutex2var_epi8(rows[2], last, rows[3]), 0x44);
+  } else {
+    for (std::size_t c = 0; c < N; ++c) patch[c].rows[k] = four_rows(from[c] + down, stride);
+  }
+}
+
+template <int N, Lie kLie>
 inline void load_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Patch, N>& patch) {
   std::ptrdiff_t stride = plane.row_stride;
-  const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
-  Staged<N> staged;
+  std::array<const std::uint8_t*, N> from;
+  Staged<kLie == Lie::kAnyhow ? N : 0> staged;
+  if constexpr (kLie == Lie::kAnyhow) {
+    stage(plane, record, N, staged.data());
+    stride = kPatch;
+    for (std::size_t c = 0; c < N; ++c) from[c] = staged.data() + c * kPatch * kPatch;
+  } else {
+    const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
+    for (std::size_t c = 0; c < (kLie == Lie::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
+  }
+  for (std::size_t k = 0; k < 3; ++k) load_rows<N, kLie>(plane, from, stride, k, patch);
   // A tile seldom needs the last four of a patch's rows.
-  const bool all_rows = std::max(record.rows[0], record.rows[1]) >> 4 > 10;
-  const std::size_t quarters = all_rows ? 4 : 3;
-  if (plane.lie == Lie::kPlanar || plane.lie == Lie::kAnyhow) {
-    const bool anyhow = plane.lie == Lie::kAnyhow;
-    if (anyhow) {
-      stage(plane, record, N, staged.data());
-      stride = kPatch;
-    }
-    for (std::size_t c = 0; c < N; ++c) {
-      const std::uint8_t* from = anyhow ? staged.data() + c * kPatch * kPatch : plane.data[c] + at;
-      for (std::size_t k = 0; k < 3; ++k, from += 4 * stride) patch[c].rows[k] = four_rows(from, stride);
-      patch[c].rows[3] = all_rows ? four_rows(from, stride) : patch[c].rows[2];
-    }
-    return;
-  }
-  const std::uint8_t* from = plane.data[0] + at;
-  for (std::size_t k = 0; k < quarters; ++k, from += 4 * stride) {
-    if (plane.lie == Lie::kPairs) {
-      const V upper = two_rows(from, stride);
-      const V lower = two_rows(from + 2 * stride, stride);
-      for (std::size_t c = 0; c < N; ++c) {
-        patch[c].rows[k] = _mm512_permutex2var_epi8(upper, load(kPairPicks.of[plane.offset[c] & 1]), lower);
-      }
-    } else if (N == 2) {
-      const V picks = load(kQuadPicks.of[plane.offset[0] & 1]);
-      const auto row = [&](int y) { return _mm512_loadu_si512(from + y * stride); };
-      const V upper = _mm512_permutex2var_epi8(row(0), picks, row(1));
-      const V lower = _mm512_permutex2var_epi8(row(2), picks, row(3));
-      patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
-      patch[N - 1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
-    } else if (N == 3) {
-      const auto row = [&](int y) { return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from + y * stride); };
-      const V rows[4] = {row(0), row(1), row(2), row(3)};
-      const V both = load(kTriplePicks.of[0]);
-      const V last = load(kTriplePicks.of[1]);
-      const V upper = _mm512_permutex2var_epi8(rows[0], both, rows[1]);
-      const V lower = _mm512_permutex2var_epi8(rows[2], both, rows[3]);
-      patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
-      patch[N > 1 ? 1 : 0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
-      patch[N - 1].rows[k] = _mm512_shuffle_i64x2(_mm512_permutex2var_epi8(rows[0], last, rows[1]),
-                                                  _mm512_permutex2var_epi8(rows[2], last, rows[3]), 0x44);
-    }
-  }
-  if (!all_rows) {
+  if (std::max(record.rows[0], record.rows[1]) >> 4 > 10) {
+    load_rows<N, kLie>(plane, from, stride, 3, patch);
+  } else {
     for (std::size_t c = 0; c < N; ++c) patch[c].rows[3] = patch[c].rows[2];
   }
 }
 
-/// The bytes of a patch at 64 places.
-inline V pick(const Patch& patch, V index) {
-  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index),
-                                _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
+/// use(std::integral_constant<Lie, how a plane's samples lie>): what follows is compiled for each, so that patches do not
+/// leave their registers.
+template <int N, class Use>
+inline void by_lie(Lie lie, Use use) {
+  if (lie == Lie::kPlanar) return use(std::integral_constant<Lie, Lie::kPlanar>());
+  if constexpr (N < 3) {
+    if (lie == Lie::kPairs) return use(std::integral_constant<Lie, Lie::kPairs>());
+  }
+  if constexpr (N == 2) {
+    if (lie == Lie::kQuads) return use(std::integral_constant<Lie, Lie::kQuads>());
+  }
+  if constexpr (N == 3) {
+    if (lie == Lie::kTriples) return use(std::integral_constant<Lie, Lie::kTriples>());
+  }
+  use(std::integral_constant<Lie, Lie::kAnyhow>());
+}
+
+/// The bytes of a patch at 64 places. Those with `lower` lie in its rows 8 .. 15.
+inline V pick(const Patch& patch, V index, __mmask64 lower) {
+  return _mm512_mask_blend_epi8(lower, _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
 /// base - sample, base 128 times black.
 inline Rows mix(const Patch& patch, const Places& at, V base) {
-  const V p00 = pick(patch, at.index);
-  const V p10 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(1)));
-  const V p01 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(16)));
-  const V p11 = pick(patch, _mm512_add_epi8(at.index, _mm512_set1_epi8(17)));
+  const V below = _mm512_add_epi8(at.index, _mm512_set1_epi8(16));
+  const V one = _mm512_set1_epi8(1);
+  const __mmask64 lower = _mm512_movepi8_mask(at.index);  // the next sample is in the same row
+  const __mmask64 lower_below = _mm512_movepi8_mask(below);
+  const V p00 = pick(patch, at.index, lower);
+  const V p10 = pick(patch, _mm512_add_epi8(at.index, one), lower);
+  const V p01 = pick(patch, below, lower_below);
+  const V p11 = pick(patch, _mm512_add_epi8(below, one), lower_below);
   const auto down = [&](V top, V bottom, V share) {  // both negative
     return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
   };
@@ -281,10 +304,14 @@ struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
   static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, std::array<Rows, N>& dark) {
+    by_lie<N>(job.plane(job.grid->records[r]).lie, [&](auto lie) { dark_of<N, decltype(lie)::value>(job, r, s, dark); });
+  }
+  template <int N, Lie kLie>
+  static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, std::array<Rows, N>& dark) {
     const PatchRecord& record = job.grid->records[r];
     const Places at = places_of(*job.grid, record, s);
     std::array<Patch, N> patch;
-    load_patch<N>(job.plane(record), record, patch);
+    load_patch<N, kLie>(job.plane(record), record, patch);
     for (std::size_t c = 0; c < N; ++c) {
       const V base = all(job.component[c].black);
       if (!job.curves) {
@@ -306,9 +333,10 @@ struct Avx512 {
     }
   }
 
-  /// Asks for the patch of a record that is still to come.
+  /// Asks for the patch of a record that is still to come. Always inlined: GCC 12 leaves out calls of functions that do
+  /// nothing else.
   template <int N>
-  static inline void prefetch(const BlendJob& job, std::size_t r) {
+  [[gnu::always_inline]] static inline void prefetch(const BlendJob& job, std::size_t r) {
     const auto& records = job.grid->records;
     const PatchRecord& record = records[std::min(r, records.size() - 1)];
     const PatchPlane& plane = job.plane(record);
@@ -384,8 +412,9 @@ struct Avx512 {
 
   template <int N>
   static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+    const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
-    load_patch<N>(job.plane(record), record, patch);
+    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value>(plane, record, patch); });
     const Places at = places_of(*job.grid, record, steps());
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
