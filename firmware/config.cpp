@@ -113,6 +113,15 @@ void read_links(TomlReader reader, LinksConfig& links) {
   links.tcp_port = static_cast<std::uint16_t>(reader.integer("tcp_port", 0, 65535, 0));
 }
 
+/// What the words after the colon mean is the pins' own matter.
+void read_panel(TomlReader reader, PanelConfig& panel) {
+  for (const auto& [key, pin] : {std::pair{"button", &panel.button}, std::pair{"status", &panel.status},
+                                 std::pair{"tally", &panel.tally}}) {
+    *pin = reader.text(key, "");
+    if (reader.has(key) && !pin->starts_with("sim:")) reader.refuse(key, "must be sim:…; other pins are not driven yet");
+  }
+}
+
 void read_constant(TomlReader& reader, SimConfig& sim) {
   const toml::array* levels = reader.array("constant");
   if (!levels) return;
@@ -220,7 +229,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
 
 RigConfig read_file(const toml::table& root, FirstError& error) {
   RigConfig config;
-  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "store", "sim", "heads"}, error);
+  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "sim", "heads"}, error);
   static const toml::table kEmpty;
   const auto section = [&](std::string_view name) -> const toml::table& {
     const toml::table* table = file.table(name);
@@ -233,6 +242,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);
   read_links({section("links"), "links", {"unix", "tcp_port"}, error}, config.links);
+  read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);
   TomlReader store(section("store"), "store", {"folder"}, error);
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");

@@ -88,6 +88,13 @@ struct LinksConfig {
   std::uint16_t tcp_port = 0;                       ///< on 127.0.0.1 only; 0: none
 };
 
+/// [panel]: the rig's own button and lamps, by where they are plugged in; empty: none.
+struct PanelConfig {
+  std::string button;
+  std::string status;
+  std::string tally;
+};
+
 /// A whole rig.toml, checked.
 struct RigConfig {
   std::string name;
@@ -98,6 +105,7 @@ struct RigConfig {
   ExposureWish exposure;         ///< [exposure]
   std::optional<SimConfig> sim;  ///< there exactly when a head is on a "sim:" port
   LinksConfig links;
+  PanelConfig panel;
   std::string store = "/var/lib/nodal";  ///< folder of the calibration store
   Sha256 text_id{};                      ///< of rig.toml's text
 };

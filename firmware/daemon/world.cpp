@@ -7,6 +7,7 @@
 #include <cstring>
 #include <thread>
 
+#include "firmware/daemon/panel_ports.h"
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/link/socket_link.h"
@@ -181,6 +182,7 @@ struct World::State {
   std::unique_ptr<hal::linux_os::LinuxDisk> disk;
   std::vector<std::unique_ptr<hal::LinkListenerPort>> listeners;
   hal::linux_os::LinuxWatchdog watchdog;
+  std::unique_ptr<PanelPorts> panel;
 
   hal::ClockPort& clock() {
     if (sim) return sim->clock();
@@ -218,6 +220,9 @@ Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::f
       state->trigger = &state->deck->trigger();
     }
   }
+  auto panel = PanelPorts::make(config.panel, state->clock());
+  if (!panel) return fail(panel.error());
+  state->panel = std::move(*panel);
   return std::unique_ptr<World>(new World(std::move(state)));
 }
 
@@ -255,7 +260,7 @@ Status World::listen(const firmware::LinksConfig& links) {
 firmware::RigPorts World::ports() {
   NODAL_ASSERT(state_->disk);
   firmware::RigPorts ports{state_->clock(),    state_->enumerators,    state_->trigger, *state_->disk, {},
-                           &state_->watchdog, {}, &state_->machine_clock};
+                           &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
   for (const auto& listener : state_->listeners) ports.listeners.push_back(listener.get());
   return ports;
 }

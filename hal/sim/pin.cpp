@@ -19,6 +19,7 @@ Status SimOutputPin::step(Instant now) {
 void SimOutputPin::drive(bool high, Instant at) {
   if (high == high_) return;
   high_ = high;
+  if (std::ssize(history_) == kKept) history_.erase(history_.begin(), history_.begin() + kKept / 2);
   history_.push_back({at, high});
 }
 

@@ -14,6 +14,8 @@ namespace nodal::hal::sim {
 /// Errors: kDeviceGone after unplug().
 class SimOutputPin final : public OutputPinPort {
  public:
+  static constexpr std::ptrdiff_t kKept = 65'536;
+
   explicit SimOutputPin(bool safe_level) : safe_(safe_level), high_(safe_level) {}
 
   // What the daemon sees.
@@ -24,7 +26,7 @@ class SimOutputPin final : public OutputPinPort {
   void unplug() { gone_ = true; }
   /// The level on the wire at `now`: the lease ends whether or not anybody steps.
   bool level_at(Instant now) const { return now >= until_ ? safe_ : high_; }
-  /// Every change of level, oldest first.
+  /// Changes of level, oldest first; at least the newest kKept / 2 of them.
   const std::vector<PinEdge>& history() const { return history_; }
 
  private:

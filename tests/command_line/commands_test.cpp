@@ -116,6 +116,22 @@ TEST_F(Commands, GenlockStopAndAnotherRate_AreSeen) {
   EXPECT_TRUE(wait_until([this] { return nodal_json({"genlock", "show"}).at(0)["state"] == "locked"; }));
 }
 
+TEST_F(Commands, AButtonInRigToml_StartsMarksAndStopsWithoutAHost) {
+  // A press, one while it runs, and one that is held.
+  write("rig.toml", "[panel]\nbutton = \"sim:1+0.2,3+0.2,4+1.8\"\nstatus = \"sim:\"\ntally = \"sim:\"\n" + read("rig.toml"));
+  start_nodald();
+  EXPECT_TRUE(wait_until([&] {
+    const Json status = nodal_json({"status"}).at(0);
+    return status["marks"].size() == 1 && nodal_json({"genlock", "show"}).at(0)["state"] == "off";
+  }));
+  nodald().signal(SIGTERM);
+  const Finished finished = nodald().wait();
+  EXPECT_EQ(finished.code, 0);
+  for (const char* said : {"the button starts the genlock", "marked set ", "the button stops the genlock"}) {
+    EXPECT_NE(finished.err.find(said), std::string::npos) << finished.err;
+  }
+}
+
 TEST_F(Commands, SecondCalibration_CanBeListedShownLeftAndComeBackTo) {
   start_nodald();
   bring_up();

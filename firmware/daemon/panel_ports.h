@@ -1,0 +1,31 @@
+// The pins that rig.toml's [panel] names.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "firmware/config.h"
+#include "firmware/panel.h"
+#include "hal/clock.h"
+#include "hal/sim/pin.h"
+#include "protocol/base/result.h"
+
+namespace nodal::daemon {
+
+/// Pins are simulated for now: a button that is pressed by a script, and lamps that are lines in memory.
+///
+/// Threading: make() on main; the pins are thread-bound to control.
+/// Ownership: owns the pins; the clock outlives it.
+/// Errors: make() gives one that names the key.
+class PanelPorts {
+ public:
+  static Result<std::unique_ptr<PanelPorts>> make(const firmware::PanelConfig& config, hal::ClockPort& clock);
+  firmware::PanelPins pins();
+
+ private:
+  std::optional<hal::sim::SimInputPin> button_;
+  std::optional<hal::sim::SimOutputPin> status_;
+  std::optional<hal::sim::SimOutputPin> tally_;
+};
+
+}  // namespace nodal::daemon
