@@ -203,41 +203,34 @@ inline Rows mix(const Patch& patch, const Places& at, int rows, V base) {
                _mm256_maddubs_epi16(_mm256_unpackhi_epi8(p01, p11), at.across.odd), at.down.odd)};
 }
 
-/// 16 of the numbers in `of`, by the bytes 2 k, 2 k + 1 in `index` (of which 32 a half each is picked from).
-inline V look_up(const std::int16_t* of, V piece) {
-  const V low = mul(piece, all(0x0202));
-  const V index = add(low, all(0x0100));  // the bytes 2 k and 2 k + 1
-  V found = _mm256_setzero_si256();
-  for (int k = 0; k < 4; ++k) {
-    // Bytes 16 k .. 16 k + 15: as above, the upper half must be 7.
-    const V at = _mm256_adds_epu8(_mm256_sub_epi8(index, _mm256_set1_epi8(static_cast<char>(k << 4))),
-                                  _mm256_set1_epi8(0x70));
-    found = _mm256_or_si256(
-        found, _mm256_shuffle_epi8(row(reinterpret_cast<const std::uint8_t*>(of + 8 * k)), at));
+/// Bytes of a table, by bytes that are less than its length.
+template <std::size_t kLength>
+inline V look_up(const std::uint8_t* of, V index) {
+  if constexpr (kLength == 16) {
+    return _mm256_shuffle_epi8(row(of), index);
+  } else {
+    constexpr std::size_t kHalf = kLength / 2;
+    const V upper = _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // the bit that tells the halves apart is its byte's top
+    return _mm256_blendv_epi8(look_up<kHalf>(of, index), look_up<kHalf>(of + kHalf, index), upper);
   }
-  return found;
 }
 
-/// base - curve(sample) for -sample.
-inline V curved(V negative, const Pieces<32>& curve, V base) {
-  const V sample = _mm256_sub_epi16(_mm256_setzero_si256(), negative);
-  const V piece = _mm256_srli_epi16(sample, 10);
-  const V fraction = _mm256_slli_epi16(_mm256_and_si256(sample, all(1023)), 5);
-  const V rise = _mm256_mulhrs_epi16(look_up(curve.rise.data(), piece), fraction);
-  return _mm256_sub_epi16(base, add(look_up(curve.knot.data(), piece), rise));
-}
-
-inline V developed(V light, const Pieces<64>& curve) {
-  const V at = _mm256_max_epi16(light, _mm256_setzero_si256());
-  const V piece = _mm256_srli_epi16(at, 9);
-  const V fraction = _mm256_slli_epi16(_mm256_and_si256(at, all(511)), 6);
-  const V within = _mm256_and_si256(piece, all(31));
-  const V upper = _mm256_cmpgt_epi16(piece, all(31));
-  const auto find = [&](const std::array<std::int16_t, 64>& of) {
-    return _mm256_blendv_epi8(look_up(of.data(), within), look_up(of.data() + 32, within), upper);
+/// curve(at), see curve_at.
+template <int kBits, std::size_t kPieces>
+inline Rows on_curve(Rows at, const Pieces<kPieces>& curve) {
+  const V piece = _mm256_packus_epi16(_mm256_srli_epi16(at.even, kBits), _mm256_srli_epi16(at.odd, kBits));
+  const V within = all((1 << kBits) - 1);
+  const auto bytes = [&](std::size_t k) { return look_up<kPieces>(curve.bytes[k].data(), piece); };
+  const V knot_low = bytes(0), knot_high = bytes(1), rise_low = bytes(2), rise_high = bytes(3);
+  const auto value = [&](V knot, V rise, V of) {
+    return add(knot, _mm256_mulhrs_epi16(rise, _mm256_slli_epi16(_mm256_and_si256(of, within), 15 - kBits)));
   };
-  const V shown = add(find(curve.knot), _mm256_mulhrs_epi16(find(curve.rise), fraction));
-  return _mm256_srai_epi16(add(shown, all(64)), kSampleBits);
+  return {value(_mm256_unpacklo_epi8(knot_low, knot_high), _mm256_unpacklo_epi8(rise_low, rise_high), at.even),
+          value(_mm256_unpackhi_epi8(knot_low, knot_high), _mm256_unpackhi_epi8(rise_low, rise_high), at.odd)};
+}
+
+inline Rows negated(Rows rows, V base) {
+  return {_mm256_sub_epi16(base, rows.even), _mm256_sub_epi16(base, rows.odd)};
 }
 
 struct Avx2 {
@@ -261,7 +254,7 @@ struct Avx2 {
         Rows value = mix(patch[c], at, record.rows[half], job.curves ? _mm256_setzero_si256() : base);
         if (job.curves) {
           const Pieces<32>& curve = job.curve[record.head][job.component[c].tone];
-          value = {curved(value.even, curve, base), curved(value.odd, curve, base)};
+          value = negated(on_curve<10>(negated(value, _mm256_setzero_si256()), curve), base);
         }
         if (job.gains) {
           const V head = all(job.gain(record.head, c));
@@ -274,42 +267,27 @@ struct Avx2 {
     }
   }
 
-  /// Asks for the patch of a record that is still to come. Always inlined: GCC 12 leaves out calls of functions that do
-  /// nothing else.
-  template <int N>
-  [[gnu::always_inline]] static inline void prefetch(const BlendJob& job, std::size_t r) {
-    const auto& records = job.grid->records;
-    const PatchRecord& record = records[std::min(r, records.size() - 1)];
-    const PatchPlane& plane = job.plane(record);
-    const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
-    const std::ptrdiff_t at = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
-    const std::ptrdiff_t reach = std::ptrdiff_t{kPatch} * plane.group - 1;
-    for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
-      const std::uint8_t* from = plane.data[c] + at;
-      for (int y = 0; y < rows; ++y, from += plane.row_stride) {
-        _mm_prefetch(from, _MM_HINT_T0);  // a row may lie across two lines
-        _mm_prefetch(from + reach, _MM_HINT_T0);
-      }
-    }
-  }
-
-  static inline V level_of(const BlendJob& job, std::size_t c, V light, bool negative) {
+  static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
     const JobComponent& component = job.component[c];
+    const V zero = _mm256_setzero_si256();
     if (component.output_curve) {
-      const V positive = negative ? _mm256_sub_epi16(_mm256_setzero_si256(), light) : light;
-      return developed(positive, job.output[component.tone]);
+      if (negative) light = negated(light, zero);
+      const Rows shown =
+          on_curve<9>({_mm256_max_epi16(light.even, zero), _mm256_max_epi16(light.odd, zero)}, job.output[component.tone]);
+      return {_mm256_srai_epi16(add(shown.even, all(64)), kSampleBits),
+              _mm256_srai_epi16(add(shown.odd, all(64)), kSampleBits)};
     }
     const V scale = all(negative ? -component.scale : component.scale);
-    return add(_mm256_mulhrs_epi16(light, scale), all(component.black_level));
+    const V black = all(component.black_level);
+    return {add(_mm256_mulhrs_epi16(light.even, scale), black), add(_mm256_mulhrs_epi16(light.odd, scale), black)};
   }
 
   template <int N>
   static inline void finish(const BlendJob& job, const Halves<N>& light, bool negative, std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
       for (std::size_t half = 0; half < 2; ++half) {
-        const V even = level_of(job, c, light[c][half].even, negative);
-        const V odd = level_of(job, c, light[c][half].odd, negative);
-        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half), _mm256_packus_epi16(even, odd));
+        const Rows level = level_of(job, c, light[c][half], negative);
+        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half), _mm256_packus_epi16(level.even, level.odd));
       }
     }
   }
@@ -319,7 +297,7 @@ struct Avx2 {
     const Steps s = steps();
     Halves<N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
-      prefetch<N>(job, tile.record + kAhead);
+      prefetch<N>(job, tile.record);
       dark_of<N>(job, tile.record, s, dark);
       return finish<N>(job, dark, true, out);
     }
@@ -329,7 +307,7 @@ struct Avx2 {
     std::array<Rows, 2> rest;
     rest.fill({all(-32768), all(-32768)});
     for (std::size_t r = 0; r < records; ++r) {
-      prefetch<N>(job, tile.record + r + kAhead);
+      prefetch<N>(job, tile.record + r);
       dark_of<N>(job, tile.record + r, s, dark);
       const bool given = r + 1 < records || how == Sharing::kOpen;
       for (std::size_t half = 0; half < 2; ++half) {
@@ -394,9 +372,6 @@ struct Avx2 {
     }
     return true;
   }
-
-  /// Records between asking for a patch and needing it.
-  static constexpr std::size_t kAhead = 256;
 };
 
 }  // namespace

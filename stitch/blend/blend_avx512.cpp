@@ -4,21 +4,17 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
-#include <span>
-#include <type_traits>
 
 #include "stitch/blend/blend_job.h"
 #include "stitch/blend/target.h"
 
 NODAL_TARGET_BEGIN("avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")
 
+#include "stitch/blend/patch_avx512.h"
 #include "stitch/blend/tile_driver.h"
 
 namespace nodal::blend {
 namespace {
-
-using V = __m512i;
 
 /// Two registers of 32 numbers: the even rows of a tile, and its odd rows. A 128-bit lane is a row.
 struct Rows {
@@ -107,153 +103,6 @@ inline Rows bilinear(const std::int16_t* q, const Steps& s) {
   return {even, _mm512_add_epi16(even, b)};
 }
 
-/// A patch of one component: rows 0 .. 3, 4 .. 7, and so on.
-struct Patch {
-  V rows[4];
-};
-
-/// Four rows of 16 bytes, `stride` apart.
-inline V four_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
-  const auto row = [&](int k) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(at + k * stride)); };
-  V v = _mm512_castsi128_si512(row(0));
-  v = _mm512_mask_broadcast_i32x4(v, 0x00f0, row(1));
-  v = _mm512_mask_broadcast_i32x4(v, 0x0f00, row(2));
-  return _mm512_mask_broadcast_i32x4(v, 0xf000, row(3));
-}
-
-/// Two rows of 32 bytes.
-inline V two_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
-  const V v = _mm512_castsi256_si512(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(at)));
-  return _mm512_inserti64x4(v, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at + stride)), 1);
-}
-
-/// 0, step, 2 step, .. + first: byte k of component `first` in groups of `step`, over two registers.
-struct Picks {
-  alignas(64) std::array<std::array<std::uint8_t, 64>, 3> of{};
-};
-constexpr Picks pair_picks() {  // 16 of each of four rows of 32 bytes; by component's offset
-  Picks picks;
-  for (std::size_t k = 0; k < 64; ++k) {
-    for (std::size_t c = 0; c < 2; ++c) picks.of[c][k] = static_cast<std::uint8_t>(2 * k + c);
-  }
-  return picks;
-}
-constexpr Picks quad_picks() {  // 16 of each of two rows of 64 bytes, of components c and c + 2
-  Picks picks;
-  for (std::size_t k = 0; k < 64; ++k) {
-    for (std::size_t c = 0; c < 2; ++c) {
-      picks.of[c][k] = static_cast<std::uint8_t>(k / 16 % 2 * 64 + k % 16 * 4 + c + k / 32 * 2);
-    }
-  }
-  return picks;
-}
-constexpr Picks triple_picks() {  // 16 of each of two rows of 48 bytes in 64: components 0 and 1, then 2 twice
-  Picks picks;
-  for (std::size_t k = 0; k < 64; ++k) {
-    const std::size_t from = k / 16 % 2 * 64 + k % 16 * 3;
-    picks.of[0][k] = static_cast<std::uint8_t>(from + k / 32);
-    picks.of[1][k] = static_cast<std::uint8_t>(from + 2);
-  }
-  return picks;
-}
-constexpr Picks kPairPicks = pair_picks();
-constexpr Picks kQuadPicks = quad_picks();
-constexpr Picks kTriplePicks = triple_picks();
-
-inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si512(bytes.data()); }
-
-/// A patch in memory, one component after the other.
-template <int N>
-using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
-
-/// By PlaneView, sample by sample.
-[[gnu::noinline]] void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t components,
-                             std::uint8_t* staged) {
-  std::fill_n(staged, components * kPatch * kPatch, std::uint8_t{0});
-  for (std::size_t c = 0; c < components; ++c, staged += kPatch * kPatch) {
-    const PlaneView& view = plane.views[c];
-    for (int y = 0; y < std::min(kPatch, view.height - record.top); ++y) {
-      const std::uint8_t* from = view.data + (record.top + y) * view.row_stride;
-      for (int x = 0; x < std::min(kPatch, view.width - record.left); ++x) {
-        staged[y * kPatch + x] = from[std::ptrdiff_t{record.left + x} * view.pixel_stride];
-      }
-    }
-  }
-}
-
-/// Rows 4 k .. 4 k + 3 of the patches of all components, whose first row begins at from[c], or in groups at from[0].
-template <int N, Lie kLie>
-inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from, std::ptrdiff_t stride,
-                      std::size_t k, std::array<Patch, N>& patch) {
-  const std::ptrdiff_t down = static_cast<std::ptrdiff_t>(4 * k) * stride;
-  const auto row = [&](int y) { return _mm512_loadu_si512(from[0] + down + y * stride); };
-  if constexpr (kLie == Lie::kPairs) {
-    const V upper = two_rows(from[0] + down, stride);
-    const V lower = two_rows(from[0] + down + 2 * stride, stride);
-    for (std::size_t c = 0; c < N; ++c) {
-      patch[c].rows[k] = _mm512_permutex2var_epi8(upper, load(kPairPicks.of[plane.offset[c] & 1]), lower);
-    }
-  } else if constexpr (kLie == Lie::kQuads) {
-    const V picks = load(kQuadPicks.of[plane.offset[0] & 1]);
-    const V upper = _mm512_permutex2var_epi8(row(0), picks, row(1));
-    const V lower = _mm512_permutex2var_epi8(row(2), picks, row(3));
-    patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
-    patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
-  } else if constexpr (kLie == Lie::kTriples) {
-    const auto triples = [&](int y) { return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from[0] + down + y * stride); };
-    const V rows[4] = {triples(0), triples(1), triples(2), triples(3)};
-    const V both = load(kTriplePicks.of[0]);
-    const V last = load(kTriplePicks.of[1]);
-    const V upper = _mm512_permutex2var_epi8(rows[0], both, rows[1]);
-    const V lower = _mm512_permutex2var_epi8(rows[2], both, rows[3]);
-    patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
-    patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
-    patch[2].rows[k] = _mm512_shuffle_i64x2(_mm512_permutex2var_epi8(rows[0], last, rows[1]),
-                                            _mm512_permutex2var_epi8(rows[2], last, rows[3]), 0x44);
-  } else {
-    for (std::size_t c = 0; c < N; ++c) patch[c].rows[k] = four_rows(from[c] + down, stride);
-  }
-}
-
-template <int N, Lie kLie>
-inline void load_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Patch, N>& patch) {
-  std::ptrdiff_t stride = plane.row_stride;
-  std::array<const std::uint8_t*, N> from;
-  Staged<kLie == Lie::kAnyhow ? N : 0> staged;
-  if constexpr (kLie == Lie::kAnyhow) {
-    stage(plane, record, N, staged.data());
-    stride = kPatch;
-    for (std::size_t c = 0; c < N; ++c) from[c] = staged.data() + c * kPatch * kPatch;
-  } else {
-    const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
-    for (std::size_t c = 0; c < (kLie == Lie::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
-  }
-  for (std::size_t k = 0; k < 3; ++k) load_rows<N, kLie>(plane, from, stride, k, patch);
-  // A tile seldom needs the last four of a patch's rows.
-  if (std::max(record.rows[0], record.rows[1]) >> 4 > 10) {
-    load_rows<N, kLie>(plane, from, stride, 3, patch);
-  } else {
-    for (std::size_t c = 0; c < N; ++c) patch[c].rows[3] = patch[c].rows[2];
-  }
-}
-
-/// use(std::integral_constant<Lie, how a plane's samples lie>): what follows is compiled for each, so that patches do not
-/// leave their registers.
-template <int N, class Use>
-inline void by_lie(Lie lie, Use use) {
-  if (lie == Lie::kPlanar) return use(std::integral_constant<Lie, Lie::kPlanar>());
-  if constexpr (N < 3) {
-    if (lie == Lie::kPairs) return use(std::integral_constant<Lie, Lie::kPairs>());
-  }
-  if constexpr (N == 2) {
-    if (lie == Lie::kQuads) return use(std::integral_constant<Lie, Lie::kQuads>());
-  }
-  if constexpr (N == 3) {
-    if (lie == Lie::kTriples) return use(std::integral_constant<Lie, Lie::kTriples>());
-  }
-  use(std::integral_constant<Lie, Lie::kAnyhow>());
-}
-
 /// The bytes of a patch at 64 places. Those with `lower` lie in its rows 8 .. 15.
 inline V pick(const Patch& patch, V index, __mmask64 lower) {
   return _mm512_mask_blend_epi8(lower, _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
@@ -333,25 +182,6 @@ struct Avx512 {
     }
   }
 
-  /// Asks for the patch of a record that is still to come. Always inlined: GCC 12 leaves out calls of functions that do
-  /// nothing else.
-  template <int N>
-  [[gnu::always_inline]] static inline void prefetch(const BlendJob& job, std::size_t r) {
-    const auto& records = job.grid->records;
-    const PatchRecord& record = records[std::min(r, records.size() - 1)];
-    const PatchPlane& plane = job.plane(record);
-    const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
-    const std::ptrdiff_t at = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
-    const std::ptrdiff_t reach = std::ptrdiff_t{kPatch} * plane.group - 1;
-    for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
-      const std::uint8_t* from = plane.data[c] + at;
-      for (int y = 0; y < rows; ++y, from += plane.row_stride) {
-        _mm_prefetch(from, _MM_HINT_T0);  // a row may lie across two lines
-        _mm_prefetch(from + reach, _MM_HINT_T0);
-      }
-    }
-  }
-
   template <int N>
   static inline void finish(const BlendJob& job, const std::array<Rows, N>& light, bool negative, std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
@@ -380,7 +210,7 @@ struct Avx512 {
     const Steps s = steps();
     std::array<Rows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
-      prefetch<N>(job, tile.record + kAhead);
+      prefetch<N>(job, tile.record);
       dark_of<N>(job, tile.record, s, dark);
       return finish<N>(job, dark, true, out);
     }
@@ -389,7 +219,7 @@ struct Avx512 {
     const Sharing how = tile.how();
     Rows rest{all(-32768), all(-32768)};
     for (std::size_t r = 0; r < records; ++r) {
-      prefetch<N>(job, tile.record + r + kAhead);
+      prefetch<N>(job, tile.record + r);
       Rows weight = rest;
       if (r + 1 < records || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
@@ -457,9 +287,6 @@ struct Avx512 {
     }
     return true;
   }
-
-  /// Records between asking for a patch and needing it.
-  static constexpr std::size_t kAhead = 256;
 };
 
 }  // namespace

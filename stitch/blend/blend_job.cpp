@@ -41,8 +41,7 @@ PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size
 template <std::size_t kPieces>
 void expand(const std::array<std::int16_t, kPieces + 1>& knots, Pieces<kPieces>& pieces) {
   for (std::size_t i = 0; i < kPieces; ++i) {
-    pieces.knot[i] = knots[i];
-    pieces.rise[i] = static_cast<std::int16_t>(knots[i + 1] - knots[i]);
+    pieces.set(i, knots[i], static_cast<std::int16_t>(knots[i + 1] - knots[i]));
   }
 }
 
@@ -64,7 +63,7 @@ void expand_tone(const SetTone& tone, BlendJob& job) {
     for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
       for (std::size_t k = 0; k < kToneClasses; ++k) {
         expand<32>(tone.heads[h].curve[k].value_or(same).knots, job.curve[h][k]);
-        if (!tone.heads[h].curve[k]) job.curve[h][k].rise[31] = 1024;
+        if (!tone.heads[h].curve[k]) job.curve[h][k].set(31, same.knots[31], 1024);
       }
     }
   }

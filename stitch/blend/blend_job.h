@@ -33,6 +33,17 @@ template <std::size_t kPieces>
 struct Pieces {
   alignas(64) std::array<std::int16_t, kPieces> knot;
   alignas(64) std::array<std::int16_t, kPieces> rise;
+  /// The same for kernels that look up bytes: lower and upper bytes of knot, then of rise.
+  alignas(64) std::array<std::array<std::uint8_t, kPieces>, 4> bytes;
+
+  void set(std::size_t i, std::int16_t knot_i, std::int16_t rise_i) {
+    knot[i] = knot_i;
+    rise[i] = rise_i;
+    bytes[0][i] = static_cast<std::uint8_t>(knot_i & 255);
+    bytes[1][i] = static_cast<std::uint8_t>(knot_i >> 8 & 255);
+    bytes[2][i] = static_cast<std::uint8_t>(rise_i & 255);
+    bytes[3][i] = static_cast<std::uint8_t>(rise_i >> 8 & 255);
+  }
 };
 
 /// Of a component of the grid.
