@@ -133,6 +133,7 @@ bool Blender::begin() {
     count(counts_.without_buffer);
   }
   if (!pixels) {
+    tap(*set);
     give_back(set);
     return true;
   }
@@ -147,7 +148,12 @@ bool Blender::begin() {
   preparing_ = heads_to_prepare_ > 0;
   hand_out(preparing_ ? heads_to_prepare_ : bands_);
   measure();  // while the others blend; the raymap is not finished before this is done
+  tap(*set);
   return true;
+}
+
+void Blender::tap(const FrameSet& set) {
+  if (tap_.wanted() && sets_in_.empty()) tap_.fill(set, installed_ ? &installed_->id : nullptr);
 }
 
 void Blender::take_pictures(const FrameSet& set) {

@@ -8,6 +8,7 @@
 
 #include "firmware/config.h"
 #include "firmware/frame_set.h"
+#include "firmware/frame_tap.h"
 #include "firmware/raymap.h"
 #include "firmware/statistics.h"
 #include "hal/clock.h"
@@ -44,6 +45,8 @@ class Blender {
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   /// What the heads of each blended set saw. When nobody takes it, the newest are left out.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
+  /// Filled with a set's pictures when control wants them and no later set waits already.
+  FrameTap& tap() { return tap_; }
 
   struct Counts {
     std::atomic<std::uint64_t> blended{0};
@@ -79,6 +82,7 @@ class Blender {
   std::optional<Buffer> take_pixels();
   void undo_exposures(const FrameSet& set);
   void measure();
+  void tap(const FrameSet& set);
   void give_back(FrameSet* set);
 
   const RaymapConfig config_;
@@ -91,6 +95,7 @@ class Blender {
   SpscRing<Buffer> pixels_free_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
+  FrameTap tap_;
 
   // Between raymaps, by whoever holds coordinating_.
   std::atomic_flag coordinating_;

@@ -50,7 +50,8 @@ CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& dis
   publish();
 }
 
-bool CalibrationKeeper::step() {
+bool CalibrationKeeper::step(Instant now) {
+  now_ = now;
   bool busy = false;
   while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
   if (!started_) {
@@ -64,6 +65,7 @@ bool CalibrationKeeper::step() {
     start_next_good();
     busy = true;
   }
+  busy |= watch_trial();
   busy |= take_request();
   if (busy) publish();
   return busy;
@@ -138,7 +140,14 @@ bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
 }
 
 Status CalibrationKeeper::start(const KeeperRequest& request) {
-  if (const auto* upload = std::get_if<KeeperRequest::Install>(&request.what)) return install(request, upload->json);
+  if (const auto* wish = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *wish);
+  if (on_trial_) {
+    if (std::holds_alternative<KeeperRequest::Rollback>(request.what)) return end_trial(request, {});
+    return fail(Errc::kBusy, "calibration " + short_id(report_.trial->id) + " is on trial for " +
+                                 std::to_string((report_.trial->until - now_).ms() / 1000) +
+                                 " s more; wait, or end it: nodal calibration rollback");
+  }
+  if (std::holds_alternative<KeeperRequest::Install>(request.what)) return install(request);
   if (const auto* wish = std::get_if<KeeperRequest::Use>(&request.what)) {
     const auto found = store_->find(wish->id_prefix);
     return found ? use(request, found->id) : Status(fail(found.error()));
@@ -147,10 +156,12 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
   return fail(Errc::kNotFound, "there is no calibration before the one in force to go back to");
 }
 
-Status CalibrationKeeper::install(const KeeperRequest& request, const std::string& json) {
-  auto calibration = parse_calibration(json);
+Status CalibrationKeeper::install(const KeeperRequest& request) {
+  const auto& upload = std::get<KeeperRequest::Install>(request.what);
+  auto calibration = parse_calibration(upload.json);
   if (!calibration) return fail(calibration.error().in("calibration"));
   if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
+  if (upload.trial) return install_on_trial(request, std::move(*calibration), *upload.trial);
   const Sha256 id = calibration_id(*calibration);
   const bool known = store_->read(id).has_value();
   if (auto stored = store_->put(*calibration); !stored) {
@@ -159,6 +170,72 @@ Status CalibrationKeeper::install(const KeeperRequest& request, const std::strin
   Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
   if (!begun && !known) store_->remove(id);
   return begun;
+}
+
+Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibration calibration, Duration trial) {
+  const Sha256 id = calibration_id(calibration);
+  if (!running_) {
+    return fail(Errc::kWrongState, "no calibration is in force that a trial could go back to; upload this one for good");
+  }
+  if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
+  OnTrial on_trial{calibration, running_};
+  if (Status begun = begin(request.ticket, std::move(calibration), id, false, request.heads); !begun) return begun;
+  installing_->trial = trial;
+  on_trial_ = std::move(on_trial);
+  return {};
+}
+
+/// Keeping may fail, as the disk may; then the trial goes on, and the rig will go back.
+Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish) {
+  if (!report_.trial) {
+    return fail(Errc::kWrongState, "no calibration is on trial; its time was up, or it was ended");
+  }
+  const Sha256 id = report_.trial->id;
+  if (!std::string_view(reinterpret_cast<const char*>(id.data()), id.size()).starts_with(wish.id_prefix)) {
+    return fail(Errc::kNotFound, "calibration " + short_id(id) + " is on trial, and not that one");
+  }
+  if (!wish.keep) {
+    go_back(request.ticket);
+    return {};
+  }
+  const bool known = store_->read(id).has_value();
+  if (auto stored = store_->put(on_trial_->calibration); !stored) {
+    return fail(stored.error().in("storing calibration " + short_id(id)));
+  }
+  if (Status kept = store_->set_in_force(id); !kept) {
+    if (!known) store_->remove(id);
+    return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
+  }
+  report_.trial.reset();
+  report_.problem.clear();
+  on_trial_.reset();
+  answer(request.ticket, KeeperAnswer::Done{});
+  return {};
+}
+
+/// Goes back by itself when nobody has ended the trial in time.
+bool CalibrationKeeper::watch_trial() {
+  if (!report_.trial || installing_ || now_ < report_.trial->until) return false;
+  go_back(std::nullopt);
+  return true;
+}
+
+/// What was in force before runs again, as soon as the blend takes it; then a ticket is answered.
+void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
+  report_.in_force = on_trial_->before->id;
+  report_.name = on_trial_->before->name;
+  report_.trial.reset();
+  hand_over(std::exchange(on_trial_, std::nullopt)->before);
+  Installation back;
+  back.ticket = ticket;
+  back.id = running_->id;
+  back.handed_over = true;
+  installing_.emplace(std::move(back));
+}
+
+void CalibrationKeeper::hand_over(InstalledPtr installed) {
+  running_ = installed;
+  NODAL_ASSERT(tables_out_.push(std::move(installed)));
 }
 
 Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
@@ -182,13 +259,13 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
                                raymap.format};
   auto job = table::TableCompiler::make(*fitted, spec, formats, options);
   if (!job) return fail(job.error().in("calibration " + short_id(id)));
-  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), 0, false});
+  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, 0, false});
   return {};
 }
 
 bool CalibrationKeeper::compile_some() {
   Installation& now = *installing_;
-  const int rows = now.job->row_count();
+  const int rows = now.job ? now.job->row_count() : 0;  // none when it goes back
   if (now.rows_done < rows) {
     const int until = std::min(rows, now.rows_done + kRowsAStep);
     now.job->compile_rows(now.rows_done, until);
@@ -212,7 +289,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
-  if (done.ticket || store_->in_force() != done.id || !store_->note().empty()) {
+  if (!done.trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
       report_.problem = kept.error().message;  // runs all the same, this once
@@ -220,9 +297,9 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   }
   report_.in_force = done.id;
   report_.name = done.calibration.name;
-  InstalledPtr installed = make_installed(done.id, done.calibration.name, std::move(*table), std::move(*meter),
-                                          table::compile_tone_table(done.calibration, config_.raymap.soft));
-  NODAL_ASSERT(tables_out_.push(std::move(installed)));
+  if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
+  hand_over(make_installed(done.id, done.calibration.name, std::move(*table), std::move(*meter),
+                           table::compile_tone_table(done.calibration, config_.raymap.soft)));
   done.handed_over = true;
   return {};
 }
@@ -240,7 +317,8 @@ void CalibrationKeeper::end(const Status& status) {
     }
   } else {
     if (!status && installing_->newly_stored) store_->remove(installing_->id);
-    if (status) report_.problem.clear();
+    if (!status && installing_->trial) on_trial_.reset();
+    if (status && !installing_->trial) report_.problem.clear();
     Result<Answered> result = KeeperAnswer::Done{};
     if (!status) result = fail(status.error());
     answer(*installing_->ticket, std::move(result));
@@ -249,7 +327,12 @@ void CalibrationKeeper::end(const Status& status) {
 }
 
 Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
-  return KeeperAnswer::Listed{store_->entries(), report_.in_force};
+  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt};
+  if (report_.trial) {
+    listed.on_trial.emplace(
+        CalibrationStore::Entry{0, report_.trial->id, report_.name, on_trial_->calibration.heads.size(), ""});
+  }
+  return listed;
 }
 
 Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
@@ -262,6 +345,7 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
     if (!found) return fail(found.error());
     id = found->id;
   }
+  if (report_.trial && id == report_.trial->id) return KeeperAnswer::Document{id, canonical_json(on_trial_->calibration)};
   auto json = store_->read(id);
   if (!json) return fail(json.error());
   return KeeperAnswer::Document{id, std::move(*json)};

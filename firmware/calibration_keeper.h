@@ -29,7 +29,14 @@ struct HeadShape {
 using HeadShapes = std::vector<std::optional<HeadShape>>;
 
 struct KeeperRequest {
-  struct Install { std::string json; };             ///< a document to store and put in force
+  struct Install {                                  ///< a document to store and put in force
+    std::string json;
+    std::optional<Duration> trial{};                ///< for so long at most, and without storing it
+  };
+  struct EndTrial {
+    std::string id_prefix;                          ///< empty: whatever is on trial
+    bool keep = false;
+  };
   struct Use { std::string id_prefix; };
   struct Rollback {};
   struct List {};
@@ -37,7 +44,7 @@ struct KeeperRequest {
   struct Remember { std::string settings; };        ///< to be in report().settings after the next start
 
   std::uint64_t ticket = 0;
-  std::variant<List, Get, Install, Use, Rollback, Remember> what;
+  std::variant<List, Get, Install, Use, Rollback, EndTrial, Remember> what;
   HeadShapes heads;
 };
 
@@ -46,6 +53,7 @@ struct KeeperAnswer {
   struct Listed {
     std::vector<CalibrationStore::Entry> entries;
     std::optional<Sha256> in_force;
+    std::optional<CalibrationStore::Entry> on_trial;  ///< not among the entries
   };
   struct Document {
     Sha256 id{};
@@ -56,11 +64,20 @@ struct KeeperAnswer {
   Result<std::variant<Done, Listed, Document>> result;
 };
 
+/// A calibration on trial: it runs, and the disk knows nothing of it.
+struct Trial {
+  Sha256 id{};
+  std::string name;
+  Sha256 before{};  ///< what the rig goes back to
+  Instant until;    ///< when it does so by itself
+};
+
 /// The keeper as status tells of it.
 struct KeeperReport {
   bool ready = false;              ///< what was in force before the start runs again, or there was nothing
   std::optional<Sha256> in_force;  ///< what the blend runs
   std::string name;                ///< of it
+  std::optional<Trial> trial;      ///< of it, when it is on trial
   std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
   std::string problem;             ///< what stays wrong until somebody acts
   std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
@@ -73,6 +90,10 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 /// Parse, fit to the rig, store, compile, prove, put in force on the disk, swap; one request at a time, in slices. A
 /// request that fails at any of these leaves the old calibration in force, on the disk and in the blend.
 ///
+/// A trial goes the same way but for the disk, on which the old one stays in force: whatever ends the trial without a
+/// word to keep it (its time, a power cut, nodald killed) ends with the old one. Its table stays in memory meanwhile, so
+/// that the way back compiles nothing and cannot fail. While it lasts, no other calibration is taken.
+///
 /// Threading: step() is thread-bound to the keeper and takes as long as the disk does, so it has a thread of its own
 ///   in the field. requests() and answers() are SPSC rings with control, tables_out and tables_back with the blend.
 /// Ownership: the disk outlives it.
@@ -83,7 +104,7 @@ class CalibrationKeeper {
                     SpscRing<InstalledPtr>& tables_back);
 
   /// True when it did something.
-  bool step();
+  bool step(Instant now);
 
   SpscRing<KeeperRequest>& requests() { return requests_; }
   SpscRing<KeeperAnswer>& answers() { return answers_; }
@@ -101,8 +122,14 @@ class CalibrationKeeper {
     Sha256 id{};
     bool newly_stored = false;
     std::optional<table::TableCompiler> job;
+    std::optional<Duration> trial{};
     int rows_done = 0;
     bool handed_over = false;  ///< to the blend, which takes it between two sets
+  };
+  /// What a trial needs to end either way.
+  struct OnTrial {
+    Calibration calibration;
+    InstalledPtr before;
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -112,8 +139,13 @@ class CalibrationKeeper {
   bool take_request();
   Status start(const KeeperRequest& request);
   bool answer_at_once(const KeeperRequest& request);
-  Status install(const KeeperRequest& request, const std::string& json);
+  Status install(const KeeperRequest& request);
+  Status install_on_trial(const KeeperRequest& request, Calibration calibration, Duration trial);
   Status use(const KeeperRequest& request, const Sha256& id);
+  Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish);
+  bool watch_trial();
+  void go_back(std::optional<std::uint64_t> ticket);
+  void hand_over(InstalledPtr installed);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
                const HeadShapes& heads);
   bool compile_some();
@@ -138,6 +170,9 @@ class CalibrationKeeper {
   bool started_ = false;
   std::vector<CalibrationStore::Entry> to_try_;  ///< at start, the next to try last
   std::optional<Installation> installing_;
+  std::optional<OnTrial> on_trial_;  ///< exactly while report_.trial
+  InstalledPtr running_;             ///< what the blend has, or takes next
+  Instant now_;                      ///< of the step under way
   std::optional<KeeperRequest> waiting_;  ///< for the installation under way
 };
 

@@ -25,6 +25,7 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       uploads_(UploadLimits{kMaxCalibrationBytes, 4}),
       publisher_(config.raymap, stages.encoder.raymaps_out(), stages.blender.pixels_free(),
                  stages.encoder.jpegs_free()),
+      frame_sender_(config, stages.blender.tap()),
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
@@ -36,6 +37,7 @@ Control::~Control() = default;
 bool Control::step(Instant now) {
   capture_ = &stages_.capture.snapshot().read();
   keeper_ = &stages_.keeper.snapshot().read();
+  watch_trial();
   restore_settings();
   bool busy = accept(now);
   for (const auto& client : clients_) busy |= serve(*client, now);
@@ -43,6 +45,7 @@ bool Control::step(Instant now) {
   remember_settings(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_));
   busy |= publisher_.step(clients_, now);
+  busy |= frame_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
   watch(now);
@@ -55,7 +58,8 @@ std::vector<std::string> Control::take_news() { return std::exchange(news_, {});
 wire::Hello Control::hello() const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"calibration", "exposure", "exposure-programs", "genlock", "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature : {"calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets", "genlock",
+                              "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
   if (keeper_->in_force) hello.set_calibration_id(sha256_to_wire(*keeper_->in_force));
@@ -186,6 +190,18 @@ void Control::take_answer(KeeperAnswer answer, Instant now) {
     message.mutable_done();
   }
   reply(*client, message, now);
+}
+
+void Control::watch_trial() {
+  if (keeper_->trial.has_value() == on_trial_.has_value()) return;
+  if (keeper_->trial) {
+    on_trial_ = keeper_->trial->id;
+    news_.push_back("calibration '" + keeper_->name + "' is on trial");
+    return;
+  }
+  news_.push_back(keeper_->in_force == on_trial_ ? "the trial's calibration is kept"
+                                                 : "the trial is over; back to calibration '" + keeper_->name + "'");
+  on_trial_.reset();
 }
 
 void Control::step_panel(Instant now) {

@@ -15,6 +15,7 @@
 #include "firmware/client.h"
 #include "firmware/config.h"
 #include "firmware/encoder.h"
+#include "firmware/frame_sender.h"
 #include "firmware/health.h"
 #include "firmware/panel.h"
 #include "firmware/publisher.h"
@@ -95,6 +96,7 @@ class Control {
   std::pair<Client*, Open> close(std::uint64_t ticket);
   void act(PanelAction action, Instant now);
   void step_panel(Instant now);
+  void watch_trial();
   void restore_settings();
   void remember_settings(Instant now);
   Client* find(std::uint64_t number);
@@ -112,12 +114,14 @@ class Control {
   std::uint64_t next_client_ = 1;
   std::uint64_t next_ticket_ = 1;
   std::map<std::uint64_t, Open> open_;
+  std::optional<Sha256> on_trial_;
   UploadReceiver uploads_;
   Settings settings_;
   std::optional<std::deque<wire::Request>> restoring_;  ///< once they were read
   bool settings_changed_ = false;
   std::optional<Instant> settings_kept_;  ///< last
   Publisher publisher_;
+  FrameSender frame_sender_;
 
   const CaptureReport* capture_;  ///< newest
   const KeeperReport* keeper_;

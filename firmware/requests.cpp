@@ -53,6 +53,10 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       later = true;
       done = ask_keeper(client, request, KeeperRequest::Rollback{});
       break;
+    case wire::Request::kTrialEnd:
+      later = true;
+      done = ask_keeper(client, request, KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
+      break;
     case wire::Request::kPull: {
       if (!keeper_->in_force) {
         done = fail(Errc::kNotReady, "there are no raymaps yet: " + (keeper_->activity.empty()
@@ -61,6 +65,12 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
         break;
       }
       const auto stream = publisher_.start(client, request.pull());
+      if (stream) answer.mutable_pull()->set_stream(*stream);
+      else done = fail(stream.error());
+      break;
+    }
+    case wire::Request::kFrameSet: {
+      const auto stream = frame_sender_.start(client, head_shapes(), now);
       if (stream) answer.mutable_pull()->set_stream(*stream);
       else done = fail(stream.error());
       break;
@@ -214,11 +224,19 @@ Result<CaptureCommand> Control::genlock_command(const wire::GenlockRequest& wish
 }
 
 Status Control::commit(Client& client, const wire::Request& request) {
-  const auto name = sha256_from_wire(request.upload_commit().sha256());
+  const wire::UploadCommit& wish = request.upload_commit();
+  const auto name = sha256_from_wire(wish.sha256());
   if (!name) return fail(name.error());
+  std::optional<Duration> trial;
+  if (wish.has_trial_ns()) {
+    if (wish.trial_ns() < 1'000'000'000 || wish.trial_ns() > 3'600'000'000'000) {
+      return fail(Errc::kBadValue, "a trial lasts 1 s to 1 hour");
+    }
+    trial = Duration::nanoseconds(static_cast<std::int64_t>(wish.trial_ns()));
+  }
   auto document = uploads_.take(*name);
   if (!document) return fail(document.error());
-  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end())});
+  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end()), trial});
 }
 
 HeadShapes Control::head_shapes() const {
@@ -255,6 +273,7 @@ wire::RigStatus Control::status(Instant now) {
     status.set_calibration_id(sha256_to_wire(*keeper_->in_force));
     status.set_calibration_name(keeper_->name);
   }
+  if (keeper_->trial) fill_trial(*keeper_->trial, now, *status.mutable_trial());
   status.set_activity(keeper_->activity);
   status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
   status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));

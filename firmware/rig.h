@@ -45,7 +45,7 @@ class Rig {
   bool step_capture();
   bool step_blend() { return blender_.step(); }
   bool step_encode() { return encoder_.step(); }
-  bool step_keeper() { return keeper_.step(); }
+  bool step_keeper() { return keeper_.step(clock_.now()); }
   bool step_control();
 
   /// Everything once, for an executor of one thread; bands until none are left.

@@ -1,5 +1,7 @@
 #include "firmware/status.h"
 
+#include <algorithm>
+
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -133,14 +135,26 @@ void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into) {
 }
 
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into) {
-  for (const CalibrationStore::Entry& entry : listed.entries) {
+  const auto add = [&](const CalibrationStore::Entry& entry) -> wire::CalibrationEntry& {
     wire::CalibrationEntry& added = *into.add_entries();
     added.set_id(sha256_to_wire(entry.id));
     added.set_name(entry.name);
     added.set_heads(static_cast<std::uint32_t>(entry.heads));
     added.set_generation(entry.generation);
     added.set_in_force(listed.in_force == entry.id);
+    return added;
+  };
+  if (listed.on_trial) add(*listed.on_trial).set_on_trial(true);
+  for (const CalibrationStore::Entry& entry : listed.entries) {
+    if (!listed.on_trial || entry.id != listed.on_trial->id) add(entry);
   }
+}
+
+void fill_trial(const Trial& trial, Instant now, wire::Trial& into) {
+  into.set_id(sha256_to_wire(trial.id));
+  into.set_name(trial.name);
+  into.set_before(sha256_to_wire(trial.before));
+  into.set_left_ns(static_cast<std::uint64_t>(std::max(trial.until - now, Duration()).ns()));
 }
 
 }  // namespace nodal::firmware

@@ -18,6 +18,7 @@ void fill_capture(const CaptureReport& capture, wire::RigStatus& into);
 /// How well the set of this raymap was exposed together.
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
+void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
 
 }  // namespace nodal::firmware

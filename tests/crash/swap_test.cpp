@@ -32,7 +32,7 @@ class Keeping {
 
   void run() {
     for (int i = 0; i < 1000; ++i) {
-      bool busy = keeper.step();
+      bool busy = keeper.step(now);
       while (auto table = out_.pop()) {
         running = (*table)->id;
         busy = true;
@@ -57,11 +57,12 @@ class Keeping {
  public:
   CalibrationKeeper keeper;
   std::optional<Sha256> running;  ///< what the blend has
+  Instant now;
 };
 
 Calibration numbered(int n) { return scenario::small_calibration("number " + std::to_string(n)); }
 
-KeeperRequest::Install install(const Calibration& calibration) { return {to_json(calibration)}; }
+KeeperRequest::Install install(const Calibration& calibration) { return {to_json(calibration), {}}; }
 
 /// What may be in force once the power is back, and that it is there whole.
 void expect_either(std::unique_ptr<SimDisk> disk, const std::optional<Sha256>& old, const Sha256& fresh,
@@ -150,6 +151,32 @@ TEST(CalibrationSwap, KilledInAnyDiskOperationBetweenTwoOldOnes_TheNewestIsNotTa
       },
       [](Keeping& keeping) { return keeping.ask(use(numbered(2))); }, calibration_id(numbered(1)),
       calibration_id(numbered(2)), 20, 5);
+}
+
+TEST(CalibrationSwap, KilledInAnyDiskOperationOfKeepingATrial_TheOldOneOrTheTriedOneIsInForce) {
+  kill_everywhere(
+      [](Keeping& keeping) {
+        ASSERT_TRUE(keeping.ask(install(numbered(1))));
+        ASSERT_TRUE(keeping.ask(KeeperRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
+      },
+      [](Keeping& keeping) { return keeping.ask(KeeperRequest::EndTrial{"", true}); }, calibration_id(numbered(1)),
+      calibration_id(numbered(2)), 20);
+}
+
+TEST(CalibrationSwap, ATrial_TouchesNoDiskUntilItIsKept) {
+  SimDisk disk;
+  Keeping keeping(disk);
+  ASSERT_TRUE(keeping.ask(install(numbered(1))));
+  const std::uint64_t before = disk.operations();
+  ASSERT_TRUE(keeping.ask(KeeperRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
+  EXPECT_EQ(keeping.running, calibration_id(numbered(2)));
+  keeping.now = keeping.now + Duration::seconds(59);
+  keeping.run();
+  EXPECT_EQ(keeping.running, calibration_id(numbered(2)));
+  keeping.now = keeping.now + Duration::seconds(1);
+  keeping.run();
+  EXPECT_EQ(keeping.running, calibration_id(numbered(1)));
+  EXPECT_EQ(disk.operations(), before);
 }
 
 TEST(CalibrationSwap, KilledWhileAFullStoreMakesRoom_NothingThatIsNeededIsMissing) {

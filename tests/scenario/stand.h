@@ -26,6 +26,7 @@ class Stand;
 /// A raymap as a host got it.
 struct Pulled {
   wire::RaymapHeader header;
+  std::string meta;  ///< the header as it came
   std::vector<std::uint8_t> body;
 };
 
