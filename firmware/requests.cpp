@@ -3,6 +3,19 @@
 #include "firmware/status.h"
 
 namespace nodal::firmware {
+namespace {
+
+decltype(KeeperRequest::what) keeper_question(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kCalibrationGet: return KeeperRequest::Get{request.calibration_get().id()};
+    case wire::Request::kCalibrationUse: return KeeperRequest::Use{request.calibration_use().id()};
+    case wire::Request::kCalibrationRollback: return KeeperRequest::Rollback{};
+    case wire::Request::kTrialEnd: return KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()};
+    default: return KeeperRequest::List{};
+  }
+}
+
+}  // namespace
 
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
   wire::Reply answer;
@@ -38,24 +51,12 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       done = commit(client, request);
       break;
     case wire::Request::kCalibrationList:
-      later = true;
-      done = ask_keeper(client, request, KeeperRequest::List{});
-      break;
     case wire::Request::kCalibrationGet:
-      later = true;
-      done = ask_keeper(client, request, KeeperRequest::Get{request.calibration_get().id()});
-      break;
     case wire::Request::kCalibrationUse:
-      later = true;
-      done = ask_keeper(client, request, KeeperRequest::Use{request.calibration_use().id()});
-      break;
     case wire::Request::kCalibrationRollback:
-      later = true;
-      done = ask_keeper(client, request, KeeperRequest::Rollback{});
-      break;
     case wire::Request::kTrialEnd:
       later = true;
-      done = ask_keeper(client, request, KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
+      done = ask_keeper(client, request, keeper_question(request));
       break;
     case wire::Request::kPull: {
       if (!keeper_->in_force) {

@@ -5,7 +5,9 @@
 #include "host_tool/calibration_report.h"
 #include "host_tool/command.h"
 #include "host_tool/files.h"
+#include "host_tool/live_frames.h"
 #include "host_tool/quantities.h"
+#include "host_tool/trial.h"
 #include "host_tool/upload.h"
 #include "host_tool/wire_json.h"
 #include "protocol/calibration.h"
@@ -20,6 +22,7 @@ struct Args {
   std::string id;
   std::string out;
   bool unchecked = false;
+  bool trial = false;
 };
 
 /// The bytes that an id's first digits stand for; an odd digit would be half a byte.
@@ -47,7 +50,17 @@ Result<Calibration> read_calibration(const std::string& file, std::string* conte
   return calibration;
 }
 
+Status run_trial(Context& context, const Args& args) {
+  const Result<Calibration> calibration = read_calibration(args.file, nullptr);
+  if (!calibration) return fail(calibration.error());
+  const Result<TrialVerdict> verdict = try_out(context, *calibration, kLiveSets, kTrialLimit);
+  if (!verdict) return fail(verdict.error());
+  tell_verdict(context, *verdict);
+  return {};
+}
+
 Status run_upload(Context& context, const Args& args) {
+  if (args.trial) return run_trial(context, args);
   std::string content;
   const Result<Calibration> calibration = read_calibration(args.file, &content);
   if (!calibration) {
@@ -77,7 +90,7 @@ Status run_list(Context& context) {
   Table table({{""}, {"id"}, {"generation", Table::Align::kRight}, {"heads", Table::Align::kRight}, {"name"}});
   for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
     list.push_back(to_json(entry));
-    table.row({entry.in_force() ? "*" : "", show_id(entry.id()), std::to_string(entry.generation()),
+    table.row({entry.on_trial() ? "* trial" : entry.in_force() ? "*" : "", show_id(entry.id()), std::to_string(entry.generation()),
                std::to_string(entry.heads()), entry.name()});
   }
   context.console().document({{"calibrations", list}});
@@ -174,7 +187,10 @@ void add_calibration(CLI::App& app, CommandLine& line) {
                          "  nodal calibration upload rig.json\n"
                          "An upload that is cut off goes on where it stopped, even by a second `nodal`.\n");
   upload->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
-  upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
+  CLI::Option* unchecked =
+      upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
+  upload->add_flag("--trial", args->trial, "Keep it only if the heads differ by less with it; else the rig goes back")
+      ->excludes(unchecked);
   line.on(upload, [args](Context& context) { return run_upload(context, *args); });
 
   line.on(add("list", "The calibrations that the rig keeps; * is the one in force", "  nodal calibration list\n"),

@@ -82,6 +82,7 @@ CommandLine::CommandLine(Console& console)
   add_import(app_, *this);
   add_pairs(app_, *this);
   add_register(app_, *this);
+  add_drift(app_, *this);
   add_export(app_, *this);
   add_pattern(app_, *this);
   add_calibrate(app_, *this);
@@ -111,7 +112,7 @@ ExitCode CommandLine::dispatch() {
   watch_interrupts();
   const Status done = action->second(context_);
   console_.finish_progress();
-  if (done) return ExitCode::kOk;
+  if (done) return context_.answer;
   console_.error(done.error());
   return exit_code_of(done.error().code);
 }

@@ -37,6 +37,9 @@ class Context {
   std::string timeout = "10s";
   bool json = false;
 
+  /// For a command that did its work and whose answer is no: what the shell is told then.
+  ExitCode answer = ExitCode::kOk;
+
  private:
   Console& console_;
 };
@@ -74,6 +77,7 @@ void add_sync(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);
 void add_import(CLI::App& app, CommandLine& line);
 void add_pairs(CLI::App& app, CommandLine& line);
+void add_drift(CLI::App& app, CommandLine& line);
 void add_register(CLI::App& app, CommandLine& line);
 void add_export(CLI::App& app, CommandLine& line);
 void add_pattern(CLI::App& app, CommandLine& line);

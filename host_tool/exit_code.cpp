@@ -15,8 +15,8 @@ ExitCode exit_code_of(Errc code) {
   }
 }
 
-const std::array<ExitCodeHelp, 8>& exit_code_help() {
-  static const std::array<ExitCodeHelp, 8> help{{
+const std::array<ExitCodeHelp, 9>& exit_code_help() {
+  static const std::array<ExitCodeHelp, 9> help{{
       {ExitCode::kOk, "done"},
       {ExitCode::kFailed, "Nodal itself went wrong (errors 9xx)"},
       {ExitCode::kUsage, "the command line cannot be understood"},
@@ -25,6 +25,7 @@ const std::array<ExitCodeHelp, 8>& exit_code_help() {
       {ExitCode::kDevice, "a head or another device of the rig failed (4xx)"},
       {ExitCode::kStorage, "a file or a disk, here or on the rig (5xx)"},
       {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},
+      {ExitCode::kJudged, "asked to judge, and the answer is no: heads have moved, or a trial was no better"},
   }};
   return help;
 }

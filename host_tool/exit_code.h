@@ -17,6 +17,7 @@ enum class ExitCode : int {
   kDevice = 5,       ///< a head or another device of the rig (4xx)
   kStorage = 6,      ///< a file or disk, here or on the rig (5xx)
   kNotNow = 7,       ///< the right request at the wrong moment (6xx)
+  kJudged = 8,       ///< asked to judge, and the judgement is no: drifted, no better
 };
 
 /// By the hundreds of the error's number.
@@ -27,6 +28,6 @@ struct ExitCodeHelp {
   std::string_view meaning;
 };
 /// Every code with one line for --help and the manual page.
-const std::array<ExitCodeHelp, 8>& exit_code_help();
+const std::array<ExitCodeHelp, 9>& exit_code_help();
 
 }  // namespace nodal::host

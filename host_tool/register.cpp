@@ -8,9 +8,12 @@
 
 #include "host_tool/command.h"
 #include "host_tool/files.h"
+#include "host_tool/live_frames.h"
 #include "host_tool/pairs_file.h"
 #include "host_tool/registration_input.h"
+#include "host_tool/quantities.h"
 #include "host_tool/registration_report.h"
+#include "host_tool/trial.h"
 #include "stitch/registration/pairs.h"
 
 namespace nodal::host {
@@ -24,8 +27,11 @@ struct Args {
   std::string nominal, circle, pairs, report;
   double roll = 0;
   std::string out = "calibration.json";
-  std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "shared", gauge = "first";
+  std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "shared", gauge;
   bool no_search = false;
+  int sets = kLiveSets;
+  bool trial = false;
+  std::string limit = "60s";
   Options options;
 };
 
@@ -41,7 +47,8 @@ const Choices<registration::VignettingModel> kVignetting{{"fixed", registration:
                                                          {"shared", registration::VignettingModel::kShared},
                                                          {"own", registration::VignettingModel::kOwn}};
 const Choices<registration::Gauge> kGauge{{"first", registration::Gauge::kFirstHead},
-                                          {"mean", registration::Gauge::kMean}};
+                                          {"mean", registration::Gauge::kMean},
+                                          {"most", registration::Gauge::kMost}};
 
 template <class Value>
 CLI::IsMember one_of(const Choices<Value>& choices) {
@@ -50,16 +57,7 @@ CLI::IsMember one_of(const Choices<Value>& choices) {
   return CLI::IsMember(names);
 }
 
-struct Input {
-  Calibration prior;
-  PictureSets pictures;
-};
-
-std::vector<std::string> names_of(const Calibration& rig) {
-  std::vector<std::string> names;
-  for (const HeadCalibration& head : rig.heads) names.push_back(head.name);
-  return names;
-}
+using Input = CalibratedPictures;
 
 Result<Input> input_from_nominal(const Args& args) {
   Result<Nominal> nominal = parse_nominal(args.nominal);
@@ -81,21 +79,21 @@ Result<Input> input_from_nominal(const Args& args) {
   return Input{std::move(*prior), std::move(*pictures)};
 }
 
-Result<Input> read_input(const Args& args) {
-  if (!args.nominal.empty()) return input_from_nominal(args);
-  const std::string& file = args.inputs.front();
-  const Result<std::string> text = read_file(file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  Result<Calibration> prior = parse_calibration(*text);
-  if (!prior) return fail(prior.error().in(file));
-  const std::vector<std::string> rest(args.inputs.begin() + 1, args.inputs.end());
-  if (rest.empty()) {
-    return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}",
-                                                 prior->heads.size(), file));
-  }
-  Result<PictureSets> pictures = read_pictures(rest, names_of(*prior));
+Result<Input> input_from_rig(Context& context, const Args& args) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has) return fail(has.error());
+  Result<Calibration> prior = calibration_in_force(**rig);
+  if (!prior) return fail(prior.error());
+  Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
   if (!pictures) return fail(pictures.error());
   return Input{std::move(*prior), std::move(*pictures)};
+}
+
+Result<Input> read_input(Context& context, const Args& args) {
+  if (args.inputs.empty() && !args.nominal.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  if (args.inputs.empty()) return input_from_rig(context, args);
+  return args.nominal.empty() ? read_calibrated_pictures(args.inputs) : input_from_nominal(args);
 }
 
 // JSON has no infinity; null stands for "nothing is known".
@@ -166,14 +164,16 @@ void tell(Console& console, const Report& report, bool focals, const std::string
 }
 
 Status run(Context& context, const Args& args) {
-  Result<Input> input = read_input(args);
+  const Result<Duration> limit = parse_duration(args.limit);
+  if (!limit) return fail(limit.error().in("--limit"));
+  Result<Input> input = read_input(context, args);
   if (!input) return fail(input.error());
   if (!args.pairs.empty()) {
-    const auto pairs = read_pairs(args.pairs, input->prior);
+    const auto pairs = read_pairs(args.pairs, input->calibration);
     if (!pairs) return fail(pairs.error());
-    Result<registration::PairFit> fit = registration::fit_to_pairs(input->prior, *pairs, registration::Free::kRotations);
+    Result<registration::PairFit> fit = registration::fit_to_pairs(input->calibration, *pairs, registration::Free::kRotations);
     if (!fit) return fail(fit.error().in(args.pairs));
-    input->prior = std::move(fit->calibration);
+    input->calibration = std::move(fit->calibration);
     for (const std::string& warning : fit->warnings) context.console().note(args.pairs + ": " + warning);
   }
   Options options = args.options;
@@ -181,7 +181,10 @@ Status run(Context& context, const Args& args) {
   options.norm = kNorm.at(args.norm);
   options.colour = kColour.at(args.colour);
   options.vignetting = kVignetting.at(args.vignetting);
-  options.gauge = kGauge.at(args.gauge);
+  // Of a rig that runs, the heads that stand must not be turned by the one that does not.
+  options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
+                  : args.inputs.empty() ? registration::Gauge::kMost
+                                        : registration::Gauge::kFirstHead;
   options.search = !args.no_search;
   options.lens_far_off = !args.nominal.empty();  // a data sheet knows a field of view, not a lens
   Result<Report> report = fail(Errc::kInternal, "");
@@ -193,13 +196,13 @@ Status run(Context& context, const Args& args) {
       bar.update(static_cast<std::uint64_t>(1000 * done),
                  fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
     };
-    report = registration::register_heads(input->prior, input->pictures.frames(), options);
+    report = registration::register_heads(input->calibration, input->pictures.frames(), options);
   }
   if (!report) return fail(report.error());
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
   if (!args.report.empty()) {
-    const Result<std::string> page = registration_report(input->prior, input->pictures.frames().front(), *report);
+    const Result<std::string> page = registration_report(input->calibration, input->pictures.frames().front(), *report);
     if (!page) return fail(page.error());
     if (const Status written = write_file(args.report, *page); !written) return written;
   }
@@ -209,6 +212,10 @@ Status run(Context& context, const Args& args) {
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   context.console().document(document);
   tell(context.console(), *report, options.free != registration::Free::kRotations, args.out, seconds);
+  if (!args.trial) return {};
+  const Result<TrialVerdict> verdict = try_out(context, report->calibration, args.sets, *limit);
+  if (!verdict) return fail(verdict.error());
+  tell_verdict(context, *verdict);
   return {};
 }
 
@@ -216,14 +223,15 @@ Status run(Context& context, const Args& args) {
 
 void add_register(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "register", "Find how the heads stand to each other, from pictures they took together; needs no rig",
+      app, "register", "Find how the heads stand to each other, from pictures they took together",
       "  nodal register rig.json cam0.png cam1.png cam2.png -o found.json\n"
       "  nodal register rig.json noon/ evening/ --free focals     folders with pictures called as the heads are\n"
       "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
+      "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps what is found if it is better\n"
       "Gain and fall-off are found with the rest. A head that the pictures do not place is named and kept as it was.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("INPUT", args->inputs, "The calibration to start from (none with --nominal), and the pictures")
-      ->required()
+  command->add_option("INPUT", args->inputs, "The calibration to start from (none with --nominal), and the pictures; "
+                                             "nothing: the running rig's")
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
@@ -244,8 +252,9 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("--colour", args->colour, "Compare luminance, or red, green and blue with a gain each")
       ->type_name("luminance|rgb")
       ->check(one_of(kColour));
-  command->add_option("--gauge", args->gauge, "What stays: the first head (when not given), or the heads' mean")
-      ->type_name("first|mean")
+  command->add_option("--gauge", args->gauge, "What stays: the first head (of files), the heads' mean, what most heads agree on "
+                                              "(of a rig)")
+      ->type_name("first|mean|most")
       ->check(one_of(kGauge));
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
   command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts")
@@ -255,6 +264,15 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(1, kMostLiveSets));
+  CLI::Option* trial = command->add_flag("--trial", args->trial, "Put it in force on trial; the rig keeps it if it is better "
+                                                                 "on frames taken then, and else goes back");
+  command->add_option("--limit", args->limit, "The rig goes back by itself after so long (60s when not given)")
+      ->type_name("DURATION")
+      ->needs(trial)
+      ->check(checked_by(parse_duration));
   CLI::Option* nominal =
       command->add_option("--nominal", args->nominal, "Start from fisheyes evenly round the horizon: heads x field of view")
           ->type_name("NxDEGREES")

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <numbers>
 
+#include "host_tool/files.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::host {
@@ -103,6 +104,24 @@ Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, con
     }
   }
   return pictures;
+}
+
+Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments) {
+  const std::string& file = arguments.front();
+  const Result<std::string> text = read_file(file, kMaxCalibrationBytes);
+  if (!text) return fail(text.error());
+  Result<Calibration> calibration = parse_calibration(*text);
+  if (!calibration) return fail(calibration.error().in(file));
+  const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
+  if (rest.empty()) {
+    return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}",
+                                                 calibration->heads.size(), file));
+  }
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : calibration->heads) names.push_back(head.name);
+  Result<PictureSets> pictures = read_pictures(rest, names);
+  if (!pictures) return fail(pictures.error());
+  return CalibratedPictures{std::move(*calibration), std::move(*pictures)};
 }
 
 Result<Nominal> parse_nominal(const std::string& text) {

@@ -22,6 +22,14 @@ struct PictureSets {
 /// Errors: kBadValue with what is missing or too much; those of reading pictures.
 Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names);
 
+struct CalibratedPictures {
+  Calibration calibration;
+  PictureSets pictures;
+};
+/// A calibration's file, then pictures as read_pictures() takes them.
+/// Errors: those of parse_calibration() and read_pictures(); kMissingField without any pictures.
+Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments);
+
 /// A rig as its data sheet has it: `--nominal 3x190`.
 struct Nominal {
   int heads = 0;

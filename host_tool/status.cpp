@@ -47,6 +47,10 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   row("calibration", status.calibration_id().empty()
                          ? "none; `nodal calibration upload FILE` brings one"
                          : fmt::format("{} ({})", status.calibration_name(), show_id(status.calibration_id())));
+  if (status.has_trial()) {
+    row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it", show_id(status.trial().before()),
+                             show_duration(status.trial().left_ns())));
+  }
   row("genlock", fmt::format("{} at {}/{} Hz, {} triggers, spread {} (worst {})",
                              console.paint(colour_of(genlock.state()), genlock.state()), genlock.rate_numerator(),
                              genlock.rate_denominator(), genlock.triggers(), show_duration(genlock.spread_ns()),

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "host_tool/console.h"
@@ -21,9 +22,11 @@ struct Uploaded {
   int links = 1;                 ///< conversations it took
 };
 
-/// UploadBegin, the bytes from where the rig says on, UploadCommit. A link that is lost (3xx) is made anew, up
+/// UploadBegin, the bytes from where the rig says on, UploadCommit; with `trial`, for so long at most (ask for the rig's
+/// feature first). A link that is lost (3xx) is made anew, up
 /// to `attempts` conversations in all.
 /// Errors: the last link's, or what the rig says of the document.
-Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console);
+Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
+                        std::optional<Duration> trial = std::nullopt);
 
 }  // namespace nodal::host

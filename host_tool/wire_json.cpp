@@ -71,6 +71,13 @@ Json to_json(const wire::ExposureState& exposure) {
 }
 
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address) {
+  Json trial;  // null: none
+  if (status.has_trial()) {
+    trial = {{"id", hex_of(status.trial().id())},
+             {"name", status.trial().name()},
+             {"before", hex_of(status.trial().before())},
+             {"left_ns", status.trial().left_ns()}};
+  }
   return {{"rig", rig_name},
           {"address", address},
           {"state", status.state()},
@@ -92,6 +99,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"losses", counts_to_json(status.losses())},
           {"calibration_id", hex_of(status.calibration_id())},
           {"calibration_name", status.calibration_name()},
+          {"trial", trial},
           {"genlock", to_json(status.genlock())},
           {"blend_ns", status.blend_ns()},
           {"encode_ns", status.encode_ns()},
@@ -131,7 +139,8 @@ Json to_json(const wire::CalibrationEntry& entry) {
           {"name", entry.name()},
           {"heads", entry.heads()},
           {"generation", entry.generation()},
-          {"in_force", entry.in_force()}};
+          {"in_force", entry.in_force()},
+          {"on_trial", entry.on_trial()}};
 }
 
 Json to_json(const wire::RaymapHeader& header) {

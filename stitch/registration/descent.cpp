@@ -50,6 +50,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   auto [step, promised] = step_from(best.normal, damping);
   while (best.iterations < options.most_iterations && refusals < kMostRefusals && parameters.free_count() > 0) {
     const double turn = parameters.largest_turn(step);
+    const bool still = sought.rotation && turn < options.turn_rad;
     std::vector<HeadState> tried = parameters.moved(best.heads, step);
     Result<Normal> there = objective.evaluate(tried, sought, true);
     ++best.iterations;
@@ -64,7 +65,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
     if (!better) {
       damping *= 10;
       ++refusals;
-      if (turn < options.turn_rad) break;
+      if (still) break;
       step = step_from(best.normal, damping).first;
       continue;
     }
@@ -74,7 +75,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
     damping = next_damping;
     refusals = 0;
     if (options.accepted) options.accepted(best.iterations, best.normal.objective(), turn);
-    if (turn < options.turn_rad || (options.curvature == Curvature::kOwn && share < options.gain)) break;
+    if (still || (options.curvature == Curvature::kOwn && share < options.gain)) break;
     step = next_step;
     promised = next_promised;
   }

@@ -1,27 +1,61 @@
 #include "stitch/registration/gauge.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::registration {
 
-void hold_mean(const std::vector<HeadState>& start, const std::vector<bool>& placed, std::vector<HeadState>& heads) {
-  const auto count = static_cast<double>(std::ranges::count(placed, true));
+namespace {
+
+Eigen::Vector3d mean_of(const std::vector<Eigen::Vector3d>& turns) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& turn : turns) sum += turn;
+  return sum / static_cast<double>(turns.size());
+}
+
+// Weiszfeld's iteration: a mean, each counted by how near it is. Turns nearer than `same` count alike, which also keeps
+// the weights finite.
+Eigen::Vector3d geometric_median_of(const std::vector<Eigen::Vector3d>& turns) {
+  constexpr double kSame = 1e-6;
+  Eigen::Vector3d median = mean_of(turns);
+  for (int round = 0; round < 200; ++round) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double weights = 0;
+    for (const Eigen::Vector3d& turn : turns) {
+      const double weight = 1 / std::hypot((turn - median).norm(), kSame);
+      sum += weight * turn;
+      weights += weight;
+    }
+    const Eigen::Vector3d next = sum / weights;
+    const double step = (next - median).norm();
+    median = next;
+    if (step < 1e-12) break;
+  }
+  return median;
+}
+
+}  // namespace
+
+void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::vector<bool>& placed,
+                   std::vector<HeadState>& heads) {
   // The mean of turns is no linear thing; Newton's steps to where it is zero gain digits by the pair.
-  for (int round = 0; round < 8 && count > 0; ++round) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (int round = 0; round < 8; ++round) {
+    std::vector<Eigen::Vector3d> turns;
     for (std::size_t h = 0; h < heads.size(); ++h) {
       if (!placed[h]) continue;
       // In the rig's frame: start = found * turn.
       const Eigen::AngleAxisd turn((heads[h].q_head_rig.conjugate() * start[h].q_head_rig).normalized());
-      mean += turn.angle() * turn.axis() / count;
+      turns.push_back(turn.angle() * turn.axis());
     }
-    const Eigen::Quaterniond back(geometry::rotation_about(mean));
+    if (turns.empty()) return;
+    const Eigen::Vector3d middle = gauge == Gauge::kMost ? geometric_median_of(turns) : mean_of(turns);
+    const Eigen::Quaterniond back(geometry::rotation_about(middle));
     for (std::size_t h = 0; h < heads.size(); ++h) {
       if (placed[h]) heads[h].q_head_rig = (heads[h].q_head_rig * back).normalized();
     }
-    if (mean.norm() < 1e-14) return;
+    if (middle.norm() < 1e-14) return;
   }
 }
 

@@ -9,6 +9,7 @@
 #include "stitch/registration/lens_misfit.h"
 #include "stitch/registration/level.h"
 #include "stitch/registration/observability.h"
+#include "stitch/registration/prepare.h"
 #include "stitch/registration/registration.h"
 #include "stitch/registration/search.h"
 
@@ -16,7 +17,6 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr int kSmallestLevel = 16;      // px on the shorter side of the coarsest picture
 constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than this shows at its seams
 constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
 constexpr int kQuickWidth = 512;        // of the raymap where usual mistakes are tried
@@ -70,28 +70,13 @@ class Run {
 };
 
 Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
-  if (Status fits = check_frames(prior_, frame_sets); !fits) return fits;
-  for (const HeadCalibration& head : prior_.heads) {
-    Result<HeadState> state = HeadState::from(head);
-    if (!state) return fail(state.error());
-    start_.push_back(std::move(*state));
-  }
-  heads_ = start_;
+  Result<Prepared> ready = registration::prepare(prior_, frame_sets, options_, workers_);
+  if (!ready) return fail(ready.error());
+  start_ = heads_ = std::move(ready->heads);
+  pyramids_ = std::move(ready->pyramids);
+  plans_ = std::move(ready->plans);
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
-  pyramids_.resize(heads_.size());
-  workers_.run(static_cast<int>(heads_.size()), [&](int head) {
-    const auto h = static_cast<std::size_t>(head);
-    std::vector<Plane> planes;
-    for (const FrameSet& frames : frame_sets) {
-      for (Plane& plane : light_of(frames[h], prior_.heads[h], channels())) planes.push_back(std::move(plane));
-    }
-    pyramids_[h] = make_pyramid(std::move(planes), kSmallestLevel);
-  });
-  if (Status good = check_light(prior_, pyramids_); !good) return good;
-  int deepest = kLevels - 1;
-  for (const HeadPyramid& pyramid : pyramids_) deepest = std::min(deepest, static_cast<int>(pyramid.levels.size()) - 1);
-  plans_ = plan_levels(heads_, options_, deepest);
   work_all_ = 0;
   for (const LevelPlan& plan : plans_) work_all_ += static_cast<double>(plan.width) * plan.width;
   return {};
@@ -273,7 +258,7 @@ Status Run::check_lenses(Objective& objective) {
 
 Result<Report> Run::report() {
   const LevelPlan& finest = plans_.back();
-  if (options_.gauge == Gauge::kMean) hold_mean(start_, used(), heads_);
+  if (options_.gauge != Gauge::kFirstHead) hold_together(options_.gauge, start_, used(), heads_);
   double farthest = 0;
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
@@ -292,7 +277,7 @@ Result<Report> Run::report() {
   report_.objective_after = after->objective();
   const Parameters parameters(heads_, sought_of(finest), held(plans_.back()));
   Eigen::MatrixXd gauge;
-  if (options_.gauge == Gauge::kMean) gauge = mean_taken_out(heads_, used(), parameters);
+  if (options_.gauge != Gauge::kFirstHead) gauge = mean_taken_out(heads_, used(), parameters);
   const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_, gauge);
   (*level)->objective().set_used(used());
   if (Status fit = check_lenses((*level)->objective()); !fit) return fail(fit.error());

@@ -34,6 +34,7 @@ enum class VignettingModel : std::uint8_t {
 enum class Gauge : std::uint8_t {
   kFirstHead,  ///< the first head that is placed stays where the prior has it
   kMean,       ///< the heads' turns have mean zero
+  kMost,       ///< the heads' turns have geometric median zero: those that moved do not turn those that did not
 };
 
 /// One evaluation of the objective that was accepted.

@@ -1,0 +1,124 @@
+#include "stitch/registration/drift.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "stitch/registration/check_frames.h"
+#include "stitch/registration/descent.h"
+#include "stitch/registration/level.h"
+#include "stitch/registration/prepare.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kByChance = 4;      // standard deviations
+constexpr double kKnownWell = 2;     // so many must fit into the tolerance
+
+HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const HeadReport& found, double tolerance_px,
+                   double focal_px) {
+  HeadDrift drift;
+  drift.name = found.name;
+  drift.sigma_deg = found.sigma_deg;
+  drift.sigma_px = found.sigma_deg / kDegrees * focal_px;
+  if (!found.placed) {
+    drift.why = found.why_not;
+    return drift;
+  }
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R_was(was.R_head_rig.data()), R_is(is.R_head_rig.data());
+  // A ray fixed to the head as it was, in the head as it is: the head turned by the opposite.
+  const Eigen::AngleAxisd turn(Eigen::Matrix3d(R_was * R_is.transpose()));
+  const Eigen::Vector3d about = turn.angle() * turn.axis() * kDegrees;
+  drift.moved_deg = about.norm();
+  drift.moved_px = drift.moved_deg / kDegrees * focal_px;
+  drift.up_deg = about.x();
+  drift.right_deg = about.y();
+  drift.roll_deg = about.z();
+  if (kKnownWell * drift.sigma_px > tolerance_px) {
+    drift.why = "the detail it shares with others does not hold it well enough";
+  } else if (drift.moved_px <= tolerance_px) {
+    drift.standing = Standing::kStands;
+  } else if (drift.moved_deg > kByChance * drift.sigma_deg) {
+    drift.standing = Standing::kMoved;
+  } else {
+    drift.why = "it may have moved, or it may be chance; take more frames, or another scene";
+  }
+  return drift;
+}
+
+// A calibration that makes everything darker leaves smaller differences, and is no better for it.
+void level_gains(std::vector<HeadState>& heads) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    double sum = 0;
+    for (const HeadState& head : heads) sum += head.log_gain[c];
+    for (HeadState& head : heads) head.log_gain[c] -= sum / static_cast<double>(heads.size());
+  }
+}
+
+}  // namespace
+
+std::string_view standing_name(Standing standing) {
+  switch (standing) {
+    case Standing::kStands: return "stands";
+    case Standing::kMoved: return "moved";
+    case Standing::kUnknown: return "unknown";
+  }
+  return "unknown";
+}
+
+bool DriftReport::any(Standing standing) const {
+  return std::ranges::any_of(heads, [standing](const HeadDrift& head) { return head.standing == standing; });
+}
+
+Result<DriftReport> measure_drift(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
+                                  const DriftOptions& options) {
+  Options how;
+  how.gauge = Gauge::kMost;
+  how.threads = options.threads;
+  how.progress = options.progress;
+  Result<Report> found = register_heads(calibration, frame_sets, how);
+  if (!found) return fail(found.error());
+  DriftReport report;
+  for (std::size_t h = 0; h < calibration.heads.size(); ++h) {
+    const Result<HeadState> state = HeadState::from(calibration.heads[h]);
+    if (!state) return fail(state.error());
+    report.heads.push_back(drift_of(calibration.heads[h], found->calibration.heads[h], found->heads[h],
+                                    options.tolerance_px, focal_of(state->lens)));
+  }
+  report.objective_before = found->objective_before;
+  report.objective_after = found->objective_after;
+  report.calibration = std::move(found->calibration);
+  report.warnings = std::move(found->warnings);
+  return report;
+}
+
+Result<std::vector<double>> objectives_of(const std::vector<Calibration>& calibrations,
+                                          const std::vector<FrameSet>& frame_sets, const Options& options) {
+  const Workers workers(options.threads);
+  std::vector<double> objectives;
+  for (const Calibration& calibration : calibrations) {
+    Result<Prepared> ready = prepare(calibration, frame_sets, options, workers);
+    if (!ready) return fail(ready.error());
+    level_gains(ready->heads);
+    const LevelPlan& finest = ready->plans.back();
+    Result<std::unique_ptr<Level>> level =
+        Level::make(finest, Level::Pictures::kLight, ready->pyramids, ready->heads, options, 0.02, workers);
+    if (!level) return fail(level.error());
+    Sought gains;
+    gains.rotation = gains.vignetting = false;
+    gains.channels = options.colour == Colour::kRgb ? 3 : 1;
+    Held held;
+    held.geometry.assign(ready->heads.size(), true);
+    held.light.assign(ready->heads.size(), false);
+    held.first = -1;
+    const Result<Descended> fitted = descend((*level)->objective(), ready->heads, gains, held, {});
+    if (!fitted) return fail(fitted.error());
+    if (fitted->normal.measure <= 0) return fail(Errc::kNoCoverage, nothing_shared(calibration));
+    objectives.push_back(fitted->normal.objective());
+  }
+  return objectives;
+}
+
+}  // namespace nodal::registration

@@ -1,0 +1,113 @@
+// `nodal drift` and trials, as a user runs them on a rig that films: one of its heads was bumped after it was calibrated.
+#include <signal.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "rig_process.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::command_line {
+namespace {
+
+constexpr int kSide = 192;
+constexpr double kBumpDeg = 0.4;
+constexpr std::size_t kBumped = 3;
+
+Calibration six(const std::string& name) {
+  Calibration rig = test::six_fisheyes(kSide);
+  rig.name = name;
+  return rig;
+}
+
+/// The head turned to its right.
+Calibration bumped(Calibration rig, std::size_t head, double degrees) {
+  std::array<double, 9>& R = rig.heads[head].R_head_rig;
+  const double c = std::cos(degrees * std::numbers::pi / 180), s = std::sin(degrees * std::numbers::pi / 180);
+  for (std::size_t column = 0; column < 3; ++column) {
+    const double x = R[column], z = R[6 + column];
+    R[column] = c * x - s * z;
+    R[6 + column] = s * x + c * z;
+  }
+  return rig;
+}
+
+class BumpedRig : public RigTest {
+ protected:
+  BumpedRig() {
+    write("six.json", to_json(six("six")));
+    write("truth.json", to_json(bumped(six("truth"), kBumped, kBumpDeg)));
+  }
+  void film() {
+    start_nodald();
+    bring_up();
+  }
+  Json drift() const {
+    return Json::parse(nodal({"--json", "drift", "--tolerance", "0.2"}).out);
+  }
+  /// Whether a calibration is on trial. What nodald says meanwhile is read, or its log would fill the pipe.
+  bool on_trial() {
+    (void)nodald().complained();
+    return !nodal_json({"status"}).at(0)["trial"].is_null();
+  }
+  std::string in_force() const { return nodal_json({"status"}).at(0)["calibration_id"]; }
+  static std::string id_of(const Calibration& calibration) { return to_hex(calibration_id(calibration)); }
+};
+
+TEST_F(BumpedRig, Drift_NamesTheHeadThatMovedAndNoOtherAndReregistrationOnTrialPutsItRight) {
+  film();
+  const Finished told = nodal({"drift", "--tolerance", "0.2"});
+  EXPECT_EQ(told.code, 8) << told.err;
+  EXPECT_NE(told.err.find("moved 'cam3' by 0."), std::string::npos) << told.err;
+  const Json before = drift();
+  EXPECT_TRUE(before["moved"].get<bool>());
+  for (std::size_t h = 0; h < 6; ++h) {
+    const Json& head = before["heads"][h];
+    EXPECT_EQ(head["standing"], h == kBumped ? "moved" : "stands") << head;
+    EXPECT_NEAR(head["moved_deg"].get<double>(), h == kBumped ? kBumpDeg : 0, 0.03) << head;
+  }
+  EXPECT_NEAR(before["heads"][kBumped]["right_deg"].get<double>(), kBumpDeg, 0.03);
+
+  const Finished better = nodal({"register", "--trial", "-o", path("found.json")});
+  ASSERT_EQ(better.code, 0) << better.err;
+  EXPECT_NE(better.out.find("kept: "), std::string::npos) << better.out;
+  const std::string found = id_of(parse_calibration(read("found.json")).value());
+  EXPECT_EQ(in_force(), found);
+  EXPECT_FALSE(on_trial());
+  EXPECT_FALSE(drift()["moved"].get<bool>());
+  start_nodald();  // again, on the same store
+  EXPECT_TRUE(wait_until([&] { return in_force() == found; }));
+}
+
+TEST_F(BumpedRig, ATrialThatIsWorse_IsRolledBackAndNotStored) {
+  film();
+  const Calibration worse = bumped(six("worse"), 0, 1.0);
+  const Finished tried = nodal({"calibration", "upload", write("worse.json", to_json(worse)), "--trial"});
+  EXPECT_EQ(tried.code, 8) << tried.err;
+  EXPECT_NE(tried.err.find("is no better, and the rig is back"), std::string::npos) << tried.err;
+  EXPECT_EQ(in_force(), id_of(six("six")));
+  EXPECT_EQ(nodal_json({"calibration", "list"}).at(0)["calibrations"].size(), 1u);
+}
+
+TEST_F(BumpedRig, NodaldIsKilledDuringATrial_TheOldOneIsInForceWhenItIsBack) {
+  film();
+  const auto trial = start({"register", "--trial", "-o", path("found.json")});
+  ASSERT_TRUE(wait_until([&] { return on_trial(); }));
+  nodald().signal(SIGKILL);
+  EXPECT_NE(trial->wait().code, 0);
+  start_nodald();
+  EXPECT_TRUE(wait_until([&] { return in_force() == id_of(six("six")); }));
+}
+
+TEST_F(BumpedRig, TheHostIsKilledDuringATrial_TheRigGoesBackByItself) {
+  film();
+  const auto trial = start({"register", "--trial", "--limit", "4s", "--sets", "8", "-o", path("found.json")});
+  ASSERT_TRUE(wait_until([&] { return on_trial(); }));
+  trial->signal(SIGKILL);
+  trial->wait();
+  EXPECT_TRUE(wait_until([&] { return !on_trial(); }));
+  EXPECT_EQ(in_force(), id_of(six("six")));
+}
+
+}  // namespace
+}  // namespace nodal::command_line
