@@ -22,18 +22,6 @@ constexpr const char* kStyle =
     "@media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}svg{background:#eee}p.warning{color:#222}"
     "td,th{border-color:#333}p.summary,figcaption{color:#aaa}}";
 
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
-  }
-  return out;
-}
-
 /// RFC 4648.
 std::string base64(std::span<const std::uint8_t> bytes) {
   constexpr const char* kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -106,22 +94,34 @@ std::string grid(const Axis& x, const Axis& y, bool log_y) {
 
 }  // namespace
 
-HtmlReport::HtmlReport(std::string_view title, std::string_view summary) : title_(escaped(title)) {
-  body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + escaped(summary) + "</p>\n";
+std::string html_escaped(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&') out += "&amp;";
+    else if (c == '<') out += "&lt;";
+    else if (c == '>') out += "&gt;";
+    else if (c == '"') out += "&quot;";
+    else out += c;
+  }
+  return out;
 }
 
-void HtmlReport::heading(std::string_view text) { body_ += "<h2>" + escaped(text) + "</h2>\n"; }
-void HtmlReport::paragraph(std::string_view text) { body_ += "<p>" + escaped(text) + "</p>\n"; }
-void HtmlReport::warning(std::string_view text) { body_ += "<p class=\"warning\">" + escaped(text) + "</p>\n"; }
+HtmlReport::HtmlReport(std::string_view title, std::string_view summary) : title_(html_escaped(title)) {
+  body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + html_escaped(summary) + "</p>\n";
+}
+
+void HtmlReport::heading(std::string_view text) { body_ += "<h2>" + html_escaped(text) + "</h2>\n"; }
+void HtmlReport::paragraph(std::string_view text) { body_ += "<p>" + html_escaped(text) + "</p>\n"; }
+void HtmlReport::warning(std::string_view text) { body_ += "<p class=\"warning\">" + html_escaped(text) + "</p>\n"; }
 
 void HtmlReport::table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows) {
   body_ += "<table><tr>";
-  for (const std::string& title : titles) body_ += "<th>" + escaped(title) + "</th>";
+  for (const std::string& title : titles) body_ += "<th>" + html_escaped(title) + "</th>";
   body_ += "</tr>\n";
   for (const auto& row : rows) {
     body_ += "<tr>";
     for (const std::string& cell : row) {
-      body_ += (is_number(cell) ? "<td class=\"n\">" : "<td>") + escaped(cell) + "</td>";
+      body_ += (is_number(cell) ? "<td class=\"n\">" : "<td>") + html_escaped(cell) + "</td>";
     }
     body_ += "</tr>\n";
   }
@@ -133,7 +133,7 @@ void HtmlReport::pictures(const std::vector<std::pair<std::vector<std::uint8_t>,
   for (const auto& [file, caption] : files_and_captions) {
     const bool jpeg = file.size() > 1 && file[0] == 0xFF && file[1] == 0xD8;
     body_ += std::string("<figure><img src=\"data:image/") + (jpeg ? "jpeg" : "png") + ";base64," + base64(file) +
-             "\" alt=\"\"><figcaption>" + escaped(caption) + "</figcaption></figure>\n";
+             "\" alt=\"\"><figcaption>" + html_escaped(caption) + "</figcaption></figure>\n";
   }
   body_ += "</div>\n";
 }
@@ -166,17 +166,19 @@ void HtmlReport::chart(std::string_view title, std::string_view x_label, std::st
     svg += "\"/>";
     if (series.size() > 1) {
       svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" fill=\"{}\">{}</text>", kLeft + 8,
-                         kTop + 14 + 13 * static_cast<double>(n), colour, escaped(series[n].name));
+                         kTop + 14 + 13 * static_cast<double>(n), colour, html_escaped(series[n].name));
     }
   }
   svg += fmt::format("<text x=\"{:.0f}\" y=\"16\" font-size=\"13\" font-weight=\"bold\">{}</text>", kLeft,
-                     escaped(title));
+                     html_escaped(title));
   svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>", (kLeft + kWidth - kRight) / 2,
-                     kHeight - 8, escaped(x_label));
+                     kHeight - 8, html_escaped(x_label));
   svg += fmt::format("<text transform=\"translate(13 {:.0f}) rotate(-90)\" text-anchor=\"middle\">{}</text></svg>\n",
-                     (kTop + kHeight - kBottom) / 2, escaped(y_label));
+                     (kTop + kHeight - kBottom) / 2, html_escaped(y_label));
   body_ += svg;
 }
+
+void HtmlReport::drawing(std::string_view svg) { body_ += svg; }
 
 std::string HtmlReport::finish() const {
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"

@@ -10,6 +10,9 @@
 
 namespace nodal::host {
 
+/// As text of a page or an attribute of it.
+std::string html_escaped(std::string_view text);
+
 /// A curve of a chart.
 struct ChartSeries {
   std::string name;
@@ -35,6 +38,9 @@ class HtmlReport {
   /// Curves over common axes, drawn as SVG. `log_y` needs positive values.
   void chart(std::string_view title, std::string_view x_label, std::string_view y_label,
              const std::vector<ChartSeries>& series, bool log_y = false);
+
+  /// SVG as it is; its maker has escaped what is in it.
+  void drawing(std::string_view svg);
 
   std::string finish() const;
 

@@ -37,7 +37,9 @@ struct Args {
 
 template <class Value>
 using Choices = std::map<std::string, Value>;
-const Choices<registration::Free> kFree{{"rotations", registration::Free::kRotations},
+// "light" frees nothing of the geometry.
+const Choices<registration::Free> kFree{{"light", registration::Free::kRotations},
+                                        {"rotations", registration::Free::kRotations},
                                         {"focals", registration::Free::kFocals},
                                         {"lens", registration::Free::kLens}};
 const Choices<registration::Norm> kNorm{{"sum", registration::Norm::kSum}, {"max", registration::Norm::kMax}};
@@ -178,6 +180,7 @@ Status run(Context& context, const Args& args) {
   }
   Options options = args.options;
   options.free = kFree.at(args.free);
+  options.geometry = args.free != "light";
   options.norm = kNorm.at(args.norm);
   options.colour = kColour.at(args.colour);
   options.vignetting = kVignetting.at(args.vignetting);
@@ -235,8 +238,9 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
-  command->add_option("--free", args->free, "What is sought: rotations (when not given); focals, too; the whole lens, too")
-      ->type_name("rotations|focals|lens")
+  command->add_option("--free", args->free, "What is sought: rotations (when not given); focals, too; the whole lens, too; or "
+                                          "light alone, with the heads where they are")
+      ->type_name("light|rotations|focals|lens")
       ->check(one_of(kFree));
   command->add_option("--vignetting", args->vignetting, "Fall-off: shared by all heads (when not given), own, or fixed")
       ->type_name("shared|own|fixed")

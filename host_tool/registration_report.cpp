@@ -9,6 +9,7 @@
 
 #include "host_tool/grey_png.h"
 #include "host_tool/html_report.h"
+#include "host_tool/sphere_graph.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 
@@ -197,6 +198,31 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
   }
 }
 
+// Where the head looks, as people say it.
+GraphNode node_of(const Head& head, const registration::HeadReport& report) {
+  const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis, in the rig's frame
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)), !report.placed};
+}
+
+void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
+  std::vector<GraphNode> nodes;
+  for (std::size_t h = 0; h < report.heads.size(); ++h) nodes.push_back(node_of(rig.heads()[h], report.heads[h]));
+  double most = 0;
+  for (const registration::PairReport& pair : report.pairs) most = std::max(most, pair.shared_sr);
+  std::vector<GraphLink> links;
+  for (const registration::PairReport& pair : report.pairs) {
+    const auto a = static_cast<std::size_t>(pair.a), b = static_cast<std::size_t>(pair.b);
+    links.push_back({a, b, most > 0 ? pair.shared_sr / most : 0, pair.agreement,
+                     fmt::format("{} and {}: {:.3f} sr, {:.2f} levels, agreement {:.2f}", report.heads[a].name,
+                                 report.heads[b].name, pair.shared_sr, pair.rms_after, pair.agreement)});
+  }
+  page.heading("Who overlaps with whom");
+  page.paragraph("Heads where they look, on the unrolled sphere. A head that hangs by thin or red lines alone is not to be "
+                 "trusted.");
+  page.drawing(sphere_graph(nodes, links));
+}
+
 void add_pairs(const Report& report, HtmlReport& page) {
   std::vector<std::vector<std::string>> rows;
   for (const registration::PairReport& pair : report.pairs) {
@@ -229,6 +255,7 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   page.pictures({{png(old_spheres.difference, kWidth, kHeight), "before; white is 32 levels or more"},
                  {png(spheres.difference, kWidth, kHeight), "after"}});
   page.pictures({{png(spheres.seers, kWidth, kHeight), "how many heads see each ray; black is none"}});
+  add_graph(*after, report, page);
   add_pairs(report, page);
   add_seams(*before, *after, report, page);
   return page.finish();

@@ -1,7 +1,9 @@
 #include "stitch/registration/check_frames.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 
 namespace nodal::registration {
 namespace {
@@ -105,6 +107,19 @@ std::string lens_misfit(bool focals, double promised) {
 std::string wrong_lenses(bool focals) {
   return std::string("the calibration's lenses cannot have taken these pictures, and so they place only some heads; ") +
          (focals ? "seek the focal lengths, too" : "check the lens model and the field of view, and seek the lenses, too");
+}
+
+std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought) {
+  const auto number = [](const char* form, double value) {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), form, value);
+    return std::string(text.data());
+  };
+  const bool one_way = std::abs(mean_percent) > 0.7 * rms_percent;
+  return "the calibration's focal lengths are about " + number("%.1f", rms_percent) + " % " +
+         (one_way ? mean_percent > 0 ? "too short" : "too long" : "off") + ", and rotations alone cannot make up for that (" +
+         number("%.1f", held) + " levels of difference, " + number("%.1f", sought) +
+         " with the right ones); seek the focal lengths, too";
 }
 
 std::string doubtful_seam(const std::string& a, const std::string& b) {

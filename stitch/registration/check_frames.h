@@ -29,6 +29,9 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 /// `promised`: the share of the differences that other lenses would take away.
 std::string lens_misfit(bool focals, double promised);
 std::string wrong_lenses(bool focals);
+/// What is said of focal lengths that are wrong by so many percent, rms and mean: the heads differ by so many levels
+/// with them held, and with them sought.
+std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought);
 
 /// What is said of two placed heads whose fine detail does not line up.
 std::string doubtful_seam(const std::string& a, const std::string& b);

@@ -93,6 +93,19 @@ HeadCalibration HeadState::into(HeadCalibration prior) const {
   return prior;
 }
 
+namespace {
+
+// Between a fall-off to a twentieth and a brighter rim than any lens makes, all the way out.
+bool plausible(const std::array<double, 3>& vignetting) {
+  for (const double s : {0.25, 0.5, 0.75, 1.0}) {
+    const double left = 1 + s * (vignetting[0] + s * (vignetting[1] + s * vignetting[2]));
+    if (left < 0.05 || left > 1.3) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd& step) {
   HeadState next = head;
   if (slots.rotation >= 0) {
@@ -114,8 +127,15 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
   for (int c = 0; c < 3 && slots.gain >= 0; ++c) {
     next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];
   }
-  for (int k = 0; k < kVignettingTerms && slots.vignetting >= 0; ++k) {
-    next.vignetting[static_cast<std::size_t>(k)] += step[slots.vignetting + k];
+  if (slots.vignetting >= 0) {
+    // A step that runs away is shortened; one that starts outside goes where it wants.
+    double share = 1;
+    do {
+      for (std::size_t k = 0; k < kVignettingTerms; ++k) {
+        next.vignetting[k] = head.vignetting[k] + share * step[slots.vignetting + static_cast<Eigen::Index>(k)];
+      }
+      share /= 2;
+    } while (share > 1e-3 && !plausible(next.vignetting) && plausible(head.vignetting));
   }
   return next;
 }

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
+
+#include "stitch/geometry/lens.h"
 
 namespace nodal::registration {
 namespace {
@@ -14,6 +17,36 @@ double worst_sigma(const Eigen::Matrix3d& information) {
 }
 
 }  // namespace
+
+double fall_off_seen(const std::vector<HeadState>& heads) {
+  constexpr int kRays = 4000;
+  std::vector<geometry::Lens> lenses;
+  std::vector<double> reach;
+  for (const HeadState& head : heads) {
+    const Result<geometry::Lens> lens = geometry::Lens::make(head.lens, head.max_angle);
+    const Result<double> angle = head.used_angle();
+    if (!lens || !angle) return 0;
+    lenses.push_back(*lens);
+    reach.push_back(*angle);
+  }
+  std::vector<double> distances;
+  for (int k = 0; k < kRays; ++k) {
+    // Evenly over the sphere: equal steps down, the golden angle round.
+    const double y = 1 - (2 * k + 1.0) / kRays, round = k * std::numbers::pi * (3 - std::sqrt(5.0)), r = std::sqrt(1 - y * y);
+    const Eigen::Vector3d ray(r * std::cos(round), y, r * std::sin(round));
+    std::vector<double> seen;
+    for (std::size_t h = 0; h < heads.size(); ++h) {
+      const Eigen::Vector3d own = heads[h].q_head_rig * ray;
+      const double angle = std::atan2(std::hypot(own.x(), own.y()), own.z());
+      if (angle > reach[h]) continue;
+      if (const auto radius = lenses[h].radius(angle)) seen.push_back(std::pow(*radius / heads[h].edge_radius, 2));
+    }
+    if (seen.size() > 1) distances.insert(distances.end(), seen.begin(), seen.end());
+  }
+  if (distances.empty()) return 0;
+  std::ranges::sort(distances);
+  return distances[distances.size() * 95 / 100] - distances[distances.size() * 5 / 100];
+}
 
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,

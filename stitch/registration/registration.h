@@ -27,7 +27,7 @@ enum class Norm : std::uint8_t { kSum, kMax };
 enum class Colour : std::uint8_t { kLuminance, kRgb };
 enum class VignettingModel : std::uint8_t {
   kFixed,   ///< as the prior has it
-  kShared,  ///< the same fall-off for every head, about its own lens centre
+  kShared,  ///< the same fall-off for every head, about its own lens centre; fixed when heads share only their rims
   kOwn,
 };
 /// What holds the rig as a whole, which no overlap says anything about.
@@ -48,6 +48,8 @@ struct Step {
 
 struct Options {
   Free free = Free::kRotations;
+  /// False: heads stay where they are with their lenses, whatever `free` says; gains and fall-off alone are sought.
+  bool geometry = true;
   Norm norm = Norm::kSum;
   Colour colour = Colour::kLuminance;
   bool gains = true;

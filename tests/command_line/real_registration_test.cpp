@@ -42,5 +42,27 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippe
   for (const json& head : by_data_sheet["heads"]) EXPECT_TRUE(head["placed"].get<bool>()) << head["why_not"];
 }
 
+TEST(RealRegistration, TwoFisheyesBackToBack_AreNotPlacedByTheirRimsButTheirExposureSeamGoes) {
+  const fs::path rig = fs::path(NODAL_SHARED_DIR) / "data" / "gopro_fusion" / "testframes" / "3k" / "single";
+  if (!fs::exists(rig / "FR" / "GPFR0003_img1.jpg")) GTEST_SKIP() << rig << " is not there: no real rig is registered";
+  const test::TemporaryFolder folder;
+  const auto run = [&](const std::string& free) {
+    // The circle and the field of view of the maker's data sheet.
+    return test::Process({NODAL_BIN_DIR "/nodal", "--json", "register", "--nominal", "2x190", "--circle", "779,742,765", "--free",
+                          free, "-o", (folder / "found.json").string(), rig / "FR" / "GPFR0003_img1.jpg",
+                          rig / "BK" / "GPBK0003_img1.jpg"})
+        .wait(std::chrono::seconds(110));
+  };
+  // A hand, a sleeve and a book cross the rims, and each lens sees them from its own place.
+  const test::Finished placed = run("rotations");
+  EXPECT_EQ(placed.code, 4) << placed.out;
+  EXPECT_FALSE(fs::exists(folder / "found.json"));
+  const test::Finished lit = run("light");
+  ASSERT_EQ(lit.code, 0) << lit.err;
+  const json answer = json::parse(lit.out);
+  EXPECT_LT(answer["objective_after"].get<double>(), 0.5 * answer["objective_before"].get<double>());
+  for (const json& head : answer["heads"]) EXPECT_NEAR(head["turned_deg"].get<double>(), 0, 1e-9);
+}
+
 }  // namespace
 }  // namespace nodal::command_line

@@ -13,7 +13,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr int kSide = 240;
+constexpr int kSide = 200;
 constexpr double kPixelsADegree = kSide / 130.0;
 
 /// The head turned about its own axes: up, right, clockwise.
@@ -32,9 +32,14 @@ const Calibration& calibrated() {
   return rig;
 }
 
+/// The calibrated rig, as it stands.
+const test::RenderedRig& still() {
+  static const test::RenderedRig rig = filmed(calibrated());
+  return rig;
+}
+
 TEST(Drift, NothingMoved_EveryHeadStandsAndItsErrorIsWhatItSays) {
-  const auto rig = filmed(calibrated());
-  const auto drift = measure_drift(calibrated(), {rig.frames()}, {});
+  const auto drift = measure_drift(calibrated(), {still().frames()}, {});
   ASSERT_TRUE(drift) << drift.error().text();
   for (const HeadDrift& head : drift->heads) {
     EXPECT_EQ(head.standing, Standing::kStands) << head.name << ": " << head.why;
@@ -88,18 +93,16 @@ TEST(Objectives, TheTruthAndABumpedRigOnTheSameFrames_TheTruthLeavesLessAndGains
   Calibration bumped = calibrated(), louder = calibrated();
   bump(bumped.heads[2], 0, 0.3, 0);
   louder.heads[5].gain = {1.3, 1.3, 1.3};
-  const auto rig = filmed(calibrated());
-  const auto objectives = objectives_of({calibrated(), bumped, louder}, {rig.frames()}, {});
+  const auto objectives = objectives_of({calibrated(), bumped, louder}, {still().frames()}, {});
   ASSERT_TRUE(objectives) << objectives.error().text();
   EXPECT_LT((*objectives)[0], 0.8 * (*objectives)[1]);
   EXPECT_NEAR((*objectives)[2] / (*objectives)[0], 1, 0.02);
 }
 
 TEST(Objectives, FramesOfAnotherSize_AreRefusedByHead) {
-  const auto rig = filmed(calibrated());
   Calibration other = calibrated();
   other.heads[1].width += 2;
-  const auto objectives = objectives_of({calibrated(), other}, {rig.frames()}, {});
+  const auto objectives = objectives_of({calibrated(), other}, {still().frames()}, {});
   ASSERT_FALSE(objectives);
   EXPECT_EQ(objectives.error().code, Errc::kBadValue);
   EXPECT_NE(objectives.error().message.find(other.heads[1].name), std::string::npos);

@@ -132,6 +132,19 @@ TEST(Register, FocalsABitWrongAndNotSought_IsWarnedOf) {
   }
 }
 
+TEST(Register, FocalsTwoPercentOffAndNotSought_AreRefusedWithHowFarOffTheyAre) {
+  for (const double percent : {2.0, -2.0}) {
+    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
+    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    ASSERT_FALSE(report) << percent;
+    EXPECT_EQ(report.error().code, Errc::kHeadMismatch);
+    const std::string says = percent > 0 ? "about 2.0 % too long" : "about 2.0 % too short";
+    EXPECT_NE(report.error().message.find(says), std::string::npos) << report.error().message;
+    EXPECT_NE(report.error().message.find("seek the focal lengths, too"), std::string::npos) << report.error().message;
+  }
+}
+
 TEST(Register, FocalsFarOffAndNotSought_AreRefused) {
   Calibration prior = test::turned(town().truth, 1, 3, 6);
   for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1.05;

@@ -1,0 +1,327 @@
+#include "stitch/registration/run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "stitch/registration/check_frames.h"
+#include "stitch/registration/gauge.h"
+#include "stitch/registration/lens_misfit.h"
+#include "stitch/registration/prepare.h"
+#include "stitch/registration/search.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than this shows at its seams
+constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
+constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
+constexpr double kLeastPairAgreement = 0.2, kSmallOverlapSr = 0.02;
+constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
+constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
+
+}  // namespace
+
+Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
+  Result<Prepared> ready = registration::prepare(prior_, frame_sets, options_, workers_);
+  if (!ready) return fail(ready.error());
+  start_ = heads_ = std::move(ready->heads);
+  pyramids_ = std::move(ready->pyramids);
+  plans_ = std::move(ready->plans);
+  why_not_.resize(heads_.size());
+  loose_sigma_.resize(heads_.size());
+  work_all_ = 0;
+  for (const LevelPlan& plan : plans_) work_all_ += static_cast<double>(plan.width) * plan.width;
+  if (options_.vignetting != VignettingModel::kFixed && fall_off_seen(heads_) < kLeastFallOffSeen) {
+    // Only the rims' own shades, flare and dark edges would be fitted, and inwards it may come to anything.
+    options_.vignetting = VignettingModel::kFixed;
+    report_.warnings.push_back("the heads share only their rims, which do not tell a fall-off; it stays as it was");
+  }
+  return {};
+}
+
+void Run::unplace(std::size_t head, std::string why) {
+  // Its place and lens are the prior's; what is known of its light stays.
+  HeadState back = start_[head];
+  back.log_gain = heads_[head].log_gain;
+  back.vignetting = heads_[head].vignetting;
+  heads_[head] = back;
+  why_not_[head] = std::move(why);
+}
+
+std::vector<bool> Run::used() const {
+  std::vector<bool> used;
+  for (const std::string& why : why_not_) used.push_back(why.empty());
+  return used;
+}
+
+Held Run::held(const LevelPlan& plan) const {
+  Held held;
+  held.geometry.resize(heads_.size());
+  held.light.resize(heads_.size());
+  held.first = -1;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    held.light[h] = !why_not_[h].empty();
+    held.geometry[h] = held.light[h] || !options_.geometry;
+    if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
+  }
+  held.share_lens = plan.share_lens;
+  held.share_vignetting = options_.vignetting == VignettingModel::kShared;
+  return held;
+}
+
+Sought Run::sought_of(const LevelPlan& plan) const {
+  Sought sought;
+  sought.rotation = options_.geometry;
+  sought.focal = plan.focal && options_.geometry;
+  sought.lens = plan.lens && options_.geometry;
+  sought.gain = options_.gains;
+  sought.vignetting = options_.vignetting != VignettingModel::kFixed;
+  sought.channels = channels();
+  return sought;
+}
+
+void Run::tell(const LevelPlan& plan, int iteration, double objective, double turn) {
+  report_.steps.push_back({plan.width, plan.level, iteration, objective, turn * kDegrees});
+  if (!options_.progress) return;
+  const double level = static_cast<double>(plan.width) * plan.width;
+  const double within = std::min(1.0, iteration / 6.0);
+  options_.progress(report_.steps.back(), std::min(1.0, (work_done_ + within * level) / work_all_));
+}
+
+Status Run::descend_level(const LevelPlan& plan) {
+  // A coarse level may still turn heads by tens of degrees.
+  const double slack = plan.level >= 3 ? 0.5 : 0.1;
+  Result<std::unique_ptr<Level>> level =
+      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, slack, workers_);
+  if (!level) return fail(level.error());
+  Objective& objective = (*level)->objective();
+  objective.set_used(used());
+  const Sought sought = sought_of(plan);
+  const Result<Normal> start = objective.evaluate(heads_, sought, false);
+  if (!start) return fail(start.error());
+  if (start->measure <= 0) {
+    // A thin overlap may be lost in a coarse level's margins; the finest one has to see it.
+    if (plan.level == plans_.back().level) return fail(Errc::kNoCoverage, nothing_shared(prior_));
+    work_done_ += static_cast<double>(plan.width) * plan.width;
+    return {};
+  }
+  objective.set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  DescentOptions descent;
+  descent.curvature = plan.curvature;
+  descent.most_iterations = plan.most_iterations;
+  descent.turn_rad = plan.turn_rad;
+  descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
+  Result<Descended> found = descend(objective, heads_, sought, held(plan), descent);
+  if (!found) return fail(found.error());
+  heads_ = std::move(found->heads);
+  last_ = std::move(found->normal);
+  last_pixels_a_sample_ = (*level)->pixels_a_sample();
+  work_done_ += static_cast<double>(plan.width) * plan.width;
+  return {};
+}
+
+Status Run::find_dull_heads() {
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+  if (!detail) return fail(detail.error());
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    const HeadDetail& head = detail->heads[h];
+    loose_sigma_[h] = std::numeric_limits<double>::infinity();
+    if (head.shared_sr <= 0) {
+      unplace(h, "it shares no rays with another head where the prior has it");
+    } else if (head.rms < kDullRms) {
+      unplace(h, "what it shares with other heads has no detail (smooth sky, fog, a bare wall)");
+    }
+  }
+  return check_enough_placed(prior_, why_not_);
+}
+
+// Heads that stand right agree on detail of some size: the finest, where they share a nodal point; coarser where things
+// are near and each sees them from its own place.
+Status Run::check_agreement() {
+  std::optional<Detail> best;
+  for (const LevelPlan& plan : plans_) {
+    if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
+    Result<Detail> detail = measure_detail(plan, pyramids_, heads_, used(), options_, workers_);
+    if (!detail) return fail(detail.error());
+    for (std::size_t h = 0; best && h < heads_.size(); ++h) {
+      detail->heads[h].agreement = std::max(detail->heads[h].agreement, best->heads[h].agreement);
+    }
+    best = std::move(*detail);
+  }
+  wrong_ = disagreeing(*best, why_not_);
+  return registration::check_agreement(prior_, wrong_,
+                                       static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
+}
+
+Status Run::check_placed(bool& changed) {
+  changed = false;
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+  if (!detail) return fail(detail.error());
+  if (Status agree = check_agreement(); !agree) return agree;
+  const double per_radian = pixels_per_radian(heads_);
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (!why_not_[h].empty()) continue;
+    loose_sigma_[h] = detail->heads[h].sigma_rad;
+    if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
+    unplace(h, "the detail it shares with other heads does not hold it in every direction");
+    ++loose_heads_;
+    changed = true;
+  }
+  return check_enough_placed(prior_, why_not_);
+}
+
+// Heads that are not placed took no part so far; their light is compared with the others' where they stand.
+Status Run::light_unplaced_heads() {
+  if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
+  const LevelPlan& plan = detail_plan();
+  Result<std::unique_ptr<Level>> level =
+      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, 0.02, workers_);
+  if (!level) return fail(level.error());
+  Sought gains;
+  gains.rotation = gains.vignetting = false;
+  gains.channels = channels();
+  const Result<Normal> start = (*level)->objective().evaluate(heads_, gains, false);
+  if (!start) return fail(start.error());
+  (*level)->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  Held held;
+  held.geometry.assign(heads_.size(), true);
+  held.free_gains = true;
+  for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start->shared[h] <= 0);
+  // Its fall-off is the others', when they all have one.
+  const auto placed = static_cast<std::size_t>(std::ranges::find(why_not_, std::string()) - why_not_.begin());
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (options_.vignetting == VignettingModel::kShared && !why_not_[h].empty()) {
+      heads_[h].vignetting = heads_[placed].vignetting;
+    }
+  }
+  Result<Descended> found = descend((*level)->objective(), heads_, gains, held, {});
+  if (!found) return fail(found.error());
+  heads_ = std::move(found->heads);
+  return {};
+}
+
+// Lenses that are held must be able to take these pictures: a wrong one bends the rotations to make up for it.
+Status Run::check_lenses(Objective& objective) {
+  if (options_.free == Free::kLens || !options_.geometry) return {};
+  const Sought sought = sought_of(plans_.back());
+  const Result<double> by_lens = promised_by(objective, heads_, sought, held(plans_.back()), Free::kLens);
+  if (!by_lens) return fail(by_lens.error());
+  if (*by_lens < kLensMisfit) return {};
+  const Result<double> by_focals = promised_by(objective, heads_, sought, held(plans_.back()), Free::kFocals);
+  if (!by_focals) return fail(by_focals.error());
+  const bool focals = options_.free == Free::kRotations && *by_focals > 0.7 * *by_lens;
+  if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
+  focals_doubtful_ = options_.free == Free::kRotations;
+  report_.warnings.push_back(lens_misfit(focals, *by_lens));
+  return {};
+}
+
+Result<Report> Run::report() {
+  const LevelPlan& finest = plans_.back();
+  if (options_.gauge != Gauge::kFirstHead) hold_together(options_.gauge, start_, used(), heads_);
+  double farthest = 0;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
+  }
+  Result<std::unique_ptr<Level>> level =
+      Level::make(finest, Level::Pictures::kLight, pyramids_, start_, options_, farthest + 0.02, workers_);
+  if (!level) return fail(level.error());
+  const Result<Normal> before = (*level)->objective().evaluate(start_, sought_of(finest), false);
+  const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
+  if (!before) return fail(before.error());
+  if (!after) return fail(after.error());
+  const std::vector<bool> all(heads_.size(), true);
+  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, all, options_, workers_);
+  if (!detail) return fail(detail.error());
+  report_.objective_before = before->objective();
+  report_.objective_after = after->objective();
+  const Parameters parameters(heads_, sought_of(finest), held(plans_.back()));
+  Eigen::MatrixXd gauge;
+  if (options_.gauge != Gauge::kFirstHead) gauge = mean_taken_out(heads_, used(), parameters);
+  const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_, gauge);
+  (*level)->objective().set_used(used());
+  if (Status fit = check_lenses((*level)->objective()); !fit) return fail(fit.error());
+  report_.calibration = prior_;
+  const int n = static_cast<int>(heads_.size());
+  for (int h = 0; h < n; ++h) {
+    const auto i = static_cast<std::size_t>(h);
+    report_.calibration.heads[i] = heads_[i].into(prior_.heads[i]);
+    const bool stays = !why_not_[i].empty() || !options_.geometry;
+    if (stays) report_.calibration.heads[i].R_head_rig = prior_.heads[i].R_head_rig;  // to the bit
+    HeadReport head;
+    head.name = prior_.heads[i].name;
+    head.placed = why_not_[i].empty();
+    head.why_not = why_not_[i];
+    head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegrees;
+    head.sigma_deg = (head.placed ? certainty.rotation_rad[i] : loose_sigma_[i]) * kDegrees;
+    head.focal_change_percent = 100 * (focal_of(heads_[i].lens) / focal_of(start_[i].lens) - 1);
+    head.sigma_focal_percent = 100 * certainty.log_focal[i];
+    head.shared_sr = detail->heads[i].shared_sr;
+    if (!head.placed) report_.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
+    report_.heads.push_back(std::move(head));
+    for (int b = h + 1; b < n; ++b) {
+      const std::size_t p = after->pair(h, b);
+      if (after->pairs[p].measure <= 0) continue;
+      report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels()),
+                               before->pairs[p].rms(), after->pairs[p].rms(), detail->pairs[p].correlation()});
+      const auto j = static_cast<std::size_t>(b);
+      const bool both = why_not_[i].empty() && why_not_[j].empty();
+      if (both && report_.pairs.back().agreement < kLeastPairAgreement && report_.pairs.back().shared_sr > kSmallOverlapSr) {
+        report_.warnings.push_back(doubtful_seam(prior_.heads[i].name, prior_.heads[j].name));
+      }
+    }
+  }
+  if (Status good = check_calibration(report_.calibration); !good) return fail(good.error());
+  return std::move(report_);
+}
+
+// Coarse levels from the prior; when heads then do not agree, from where a search puts them.
+Status Run::descend_coarse() {
+  const auto descend_all = [&]() -> Status {
+    for (const LevelPlan& plan : plans_) {
+      if (!is_coarse(plan)) continue;
+      if (Status done = descend_level(plan); !done) return done;
+    }
+    return {};
+  };
+  Status done = descend_all();
+  if (!options_.search) return done;
+  if (done) {
+    if (check_agreement()) return {};
+  }
+  heads_ = start_;
+  work_done_ = 0;
+  Result<std::vector<HeadState>> found = search_rotations(pyramids_, start_, used(), workers_);
+  if (!found) return fail(found.error());
+  heads_ = std::move(*found);
+  return descend_all();
+}
+
+Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
+  if (Status ready = prepare(frame_sets); !ready) return fail(ready.error());
+  if (!options_.geometry) {
+    for (const LevelPlan& plan : plans_) {
+      if (Status done = descend_level(plan); !done) return fail(done.error());
+    }
+    return report();
+  }
+  if (Status found = find_dull_heads(); !found) return fail(found.error());
+  if (Status coarse = descend_coarse(); !coarse) return fail(coarse.error());
+  for (const LevelPlan& plan : plans_) {
+    if (!is_coarse(plan)) {
+      if (Status done = descend_level(plan); !done) return fail(done.error());
+    }
+  }
+  bool changed = false;
+  for (std::size_t round = 0; round < heads_.size(); ++round) {
+    if (Status placed = check_placed(changed); !placed) return fail(placed.error());
+    if (!changed) break;
+    if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
+  }
+  if (Status light = light_unplaced_heads(); !light) return fail(light.error());
+  return report();
+}
+
+}  // namespace nodal::registration

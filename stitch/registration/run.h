@@ -1,0 +1,65 @@
+// One registration under way: coarse to fine, who is placed, the report.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stitch/registration/head_state.h"
+#include "stitch/registration/level.h"
+#include "stitch/registration/observability.h"
+#include "stitch/registration/parallel.h"
+#include "stitch/registration/pyramid.h"
+#include "stitch/registration/registration.h"
+
+namespace nodal::registration {
+
+/// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
+class Run {
+ public:
+  Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
+
+  Result<Report> run(const std::vector<FrameSet>& frame_sets);
+  /// Heads that did not agree with the others when run() failed.
+  const std::vector<std::size_t>& wrong() const { return wrong_; }
+  /// The lenses that were held do not fit, by the focal lengths at least.
+  bool focals_doubtful() const { return focals_doubtful_; }
+
+ private:
+  Status prepare(const std::vector<FrameSet>& frame_sets);
+  Status find_dull_heads();
+  Status check_agreement();
+  Status descend_level(const LevelPlan& plan);
+  Status descend_coarse();
+  Status check_placed(bool& changed);
+  Status light_unplaced_heads();
+  Status check_lenses(Objective& objective);
+  Result<Report> report();
+
+  void unplace(std::size_t head, std::string why);
+  Held held(const LevelPlan& plan) const;
+  std::vector<bool> used() const;
+  static bool is_coarse(const LevelPlan& plan) { return plan.level >= 2; }
+  int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
+  Sought sought_of(const LevelPlan& plan) const;
+  const LevelPlan& detail_plan() const { return plans_[plans_.size() > 1 ? plans_.size() - 2 : 0]; }
+  void tell(const LevelPlan& plan, int iteration, double objective, double turn);
+
+  const Calibration& prior_;
+  Options options_;
+  Workers workers_;
+  std::vector<HeadPyramid> pyramids_;
+  std::vector<HeadState> start_, heads_;
+  std::vector<LevelPlan> plans_;
+  std::vector<std::string> why_not_;  // empty: placed
+  std::vector<double> loose_sigma_;   // of heads that are not placed, rad
+  std::vector<std::size_t> wrong_;
+  bool focals_doubtful_ = false;
+  int loose_heads_ = 0;               // that have detail, which does not hold them
+  std::optional<Normal> last_;        // at the end of the latest level
+  double last_pixels_a_sample_ = 1;
+  Report report_;
+  double work_done_ = 0, work_all_ = 1;
+};
+
+}  // namespace nodal::registration

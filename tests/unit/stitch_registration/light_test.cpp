@@ -1,0 +1,76 @@
+// Gains and fall-off: what heads that share only their rims can tell, and what they cannot.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "stitch/registration/head_state.h"
+#include "stitch/registration/observability.h"
+#include "stitch/registration/registration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::registration {
+namespace {
+
+/// Two fisheyes back to back that see a little more than their half each.
+Calibration back_to_back(int side = 240, double view_deg = 196) {
+  Calibration rig = test::six_fisheyes(side, view_deg);
+  rig.heads = {rig.heads[0], rig.heads[0]};
+  rig.heads[0].name = "front";
+  rig.heads[1].name = "back";
+  rig.heads[0].R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  rig.heads[1].R_head_rig = {-1, 0, 0, 0, 1, 0, 0, 0, -1};
+  for (HeadCalibration& head : rig.heads) head.region.circle = Region::Circle{side / 2.0, side / 2.0, side / 2.0};
+  return rig;
+}
+
+std::vector<HeadState> states_of(const Calibration& rig) {
+  std::vector<HeadState> states;
+  for (const HeadCalibration& head : rig.heads) states.push_back(HeadState::from(head).value());
+  return states;
+}
+
+TEST(FallOffSeen, RimsOnlyOrHalfTheView_IsTheSpreadOfTheRadiusSquared) {
+  // Equidistant, 98 degrees out: shared is from 82 to 98 degrees, (82/98)^2 to 1, evenly over the sphere's band.
+  EXPECT_NEAR(fall_off_seen(states_of(back_to_back())), 0.9 * (1 - std::pow(82.0 / 98, 2)), 0.03);
+  EXPECT_GT(fall_off_seen(states_of(test::six_fisheyes(160))), 0.5);
+}
+
+TEST(LightAlone, TwoFisheyesBackToBackOfUnlikeExposure_TheirGainsAreFoundAndTheyDoNotMove) {
+  Calibration truth = back_to_back();
+  truth.heads[0].gain = {0.7, 0.7, 0.7};
+  truth.heads[1].gain = {1.0, 1.0, 1.0};
+  const auto rig = test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  Options options;
+  options.geometry = false;
+  const Result<Report> report = register_heads(back_to_back(), {rig.frames()}, options);
+  ASSERT_TRUE(report) << report.error().text();
+  const auto& heads = report->calibration.heads;
+  EXPECT_NEAR(heads[0].gain[0] / heads[1].gain[0], 0.7, 0.02);
+  EXPECT_EQ(heads[0].vignetting.coefficients, (std::array<double, 3>{}));
+  for (std::size_t h = 0; h < 2; ++h) {
+    EXPECT_NEAR(report->heads[h].turned_deg, 0, 1e-9);
+    for (std::size_t k = 0; k < 9; ++k) EXPECT_EQ(heads[h].R_head_rig[k], truth.heads[h].R_head_rig[k]);
+  }
+  EXPECT_LT(report->objective_after, 0.1 * report->objective_before);
+  ASSERT_EQ(report->warnings.size(), 1u);
+  EXPECT_NE(report->warnings[0].find("share only their rims"), std::string::npos) << report->warnings[0];
+}
+
+TEST(Moved, AFallOffThatRunsAway_IsStoppedBeforeItsRimIsBlackOrBrighterThanItsMiddle) {
+  const HeadState head = states_of(back_to_back()).front();
+  Sought sought;
+  const Slots slots = slots_of(sought, 1);
+  for (const double absurd : {-40.0, 40.0}) {
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(slots.count);
+    step[slots.vignetting] = absurd;
+    const HeadState next = moved(head, slots, step);
+    const double rim = 1 + next.vignetting[0] + next.vignetting[1];
+    EXPECT_GE(rim, 0.05);
+    EXPECT_LE(rim, 1.3);
+    EXPECT_NE(rim, 1);
+  }
+}
+
+}  // namespace
+}  // namespace nodal::registration
