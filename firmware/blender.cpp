@@ -8,15 +8,30 @@ namespace {
 
 void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memory_order_relaxed); }
 
+/// What the blend is given of a head's frame: all of it, or the field that its source is for.
+ImageView picture_of(const blend::BlendTable::Source& source, const ImageView& frame) {
+  return source.field ? field_of(frame, *source.field) : frame;
+}
+
+/// `first` is the source of the table that is used first.
+bool has_fields_for(const blend::BlendTable::Source& first, const hal::FrameView& frame) {
+  return !first.field || frame.fields == fields_from(*first.field);
+}
+
 }  // namespace
 
-InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table, blend::MeterTable meter,
-                            blend::ToneTable exposures) {
-  std::size_t bytes = 0;
-  for (const blend::BlendTable::Source& source : table.sources) bytes += blend::prepared_size(source);
-  const blend::SetTone tone = blend::calibrated_tone(table);
-  auto prepared = std::make_shared<std::vector<std::uint8_t>>(bytes);
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(table), tone,
+InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
+                            blend::MeterTable meter, blend::ToneTable exposures) {
+  NODAL_ASSERT(tables.size() == 1 || tables.size() == 2);
+  std::size_t most = 0;  // fields are blended one after the other
+  for (const blend::BlendTable& table : tables) {
+    std::size_t bytes = 0;
+    for (const blend::BlendTable::Source& source : table.sources) bytes += blend::prepared_size(source);
+    most = std::max(most, bytes);
+  }
+  const blend::SetTone tone = blend::calibrated_tone(tables[0]);  // fields differ in where lines lie, not in light
+  auto prepared = std::make_shared<std::vector<std::uint8_t>>(most);
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(tables), tone,
                                                                            std::move(prepared), std::move(meter),
                                                                            std::move(exposures)});
 }
@@ -62,7 +77,7 @@ bool Blender::run_band() {
       break;
     }
   }
-  const blend::BlendTable& table = installed_->table;
+  const blend::BlendTable& table = this->table();
   if (preparing_) {
     const ToPrepare& head = to_prepare_[ticket & kNoBands];
     std::array<ImageView, blend::kMaxLevels> views;
@@ -101,9 +116,14 @@ bool Blender::finish() {
   times_.add(clock_.now() - begun_);
   raymaps_out_.push(std::move(raymap_));
   raymap_ = {};
+  count(counts_.blended);
+  if (field_ + 1 < installed_->tables.size()) {
+    ++field_;
+    begin_raymap();
+    return true;
+  }
   give_back(set_);
   set_ = nullptr;
-  count(counts_.blended);
   idle_.store(sets_in_.empty(), std::memory_order_release);
   return true;
 }
@@ -126,28 +146,17 @@ bool Blender::begin() {
   }
   FrameSet* set = *next;
   idle_.store(false, std::memory_order_release);
-  std::optional<Buffer> pixels;
-  if (!installed_) {
-    count(counts_.without_calibration);
-  } else if (pixels = take_pixels(); !pixels) {
-    count(counts_.without_buffer);
-  }
-  if (!pixels) {
+  const bool ready = installed_ && take_pixels(installed_->tables.size());
+  if (!ready) {
+    count(installed_ ? counts_.without_buffer : counts_.without_calibration);
     tap(*set);
     give_back(set);
     return true;
   }
-  const blend::BlendTable& table = installed_->table;
-  raymap_.info = {set->number, set->mid_exposure, set->sync, 0, installed_->id};
-  raymap_.pixels = std::move(*pixels);
-  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
-  take_pictures(*set);
-  undo_exposures(*set);
   set_ = set;
-  begun_ = clock_.now();
-  preparing_ = heads_to_prepare_ > 0;
-  hand_out(preparing_ ? heads_to_prepare_ : bands_);
-  measure();  // while the others blend; the raymap is not finished before this is done
+  field_ = 0;
+  begin_raymap();
+  measure();  // while the others blend; the set is not given back before this is done
   tap(*set);
   return true;
 }
@@ -156,8 +165,24 @@ void Blender::tap(const FrameSet& set) {
   if (tap_.wanted() && sets_in_.empty()) tap_.fill(set, installed_ ? &installed_->id : nullptr);
 }
 
+void Blender::begin_raymap() {
+  const blend::BlendTable& table = this->table();
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id};
+  if (const auto parity = table.sources[0].field) {
+    raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
+    if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
+  }
+  raymap_.pixels = std::move(pixels_[field_]);
+  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
+  take_pictures(*set_);
+  undo_exposures(*set_);
+  begun_ = clock_.now();
+  preparing_ = heads_to_prepare_ > 0;
+  hand_out(preparing_ ? heads_to_prepare_ : bands_);
+}
+
 void Blender::take_pictures(const FrameSet& set) {
-  const blend::BlendTable& table = installed_->table;
+  const blend::BlendTable& table = this->table();
   std::uint8_t* memory = installed_->prepared->data();
   heads_to_prepare_ = 0;
   for (std::size_t i = 0; i < table.sources.size(); ++i) {
@@ -167,9 +192,10 @@ void Blender::take_pictures(const FrameSet& set) {
     memory += bytes;
     pictures_[i] = {};
     if (!set.has(i)) continue;
-    const ImageView& picture = set.frames[i].image;
-    if (picture.format != source.format || picture.width != source.width || picture.height != source.height) {
-      count(counts_.unfit_frames);
+    const ImageView picture = picture_of(source, set.frames[i].image);
+    if (picture.format != source.format || picture.width != source.width || picture.height != source.height ||
+        !has_fields_for(installed_->tables[0].sources[i], set.frames[i])) {
+      if (field_ == 0) count(counts_.unfit_frames);
       continue;
     }
     raymap_.info.heads |= head_bit(i);
@@ -180,7 +206,7 @@ void Blender::take_pictures(const FrameSet& set) {
 
 /// A head that is missing counts as it was last exposed, so that the others' light does not jump when it goes.
 void Blender::undo_exposures(const FrameSet& set) {
-  const std::size_t heads = installed_->table.sources.size();
+  const std::size_t heads = table().sources.size();
   bool known = installed_->exposures.heads.size() == heads;
   for (std::size_t i = 0; i < heads; ++i) {
     if (set.has(i)) {
@@ -190,7 +216,7 @@ void Blender::undo_exposures(const FrameSet& set) {
     }
     known = known && (was_exposed_ & head_bit(i)) != 0;
   }
-  tone_ = known ? blend::tone_of_exposures(installed_->table, installed_->exposures, exposed_) : installed_->tone;
+  tone_ = known ? blend::tone_of_exposures(table(), installed_->exposures, exposed_) : installed_->tone;
 }
 
 void Blender::measure() {
@@ -204,11 +230,20 @@ void Blender::measure() {
   light_out_.push(std::move(seen));
 }
 
-std::optional<Buffer> Blender::take_pixels() {
-  if (auto free = pixels_free_.pop()) return free;
-  if (buffers_made_ == kMaxBuffers) return std::nullopt;
-  ++buffers_made_;  // only when clients hold more than ever before
-  return std::make_shared<std::vector<std::uint8_t>>(packed_size(config_.format, config_.width, config_.height));
+/// All that a set's raymaps need, or none.
+bool Blender::take_pixels(std::size_t wanted) {
+  for (std::size_t i = 0; i < wanted; ++i) {
+    if (pixels_[i]) continue;  // taken for an earlier set, which then lacked another
+    if (auto free = pixels_free_.pop()) {
+      pixels_[i] = std::move(*free);
+    } else if (buffers_made_ < kMaxBuffers) {
+      ++buffers_made_;  // only when clients hold more than ever before
+      pixels_[i] = std::make_shared<std::vector<std::uint8_t>>(packed_size(config_.format, config_.width, config_.height));
+    } else {
+      return false;
+    }
+  }
+  return true;
 }
 
 void Blender::give_back(FrameSet* set) { sets_back_.push(std::move(set)); }

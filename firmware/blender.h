@@ -22,7 +22,8 @@ namespace nodal::firmware {
 /// Every call of step() does one piece of work: a head's picture prepared where the table asks for it or, when all
 /// are, a band of rows of the raymap under way; or what comes between: finishing a raymap, adopting a new calibration,
 /// taking the next set. So a swap of calibrations always falls between two sets, and every raymap names the one
-/// calibration that made it. No thread ever waits for another: whoever finds nothing to do goes away.
+/// calibration that made it. A calibration with a table a field makes two raymaps of each set, one after the other: the
+/// fields are read where they lie in the frames. No thread ever waits for another: whoever finds nothing to do goes away.
 ///
 /// Threading: step() is thread-safe; the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
@@ -49,7 +50,7 @@ class Blender {
   FrameTap& tap() { return tap_; }
 
   struct Counts {
-    std::atomic<std::uint64_t> blended{0};
+    std::atomic<std::uint64_t> blended{0};              ///< raymaps
     std::atomic<std::uint64_t> without_calibration{0};  ///< sets
     std::atomic<std::uint64_t> without_buffer{0};       ///< sets: every buffer was still with a client
     std::atomic<std::uint64_t> unfit_frames{0};         ///< frames that are not what the calibration is for
@@ -77,9 +78,11 @@ class Blender {
   bool finish();
   bool adopt();
   bool begin();
+  void begin_raymap();
   void take_pictures(const FrameSet& set);
+  const blend::BlendTable& table() const { return installed_->tables[field_]; }
   void hand_out(std::uint64_t bands);
-  std::optional<Buffer> take_pixels();
+  bool take_pixels(std::size_t count);
   void undo_exposures(const FrameSet& set);
   void measure();
   void tap(const FrameSet& set);
@@ -105,6 +108,8 @@ class Blender {
   std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
   HeadMask was_exposed_ = 0;                               ///< those that ever were
   FrameSet* set_ = nullptr;  ///< under way
+  std::size_t field_ = 0;    ///< of it: which of the tables
+  std::array<Buffer, 2> pixels_;  ///< for the raymaps that are still to be made of it
   Instant begun_;
 
   // The raymap under way; still while bands of it are out.

@@ -252,26 +252,18 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   for (std::size_t i = 0; i < config_.heads.size(); ++i) {
     formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
   }
-  const RaymapConfig& raymap = config_.raymap;
-  table::TableOptions options;
-  options.feather = raymap.feather;
-  const table::RaymapSpec spec{std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height,
-                               raymap.format};
-  auto job = table::TableCompiler::make(*fitted, spec, formats, options);
+  auto job = TableJob::make(*fitted, config_, std::move(formats));
   if (!job) return fail(job.error().in("calibration " + short_id(id)));
-  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, 0, false});
+  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
   return {};
 }
 
 bool CalibrationKeeper::compile_some() {
   Installation& now = *installing_;
-  const int rows = now.job ? now.job->row_count() : 0;  // none when it goes back
-  if (now.rows_done < rows) {
-    const int until = std::min(rows, now.rows_done + kRowsAStep);
-    now.job->compile_rows(now.rows_done, until);
-    now.rows_done = until;
+  if (now.job && !now.job->done()) {
+    now.job->compile_some(kRowsAStep);
     report_.activity = "compiling the table of calibration " + short_id(now.id) + ": " +
-                       std::to_string(100 * now.rows_done / rows) + " %";
+                       std::to_string(now.job->percent()) + " %";
     return true;
   }
   if (tables_out_.full() || answers_.full()) return false;  // until the blend has taken it
@@ -284,8 +276,8 @@ bool CalibrationKeeper::compile_some() {
 }
 
 Status CalibrationKeeper::put_in_force(Installation& done) {
-  auto table = std::move(*done.job).finish();
-  if (!table) return fail(table.error().in("calibration " + short_id(done.id)));
+  auto tables = std::move(*done.job).finish();
+  if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
@@ -298,7 +290,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   report_.in_force = done.id;
   report_.name = done.calibration.name;
   if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
-  hand_over(make_installed(done.id, done.calibration.name, std::move(*table), std::move(*meter),
+  hand_over(make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
                            table::compile_tone_table(done.calibration, config_.raymap.soft)));
   done.handed_over = true;
   return {};

@@ -12,11 +12,11 @@
 #include "firmware/config.h"
 #include "firmware/raymap.h"
 #include "firmware/snapshot.h"
+#include "firmware/table_job.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
 #include "protocol/calibration.h"
-#include "stitch/table/table_compiler.h"
 
 namespace nodal::firmware {
 
@@ -121,9 +121,8 @@ class CalibrationKeeper {
     Calibration calibration;
     Sha256 id{};
     bool newly_stored = false;
-    std::optional<table::TableCompiler> job;
+    std::optional<TableJob> job;  ///< nothing: goes back to what is at hand
     std::optional<Duration> trial{};
-    int rows_done = 0;
     bool handed_over = false;  ///< to the blend, which takes it between two sets
   };
   /// What a trial needs to end either way.

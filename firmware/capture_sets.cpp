@@ -177,6 +177,7 @@ void Capture::describe(const OpenSet& open) {
   NODAL_ASSERT(count > 0);
   std::sort(middles.begin(), middles.begin() + static_cast<std::ptrdiff_t>(count));
   set.mid_exposure = middles[count / 2];
+  set.second_field = rate_.period() / 2;  // of the heads' own rate, however often they are triggered
   set.sync.spread = middles[count - 1] - middles[0];
   for (std::size_t i = 0; i < middles.size(); ++i) {
     set.sync.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();

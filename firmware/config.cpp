@@ -76,6 +76,23 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   raymap.soft = reader.choice("tone", {"soft", "clip"}, 0) == 0;
 }
 
+/// After the heads: fields that make raymaps of their own are exposed together only where all heads have them, in one
+/// order.
+void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, RaymapConfig& raymap) {
+  raymap.fields = static_cast<FieldUse>(reader.choice("fields", {"weave", "separate"}, 0));
+  if (raymap.fields == FieldUse::kWeave) return;
+  for (const HeadConfig& head : heads) {
+    if (head.fields == Fields::kProgressive) {
+      return reader.refuse("fields", "is \"separate\", but the frames of head '" + head.name +
+                                         "' are progressive; say top-first or bottom-first in its entry, or weave here");
+    }
+    if (head.fields != heads[0].fields) {
+      return reader.refuse("fields", "is \"separate\", but heads '" + heads[0].name + "' and '" + head.name +
+                                         "' do not expose the same field first");
+    }
+  }
+}
+
 void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
   trigger.start = reader.boolean("start", false);
   trigger.pulse_width = Duration::microseconds(reader.integer("pulse_width_us", 1, 100'000, 100));
@@ -136,7 +153,7 @@ void read_constant(TomlReader& reader, SimConfig& sim) {
 
 void read_sim(TomlReader reader, SimConfig& sim) {
   sim.calibration = reader.required_text("calibration");
-  sim.scene = static_cast<SimConfig::Scene>(reader.choice("scene", {"procedural", "constant", "photo"}, 0));
+  sim.scene = static_cast<SimConfig::Scene>(reader.choice("scene", {"procedural", "constant", "photo", "bar"}, 0));
   sim.photo = reader.text("photo", "");
   if (sim.scene == SimConfig::Scene::kPhoto && sim.photo.empty()) {
     reader.refuse("photo", "must name an equirectangular JPEG or PNG when scene is \"photo\"", Errc::kMissingField);
@@ -237,8 +254,9 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   };
   if (!file.has("rig")) file.refuse("rig", "must be there: a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
-  read_raymap({section("raymap"), "raymap", {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone"}, error},
-              config.raymap);
+  TomlReader raymap(section("raymap"), "raymap",
+                    {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone", "fields"}, error);
+  read_raymap(raymap, config.raymap);
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);
   read_links({section("links"), "links", {"unix", "tcp_port"}, error}, config.links);
@@ -247,6 +265,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   read_heads(file, config, error);
+  read_field_use(raymap, config.heads, config.raymap);
   read_exposure({section("exposure"), "exposure",
                  {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",
                   "highest_gain_mdb"}, error},

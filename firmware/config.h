@@ -47,6 +47,12 @@ enum class RaymapLayout : std::uint8_t { kEquirectangular, kCube };
 /// "equirectangular", "cube": as rig.toml and the wire have it.
 std::string_view raymap_layout_name(RaymapLayout layout);
 
+/// What becomes of interlaced frames.
+enum class FieldUse : std::uint8_t {
+  kWeave,     ///< both fields' rows in one raymap, as if they were one exposure
+  kSeparate,  ///< each field a raymap of its own, through a table for the rows it has
+};
+
 /// [raymap]
 struct RaymapConfig {
   RaymapLayout layout = RaymapLayout::kEquirectangular;
@@ -56,6 +62,10 @@ struct RaymapConfig {
   int jpeg_quality = 85;                    ///< 1 .. 100
   double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
   bool soft = true;                         ///< highlights that darker heads saw are held back, not clipped
+  FieldUse fields = FieldUse::kWeave;
+
+  /// That a frame set makes.
+  int raymaps_a_set() const { return fields == FieldUse::kSeparate ? 2 : 1; }
 };
 
 /// [trigger]
@@ -68,7 +78,7 @@ struct TriggerConfig {
 
 /// [sim]: the world that "sim:" heads look at.
 struct SimConfig {
-  enum class Scene : std::uint8_t { kProcedural, kConstant, kPhoto };
+  enum class Scene : std::uint8_t { kProcedural, kConstant, kPhoto, kBar };
   enum class Clock : std::uint8_t {
     kReal,  ///< frames come when they would
     kFast,  ///< virtual time, as fast as the daemon keeps up; nothing is dropped for slowness

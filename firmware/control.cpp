@@ -281,6 +281,10 @@ void Control::refuse(Client& client, std::uint64_t request, const Error& error, 
   reply(client, message, now);
 }
 
+std::uint32_t Control::rate_wanted_millihertz() const {
+  return millihertz(capture_->genlock.rate) * static_cast<std::uint32_t>(config_.raymap.raymaps_a_set());
+}
+
 void Control::watch(Instant now) {
   if (capture_->sets != sets_seen_) {
     sets_seen_ = capture_->sets;
@@ -295,7 +299,7 @@ void Control::watch(Instant now) {
   adopted_ = adopted;
   const Signs signs{*capture_,
                     *keeper_,
-                    millihertz(capture_->genlock.rate),
+                    rate_wanted_millihertz(),
                     rate_.millihertz(),
                     stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
                     now - newest_set_,

@@ -102,6 +102,7 @@ class Control {
   Client* find(std::uint64_t number);
   HeadShapes head_shapes() const;
   void watch(Instant now);
+  std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
   wire::Hello hello() const;
 
   const RigConfig config_;

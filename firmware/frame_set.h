@@ -59,7 +59,8 @@ struct SyncEvidence {
 /// The frames of one trigger. Heads whose bit is not in `mask` have no picture in it.
 struct FrameSet {
   std::uint64_t number = 0;  ///< counts the rig's sets from 0, without gaps
-  Instant mid_exposure;      ///< median over its frames
+  Instant mid_exposure;      ///< median over its frames; of interlaced ones, of their first fields
+  Duration second_field;     ///< of interlaced frames: how much later their second fields were exposed
   HeadMask mask = 0;
   std::array<hal::FrameView, kMaxHeads> frames;
   SyncEvidence sync;

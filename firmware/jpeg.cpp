@@ -75,6 +75,7 @@ RaymapComment::RaymapComment(const RaymapInfo& info) {
       static_cast<unsigned long long>(info.set), static_cast<long long>(info.mid_exposure.ns()),
       static_cast<long long>(info.sync.spread.ns()), info.heads, genlock_state_name(info.sync.state).data());
   for (const std::uint8_t byte : info.calibration) add("%02x", byte);
+  if (info.field) add(" field=%d parity=%s", info.field->number, field_parity_name(info.field->parity).data());
   if (info.sync.trigger) add(" trigger=%llu", static_cast<unsigned long long>(*info.sync.trigger));
 }
 

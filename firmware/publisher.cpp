@@ -104,7 +104,9 @@ bool Publisher::offer(Client& client, const Raymap& raymap) {
   for (auto& [stream, pull] : client.pulls) {
     const bool jpeg = pull.coding == wire::PullRequest::JPEG;
     const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
-    if (pull.ended || !there) continue;
+    // Evidence is a set's; its second field has no other.
+    const bool told = pull.coding == wire::PullRequest::EVIDENCE && raymap.info.field && raymap.info.field->number > 0;
+    if (pull.ended || !there || told) continue;
     if (!client.session().offer(stream, item(raymap, pull.coding))) continue;
     given = true;
     if (pull.count == 0) continue;
@@ -129,6 +131,10 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   header.set_layout(std::string(raymap_layout_name(config_.layout)));
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
+  if (info.field) {
+    header.set_field(static_cast<std::uint32_t>(info.field->number));
+    header.set_parity(std::string(field_parity_name(info.field->parity)));
+  }
   fill_sync(info, header);
   return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raw ? raymap.pixels : nullptr, 0};
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "firmware/frame_set.h"
+#include "protocol/base/field.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 #include "stitch/blend/blend_table.h"
@@ -20,25 +21,33 @@ namespace nodal::firmware {
 /// Bytes that one stage fills, the next read, and sessions send without a copy.
 using Buffer = std::shared_ptr<std::vector<std::uint8_t>>;
 
-/// A calibration in the form that runs: its table, compiled and proven. Immutable.
+/// A calibration in the form that runs: its tables, compiled and proven. Immutable.
 struct InstalledCalibration {
   Sha256 id{};
   std::string name;
-  blend::BlendTable table;
+  /// One for whole frames; or one a field, that of the field exposed first before the other's.
+  std::vector<blend::BlendTable> tables;
   blend::SetTone tone;  ///< of heads exposed as they were when calibrated
-  Buffer prepared;      ///< the blender's, for what its table asks to be made of heads' pictures before the blend
+  Buffer prepared;      ///< the blender's, for what a table asks to be made of heads' pictures before the blend
   blend::MeterTable meter;
   blend::ToneTable exposures;  ///< undoes what heads are exposed differently by
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
 /// Takes all the memory that blending by the table will need, so that the frame path takes none.
-InstalledPtr make_installed(const Sha256& id, std::string name, blend::BlendTable table,
+InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
                             blend::MeterTable meter = {}, blend::ToneTable exposures = {});
+
+/// Which of a set's two fields a raymap was made of.
+struct FieldOfSet {
+  int number = 0;  ///< 0: the one exposed first
+  FieldParity parity = FieldParity::kTop;
+};
 
 struct RaymapInfo {
   std::uint64_t set = 0;
-  Instant mid_exposure;
+  Instant mid_exposure;    ///< of the field, where it was made of one
+  std::optional<FieldOfSet> field;  ///< nothing: of whole frames
   SyncEvidence sync;
   HeadMask heads = 0;      ///< that it was made of
   Sha256 calibration{};    ///< that made it

@@ -264,7 +264,8 @@ wire::RigStatus Control::status(Instant now) {
   add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
   add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
   status.set_published(publisher_.published());
-  status.set_rate_wanted_millihertz(millihertz(capture_->genlock.rate));
+  status.set_rate_wanted_millihertz(rate_wanted_millihertz());
+  status.set_raymaps_a_set(static_cast<std::uint32_t>(config_.raymap.raymaps_a_set()));
   status.set_rate_millihertz(rate_.millihertz());
   status.set_blend_ns(static_cast<std::uint64_t>(stages_.blender.times().median().ns()));
   status.set_encode_ns(static_cast<std::uint64_t>(stages_.encoder.times().median().ns()));

@@ -58,8 +58,9 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   if (genlock.missing_triggers() != 0) {
     row("", console.paint(Colour::kBad, fmt::format("{} trigger pulses were not sent", genlock.missing_triggers())));
   }
-  row("raymaps", fmt::format("{} of {} a second, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
-                             show_rate(status.rate_wanted_millihertz()), status.raymap_width(),
+  row("raymaps", fmt::format("{} of {} a second{}, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
+                             show_rate(status.rate_wanted_millihertz()),
+                             status.raymaps_a_set() == 2 ? ", one a field" : "", status.raymap_width(),
                              status.raymap_height(), show_duration(status.blend_ns()),
                              show_duration(status.encode_ns())));
   const std::uint64_t lost = lost_frames(status);

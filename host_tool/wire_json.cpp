@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace nodal::host {
 namespace {
 
@@ -88,6 +90,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"full_sets", status.full_sets()},
           {"set_losses", counts_to_json(status.set_losses())},
           {"raymaps", status.raymaps()},
+          {"raymaps_a_set", std::max(1U, status.raymaps_a_set())},
           {"published", status.published()},
           {"publish_drops", counts_to_json(status.publish_drops())},
           {"marks", marks_to_json(status)},
@@ -158,6 +161,10 @@ Json to_json(const wire::RaymapHeader& header) {
           {"heads", heads},
           {"spread_ns", header.spread_ns()},
           {"genlock", header.genlock()}};
+  if (header.has_field()) {
+    json["field"] = header.field();
+    json["parity"] = header.parity();
+  }
   if (header.has_trigger()) json["trigger"] = header.trigger();
   if (header.has_begin_spread_ns()) json["begin_spread_ns"] = header.begin_spread_ns();
   if (header.has_drift_ppb()) json["drift_ppb"] = header.drift_ppb();

@@ -102,6 +102,7 @@ Result<hal::sim::ScenePtr> make_scene(const SimConfig& sim, const Calibration& t
       };
       return hal::sim::constant_scene({light(0), light(1), light(2)});
     }
+    case SimConfig::Scene::kBar: return hal::sim::bar_scene({0, 1, 0}, Duration::seconds(4), 0.1);
     case SimConfig::Scene::kPhoto: break;
   }
   const auto photo = hal::replay::read_image(base / sim.photo, PixelFormat::kRgb24);

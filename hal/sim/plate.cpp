@@ -75,11 +75,18 @@ Plate expose_plate(const HeadCalibration& head, const LensTruth& lens, const Sce
 }
 
 PlacedMover::PlacedMover(const Mover& mover, Instant at)
-    : radius_(mover.radius_rad), reach_cosine_(std::cos(mover.radius_rad + kRim)),
+    : shape_(mover.shape), axis_(mover.axis), radius_(mover.radius_rad), reach_cosine_(std::cos(mover.radius_rad + kRim)),
       reach_sine_(std::sin(mover.radius_rad + kRim)), colour_(mover.colour), stripes_(mover.stripes) {
   const std::int64_t period = mover.period.ns();
   const double phase = period == 0 ? 0 : static_cast<double>(at.ns() % period) / static_cast<double>(period);
   centre_ = turned(mover.start, mover.axis, 2 * std::numbers::pi * phase);
+  if (shape_ == Mover::Shape::kBar) {
+    aside_ = cross(axis_, centre_);
+    const double off_axis = std::sqrt(dot(aside_, aside_));
+    aside_ = {aside_.x / off_axis, aside_.y / off_axis, aside_.z / off_axis};
+    ahead_ = cross(aside_, axis_);
+    return;
+  }
   // The stripes' poles: up, made square to the line of sight.
   const Direction up{0, -1, 0};
   const double along = dot(up, centre_);
@@ -89,12 +96,25 @@ PlacedMover::PlacedMover(const Mover& mover, Instant at)
   side_ = cross(centre_, spin_);
 }
 
+double PlacedMover::inside_bar(const Direction& from) const {
+  const double ahead = dot(from, ahead_);
+  const double aside = dot(from, aside_);
+  const double beyond = std::abs(std::atan2(aside, ahead)) - radius_;
+  // Farther round than a quarter turn, the nearest of the edge is its pole.
+  const double off_axis = std::sqrt(ahead * ahead + aside * aside);
+  return -std::asin(std::min(1.0, off_axis * std::sin(std::clamp(beyond, -std::numbers::pi / 2, std::numbers::pi / 2))));
+}
+
 bool PlacedMover::may_touch(const Direction& middle, double cap_cosine, double cap_sine) const {
+  if (shape_ == Mover::Shape::kBar) return inside_bar(middle) > -(std::atan2(cap_sine, cap_cosine) + kRim);
   // cos(cap + reach); both angles are small enough for their sum to stay below pi.
   return dot(middle, centre_) > cap_cosine * reach_cosine_ - cap_sine * reach_sine_;
 }
 
 PlacedMover::Cover PlacedMover::cover(const Direction& from, double footprint_rad) const {
+  if (shape_ == Mover::Shape::kBar) {
+    return {static_cast<float>(smooth_step(0, footprint_rad, inside_bar(from))), colour_};
+  }
   const double cosine = dot(from, centre_);
   if (cosine < reach_cosine_) return {};
   const Direction off{from.x - cosine * centre_.x, from.y - cosine * centre_.y, from.z - cosine * centre_.z};

@@ -37,6 +37,12 @@ class PlacedMover {
   bool may_touch(const Direction& middle, double cap_cosine, double cap_sine) const;
 
  private:
+  /// Of a bar: how far inside its nearer edge a direction is; negative beside it.
+  double inside_bar(const Direction& from) const;
+
+  Mover::Shape shape_;
+  Direction axis_;              ///< of a bar
+  Direction ahead_, aside_;     ///< of a bar: its middle and what is a quarter turn on, both square to the axis
   Direction centre_, spin_, side_;
   double radius_;
   double reach_cosine_, reach_sine_;  ///< of the radius and a margin for blurred rims

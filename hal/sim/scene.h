@@ -23,13 +23,18 @@ struct Light {
   float r = 0, g = 0, b = 0;
 };
 
-/// A thing that moves before the background: a striped ball on a small circle about `axis`, once a `period`.
+/// A thing that moves before the background, about `axis` once a `period`.
 struct Mover {
+  enum class Shape {
+    kBall,  ///< striped, on a small circle
+    kBar,   ///< what lies between two meridians of the axis, from pole to pole; of one colour
+  };
   Direction axis;
   Direction start;         ///< where it is at time 0
   Duration period;         ///< negative: the other way round
-  double radius_rad = 0;   ///< as seen from the nodal point
+  double radius_rad = 0;   ///< as seen from the nodal point; of a bar, half the angle between its meridians
   Light colour, stripes;
+  Shape shape = Shape::kBall;
 };
 
 /// Threading: thread-safe; immutable.
@@ -46,6 +51,11 @@ using ScenePtr = std::shared_ptr<const Scene>;
 
 /// The same light from everywhere.
 ScenePtr constant_scene(Light light);
+
+/// A bright bar that turns before a grey room, forward at time 0. Its edges are two meridians of `axis`, `half_rad` either
+/// way of its middle, and where they are at any moment takes one line of trigonometry: it shows heads and fields that were
+/// not exposed together.
+ScenePtr bar_scene(const Direction& axis, Duration period, double half_rad);
 
 /// The default: a town square by day, walls to the front (z) lettered FRONT, RIGHT, BACK and LEFT, with balloons
 /// that fly round it. Rich at every scale, no singular direction.

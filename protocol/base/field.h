@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "protocol/base/image.h"
 
@@ -18,8 +19,16 @@ enum class Fields : std::uint8_t {
 
 enum class FieldParity : std::uint8_t { kTop = 0, kBottom = 1 };
 
+constexpr std::string_view field_parity_name(FieldParity parity) {
+  return parity == FieldParity::kTop ? "top" : "bottom";
+}
+
 constexpr FieldParity first_field(Fields fields) {
   return fields == Fields::kBottomFirst ? FieldParity::kBottom : FieldParity::kTop;
+}
+/// Both fields came, `first` exposed first.
+constexpr Fields fields_from(FieldParity first) {
+  return first == FieldParity::kTop ? Fields::kTopFirst : Fields::kBottomFirst;
 }
 constexpr FieldParity other(FieldParity parity) {
   return parity == FieldParity::kTop ? FieldParity::kBottom : FieldParity::kTop;

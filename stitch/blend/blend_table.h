@@ -6,8 +6,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/units.h"
 
@@ -133,8 +135,10 @@ struct BlendTable {
     std::uint8_t sharpen = 0;
     /// Pyramid levels that records of this head name: 1 where the picture itself is all.
     std::uint8_t levels = 1;
+    /// Which field of the head's frames the picture is; `height` is then the field's. Nothing: a whole frame.
+    std::optional<FieldParity> field = std::nullopt;
   };
-  std::vector<Source> sources;         ///< what each head must deliver, by head index
+  std::vector<Source> sources;         ///< what the blend must be given of each head, by head index
   std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own
   std::array<ComponentRule, kMaxPlanes> components{};
   /// What GridTable::gains are relative to, in 1/256, 256 .. 2048.

@@ -2,6 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+
+#include "protocol/base/field.h"
 
 namespace nodal::table {
 
@@ -27,6 +30,9 @@ struct TableOptions {
   /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than it is: 1, the picture
   /// alone, .. 5.
   int levels = 5;
+  /// Made for this field of every head's frames, each an exposure of its own, and its lines where they lie in the frame;
+  /// the blend is given the field as a picture of half the rows (field_of). Nothing: for whole frames.
+  std::optional<FieldParity> field = std::nullopt;
 };
 
 }  // namespace nodal::table

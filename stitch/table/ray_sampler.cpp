@@ -33,7 +33,7 @@ Family family_of(PixelFormat format) {
 }
 
 Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
-                     std::span<const PixelFormat> head_formats) {
+                     std::span<const PixelFormat> head_formats, bool fields) {
   if (raymap_format != PixelFormat::kGrey8 && raymap_format != PixelFormat::kRgb24 &&
       raymap_format != PixelFormat::kI420) {
     return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap_format)) +
@@ -57,6 +57,13 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
     if (head.width < kSmallestHead || head.height < kSmallestHead || head.width > 65535 || head.height > 65535) {
       return fail(Errc::kBadValue, "head '" + head.name + "': pictures of " + std::to_string(head.width) + " x " +
                                        std::to_string(head.height) + " px; each side must be 4 to 65535");
+    }
+    const int rows = component_grid(head_formats[h], component_count(head_formats[h]) - 1).step_y == 2 ? 4 : 2;
+    if (fields && (head.height % rows != 0 || head.height < 2 * kSmallestHead)) {
+      return fail(Errc::kUnsupported, "head '" + head.name + "': frames of " + std::to_string(head.height) +
+                                          " rows cannot be taken apart into fields; in " +
+                                          std::string(pixel_format_name(head_formats[h])) + " they have a multiple of " +
+                                          std::to_string(rows) + ", 8 at least");
     }
   }
   return {};
@@ -124,7 +131,8 @@ double feather(double part) {
 Result<RaySampler> RaySampler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                     PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                     const TableOptions& options) {
-  if (Status checked = check_formats(calibration, raymap_format, head_formats); !checked) return fail(checked.error());
+  if (Status checked = check_formats(calibration, raymap_format, head_formats, options.field.has_value());
+      !checked) return fail(checked.error());
   Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
   if (!heads) return fail(heads.error());
 
@@ -147,7 +155,9 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
     for (std::size_t h = 0; h < sampler.heads_.size(); ++h) {
       const geometry::Head& head = sampler.heads_[h];
       const ImageView picture = packed_image(head_formats[h], head.width(), head.height(), nowhere);
-      planes[h] = {picture.planes[c].width, picture.planes[c].height, component_grid(head_formats[h], g)};
+      const PlaneView& plane = picture.planes[c];
+      planes[h] = options.field ? Plane{plane.width, plane.height / 2, field_grid(head_formats[h], g, *options.field)}
+                                : Plane{plane.width, plane.height, component_grid(head_formats[h], g)};
     }
     sampler.planes_.push_back(planes);
   }

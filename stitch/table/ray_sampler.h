@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
@@ -50,7 +51,7 @@ class RaySampler {
     int height = 0;
     PlaneGrid on_raymap;
   };
-  /// A head's component plane.
+  /// A head's component plane, or that of the field of it that the options ask for.
   struct Plane {
     int width = 0;
     int height = 0;

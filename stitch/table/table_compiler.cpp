@@ -214,6 +214,8 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   for (std::size_t h = 0; h < sampler.heads().size(); ++h) {
     const geometry::Head& head = sampler.heads()[h];
     blend::BlendTable::Source source{sampler.head_formats()[h], head.width(), head.height()};
+    source.field = sampler.options().field;
+    if (source.field) source.height /= 2;
     for (std::size_t k = 0; k < 3; ++k) source.gain[k] = quantize_gain(sampler.optics()[h].gain[k]);
     source.sharpen = static_cast<std::uint8_t>(std::clamp(sampler.options().sharpen, 0, blend::kMaxSharpen));
     table.sources.push_back(source);

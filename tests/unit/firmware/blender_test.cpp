@@ -35,7 +35,9 @@ InstalledPtr installed(const std::string& name, std::uint8_t mark) {
   EXPECT_TRUE(table);
   Sha256 id{};
   id.fill(mark);
-  return make_installed(id, name, std::move(*table));
+  std::vector<blend::BlendTable> tables;
+  tables.push_back(std::move(*table));
+  return make_installed(id, name, std::move(tables));
 }
 
 class BlenderTest : public testing::Test {
@@ -65,7 +67,7 @@ class BlenderTest : public testing::Test {
     for (std::size_t i = 0; i < kHeads; ++i) {
       if (set.has(i)) views[i] = set.frames[i].image;
     }
-    blend::blend_rows(calibration.table, test::PreparedHeads(calibration.table, views).views(), calibration.tone,
+    blend::blend_rows(calibration.tables[0], test::PreparedHeads(calibration.tables[0], views).views(), calibration.tone,
                       packed_image(config.format, config.width, config.height, pixels.data()), 0, config.height);
     return pixels;
   }
@@ -173,6 +175,86 @@ TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
     }
   }
   EXPECT_TRUE(blender.idle());
+}
+
+/// The ring's heads interlaced, the bottom field first.
+InstalledPtr installed_by_field() {
+  const RaymapConfig config = raymap_config();
+  const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
+  std::vector<blend::BlendTable> tables;
+  for (const FieldParity parity : {FieldParity::kBottom, FieldParity::kTop}) {
+    table::TableOptions options;
+    options.field = parity;
+    const table::RaymapSpec spec{"equirectangular", config.width, config.height, config.format};
+    tables.push_back(table::compile_blend_table(test::ring(kHeads, kSide, kSide), spec, formats, options).value());
+  }
+  return make_installed({}, "fields", std::move(tables));
+}
+
+TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfTheirOwn) {
+  const InstalledPtr calibration = installed_by_field();
+  install(calibration);
+  FrameSet set = full_set(3);
+  set.mid_exposure = Instant{} + Duration::milliseconds(100);
+  set.second_field = Duration::milliseconds(20);
+  for (std::size_t i = 0; i < kHeads; ++i) set.frames[i].fields = Fields::kBottomFirst;
+  blend(set);
+  EXPECT_EQ(sets_back.pop(), &set);
+  EXPECT_EQ(blender.counts().blended.load(), 2u);
+  for (int number = 0; number < 2; ++number) {
+    const auto raymap = blender.raymaps_out().pop();
+    ASSERT_TRUE(raymap);
+    EXPECT_EQ(raymap->info.set, 3u);
+    ASSERT_TRUE(raymap->info.field);
+    EXPECT_EQ(raymap->info.field->number, number);
+    EXPECT_EQ(raymap->info.field->parity, number == 0 ? FieldParity::kBottom : FieldParity::kTop);
+    EXPECT_EQ(raymap->info.mid_exposure, Instant{} + Duration::milliseconds(100 + 20 * number));
+    // The field's rows, copied out by hand.
+    constexpr std::size_t kRow = kSide * 3;
+    std::array<std::vector<std::uint8_t>, kHeads> rows;
+    std::array<ImageView, kHeads> views;
+    for (std::size_t i = 0; i < kHeads; ++i) {
+      for (std::size_t y = number == 0 ? 1 : 0; y < kSide; y += 2) {
+        const auto from = pictures[i].begin() + static_cast<std::ptrdiff_t>(y * kRow);
+        rows[i].insert(rows[i].end(), from, from + kRow);
+      }
+      views[i] = packed_image(PixelFormat::kRgb24, kSide, kSide / 2, std::as_const(rows[i]).data());
+    }
+    const blend::BlendTable& table = calibration->tables[static_cast<std::size_t>(number)];
+    std::vector<std::uint8_t> expected(packed_size(table.format, table.width, table.height));
+    blend::blend_rows(table, test::PreparedHeads(table, views).views(), calibration->tone,
+                      packed_image(table.format, table.width, table.height, expected.data()), 0, table.height);
+    EXPECT_EQ(*raymap->pixels, expected) << "field " << number;
+  }
+}
+
+TEST_F(BlenderTest, ATableAFieldAndFramesOfAnotherOrder_AreNotReadAndCountedOnce) {
+  install(installed_by_field());
+  FrameSet set = full_set(0);
+  for (std::size_t i = 0; i < kHeads; ++i) set.frames[i].fields = Fields::kBottomFirst;
+  set.frames[1].fields = Fields::kTopFirst;
+  set.frames[2].fields = Fields::kProgressive;
+  blend(set);
+  EXPECT_EQ(blender.raymaps_out().pop()->info.heads, 0b1001u);
+  EXPECT_EQ(blender.raymaps_out().pop()->info.heads, 0b1001u);
+  EXPECT_EQ(blender.counts().unfit_frames.load(), 2u);
+}
+
+TEST_F(BlenderTest, ATableAFieldAndOneBufferLeft_CostsTheWholeSet) {
+  install(installed_by_field());
+  std::vector<Raymap> kept;
+  for (std::uint64_t i = 0; i < Blender::kMaxBuffers; ++i) {
+    FrameSet set = full_set(i);
+    for (std::size_t h = 0; h < kHeads; ++h) set.frames[h].fields = Fields::kBottomFirst;
+    blend(set);
+    while (auto raymap = blender.raymaps_out().pop()) kept.push_back(std::move(*raymap));
+    if (i == 0 || i == Blender::kMaxBuffers / 2) {  // one of two: so that an odd one is left, until the other comes too
+      ASSERT_TRUE(blender.pixels_free().push(std::move(kept[i == 0 ? 0 : 1].pixels)));
+    }
+  }
+  EXPECT_EQ(kept.size(), Blender::kMaxBuffers + 2);
+  EXPECT_EQ(blender.counts().without_buffer.load(), Blender::kMaxBuffers / 2 - 1);
+  for (std::size_t i = 0; i < kept.size(); ++i) EXPECT_EQ(kept[i].info.field->number, static_cast<int>(i % 2));
 }
 
 TEST_F(BlenderTest, BuffersThatComeBack_AreUsedAgain) {

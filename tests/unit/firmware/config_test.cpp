@@ -53,6 +53,19 @@ TEST(RigConfig, TheExample_IsReadWhole) {
   EXPECT_DOUBLE_EQ(config->sim->noise, 1.0);
 }
 
+TEST(RigConfig, SeparateFields_WantEveryHeadInterlacedInOneOrder) {
+  const std::string separate = kSmall + "fields = \"bottom-first\"\n[raymap]\nfields = \"separate\"\n";
+  const auto config = parse_rig_config(separate, "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->raymap.fields, FieldUse::kSeparate);
+  EXPECT_EQ(config->raymap.raymaps_a_set(), 2);
+  EXPECT_EQ(parse_rig_config(kSmall, "rig.toml")->raymap.raymaps_a_set(), 1);
+  const std::string second = "[[heads]]\nname = \"cam1\"\nport = \"sim:cam1\"\n";
+  expect_refused(separate + second, Errc::kBadValue, "the frames of head 'cam1' are progressive");
+  expect_refused(separate + second + "fields = \"top-first\"\n", Errc::kBadValue,
+                 "heads 'cam0' and 'cam1' do not expose the same field first");
+}
+
 TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   const auto config = parse_rig_config(kSmall, "rig.toml");
   ASSERT_TRUE(config) << config.error().text();

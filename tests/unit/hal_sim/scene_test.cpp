@@ -173,5 +173,27 @@ TEST(Movers, Covered_IsTheSolidAngleOfTheBall) {
   EXPECT_NEAR(covered / (2 * kPi * (1 - std::cos(0.05))), 1, 0.01);
 }
 
+// Between meridians 0.2 rad apart lie 0.4 steradians, from pole to pole.
+TEST(BarScene, AtAnyTime_CoversItsLuneOfTheSphereAboutWhereItHasTurnedTo) {
+  const double tilt = 0.3;
+  const ScenePtr scene = bar_scene({std::sin(tilt), std::cos(tilt), 0}, Duration::seconds(4), 0.1);
+  const PlacedMover placed(scene->movers()[0], Instant{} + Duration::milliseconds(500));  // an eighth of a turn
+  double covered = 0;
+  const double step = kPi / 1000;
+  for (double v = -kPi / 2 + step / 2; v < kPi / 2; v += step) {
+    for (double u = -kPi; u < kPi; u += step) covered += placed.cover(at(u, v), 1e-3).share * step * step * std::cos(v);
+  }
+  EXPECT_NEAR(covered, 0.4, 0.002);
+  // Its middle began at z, which is square to the axis, and has turned by 45 degrees to the right.
+  const Direction middle{std::sqrt(0.5) * std::cos(tilt), -std::sqrt(0.5) * std::sin(tilt), std::sqrt(0.5)};
+  EXPECT_EQ(placed.cover(middle, 1e-3).share, 1.0F);
+  EXPECT_EQ(placed.cover({-middle.x, -middle.y, -middle.z}, 1e-3).share, 0.0F);
+  for (double u = -kPi; u < kPi; u += 0.01) {
+    for (double v = -1.5; v < 1.5; v += 0.05) {
+      if (placed.cover(at(u, v), 1e-3).share > 0) { ASSERT_TRUE(placed.may_touch(at(u, v), 1, 0)); }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nodal::hal::sim

@@ -66,6 +66,60 @@ RC_GTEST_PROP(RaySampler, AnyRig_SamplesLieWhereTheHeadsProjectionSaysAndWeighDe
   }
 }
 
+// Row k of a field is row 2k + parity of the frame; chroma that is halved is of rows 4k + parity and 4k + 2 + parity.
+RC_GTEST_PROP(RaySampler, AFieldOfAnyRig_IsSampledWhereItsRowsLieInTheFrame, (std::uint32_t seed, bool bottom)) {
+  std::mt19937 random(seed);
+  Calibration rig = random_rig_with_light(random);
+  std::vector<PixelFormat> formats;
+  for (HeadCalibration& head : rig.heads) {
+    head.height -= head.height % 4;
+    head.region.bottom = head.height;
+    formats.push_back(std::array{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv}[random() % 3]);
+  }
+  const auto layout = equirectangular(24);
+  TableOptions options;
+  options.interpolation = Interpolation::kPixel;
+  const RaySampler frames = RaySampler::make(rig, *layout, PixelFormat::kI420, formats, options).value();
+  options.field = bottom ? FieldParity::kBottom : FieldParity::kTop;
+  const RaySampler fields = RaySampler::make(rig, *layout, PixelFormat::kI420, formats, options).value();
+  const double parity = bottom ? 1 : 0;
+  RowSampler in_frames(frames);
+  RowSampler in_fields(fields);
+  for (const int grid : {0, 1}) {
+    for (int y = 0; y < frames.grids()[static_cast<std::size_t>(grid)].height; ++y) {
+      in_frames.sample(grid, y);
+      in_fields.sample(grid, y);
+      for (int x = 0; x < in_frames.width(); ++x) {
+        RC_ASSERT(in_fields.at(x).size() == in_frames.at(x).size());
+        for (std::size_t k = 0; k < in_frames.at(x).size(); ++k) {
+          const RaySample& whole = in_frames.at(x)[k];
+          const RaySample& field = in_fields.at(x)[k];
+          const bool halved = grid == 1 && formats[whole.head] != PixelFormat::kYuyv;
+          const int rows = rig.heads[whole.head].height / (halved ? 4 : 2);
+          const double row = halved ? (2 * (whole.y + 0.5) - 1.5 - parity) / 4 : (whole.y - parity) / 2;
+          RC_ASSERT(field.head == whole.head);
+          RC_ASSERT(field.x == whole.x);
+          RC_ASSERT(field.weight == whole.weight);
+          RC_ASSERT(std::abs(field.y - std::clamp(row, 0.0, rows - 1.0)) < 1e-9);
+        }
+      }
+    }
+  }
+}
+
+TEST(RaySampler, FramesThatHaveNoTwoFields_AreRefusedByHeadAndRows) {
+  Calibration rig = cube_rig(30);
+  const auto layout = equirectangular(24);
+  TableOptions options;
+  options.field = FieldParity::kTop;
+  const auto yuv = RaySampler::make(rig, *layout, PixelFormat::kI420, std::vector(6, PixelFormat::kI420), options);
+  ASSERT_FALSE(yuv);
+  EXPECT_EQ(yuv.error().code, Errc::kUnsupported);
+  EXPECT_EQ(yuv.error().message, "head 'c0': frames of 30 rows cannot be taken apart into fields; in I420 they have a "
+                                 "multiple of 4, 8 at least");
+  EXPECT_TRUE(RaySampler::make(rig, *layout, PixelFormat::kGrey8, std::vector(6, PixelFormat::kGrey8), options));
+}
+
 RC_GTEST_PROP(RaySampler, RigAndRaymapRotatedTogether_NothingChanges, (std::uint32_t seed)) {
   /// Another layout, looked at from a rig that is turned.
   class Turned final : public geometry::RaymapLayout {
