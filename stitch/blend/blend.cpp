@@ -20,6 +20,8 @@ struct Kernels {
         __builtin_cpu_supports("avx512vl")) {
       list[count++] = Kernel::kAvx512;
     }
+#elif defined(__aarch64__)
+    list[count++] = Kernel::kNeon;
 #endif
   }
 };
@@ -76,6 +78,7 @@ std::string_view kernel_name(Kernel kernel) {
     case Kernel::kScalar: return "scalar";
     case Kernel::kAvx2: return "avx2";
     case Kernel::kAvx512: return "avx512";
+    case Kernel::kNeon: return "neon";
   }
   return "unknown";
 }
@@ -99,6 +102,8 @@ void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, co
 #if defined(__x86_64__)
       case Kernel::kAvx2: blend_avx2(job); break;
       case Kernel::kAvx512: blend_avx512(job); break;
+#elif defined(__aarch64__)
+      case Kernel::kNeon: blend_neon(job); break;
 #endif
       default: blend_scalar(job); break;
     }

@@ -58,7 +58,7 @@ void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlan
                    int row_end);
 
 /// The ways there are to do it.
-enum class Kernel : std::uint8_t { kScalar, kAvx2, kAvx512 };
+enum class Kernel : std::uint8_t { kScalar, kAvx2, kAvx512, kNeon };
 std::string_view kernel_name(Kernel kernel);
 /// Those that run here, slowest first; the last is what blend_rows takes.
 std::span<const Kernel> kernels();

@@ -92,5 +92,6 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
 void blend_scalar(const BlendJob& job);
 void blend_avx2(const BlendJob& job);
 void blend_avx512(const BlendJob& job);
+void blend_neon(const BlendJob& job);
 
 }  // namespace nodal::blend
