@@ -233,6 +233,21 @@ inline Rows negated(Rows rows, V base) {
   return {_mm256_sub_epi16(base, rows.even), _mm256_sub_epi16(base, rows.odd)};
 }
 
+/// Where the bytes of R G B R G B .. of 16 pixels come from: by 16 of them, and component.
+struct TriplePicks {
+  alignas(16) std::array<std::uint8_t, 16> of;
+};
+constexpr auto triple_picks() {
+  std::array<std::array<TriplePicks, 3>, 3> picks{};
+  for (std::size_t m = 0; m < 48; ++m) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      picks[m / 16][c].of[m % 16] = m % 3 == c ? static_cast<std::uint8_t>(m / 3) : std::uint8_t{0x80};
+    }
+  }
+  return picks;
+}
+constexpr auto kTriplePicks = triple_picks();
+
 struct Avx2 {
   template <int N>
   using Halves = std::array<std::array<Rows, 2>, N>;
@@ -347,21 +362,34 @@ struct Avx2 {
 
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
-    for (std::size_t c = 0; c < N; ++c) {
-      if (job.out[c].pixel_stride != 1) return false;
-    }
-    for (std::size_t c = 0; c < N; ++c) {
-      const MutablePlaneView& plane = job.out[c];
-      for (std::size_t j = 0; j < kTile; ++j) {
-        std::uint8_t* to = plane.data + (y + static_cast<int>(j)) * plane.row_stride + x;
-        const std::uint8_t* from = strip + c * kStrip + j * kTile;
+    const bool triples = N == 3 && interleaved(job);
+    if (!triples && job.out[0].pixel_stride != 1) return false;
+    for (std::size_t j = 0; j < kTile; ++j) {
+      const auto eight = [&](std::size_t c, std::size_t tile) {
+        std::int64_t bytes;
+        std::memcpy(&bytes, strip + c * kStrip + tile * kTilePixels + j * kTile, sizeof bytes);
+        return bytes;
+      };
+      const std::ptrdiff_t row = y + static_cast<std::ptrdiff_t>(j);
+      if (triples) {
+        std::uint8_t* to = job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3;
+        for (std::size_t k = 0; k < 8; k += 2) {
+          for (const auto& picks : kTriplePicks) {
+            __m128i bytes = _mm_setzero_si128();
+            for (std::size_t c = 0; c < N; ++c) {
+              const __m128i of = _mm_set_epi64x(eight(c, k + 1), eight(c, k));
+              bytes = _mm_or_si128(bytes, _mm_shuffle_epi8(of, _mm_load_si128(reinterpret_cast<const __m128i*>(picks[c].of.data()))));
+            }
+            _mm_storeu_si128(reinterpret_cast<__m128i*>(to), bytes);
+            to += 16;
+          }
+        }
+        continue;
+      }
+      for (std::size_t c = 0; c < N; ++c) {
+        std::uint8_t* to = job.out[c].data + row * job.out[c].row_stride + x;
         for (std::size_t k = 0; k < 8; k += 4, to += 32) {
-          const auto eight = [&](std::size_t tile) {
-            std::int64_t bytes;
-            std::memcpy(&bytes, from + tile * kTilePixels, sizeof bytes);
-            return bytes;
-          };
-          const V four = _mm256_setr_epi64x(eight(k), eight(k + 1), eight(k + 2), eight(k + 3));
+          const V four = _mm256_setr_epi64x(eight(c, k), eight(c, k + 1), eight(c, k + 2), eight(c, k + 3));
           if ((reinterpret_cast<std::uintptr_t>(to) & 31) == 0) {
             _mm256_stream_si256(reinterpret_cast<V*>(to), four);
           } else {

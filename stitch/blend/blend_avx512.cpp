@@ -149,6 +149,16 @@ inline V developed(V light, const Pieces<64>& curve) {
   return _mm512_srai_epi16(_mm512_add_epi16(shown, all(64)), kSampleBits);
 }
 
+/// Bytes 64 k .. 64 k + 63 of R G B R G B ..: of R, and of G in the register after it.
+constexpr Picks triple_bytes() {
+  Picks picks;
+  for (std::size_t m = 0; m < 192; ++m) picks.of[m / 64][m % 64] = static_cast<std::uint8_t>(m / 3 + (m % 3 == 1 ? 64 : 0));
+  return picks;
+}
+constexpr Picks kTripleBytes = triple_bytes();
+/// Which of them are B's.
+constexpr std::array<__mmask64, 3> kThirds{0x4924924924924924, 0x2492492492492492, 0x9249249249249249};
+
 struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
@@ -254,35 +264,54 @@ struct Avx512 {
     }
   }
 
+  /// The eight rows of a strip: an 8x8 transposition of 64-bit numbers, for eight bytes of every tile make a row.
+  static inline void rows_of(const std::uint8_t* strip, V rows[8]) {
+    V pairs[8];
+    for (std::size_t k = 0; k < 8; k += 2) {
+      const V left = _mm512_load_si512(strip + 64 * k);
+      const V right = _mm512_load_si512(strip + 64 * (k + 1));
+      pairs[k] = _mm512_unpacklo_epi64(left, right);      // rows 0 2 4 6
+      pairs[k + 1] = _mm512_unpackhi_epi64(left, right);  // rows 1 3 5 7
+    }
+    for (std::size_t odd = 0; odd < 2; ++odd) {
+      const V a = _mm512_shuffle_i64x2(pairs[odd], pairs[2 + odd], 0x44);
+      const V b = _mm512_shuffle_i64x2(pairs[4 + odd], pairs[6 + odd], 0x44);
+      const V d = _mm512_shuffle_i64x2(pairs[odd], pairs[2 + odd], 0xee);
+      const V e = _mm512_shuffle_i64x2(pairs[4 + odd], pairs[6 + odd], 0xee);
+      rows[odd] = _mm512_shuffle_i64x2(a, b, 0x88);
+      rows[2 + odd] = _mm512_shuffle_i64x2(a, b, 0xdd);
+      rows[4 + odd] = _mm512_shuffle_i64x2(d, e, 0x88);
+      rows[6 + odd] = _mm512_shuffle_i64x2(d, e, 0xdd);
+    }
+  }
+
+  /// Past the caches, where the line is whole.
+  static inline void put(std::uint8_t* to, V bytes) {
+    if ((reinterpret_cast<std::uintptr_t>(to) & 63) == 0) {
+      _mm512_stream_si512(reinterpret_cast<V*>(to), bytes);
+    } else {
+      _mm512_storeu_si512(to, bytes);
+    }
+  }
+
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
-    for (std::size_t c = 0; c < N; ++c) {
-      const MutablePlaneView& plane = job.out[c];
-      if (plane.pixel_stride != 1) return false;
-      std::uint8_t* to = plane.data + y * plane.row_stride + x;
-      V tiles[8];
-      for (std::size_t k = 0; k < 8; ++k) tiles[k] = _mm512_load_si512(strip + c * kStrip + 64 * k);
-      // Eight bytes of every tile make a row: an 8x8 transposition of 64-bit numbers.
-      V pairs[8];
-      for (std::size_t k = 0; k < 8; k += 2) {
-        pairs[k] = _mm512_unpacklo_epi64(tiles[k], tiles[k + 1]);      // rows 0 2 4 6
-        pairs[k + 1] = _mm512_unpackhi_epi64(tiles[k], tiles[k + 1]);  // rows 1 3 5 7
-      }
-      for (std::size_t odd = 0; odd < 2; ++odd) {
-        const V a = _mm512_shuffle_i64x2(pairs[odd], pairs[2 + odd], 0x44);
-        const V b = _mm512_shuffle_i64x2(pairs[4 + odd], pairs[6 + odd], 0x44);
-        const V d = _mm512_shuffle_i64x2(pairs[odd], pairs[2 + odd], 0xee);
-        const V e = _mm512_shuffle_i64x2(pairs[4 + odd], pairs[6 + odd], 0xee);
-        const V rows[4] = {_mm512_shuffle_i64x2(a, b, 0x88), _mm512_shuffle_i64x2(a, b, 0xdd),
-                           _mm512_shuffle_i64x2(d, e, 0x88), _mm512_shuffle_i64x2(d, e, 0xdd)};
-        for (std::size_t k = 0; k < 4; ++k) {
-          std::uint8_t* row = to + static_cast<std::ptrdiff_t>(2 * k + odd) * plane.row_stride;
-          if ((reinterpret_cast<std::uintptr_t>(row) & 63) == 0) {
-            _mm512_stream_si512(reinterpret_cast<V*>(row), rows[k]);
-          } else {
-            _mm512_storeu_si512(row, rows[k]);
-          }
+    const int step = job.out[0].pixel_stride;
+    const bool triples = N == 3 && interleaved(job);
+    if (!triples && step != 1) return false;
+    V rows[N][8];
+    for (std::size_t c = 0; c < N; ++c) rows_of(strip + c * kStrip, rows[c]);
+    for (std::size_t j = 0; j < kTile; ++j) {
+      const auto row = static_cast<std::ptrdiff_t>(y) + static_cast<std::ptrdiff_t>(j);
+      if (triples) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          const V from = load(kTripleBytes.of[k]);
+          const V two = _mm512_permutex2var_epi8(rows[0][j], from, rows[N > 1 ? 1 : 0][j]);
+          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3 + static_cast<std::ptrdiff_t>(64 * k),
+              _mm512_mask_permutexvar_epi8(two, kThirds[k], from, rows[N - 1][j]));
         }
+      } else {
+        for (std::size_t c = 0; c < N; ++c) put(job.out[c].data + row * job.out[c].row_stride + x, rows[c][j]);
       }
     }
     return true;

@@ -322,14 +322,20 @@ struct Neon {
 
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
-    for (std::size_t c = 0; c < N; ++c) {
-      if (job.out[c].pixel_stride != 1) return false;
-    }
-    for (std::size_t c = 0; c < N; ++c) {
-      const MutablePlaneView& plane = job.out[c];
-      for (std::size_t j = 0; j < kTile; ++j) {
-        std::uint8_t* to = plane.data + (y + static_cast<int>(j)) * plane.row_stride + x;
-        for (std::size_t k = 0; k < 8; ++k) vst1_u8(to + 8 * k, vld1_u8(strip + c * kStrip + k * kTilePixels + j * kTile));
+    const bool triples = N == 3 && interleaved(job);
+    if (!triples && job.out[0].pixel_stride != 1) return false;
+    for (std::size_t j = 0; j < kTile; ++j) {
+      const auto eight = [&](std::size_t c, std::size_t tile) {
+        return vld1_u8(strip + c * kStrip + tile * kTilePixels + j * kTile);
+      };
+      const std::ptrdiff_t row = y + static_cast<std::ptrdiff_t>(j);
+      for (std::size_t k = 0; k < 8; ++k) {
+        const std::ptrdiff_t column = x + static_cast<std::ptrdiff_t>(k * kTile);
+        if (triples) {
+          vst3_u8(job.out[0].data + row * job.out[0].row_stride + 3 * column, {{eight(0, k), eight(N / 2, k), eight(N - 1, k)}});
+        } else {
+          for (std::size_t c = 0; c < N; ++c) vst1_u8(job.out[c].data + row * job.out[c].row_stride + column, eight(c, k));
+        }
       }
     }
     return true;

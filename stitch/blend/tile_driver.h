@@ -17,6 +17,12 @@ namespace {
 /// Eight tiles side by side, 64 bytes each.
 constexpr std::size_t kStrip = 8 * kTilePixels;
 
+/// Whether the raymap is R G B R G B ..
+inline bool interleaved(const BlendJob& job) {
+  const auto& out = job.out;
+  return out[0].pixel_stride == 3 && out[1].data == out[0].data + 1 && out[2].data == out[0].data + 2;
+}
+
 /// The general way: some head of the tile is missing, or heads are trusted by what they saw. Goes over the records
 /// twice, first for the sum of the weights.
 template <class Kernel, int N>
