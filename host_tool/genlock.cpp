@@ -34,6 +34,10 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   context.console().line(fmt::format("genlock {} at {}/{} Hz; {} triggers; spread of mid-exposures {} (worst {})",
                                      now.state(), now.rate_numerator(), now.rate_denominator(), now.triggers(),
                                      show_duration(now.spread_ns()), show_duration(now.spread_worst_ns())));
+  std::string drift = "not known yet";
+  if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
+  context.console().line(fmt::format("lost {} times, in holdover {} times; {} triggers missing; drift {}", now.losses(),
+                                     now.holdovers(), now.missing_triggers(), drift));
   return {};
 }
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "host_tool/quantities.h"
@@ -19,31 +18,6 @@ std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64
 Json figures_json(const SyncFigures& figures) {
   return {{"median_ns", figures.median_ns}, {"p99_ns", figures.p99_ns}, {"worst_ns", figures.worst_ns}};
 }
-
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '&') out += "&amp;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
-  }
-  return out;
-}
-
-/// The least of 1, 2, 5 times a power of ten that is not below.
-double round_up(double value) {
-  const double ten = std::pow(10.0, std::floor(std::log10(std::max(value, 1.0))));
-  for (const double step : {1.0, 2.0, 5.0}) {
-    if (value <= step * ten) return step * ten;
-  }
-  return 10 * ten;
-}
-
-/// Told apart by people who see colours differently too (Okabe and Ito).
-constexpr std::array<std::string_view, 8> kColours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                                   "#e69f00", "#56b4e9", "#000000", "#999999"};
 
 }  // namespace
 
@@ -178,56 +152,6 @@ Json SyncReport::json() const {
           {"drift_ppb", drift ? Json(*drift) : Json()},
           {"genlock", states()},
           {"heads", list}};
-}
-
-std::string SyncReport::svg() const {
-  constexpr double kLeft = 70, kTop = 48, kWide = 760, kHigh = 320, kRight = 190, kBelow = 60;
-  const std::vector<Head> all = heads();
-  std::int64_t worst = 1000;
-  for (const Head& head : all) worst = std::max(worst, head.worst_ns);
-  const double reach_us = round_up(static_cast<double>(worst) / 1000);
-  const double last = std::max<double>(1, static_cast<double>(sets_.size()) - 1);
-  const auto x = [&](std::size_t i) { return kLeft + kWide * static_cast<double>(i) / last; };
-  const auto y = [&](double us) { return kTop + kHigh / 2 - kHigh / 2 * us / reach_us; };
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
-      "font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-      "<text x=\"{2}\" y=\"24\" font-size=\"15\">Middle of each head's exposure after its set's, microseconds</text>\n",
-      kLeft + kWide + kRight, kTop + kHigh + kBelow, kLeft);
-  for (const double us : {-reach_us, -reach_us / 2, 0.0, reach_us / 2, reach_us}) {
-    svg += fmt::format("<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ddd\"/>\n"
-                       "<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{:+g}</text>\n",
-                       kLeft, kLeft + kWide, y(us), y(us), kLeft - 8, y(us) + 4, us);
-  }
-  for (std::size_t h = 0; h < all.size(); ++h) {
-    const std::string_view colour = kColours[h % kColours.size()];
-    std::string points;
-    const auto flush = [&] {
-      if (!points.empty()) {
-        svg += fmt::format("<polyline fill=\"none\" stroke=\"{}\"{} points=\"{}\"/>\n", colour,
-                           h >= kColours.size() ? " stroke-dasharray=\"5 3\"" : "", points);
-      }
-      points.clear();
-    };
-    for (std::size_t i = 0; i < sets_.size(); ++i) {
-      if (!all[h].offsets[i]) flush();  // a gap where it was missing
-      else points += fmt::format("{:.1f},{:.1f} ", x(i), y(static_cast<double>(*all[h].offsets[i]) / 1000));
-    }
-    flush();
-    svg += fmt::format("<text x=\"{}\" y=\"{}\" fill=\"{}\">{}: worst {}{}</text>\n", kLeft + kWide + 12,
-                       kTop + 10 + 18 * static_cast<double>(h), colour, escaped(all[h].name), time(all[h].worst_ns),
-                       all[h].missing > 0 ? fmt::format(", {} missing", all[h].missing) : "");
-  }
-  if (!sets_.empty()) {
-    svg += fmt::format("<text x=\"{}\" y=\"{}\">set {}</text>\n<text x=\"{}\" y=\"{}\" text-anchor=\"end\">set {}</text>\n",
-                       kLeft, kTop + kHigh + 20, sets_.front().set(), kLeft + kWide, kTop + kHigh + 20,
-                       sets_.back().set());
-  }
-  const SyncFigures together = spread();
-  svg += fmt::format("<text x=\"{}\" y=\"{}\">spread: median {}, p99 {}, worst {}; {} sets lost</text>\n</svg>\n", kLeft,
-                     kTop + kHigh + 44, time(together.median_ns), time(together.p99_ns), time(together.worst_ns),
-                     sets_lost());
-  return svg;
 }
 
 }  // namespace nodal::host
