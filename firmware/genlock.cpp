@@ -8,6 +8,10 @@ namespace {
 /// Until it is known: the past is then trusted to 0.2 ms, twice this.
 constexpr Duration kJitterAtFirst = Duration::microseconds(100);
 
+/// What stamps of frames are off by even where a driver makes them: so little under the limit, nobody can say that heads
+/// are within it.
+constexpr Duration kStampDoubt = Duration::microseconds(20);
+
 Duration size_of(Duration d) { return d < Duration() ? -d : d; }
 
 struct Range {
@@ -155,7 +159,8 @@ bool Genlock::follows_pulses(const Skews& skews) {
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
   // Twice the mean distance is more than four deviations of a whole past, and of a short one almost twice that.
   const Duration room = kLockLimit - jitter_ * 2 * (2 * kMean - least_known) / kMean;
-  return raw.width() <= kLockLimit && smooth.width() <= room && size_of(raw.middle() - latency_) <= kLockLimit;
+  return raw.width() <= kLockLimit - kStampDoubt && smooth.width() <= room &&
+         size_of(raw.middle() - latency_) <= kLockLimit;
 }
 
 void Genlock::learn(const FrameSet& set, const Skews& skews) {

@@ -31,7 +31,7 @@ canary(holdover_called_locked firmware/genlock.cpp
 canary(creeping_head_unnoticed firmware/genlock.cpp
   "smooth.width() <= room &&" "room > Duration() &&")
 canary(jumping_head_unnoticed firmware/genlock.cpp
-  "return raw.width() <= kLockLimit && smooth.width() <= room &&" "return room > Duration() &&")
+  "return raw.width() <= kLockLimit - kStampDoubt && smooth.width() <= room &&" "return room > Duration() &&")
 canary(set_waits_for_ever firmware/capture_sets.cpp
   "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
 canary(head_not_looked_for firmware/capture_head.cpp
@@ -40,4 +40,4 @@ canary(calibration_not_synced firmware/durable_file.cpp "if (done) done = disk.s
 canary(told_and_not_kept firmware/calibration_keeper.cpp
   "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
 canary(raymap_names_the_first firmware/blender.cpp
-  "installed_->id}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }()}\;")
+  "installed_->id, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}}\;")
