@@ -146,9 +146,15 @@ bool Blender::begin() {
   }
   FrameSet* set = *next;
   idle_.store(false, std::memory_order_release);
-  const bool ready = installed_ && take_pixels(installed_->tables.size());
+  bool ready = false;
+  if (!installed_) {
+    count(counts_.without_calibration);
+  } else if (set->number % every_.load(std::memory_order_relaxed) != 0) {
+    count(counts_.shed);
+  } else if (ready = take_pixels(installed_->tables.size()); !ready) {
+    count(counts_.without_buffer);
+  }
   if (!ready) {
-    count(installed_ ? counts_.without_buffer : counts_.without_calibration);
     tap(*set);
     give_back(set);
     return true;
@@ -167,7 +173,7 @@ void Blender::tap(const FrameSet& set) {
 
 void Blender::begin_raymap() {
   const blend::BlendTable& table = this->table();
-  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id};
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id, {}};
   if (const auto parity = table.sources[0].field) {
     raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
     if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
@@ -199,6 +205,7 @@ void Blender::take_pictures(const FrameSet& set) {
       continue;
     }
     raymap_.info.heads |= head_bit(i);
+    raymap_.info.in_effect[i] = set.frames[i].in_effect;
     pictures_[i] = picture;
     if (bytes > 0) to_prepare_[heads_to_prepare_++] = {&source, picture, own_memory, i};
   }

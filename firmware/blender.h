@@ -49,9 +49,13 @@ class Blender {
   /// Filled with a set's pictures when control wants them and no later set waits already.
   FrameTap& tap() { return tap_; }
 
+  /// Of so many sets one is blended. Any thread.
+  void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
+
   struct Counts {
     std::atomic<std::uint64_t> blended{0};              ///< raymaps
     std::atomic<std::uint64_t> without_calibration{0};  ///< sets
+    std::atomic<std::uint64_t> shed{0};                 ///< sets: the board is overloaded
     std::atomic<std::uint64_t> without_buffer{0};       ///< sets: every buffer was still with a client
     std::atomic<std::uint64_t> unfit_frames{0};         ///< frames that are not what the calibration is for
     std::atomic<std::uint64_t> adopted{0};              ///< calibrations taken into force
@@ -130,6 +134,7 @@ class Blender {
   std::atomic<std::uint64_t> bands_out_{0};
   std::atomic<std::uint64_t> bands_done_{0};
 
+  std::atomic<std::uint32_t> every_{1};
   Counts counts_;
   RecentTimes times_;
   std::atomic<bool> idle_{true};

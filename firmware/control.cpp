@@ -29,7 +29,7 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
-      monitor_(watchdog),
+      supervisor_(watchdog),
       panel_(panel) {}
 
 Control::~Control() = default;
@@ -39,7 +39,7 @@ bool Control::step(Instant now) {
   keeper_ = &stages_.keeper.snapshot().read();
   watch_trial();
   restore_settings();
-  bool busy = accept(now);
+  bool busy = end_asked_.load(std::memory_order_acquire) ? false : accept(now);
   for (const auto& client : clients_) busy |= serve(*client, now);
   busy |= take_answers(now);
   remember_settings(now);
@@ -49,8 +49,23 @@ bool Control::step(Instant now) {
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
   watch(now);
+  end(now);
   step_panel(now);
   return busy;
+}
+
+void Control::ask_to_end(std::string reason) {
+  end_reason_ = std::move(reason);
+  end_asked_.store(true, std::memory_order_release);
+}
+
+void Control::end(Instant now) {
+  if (!supervisor_.acts().end) return;
+  if (!ending_since_) {
+    ending_since_ = now;
+    for (const auto& client : clients_) client->end(Error{Errc::kLinkClosed, "the rig stops: " + end_reason_}, now);
+  }
+  if (clients_.empty() || now - *ending_since_ > kFarewell) ended_.store(true, std::memory_order_release);
 }
 
 std::vector<std::string> Control::take_news() { return std::exchange(news_, {}); }
@@ -205,7 +220,8 @@ void Control::watch_trial() {
 }
 
 void Control::step_panel(Instant now) {
-  const auto action = panel_.step({health_.state, capture_->genlock.state != GenlockState::kOff, capture_->sets}, now);
+  const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.acts().end;
+  const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
   if (action) act(*action, now);
   while (auto problem = panel_.take_problem()) news_.push_back(std::move(*problem));
 }
@@ -290,31 +306,43 @@ void Control::watch(Instant now) {
     sets_seen_ = capture_->sets;
     newest_set_ = now;
   }
-  if (judged_ && now - *judged_ < kJudgeEvery) return;
+  const bool ends = end_asked_.load(std::memory_order_acquire);
+  if (ends) supervisor_.end(end_reason_);
+  const bool at_once = ends && supervisor_.state() != RigState::kStopping;
+  if (judged_ && now - *judged_ < kJudgeEvery && !at_once) return;
   judged_ = now;
   const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
   rate_.observe(blended, now);
   const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
-  const Signs signs{*capture_,
-                    *keeper_,
-                    rate_wanted_millihertz(),
-                    rate_.millihertz(),
-                    stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
-                    now - newest_set_,
-                    now - steady_since_};
-  Health health = assess(config_, signs);
-  if (health.state != health_.state) {
-    news_.push_back("the rig is " + health.state + (health.problem.empty() ? "" : ": " + health.problem));
-  }
-  health_ = std::move(health);
+  shed(now);
+  const Finding found = find_condition(config_, {*capture_,
+                                                 *keeper_,
+                                                 rate_wanted_millihertz(),
+                                                 rate_.millihertz(),
+                                                 stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
+                                                 now - newest_set_,
+                                                 now - steady_since_,
+                                                 shedding_.level()});
   // While a lossless client holds the rig up, the stages before it may rest.
   const bool held_up = publisher_.held_up();
-  monitor_.step({{"capture", stages_.capture.steps(), false},
-                 {"blend", stages_.blender.progress(), stages_.blender.idle() || held_up},
-                 {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended || held_up}},
-                health_, now);
+  const std::string_view before = health().state;
+  supervisor_.step({{"capture", stages_.capture.steps(), false},
+                    {"blend", stages_.blender.progress(), stages_.blender.idle() || held_up},
+                    {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended || held_up}},
+                   found, now);
+  if (health().state != before) {
+    news_.push_back("the rig is " + std::string(health().state) +
+                    (health().problem.empty() ? "" : ": " + health().problem));
+  }
+}
+
+void Control::shed(Instant now) {
+  shedding_.step(capture_->sets, capture_->sets_not_taken, publisher_.held_up() || now - steady_since_ < kPause, now);
+  const ShedLevel& level = shedding_.level();
+  stages_.encoder.set_every(Publisher::lossless_wanted(clients_) ? 1 : level.publish_every);
+  stages_.blender.set_every(level.preview_every);
 }
 
 }  // namespace nodal::firmware

@@ -20,6 +20,7 @@
 #include "firmware/panel.h"
 #include "firmware/publisher.h"
 #include "firmware/settings.h"
+#include "firmware/shedding.h"
 #include "firmware/statistics.h"
 #include "hal/link.h"
 #include "hal/watchdog.h"
@@ -38,7 +39,7 @@ struct Stages {
 /// Accepts hosts, answers their requests, takes their uploads, gives them raymaps. A request that another stage must
 /// carry out is passed on with a ticket, and answered when that stage answers; meanwhile everybody else is served.
 ///
-/// Threading: step() is thread-bound to control; set_resident_bytes() is for any thread.
+/// Threading: step() is thread-bound to control; set_resident_bytes(), ask_to_end() and ended() are for any thread.
 /// Ownership: owns the clients; listeners and stages outlive it.
 /// Errors: a host's errors are answers to it; news() has what an operator should read.
 class Control {
@@ -53,12 +54,17 @@ class Control {
 
   /// Sentences for the log since the last call: hosts that came and went, states that changed.
   std::vector<std::string> take_news();
-  const Health& health() const { return health_; }
+  const Health& health() const { return supervisor_.health(); }
+  /// The rig stops, for this reason: hosts are told, none is let in. Any thread, once.
+  void ask_to_end(std::string reason);
+  /// Every host has been told, or would not listen for kFarewell. Any thread.
+  bool ended() const { return ended_.load(std::memory_order_acquire); }
   std::size_t clients() const { return clients_.size(); }
   void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
   wire::RigStatus status(Instant now);
 
   static constexpr std::size_t kMaxClients = 8;
+  static constexpr Duration kFarewell = Duration::milliseconds(500);
   static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
 
  private:
@@ -103,6 +109,8 @@ class Control {
   HeadShapes head_shapes() const;
   void watch(Instant now);
   std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
+  void shed(Instant now);
+  void end(Instant now);
   wire::Hello hello() const;
 
   const RigConfig config_;
@@ -132,8 +140,12 @@ class Control {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
-  Health health_{"starting", "reading the calibration store"};
-  ProgressMonitor monitor_;
+  Supervisor supervisor_;
+  Shedding shedding_;
+  std::string end_reason_;               ///< once end_asked_
+  std::atomic<bool> end_asked_{false};
+  std::optional<Instant> ending_since_;
+  std::atomic<bool> ended_{false};
   Panel panel_;
   std::deque<Mark> marks_;
   std::vector<std::string> news_;

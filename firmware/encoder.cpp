@@ -14,7 +14,8 @@ bool EncodeStage::step() {
   if (raymaps_out_.full()) return false;
   auto raymap = raymaps_in_.pop();
   if (!raymap) return false;
-  if (wanted_.load(std::memory_order_relaxed)) {
+  raymap->shed = steps() % every_.load(std::memory_order_relaxed) != 0;
+  if (wanted_.load(std::memory_order_relaxed) && !raymap->shed) {
     Buffer buffer = take_buffer();
     if (buffer) {
       const Instant begun = clock_.now();

@@ -13,7 +13,7 @@ namespace nodal::firmware {
 
 /// Between blend and publish: makes a JPEG of a raymap when a client wants one, and passes it on.
 ///
-/// Threading: step() is thread-bound to the encoder; set_wanted() and the figures are for any thread.
+/// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread.
 /// Ownership: raymaps pass through; JPEG buffers come from jpegs_free().
 /// Errors: a raymap that could not be encoded goes on without its JPEG and is counted.
 class EncodeStage {
@@ -24,6 +24,8 @@ class EncodeStage {
   bool step();
   /// Whether any client pulls JPEGs.
   void set_wanted(bool jpeg) { wanted_.store(jpeg, std::memory_order_relaxed); }
+  /// Of so many raymaps one is encoded; the others go on as shed.
+  void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   SpscRing<Buffer>& jpegs_free() { return jpegs_free_; }
@@ -45,6 +47,7 @@ class EncodeStage {
   JpegEncoder jpeg_;
   std::size_t buffers_made_ = 0;
   std::atomic<bool> wanted_{false};
+  std::atomic<std::uint32_t> every_{1};
   std::atomic<std::uint64_t> failed_{0};
   std::atomic<std::uint64_t> passed_{0};
   RecentTimes times_;

@@ -71,6 +71,7 @@ bool Publisher::step(const Clients& clients, Instant now) {
   bool given = false;
   for (const auto& client : clients) given |= offer(*client, *raymap);
   if (given) ++published_;
+  if (raymap->shed) ++shed_;
   if (raymap->pixels) pixels_out_.push_back(std::move(raymap->pixels));
   if (raymap->jpeg) jpegs_out_.push_back(std::move(raymap->jpeg));
   reclaim();
@@ -104,9 +105,11 @@ bool Publisher::offer(Client& client, const Raymap& raymap) {
   for (auto& [stream, pull] : client.pulls) {
     const bool jpeg = pull.coding == wire::PullRequest::JPEG;
     const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
-    // Evidence is a set's; its second field has no other.
-    const bool told = pull.coding == wire::PullRequest::EVIDENCE && raymap.info.field && raymap.info.field->number > 0;
-    if (pull.ended || !there || told) continue;
+    const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
+    // It is a set's; its second field has no other.
+    const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
+    const bool shed = raymap.shed && !pull.lossless && !evidence;
+    if (pull.ended || !there || told || shed) continue;
     if (!client.session().offer(stream, item(raymap, pull.coding))) continue;
     given = true;
     if (pull.count == 0) continue;
@@ -131,6 +134,11 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   header.set_layout(std::string(raymap_layout_name(config_.layout)));
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
+  for (std::size_t i = 0; info.heads >> i != 0; ++i) {
+    const bool there = (info.heads & head_bit(i)) != 0;
+    header.add_exposure_ns(there ? static_cast<std::uint64_t>(info.in_effect[i].exposure.duration().ns()) : 0);
+    header.add_gain_mdb(there ? info.in_effect[i].gain.mdb() : 0);
+  }
   if (info.field) {
     header.set_field(static_cast<std::uint32_t>(info.field->number));
     header.set_parity(std::string(field_parity_name(info.field->parity)));
@@ -163,6 +171,13 @@ bool Publisher::jpeg_wanted(const Clients& clients) {
   return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
     return std::any_of(client->pulls.begin(), client->pulls.end(),
                        [](const auto& pull) { return pull.second.coding == wire::PullRequest::JPEG && !pull.second.ended; });
+  });
+}
+
+bool Publisher::lossless_wanted(const Clients& clients) {
+  return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
+    return std::any_of(client->pulls.begin(), client->pulls.end(),
+                       [](const auto& pull) { return pull.second.lossless && !pull.second.ended; });
   });
 }
 

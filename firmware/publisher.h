@@ -36,12 +36,15 @@ class Publisher {
   bool step(const Clients& clients, Instant now);
   /// Whether any client pulls JPEGs.
   static bool jpeg_wanted(const Clients& clients);
+  /// Whether any client pulls without loss: of what it is given, nothing may be shed.
+  static bool lossless_wanted(const Clients& clients);
   /// Raymaps this client was not given, on all its streams.
   static std::uint64_t dropped(const Client& client);
 
   /// A lossless client has not taken its share yet.
   bool held_up() const { return held_up_; }
   std::uint64_t published() const { return published_; }  ///< raymaps given to at least one client
+  std::uint64_t shed() const { return shed_; }  ///< raymaps that were not offered, for the board is overloaded
 
   static constexpr std::size_t kMaxPulls = 4;         ///< of a client
   static constexpr std::uint64_t kLosslessQueue = 2;  ///< raymaps that wait for a lossless client
@@ -62,6 +65,7 @@ class Publisher {
   std::vector<Buffer> jpegs_out_;
   bool held_up_ = false;
   std::uint64_t published_ = 0;
+  std::uint64_t shed_ = 0;
 };
 
 }  // namespace nodal::firmware

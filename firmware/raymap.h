@@ -1,6 +1,7 @@
 // What the blend makes: one raymap, and everything that is known of it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -51,11 +52,13 @@ struct RaymapInfo {
   SyncEvidence sync;
   HeadMask heads = 0;      ///< that it was made of
   Sha256 calibration{};    ///< that made it
+  std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< of the heads that it was made of
 };
 
 /// A raymap on its way: `pixels` packed in the table's format, `jpeg` when somebody wants it so.
 struct Raymap {
   RaymapInfo info;
+  bool shed = false;  ///< the board is overloaded: for lossless clients only
   Buffer pixels;
   Buffer jpeg;
 };

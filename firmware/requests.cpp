@@ -252,8 +252,8 @@ HeadShapes Control::head_shapes() const {
 wire::RigStatus Control::status(Instant now) {
   wire::RigStatus status;
   status.set_rig_name(config_.name);
-  status.set_state(health_.state);
-  status.set_problem(health_.problem);
+  status.set_state(std::string(health().state));
+  status.set_problem(health().problem);
   status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
   fill_capture(*capture_, status);
 
@@ -263,6 +263,8 @@ wire::RigStatus Control::status(Instant now) {
   add_count(*status.mutable_set_losses(), "overload", capture_->sets_not_taken);
   add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
   add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
+  add_count(*status.mutable_set_losses(), "shed", read(counts.shed));
+  status.set_publish_shed(publisher_.shed());
   status.set_published(publisher_.published());
   status.set_rate_wanted_millihertz(rate_wanted_millihertz());
   status.set_raymaps_a_set(static_cast<std::uint32_t>(config_.raymap.raymaps_a_set()));

@@ -14,6 +14,8 @@ class WatchdogPort {
   virtual ~WatchdogPort() = default;
   virtual void ready() = 0;
   virtual void feed() = 0;
+  /// It ends on purpose; what is left takes a moment.
+  virtual void stopping() = 0;
   /// One line; what follows a line break is left out.
   virtual void status(std::string_view line) = 0;
 };

@@ -80,6 +80,9 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   }
   row("published", fmt::format("{} of {} raymaps; dropped for slow clients: {}", status.published(), status.raymaps(),
                                list_of(status.publish_drops())));
+  if (status.publish_shed() != 0) {
+    row("", fmt::format("{} not published: the board had no time for it", status.publish_shed()));
+  }
   row("memory", show_bytes(status.resident_bytes()));
   if (status.marks().empty()) return;
   const wire::Mark& newest = status.marks(status.marks_size() - 1);

@@ -93,6 +93,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"raymaps_a_set", std::max(1U, status.raymaps_a_set())},
           {"published", status.published()},
           {"publish_drops", counts_to_json(status.publish_drops())},
+          {"publish_shed", status.publish_shed()},
           {"marks", marks_to_json(status)},
           {"rate_wanted_millihertz", status.rate_wanted_millihertz()},
           {"rate_millihertz", status.rate_millihertz()},

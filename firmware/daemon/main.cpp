@@ -66,7 +66,11 @@ void wait_for_signal(firmware::Rig& rig) {
     rig.control().set_resident_bytes(resident_bytes());
     const int signal = ::sigtimedwait(&signals, nullptr, &second);
     if (signal < 0) continue;
-    spdlog::info("{}: stopping", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+    const char* name = signal == SIGTERM ? "SIGTERM" : "SIGINT";
+    spdlog::info("{}: stopping", name);
+    rig.control().ask_to_end(name);
+    const timespec moment{0, 5'000'000};
+    for (int i = 0; i < 200 && !rig.control().ended(); ++i) ::nanosleep(&moment, nullptr);
     return;
   }
 }

@@ -34,6 +34,7 @@ LinuxWatchdog::~LinuxWatchdog() {
 
 void LinuxWatchdog::ready() { send("READY=1"); }
 void LinuxWatchdog::feed() { send("WATCHDOG=1"); }
+void LinuxWatchdog::stopping() { send("STOPPING=1"); }
 void LinuxWatchdog::status(std::string_view line) {
   send("STATUS=" + std::string(line.substr(0, line.find_first_of("\r\n"))));
 }

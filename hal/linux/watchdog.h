@@ -21,6 +21,7 @@ class LinuxWatchdog final : public WatchdogPort {
 
   void ready() override;
   void feed() override;
+  void stopping() override;
   /// Lines after the first are left out: a line break would begin another assignment.
   void status(std::string_view line) override;
 

@@ -19,10 +19,12 @@ class SimWatchdog final : public WatchdogPort {
   // What the daemon sees.
   void ready() override { ready_ = true; last_ = clock_.now(); }
   void feed() override { ++feeds_; last_ = clock_.now(); }
+  void stopping() override { stopping_ = true; }
   void status(std::string_view line) override { lines_.emplace_back(line.substr(0, line.find_first_of("\r\n"))); }
 
   // What the test knows.
   bool is_ready() const { return ready_; }
+  bool is_stopping() const { return stopping_; }
   std::uint64_t feeds() const { return feeds_; }
   const std::vector<std::string>& lines() const { return lines_; }
   /// A real supervisor would have ended the daemon by now.
@@ -32,6 +34,7 @@ class SimWatchdog final : public WatchdogPort {
   ClockPort& clock_;
   Instant last_;
   bool ready_ = false;
+  bool stopping_ = false;
   std::uint64_t feeds_ = 0;
   std::vector<std::string> lines_;
 };

@@ -28,6 +28,7 @@ class WatchdogWorld {
   virtual ~WatchdogWorld() = default;
   virtual WatchdogPort& watchdog() = 0;
   virtual bool heard_ready() = 0;
+  virtual bool heard_stopping() = 0;
   virtual std::size_t heard_feeds() = 0;
   virtual std::vector<std::string> heard_lines() = 0;
 };
@@ -54,6 +55,13 @@ TEST_P(WatchdogConformance, Ready_IsHeard) {
   EXPECT_TRUE(world_->heard_ready());
 }
 
+TEST_P(WatchdogConformance, Stopping_IsHeardAndIsNothingElse) {
+  world_->watchdog().stopping();
+  EXPECT_TRUE(world_->heard_stopping());
+  EXPECT_FALSE(world_->heard_ready());
+  EXPECT_EQ(world_->heard_feeds(), 0U);
+}
+
 TEST_P(WatchdogConformance, FedThrice_HeardThrice) {
   for (int i = 0; i < 3; ++i) world_->watchdog().feed();
   EXPECT_EQ(world_->heard_feeds(), 3U);
@@ -77,6 +85,7 @@ class SimWatchdogWorld final : public WatchdogWorld {
  public:
   WatchdogPort& watchdog() override { return watchdog_; }
   bool heard_ready() override { return watchdog_.is_ready(); }
+  bool heard_stopping() override { return watchdog_.is_stopping(); }
   std::size_t heard_feeds() override { return watchdog_.feeds(); }
   std::vector<std::string> heard_lines() override { return watchdog_.lines(); }
 
@@ -106,6 +115,7 @@ class SystemdWorld final : public WatchdogWorld {
 
   WatchdogPort& watchdog() override { return *watchdog_; }
   bool heard_ready() override { return count("READY=1") > 0; }
+  bool heard_stopping() override { return count("STOPPING=1") == 1; }
   std::size_t heard_feeds() override { return count("WATCHDOG=1"); }
   std::vector<std::string> heard_lines() override {
     listen();

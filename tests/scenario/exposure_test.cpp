@@ -298,7 +298,13 @@ TEST_P(FourStopsApart, HeadsMeetWithoutASeamAndThePictureIsTheLight) {
     request.mutable_head_set()->set_gain_mdb(h % 2 == 0 || h == 1 ? 0 : 6021);
     ASSERT_TRUE(host.ask(request).has_done());
   }
-  const Against apart = against_light(pull(), *scene, response, 0.5);
+  const Pulled raymap = pull();
+  ASSERT_EQ(raymap.header.exposure_ns_size(), kHeads);
+  EXPECT_EQ(raymap.header.exposure_ns(0), 1'250'000U) << "a raymap tells what was in effect for it";
+  EXPECT_EQ(raymap.header.exposure_ns(1), 20'000'000U);
+  EXPECT_EQ(raymap.header.gain_mdb(1), 0);
+  EXPECT_NEAR(raymap.header.gain_mdb(3), 6021, 1);
+  const Against apart = against_light(raymap, *scene, response, 0.5);
   std::printf("alike: worst %.2f, mean %.2f, worst block %.2f; four stops apart: worst %.2f, mean %.2f, block %.2f\n",
               alike.worst, alike.mean, alike.worst_row, apart.worst, apart.mean, apart.worst_row);
   EXPECT_LT(alike.worst_row, 0.6);

@@ -101,7 +101,7 @@ class Stand {
 
   const firmware::CaptureReport& capture() { return rig->capture().report(); }
   std::uint64_t losses(int head, firmware::LossReason reason);
-  std::string state() { return rig->control().health().state; }
+  std::string state() { return std::string(rig->control().health().state); }
 
   StandOptions options;
   hal::sim::World world;

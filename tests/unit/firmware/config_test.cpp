@@ -90,6 +90,14 @@ TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
                  "heads[0].trigger_delay_us is there");
 }
 
+TEST(RigConfig, PinThatIsNotDrivenYet_SaysWhichCanBe) {
+  const auto config = parse_rig_config(kSmall + "[panel]\nbutton = \"sim:1+1\"\n", "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->panel.button, "sim:1+1");
+  EXPECT_EQ(config->panel.tally, "");
+  expect_refused(kSmall + "[panel]\nbutton = \"gpio:3\"\n", Errc::kBadValue, "panel.button must be sim:");
+}
+
 TEST(RigConfig, ReplayHeads_NeedNoSim) {
   const auto config = parse_rig_config("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\n", "rig.toml");
   ASSERT_TRUE(config) << config.error().text();

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <string_view>
+
 #include "hal/sim/clock.h"
 #include "hal/sim/watchdog.h"
 
@@ -20,7 +23,9 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    return assess(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60)});
+    const Finding found =
+        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed});
+    return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
   RigConfig config;
@@ -29,6 +34,7 @@ class HealthTest : public testing::Test {
   std::uint32_t rate = 29'970;
   std::uint64_t unfit = 0;
   Duration since_last_set;
+  ShedLevel shed;
 };
 
 TEST_F(HealthTest, EverythingRight_IsRunningWithoutAProblem) {
@@ -85,31 +91,100 @@ TEST_F(HealthTest, FramesThatDoNotFitTheCalibration_AreAProblem) {
   EXPECT_EQ(judged().state, "degraded");
 }
 
-TEST(ProgressMonitor, AStageThatHangs_IsNamedAndTheWatchdogGoesHungry) {
-  hal::sim::SimClock clock;
-  hal::sim::SimWatchdog watchdog(clock);
-  ProgressMonitor monitor(&watchdog);
-  const Health fine{"running", ""};
-  std::uint64_t progress = 0;
-  const auto seconds = [&](int n, bool moving, bool may_rest) {
+TEST_F(HealthTest, WorkIsShed_IsDegradedAndSaysWhatIsLeftUndone) {
+  shed = {4, 1};
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_NE(judged().problem.find("one raymap of 4"), std::string::npos) << judged().problem;
+  EXPECT_EQ(judged().problem.find("is blended"), std::string::npos);
+  shed = {8, 2};
+  EXPECT_NE(judged().problem.find("one set of 2 is blended"), std::string::npos) << judged().problem;
+}
+
+constexpr std::array kStates{RigState::kStarting, RigState::kNoCalibration, RigState::kIdle,    RigState::kRunning,
+                             RigState::kDegraded, RigState::kHanging,       RigState::kStopping};
+
+// What the table must say, in the words of firmware/README.md; one letter a state, conditions from worst to best.
+constexpr std::string_view kLetters = "sciRDHX";  // starting no-Calibration idle Running Degraded Hanging stopping(X)
+constexpr std::array<std::string_view, kConditions> kExpected{
+    "XXXXXXX",  // kEnding
+    "HHHHHHX",  // kStageHangs
+    "ssssssX",  // kStoreUnread
+    "ccccccX",  // kNoCalibration
+    "iiiiiiX",  // kNoFrames
+    "DDDDDDX",  // kHeadAway
+    "DDDDDDX",  // kGenlockLost
+    "DDDDDDX",  // kHoldover
+    "DDDDDDX",  // kUnfitFrames
+    "DDDDDDX",  // kStoreTrouble
+    "DDDDDDX",  // kHeadTrouble
+    "DDDDDDX",  // kTooSlow
+    "RRRRRRX",  // kWell
+};
+
+TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
+  for (std::size_t c = 0; c < kConditions; ++c) {
+    for (const RigState from : kStates) {
+      const Transition next = transition(static_cast<Condition>(c), from);
+      const char letter = kExpected[c][static_cast<std::size_t>(from)];
+      EXPECT_EQ(kLetters[static_cast<std::size_t>(next.to)], letter) << c << " in " << rig_state_name(from);
+      // Only what hangs starves the watchdog; only what was asked for ends the rig; nothing is ready before the store
+      // has been read.
+      EXPECT_EQ(next.acts.feed, letter != 'H');
+      EXPECT_EQ(next.acts.end, letter == 'X');
+      EXPECT_EQ(next.acts.ready, letter != 's' && letter != 'H' && letter != 'X');
+    }
+  }
+}
+
+class SupervisorTest : public testing::Test {
+ protected:
+  /// Half a minute or so, a tenth of a second at a time.
+  void seconds(int n, bool moving, bool may_rest, const Finding& found = {}) {
     for (int i = 0; i < n * 10; ++i) {
       if (moving) ++progress;
-      monitor.step({{"capture", static_cast<std::uint64_t>(clock.now().ns()), false}, {"blend", progress, may_rest}},
-                   fine, clock.now());
+      supervisor.step({{"capture", static_cast<std::uint64_t>(clock.now().ns()), false}, {"blend", progress, may_rest}},
+                      found, clock.now());
       clock.advance(Duration::milliseconds(100));
     }
-  };
+  }
+  hal::sim::SimClock clock;
+  hal::sim::SimWatchdog watchdog{clock};
+  Supervisor supervisor{&watchdog};
+  std::uint64_t progress = 0;
+};
+
+TEST_F(SupervisorTest, AStageThatHangs_IsNamedAndTheWatchdogGoesHungryUntilItGetsOn) {
   seconds(20, true, false);
-  EXPECT_TRUE(watchdog.is_ready());
   EXPECT_FALSE(watchdog.would_bite(Duration::seconds(1)));
   seconds(60, false, true);
   EXPECT_FALSE(watchdog.would_bite(Duration::seconds(1))) << "nothing to do is not hanging";
   seconds(15, false, false);
-  EXPECT_EQ(monitor.stuck(), "blend");
+  EXPECT_EQ(supervisor.state(), RigState::kHanging);
   EXPECT_TRUE(watchdog.would_bite(Duration::seconds(5)));
-  EXPECT_EQ(watchdog.lines().back(), "blend hangs");
+  EXPECT_EQ(watchdog.lines().back(), "hanging: blend does not get on");
   seconds(2, true, false);
+  EXPECT_EQ(supervisor.state(), RigState::kRunning);
   EXPECT_FALSE(watchdog.would_bite(Duration::seconds(1)));
+}
+
+TEST_F(SupervisorTest, StoreNotYetRead_SystemdIsNotToldReadyAndFedAllTheSame) {
+  seconds(3, true, false, {Condition::kStoreUnread, "reading the calibration store"});
+  EXPECT_FALSE(watchdog.is_ready());
+  EXPECT_GE(watchdog.feeds(), 5U);
+  seconds(1, true, false, {Condition::kNoCalibration, "upload one"});
+  EXPECT_TRUE(watchdog.is_ready()) << "hosts are served without a calibration";
+}
+
+TEST_F(SupervisorTest, EndedTwice_TheFirstReasonStaysWhateverComes) {
+  seconds(2, true, false);
+  supervisor.end("SIGTERM");
+  supervisor.end("something else");
+  seconds(1, true, false, {Condition::kHeadAway, "head 'left' is not there"});
+  EXPECT_EQ(supervisor.health().state, "stopping");
+  EXPECT_EQ(supervisor.health().problem, "SIGTERM");
+  EXPECT_TRUE(watchdog.is_stopping());
+  EXPECT_EQ(watchdog.lines().back(), "stopping: SIGTERM");
+  EXPECT_TRUE(supervisor.acts().end);
 }
 
 }  // namespace
