@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kBands = 24;             // pieces of work; fixed, so that sums do not depend on who does them
 constexpr double kHuber = 2.0;         // scatters
-constexpr std::size_t kShadeStride = 3; // shading is smooth: every third pixel tells it
+constexpr int kShadeStride = 3;         // shading is smooth: every third pixel of a row tells it
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;      // px, of the coarsest photograph
 constexpr int kMostTaps = 9;
@@ -136,7 +136,7 @@ bool DenseAlignment::in_region(const geometry::Pixel& pixel, double margin) cons
 }
 
 void DenseAlignment::gather(const DenseState& state, int band,
-                            const std::function<void(std::size_t view, const Seen&)>& take, int only) const {
+                            const std::function<void(std::size_t view, const Seen&)>& take, int only, int every) const {
   const SightFinder lens(state.arrangement.lens);
   std::vector<PlaneFinder> planes;
   for (const Pose& pose : state.arrangement.poses) planes.emplace_back(pose);
@@ -149,7 +149,7 @@ void DenseAlignment::gather(const DenseState& state, int band,
   for (int n = band * rows / kBands; n < (band + 1) * rows / kBands; ++n) {
     const int j = n * stride_;
     // Rows start at different columns, so that a stride does not leave whole columns out.
-    for (int i = (n * 7) % stride_; i < first.width; i += stride_) {
+    for (int i = (n * 7) % (stride_ * every); i < first.width; i += stride_ * every) {
       seen.pixel = {(i + 0.5) * px, (j + 0.5) * px};
       if (!in_region(seen.pixel, margin)) continue;
       const auto sight = lens.at(seen.pixel);
@@ -170,17 +170,16 @@ void DenseAlignment::fit_shading(const DenseState& state) {
   const std::size_t views = pyramids_.size();
   std::vector<std::vector<std::vector<ShadeSample>>> bands(kBands, std::vector<std::vector<ShadeSample>>(views));
   for_each_(kBands, [&](int band) {
-    gather(state, band, [&](std::size_t v, const Seen& s) {
+    const auto keep = [&](std::size_t v, const Seen& s) {
       bands[static_cast<std::size_t>(band)][v].push_back({static_cast<float>(s.x), static_cast<float>(s.y),
                                                           static_cast<float>(s.pattern.value),
                                                           static_cast<float>(s.value)});
-    });
+    };
+    gather(state, band, keep, -1, kShadeStride);
   });
   std::vector<std::vector<ShadeSample>> samples(views);
   for (std::size_t v = 0; v < views; ++v) {
-    for (const auto& band : bands) {
-      for (std::size_t i = 0; i < band[v].size(); i += kShadeStride) samples[v].push_back(band[v][i]);
-    }
+    for (const auto& band : bands) samples[v].insert(samples[v].end(), band[v].begin(), band[v].end());
   }
   shadings_.fit(samples);
 }

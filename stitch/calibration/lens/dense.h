@@ -68,9 +68,10 @@ class DenseAlignment {
   bool see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight, Seen& seen) const;
   void fit_shading(const DenseState& state);
   Evaluation evaluate(const DenseState& state) const;
-  /// Calls back with every pixel of a band that shows the pattern, in all photographs or in `only` one.
+  /// Calls back with every pixel of a band that shows the pattern (of a row only `every` so many-th), in all photographs
+  /// or in `only` one.
   void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take,
-              int only = -1) const;
+              int only = -1, int every = 1) const;
   void set_level(int level, long most_pixels);
   bool in_region(const geometry::Pixel& pixel, double margin) const;
 

@@ -15,7 +15,7 @@ struct Evaluation {
 
 struct DescentOptions {
   int most_steps = 50;
-  double enough = 1e-6;        ///< ends when a step lowers the cost by less than this part of it
+  double enough = 1e-6;        ///< ends when a step lowers the cost, or promises to, by less than this part of it
   double first_damping = 1e-4; ///< the paper's lambda
 };
 
@@ -36,7 +36,10 @@ Descent<State> descend(State start, Evaluate&& evaluate, Move&& moved, const std
   Descent<State> best{std::move(start), std::move(at)};
   double damping = options.first_damping;
   for (int n = 0; n < options.most_steps; ++n) {
-    State next = moved(best.state, best.at.equations.step(damping, fixed));
+    const Eigen::VectorXd step = best.at.equations.step(damping, fixed);
+    best.settled = best.at.equations.promised_by(step) < options.enough;
+    if (best.settled) break;
+    State next = moved(best.state, step);
     Evaluation evaluation = evaluate(next);
     if (!(evaluation.cost < best.at.cost)) {
       damping = damping * 10 + 1e-9;

@@ -99,6 +99,10 @@ Eigen::VectorXd NormalEquations::step(double damping, const std::vector<bool>& f
   return out;
 }
 
+double NormalEquations::promised_by(const Eigen::VectorXd& step) const {
+  return cost_ > 0 ? -step.dot(gradient_) / cost_ : 0.0;
+}
+
 Eigen::MatrixXd NormalEquations::covariance(const std::vector<bool>& fixed) const {
   const Scaled s = scaled(full(), fixed);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(s.A);

@@ -20,6 +20,8 @@ class NormalEquations {
   /// The step that lowers the sum, with Marquardt's damping; an unknown that `fixed` marks or that nothing
   /// depends on does not move.
   Eigen::VectorXd step(double damping, const std::vector<bool>& fixed) const;
+  /// The part of the cost that a step would take away, were the residuals linear.
+  double promised_by(const Eigen::VectorXd& step) const;
   /// The inverse of J^T W J over the unknowns that are not fixed (rows and columns of the others are zero).
   Eigen::MatrixXd covariance(const std::vector<bool>& fixed) const;
 

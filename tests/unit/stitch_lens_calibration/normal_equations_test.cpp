@@ -74,6 +74,22 @@ TEST(Descend, RosenbrocksValley_EndsAtItsFloor) {
   EXPECT_NEAR(end.state.y, 1, 1e-6);
 }
 
+TEST(Descend, WhereNoStepPromisesAnything_IsSettledWithoutAnotherEvaluation) {
+  int evaluations = 0;
+  const auto evaluate = [&](const double& x) {
+    ++evaluations;
+    Evaluation e{NormalEquations(1, 1, 1)};
+    const double one = 1, none = 0;
+    for (const double at : {-1.0, 1.0}) e.equations.add(0, &one, &none, x - at, 1);  // lowest at 0
+    e.cost = (x + 1) * (x + 1) + (x - 1) * (x - 1);
+    return e;
+  };
+  const auto moved = [](const double& x, const Eigen::VectorXd& d) { return x + d[0]; };
+  const auto end = descend(0.0, evaluate, moved, {false, false}, {});
+  EXPECT_TRUE(end.settled);
+  EXPECT_EQ(evaluations, 1);
+}
+
 TEST(Descend, CostThatOnlyRises_KeepsTheStart) {
   const auto evaluate = [](const double& x) {
     Evaluation e{NormalEquations(1, 1, 1)};
