@@ -11,7 +11,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kLeft = 80, kTop = 64, kWide = 760, kHigh = 360, kRight = 230, kBelow = 64;
+constexpr double kLeft = 80, kTop = 64, kWide = 760, kHigh = 360, kRight = 280, kBelow = 64;
 
 /// Told apart by people who see colours differently too (Okabe and Ito).
 constexpr std::array<std::string_view, 8> kColours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
@@ -51,7 +51,7 @@ class Axes {
 
   std::string grid() const {
     std::string svg = line(0, "0");
-    for (int k = 0; k <= decades_; ++k) {
+    for (int k = 1; k <= decades_; ++k) {  // a microsecond is too near to zero for a word
       constexpr std::array<std::string_view, 7> kNames{"1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"};
       const std::string name(kNames[std::min<std::size_t>(static_cast<std::size_t>(k), kNames.size() - 1)]);
       svg += line(std::pow(10.0, k), "+" + name) + line(-std::pow(10.0, k), "−" + name);
