@@ -62,9 +62,14 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
   // 0.8 ms between two heads, and no lock.
   const bool exposures_jitter = random.chance(500'000);
   const Duration jitter = up_to(random, Duration::microseconds(200));
+  hal::sim::Random interlaced(seed, "fields");
+  if (!wish.ntsc && interlaced.chance(250'000)) {
+    nature.fields = interlaced.chance(500'000) ? Fields::kTopFirst : Fields::kBottomFirst;
+  }
   for (int i = 0; i < nature.heads; ++i) {
     HeadNature head;
     head.rate = nature.rate;
+    head.fields = nature.fields;
     head.buffers = 6 + static_cast<int>(random.below(5));
     head.latency = up_to(random, Duration::microseconds(40));
     head.latency_jitter = exposures_jitter ? jitter : Duration::microseconds(1);
@@ -84,12 +89,14 @@ firmware::RigConfig config_of(const Nature& nature) {
   config.raymap.width = 16;
   config.raymap.height = 8;
   config.raymap.format = PixelFormat::kGrey8;
+  if (nature.fields != Fields::kProgressive) config.raymap.fields = firmware::FieldUse::kSeparate;
   config.trigger.start = nature.genlocked;
   for (int i = 0; i < nature.heads; ++i) {
     firmware::HeadConfig head;
     head.name = "cam" + std::to_string(i);
     head.port = {firmware::PortKind::kSim, head.name};
     head.format = PixelFormat::kGrey8;
+    head.fields = nature.fields;
     config.heads.push_back(head);
   }
   return config;
@@ -112,7 +119,7 @@ Calibration calibration_of(const Nature& nature, int which) {
     head.center_y = kPictureHeight / 2.0;
     head.lens = RectilinearLens{{kPictureWidth / 2.0}};
     head.R_head_rig = kLooks[static_cast<std::size_t>(i) % kLooks.size()];
-    head.region = {0, kStampRows, kPictureWidth, kPictureHeight, std::nullopt};
+    head.region = {0, kFirstBlended, kPictureWidth, kPictureHeight, std::nullopt};
     head.vignetting = {kPictureWidth / 2.0, kPictureHeight / 2.0, kPictureWidth / 2.0, {}};
     if (which == 1) head.gain = {2, 2, 2};
     calibration.heads.push_back(head);

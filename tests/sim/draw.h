@@ -46,6 +46,7 @@ struct Nature {
   int heads = 0;
   FrameRate rate;
   bool genlocked = false;      ///< at start
+  Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
   bool hosts = false;          ///< somebody talks to it
   Duration look_every;         ///< how often the daemon's threads wake when nothing rings
   Duration poll;               ///< devices do not ring: frames are found at multiples of this

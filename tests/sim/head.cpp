@@ -75,8 +75,10 @@ Head::Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, con
   format_.width = kPictureWidth;
   format_.height = kPictureHeight;
   format_.rate = nature.rate;
+  format_.fields = nature.fields;
   limits_.exposure_min = Exposure::microseconds(10);
-  limits_.exposure_max = Exposure::of(nature.rate.period() - nature.readout / 8);
+  limits_.exposure_max = Exposure::of((interlaced() ? nature.rate.period() / 2 : nature.rate.period()) -
+                                      nature.readout / 8);
   limits_.gain_max = Gain::millidecibels(24'000);
   limits_.has_white_balance = true;
   limits_.has_trigger_input = true;
@@ -212,8 +214,9 @@ void Head::expose(Instant begin, PulseId pulse) {
   }
   for (Pending& change : changes_) --change.frames_left;
   const Duration exposure = in_effect_.exposure.duration();
+  const Duration second_field = interlaced() ? nature_.rate.period() / 2 : Duration();
   last_begin_ = begin;
-  busy_until_ = begin + std::max(exposure, nature_.readout);
+  busy_until_ = begin + std::max(second_field + exposure, nature_.readout);
   ++counts_.exposed;
   ++serial_;
   const std::uint32_t sequence = sequence_++;
@@ -232,7 +235,7 @@ void Head::expose(Instant begin, PulseId pulse) {
     late = Duration::nanoseconds(
         static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(storm_.longest_late.ns()))));
   }
-  frame.received = std::max({last_received_, begin + exposure + nature_.readout + late, stalled_until_});
+  frame.received = std::max({last_received_, begin + second_field + exposure + nature_.readout + late, stalled_until_});
   last_received_ = frame.received;
   if (!signal_) frame.verdict = hal::FrameVerdict::kNoSignal;
   else if (take_one(tear_) || random_.chance(storm_.tear)) frame.verdict = hal::FrameVerdict::kTorn;
@@ -281,7 +284,13 @@ hal::FrameView Head::view(std::size_t slot) const {
   view.received = frame.received;
   view.in_effect = frame.settings;
   view.verdict = frame.verdict;
-  view.image = packed_image(PixelFormat::kGrey8, kPictureWidth, kPictureHeight / (frame.resized ? 2 : 1),
+  view.fields = nature_.fields;
+  if (interlaced() && frame.resized) {
+    const bool swapped = frame.stamp.serial % 2 == 0;
+    view.fields = swapped ? fields_from(other(first_field(nature_.fields))) : Fields::kTopOnly;
+  }
+  const bool half = frame.resized && !interlaced();
+  view.image = packed_image(PixelFormat::kGrey8, kPictureWidth, kPictureHeight / (half ? 2 : 1),
                             buffers_[slot].picture.data());
   return view;
 }

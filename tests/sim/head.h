@@ -19,6 +19,7 @@ namespace nodal::swarm {
 /// What a head is like, for as long as its world lasts.
 struct HeadNature {
   FrameRate rate;
+  Fields fields = Fields::kProgressive;
   int buffers = 6;
   Duration latency = Duration::microseconds(20);  ///< from a pulse to the begin of the exposure
   Duration latency_jitter;                        ///< of each exposure
@@ -95,7 +96,7 @@ class Head {
     Instant received;
     hal::HeadSettings settings;
     hal::FrameVerdict verdict = hal::FrameVerdict::kGood;
-    bool resized = false;
+    bool resized = false;  ///< or, interlaced, of other fields than it should be
   };
   struct Pending {
     hal::HeadSettings settings;
@@ -115,6 +116,7 @@ class Head {
   void deliver(Frame frame);
   void discard();
   hal::FrameView view(std::size_t slot) const;
+  bool interlaced() const { return nature_.fields != Fields::kProgressive; }
   static bool take_one(int& count);
 
   hal::sim::SimClock& clock_;

@@ -103,7 +103,7 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   else if (!whole_since_) whole_since_ = world_.now();
   if (whole && !first_whole_) first_whole_ = world_.now();
   constexpr std::size_t kRemembered = 64;
-  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure, exposed_alike(set)};
+  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure, std::nullopt, exposed_alike(set)};
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
 }
 
@@ -231,6 +231,22 @@ void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) 
   }
 }
 
+void Oracle::check_field(const wire::RaymapHeader& header, Instant set_mid) {
+  const bool interlaced = nature_.fields != Fields::kProgressive;
+  Instant expected = set_mid;
+  if (interlaced && header.field() == 1) expected = expected + nature_.rate.period() / 2;
+  if (header.has_field() != interlaced || header.field() > 1 ||
+      header.mid_exposure_ns() != static_cast<std::uint64_t>(expected.ns())) {
+    return fail("raymap of set " + std::to_string(header.set()) + " is not of its fields, or not of their time");
+  }
+  if (!interlaced) return;
+  const FieldParity first = first_field(nature_.fields);
+  const FieldParity expected_parity = header.field() == 0 ? first : other(first);
+  if (header.parity() != field_parity_name(expected_parity)) {
+    fail("raymap of set " + std::to_string(header.set()) + " has its fields in the wrong order");
+  }
+}
+
 void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::uint8_t>& pixels,
                        const std::array<Sha256, kCalibrations>& ids) {
   if (failure_) return;
@@ -240,17 +256,22 @@ void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::
   if (set != remembered_.end()) {
     const bool same_trigger = header.has_trigger() == set->second.trigger.has_value() &&
                               (!header.has_trigger() || header.trigger() == *set->second.trigger);
-    if ((header.heads_mask() & ~set->second.mask) != 0 || !same_trigger ||
-        header.mid_exposure_ns() != static_cast<std::uint64_t>(set->second.mid.ns())) {
+    if ((header.heads_mask() & ~set->second.mask) != 0 || !same_trigger) {
       return fail("raymap of set " + std::to_string(header.set()) + " tells of another set");
     }
+    check_field(header, set->second.mid);
   }
   std::optional<int> which;
   for (int i = 0; i < kCalibrations; ++i) {
     if (header.calibration_id() == sha256_to_wire(ids[static_cast<std::size_t>(i)])) which = i;
   }
   if (!which) return fail("a raymap names a calibration that nobody uploaded");
-  if (set == remembered_.end() || !set->second.exposed_alike) return;
+  if (set == remembered_.end()) return;
+  if (set->second.made_by.value_or(*which) != *which) {
+    return fail("the raymaps of set " + std::to_string(header.set()) + " are made by two calibrations");
+  }
+  set->second.made_by = which;
+  if (!set->second.exposed_alike) return;
   const int expected = *which == 0 ? kPictureLevel : kPictureLevel / 2;
   for (const std::uint8_t value : pixels) {
     if (value == 0 || (value >= expected - 1 && value <= expected + 1)) continue;

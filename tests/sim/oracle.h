@@ -61,11 +61,14 @@ class Oracle {
     firmware::HeadMask mask = 0;
     std::optional<std::uint64_t> trigger;
     Instant mid;
+    std::optional<int> made_by;  ///< which calibration, once a raymap came
     bool exposed_alike = false;  ///< the blend has nothing to undo, so a raymap's levels are the calibration's alone
   };
   bool exposed_alike(const firmware::FrameSet& set);
   Duration period() const;
   void check_members(const firmware::FrameSet& set);
+  /// Of a raymap: which field it says it is of, by what the heads deliver, and when that was exposed.
+  void check_field(const wire::RaymapHeader& header, Instant set_mid);
   void check_locked(const firmware::FrameSet& set);
   void check_books(firmware::Rig& rig);
   void check_genlock(firmware::Rig& rig, std::optional<Instant> captured);
