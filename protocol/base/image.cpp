@@ -34,6 +34,27 @@ PlaneGrid component_grid(PixelFormat format, int c) {
   }
 }
 
+namespace {
+
+bool has_all_chroma_rows(PixelFormat format) { return format == PixelFormat::kYuyv || format == PixelFormat::kUyvy; }
+
+}  // namespace
+
+ImageView halved_chroma(ImageView picture) {
+  if (!has_all_chroma_rows(picture.format)) return picture;
+  for (std::size_t c = 1; c < kMaxPlanes; ++c) {
+    picture.planes[c].row_stride *= 2;
+    picture.planes[c].height = (picture.planes[c].height + 1) / 2;
+  }
+  return picture;
+}
+
+PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows) {
+  if (c == 0 || !has_all_chroma_rows(format)) return all_rows;
+  // Row k is row 2 k, whose centre is at 2 k + 1/2 among all: halved = all / 2 + 1/4.
+  return {all_rows.step_x, 2 * all_rows.step_y, all_rows.offset_x, all_rows.offset_y / 2 + 0.25};
+}
+
 std::size_t packed_size(PixelFormat format, int width, int height) {
   const auto w = static_cast<std::size_t>(width);
   const auto h = static_cast<std::size_t>(height);

@@ -65,6 +65,12 @@ struct BasicImageView {
 using ImageView = BasicImageView<const std::uint8_t>;
 using MutableImageView = BasicImageView<std::uint8_t>;
 
+/// YUYV and UYVY with chroma of every second row alone, row k that of row 2 k: half size both ways, as a raymap's chroma
+/// is. Other pictures as they are.
+ImageView halved_chroma(ImageView picture);
+/// Where component c's samples of halved_chroma() lie, when before `all_rows` says where they do.
+PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows);
+
 /// The picture that starts at `data`, packed without padding (rows too). Odd sizes round chroma up.
 /// Nothing is read. Not for kMjpeg.
 ImageView packed_image(PixelFormat format, int width, int height, const std::uint8_t* data);

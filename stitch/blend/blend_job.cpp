@@ -99,10 +99,12 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
       job.missing |= 1U << h;
       continue;
     }
-    const PlaneGrid lie = component_grid(table.sources[h].format, job.component[0].component);
+    const int component = job.component[0].component;
+    const PixelFormat format = table.sources[h].format;
+    const PlaneGrid lie = halved_chroma_grid(format, component, component_grid(format, component));
     job.luma_shift[h] = {static_cast<std::uint8_t>(lie.step_x / 2), static_cast<std::uint8_t>(lie.step_y / 2)};
     for (std::size_t level = 0; level < table.sources[h].levels; ++level) {
-      const ImageView& picture = pictures[level * heads + h];
+      const ImageView picture = halved_chroma(pictures[level * heads + h]);
       std::array<PlaneView, kMaxPlanes> views{};
       for (std::size_t c = 0; c < std::min<std::size_t>(kMaxPlanes, static_cast<std::size_t>(job.components)); ++c) {
         views[c] = picture.planes[static_cast<std::size_t>(job.component[c].component)];

@@ -113,8 +113,15 @@ ImageView half(ImageView shape) {
   return shape;
 }
 
+/// A picture as it is taken apart: of YUYV and UYVY the rows of chroma that the blend reads, which makes it an I420.
+ImageView as_read(ImageView picture) {
+  picture = halved_chroma(picture);
+  if (picture.format == PixelFormat::kYuyv || picture.format == PixelFormat::kUyvy) picture.format = PixelFormat::kI420;
+  return picture;
+}
+
 ImageView shape_of(const BlendTable::Source& source) {
-  return packed_image(source.format, source.width, source.height, static_cast<const std::uint8_t*>(nullptr));
+  return as_read(packed_image(source.format, source.width, source.height, static_cast<const std::uint8_t*>(nullptr)));
 }
 
 }  // namespace
@@ -134,15 +141,16 @@ void prepare_picture(const BlendTable::Source& source, const ImageView& picture,
   const auto components = static_cast<std::size_t>(component_count(source.format));
   memory += (kLine - reinterpret_cast<std::uintptr_t>(memory) % kLine) % kLine;
   views[0] = picture;
+  const ImageView read = as_read(picture);
   if (source.sharpen != 0) {
-    views[0] = apart(picture, memory);
+    views[0] = apart(read, memory);
     for (std::size_t c = 0; c < components; ++c) {
-      const std::ptrdiff_t stride = stride_of(picture.planes[c]);
-      sharpen_plane(picture.planes[c], memory, stride, source.sharpen);
-      memory += stride * picture.planes[c].height;
+      const std::ptrdiff_t stride = stride_of(read.planes[c]);
+      sharpen_plane(read.planes[c], memory, stride, source.sharpen);
+      memory += stride * read.planes[c].height;
     }
   }
-  ImageView larger = picture;
+  ImageView larger = read;
   for (std::size_t level = 1; level < source.levels; ++level) {
     views[level] = apart(half(larger), memory);
     for (std::size_t c = 0; c < components; ++c) {

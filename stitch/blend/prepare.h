@@ -20,8 +20,8 @@ std::size_t prepared_size(const BlendTable::Source& source);
 ///   level l + 1:                               the mean of the 2x2 samples of level l, not sharpened; what is left over
 ///                                              of odd sizes falls away
 ///
-/// all rounded, halves up, and clamped to 0 .. 255, in every component's own grid; beyond the picture's edge the edge
-/// is repeated.
+/// all rounded, halves up, and clamped to 0 .. 255, in every component's own grid (YUYV and UYVY as halved_chroma has
+/// them, and from there on I420); beyond the picture's edge the edge is repeated.
 ///
 /// Threading: thread-safe; one head a thread.
 /// Ownership: the views are of `picture` and `memory`. Allocates nothing.

@@ -154,10 +154,11 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
     std::array<Plane, kMaxHeads> planes;
     for (std::size_t h = 0; h < sampler.heads_.size(); ++h) {
       const geometry::Head& head = sampler.heads_[h];
-      const ImageView picture = packed_image(head_formats[h], head.width(), head.height(), nowhere);
+      const int rows = options.field ? head.height() / 2 : head.height();
+      const ImageView picture = halved_chroma(packed_image(head_formats[h], head.width(), rows, nowhere));
       const PlaneView& plane = picture.planes[c];
-      planes[h] = options.field ? Plane{plane.width, plane.height / 2, field_grid(head_formats[h], g, *options.field)}
-                                : Plane{plane.width, plane.height, component_grid(head_formats[h], g)};
+      const PlaneGrid lie = options.field ? field_grid(head_formats[h], g, *options.field) : component_grid(head_formats[h], g);
+      planes[h] = {plane.width, plane.height, halved_chroma_grid(head_formats[h], g, lie)};
     }
     sampler.planes_.push_back(planes);
   }

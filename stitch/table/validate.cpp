@@ -82,7 +82,8 @@ class GridProof {
  public:
   GridProof(const BlendTable& table, std::size_t g) : table_(table), grid_(table.grids[g]), where_("grid " + std::to_string(g)) {
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
-      planes_[h] = shape_of(table.sources[h].format, table.sources[h].width, table.sources[h].height).planes[g];
+      const BlendTable::Source& source = table.sources[h];
+      planes_[h] = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
     }
   }
 

@@ -55,7 +55,7 @@ std::vector<RealPlane> blend_in_double(const table::RaySampler& sampler, std::sp
     const double black = black_of(format, c);
     std::vector<RealSource> sources;
     for (const ImageView& head : heads) {
-      sources.push_back(sharpened(head.planes[static_cast<std::size_t>(c)], sampler.options().sharpen));
+      sources.push_back(sharpened(halved_chroma(head).planes[static_cast<std::size_t>(c)], sampler.options().sharpen));
     }
     for (int y = 0; y < grid.height; ++y) {
       row.sample(g, y);

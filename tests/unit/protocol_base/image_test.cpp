@@ -45,5 +45,36 @@ TEST(PackedImage, Yuyv_LumaFirstThenUThenV) {
   EXPECT_EQ(image.planes[2].data[0], 129);
 }
 
+TEST(HalvedChroma, RowsOfPackedPictures_AreEverySecondAndLieWhereTheyDid) {
+  for (const PixelFormat format : {PixelFormat::kYuyv, PixelFormat::kUyvy}) {
+    std::vector<std::uint8_t> bytes(packed_size(format, 8, 5));
+    const ImageView all = packed_image(format, 8, 5, std::as_const(bytes).data());
+    const ImageView half = halved_chroma(all);
+    EXPECT_EQ(half.planes[0].height, 5);
+    EXPECT_EQ(half.planes[0].row_stride, all.planes[0].row_stride);
+    for (int c = 1; c < 3; ++c) {
+      const PlaneView& plane = half.planes[static_cast<std::size_t>(c)];
+      EXPECT_EQ(plane.height, 3) << "rows 0, 2 and 4";
+      const PlaneGrid every = component_grid(format, c);
+      const PlaneGrid second = halved_chroma_grid(format, c, every);
+      for (int k = 0; k < plane.height; ++k) {
+        EXPECT_EQ(plane.data + k * plane.row_stride,
+                  all.planes[static_cast<std::size_t>(c)].data + 2 * k * all.planes[static_cast<std::size_t>(c)].row_stride);
+        const double on_picture = (2 * k + 0.5 - every.offset_y) * every.step_y;
+        EXPECT_DOUBLE_EQ((k + 0.5 - second.offset_y) * second.step_y, on_picture);
+      }
+      EXPECT_EQ(second.step_x, every.step_x);
+      EXPECT_EQ(second.offset_x, every.offset_x);
+    }
+  }
+}
+
+TEST(HalvedChroma, PicturesWhoseChromaIsHalfAlready_StayAsTheyAre) {
+  std::vector<std::uint8_t> bytes(packed_size(PixelFormat::kNv12, 8, 6));
+  const ImageView all = packed_image(PixelFormat::kNv12, 8, 6, std::as_const(bytes).data());
+  EXPECT_EQ(halved_chroma(all).planes[1].height, all.planes[1].height);
+  EXPECT_EQ(halved_chroma(all).planes[1].row_stride, all.planes[1].row_stride);
+}
+
 }  // namespace
 }  // namespace nodal

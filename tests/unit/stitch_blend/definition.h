@@ -136,14 +136,14 @@ class Definition {
     if (c == 0) return sample(share, 0) / 128;
     const ImageView& head = heads_[share.record->head];
     const PlaneView& luma = head.planes[0];
-    const PlaneGrid lie = component_grid(head.format, 1);
+    const PlaneGrid lie = halved_chroma_grid(head.format, 1, component_grid(head.format, 1));
     const int x = std::min((share.record->left + share.x / 4096) * lie.step_x, luma.width - 1);
     const int y = std::min((share.record->top + share.y / 4096) * lie.step_y, luma.height - 1);
     return luma.data[y * luma.row_stride + x * luma.pixel_stride];
   }
 
   int sample(const Share& share, int c) const {
-    const PlaneView& plane = heads_[share.record->head].planes[static_cast<std::size_t>(c)];
+    const PlaneView plane = halved_chroma(heads_[share.record->head]).planes[static_cast<std::size_t>(c)];
     const auto s = [&](int dx, int dy) {
       const int x = share.record->left + share.x / 4096 + dx;
       const int y = share.record->top + share.y / 4096 + dy;

@@ -71,7 +71,7 @@ RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std:
   source.sharpen = static_cast<std::uint8_t>(1 + below(kMaxSharpen));
   source.levels = static_cast<std::uint8_t>(1 + below(3));
   const Picture picture = noise(random, source.format, source.width, source.height);
-  const ImageView view = picture.view();
+  const ImageView view = halved_chroma(picture.view());
   const Prepared prepared(source, picture);
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(source.format)); ++c) {
     const PlaneView& plane = view.planes[c];

@@ -95,7 +95,8 @@ class RandomTables {
     const bool chroma = format == PixelFormat::kI420;
     const bool gains = below(2) == 0;
     table.vignetting_scale = static_cast<std::uint16_t>(gains ? 257 + below(1792) : 256);
-    const ImageView head = packed_image(head_format, head_width, head_height, static_cast<const std::uint8_t*>(nullptr));
+    const ImageView head =
+        halved_chroma(packed_image(head_format, head_width, head_height, static_cast<const std::uint8_t*>(nullptr)));
     for (std::size_t g = 0; g < (chroma ? 2U : 1U); ++g) {
       GridTable grid;
       grid.width = g == 0 ? width : (width + 1) / 2;

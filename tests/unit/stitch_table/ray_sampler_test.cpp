@@ -94,9 +94,13 @@ RC_GTEST_PROP(RaySampler, AFieldOfAnyRig_IsSampledWhereItsRowsLieInTheFrame, (st
         for (std::size_t k = 0; k < in_frames.at(x).size(); ++k) {
           const RaySample& whole = in_frames.at(x)[k];
           const RaySample& field = in_fields.at(x)[k];
-          const bool halved = grid == 1 && formats[whole.head] != PixelFormat::kYuyv;
-          const int rows = rig.heads[whole.head].height / (halved ? 4 : 2);
-          const double row = halved ? (2 * (whole.y + 0.5) - 1.5 - parity) / 4 : (whole.y - parity) / 2;
+          const int rows = rig.heads[whole.head].height / (grid == 1 ? 4 : 2);
+          double row = (whole.y - parity) / 2;
+          if (grid == 1) {
+            // Of YUYV the frame's chroma is taken from rows 2k, the field's from 4k + parity.
+            const bool all_rows = formats[whole.head] == PixelFormat::kYuyv;
+            row = all_rows ? (2 * whole.y - parity) / 4 : (2 * (whole.y + 0.5) - 1.5 - parity) / 4;
+          }
           RC_ASSERT(field.head == whole.head);
           RC_ASSERT(field.x == whole.x);
           RC_ASSERT(field.weight == whole.weight);
@@ -174,7 +178,8 @@ RC_GTEST_PROP(RaySampler, RigAndRaymapRotatedTogether_NothingChanges, (std::uint
 }
 
 TEST(RaySampler, ChromaOfEveryFormat_IsSampledWhereItLies) {
-  // One pinhole looking ahead; the chroma sample k of a format has its centre at this luma coordinate.
+  // One pinhole looking ahead; the chroma sample k of a format has its centre at this luma coordinate. Of YUYV and UYVY
+  // every second row is taken, 0 first.
   Calibration rig;
   rig.name = "one";
   rig.heads.push_back(test::head_at("one", 64, 48, TsaiLens{40, 0, 0}, {0, 0, 0}));
@@ -184,7 +189,7 @@ TEST(RaySampler, ChromaOfEveryFormat_IsSampledWhereItLies) {
     double step_x, first_x, step_y, first_y;
   };
   for (const Case& c : {Case{PixelFormat::kI420, 2, 1.0, 2, 1.0}, Case{PixelFormat::kNv12, 2, 1.0, 2, 1.0},
-                        Case{PixelFormat::kYuyv, 2, 0.5, 1, 0.5}, Case{PixelFormat::kUyvy, 2, 0.5, 1, 0.5}}) {
+                        Case{PixelFormat::kYuyv, 2, 0.5, 2, 0.5}, Case{PixelFormat::kUyvy, 2, 0.5, 2, 0.5}}) {
     const std::vector<PixelFormat> formats{c.format};
     TableOptions options;
     options.interpolation = Interpolation::kPixel;
