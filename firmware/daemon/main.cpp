@@ -1,4 +1,6 @@
 // nodald: reads rig.toml, makes the ports, starts the threads, waits for a signal.
+#include <poll.h>
+#include <spdlog/async.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -19,13 +21,25 @@
 namespace nodal::daemon {
 namespace {
 
+/// Lines are written by a thread of their own: a journal that stalls, or a pipe that nobody reads, must not hold up the
+/// rig. What then does not fit is left out, oldest first.
 void start_log(const std::string& level) {
-  auto logger = spdlog::stderr_color_mt("nodald");
+  constexpr std::size_t kLines = 512;
+  spdlog::init_thread_pool(kLines, 1);
+  auto logger = spdlog::create_async_nb<spdlog::sinks::stderr_color_sink_mt>("nodald");
   // Under systemd the journal keeps the time.
   logger->set_pattern(std::getenv("JOURNAL_STREAM") ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
   logger->set_level(spdlog::level::from_str(level));
   logger->flush_on(spdlog::level::debug);
   spdlog::set_default_logger(std::move(logger));
+}
+
+/// Waits until every line is written; not on a reader who has stopped reading.
+void end_log(int exit_code) {
+  constexpr int kPatience = 1000;  // ms
+  pollfd out{STDERR_FILENO, POLLOUT, 0};
+  if (::poll(&out, 1, kPatience) == 0) ::_exit(exit_code);
+  spdlog::shutdown();
 }
 
 int give_up(const Error& error, int exit_code) {
@@ -119,12 +133,11 @@ int main(int argc, char** argv) {
   const Parsed parsed = parse_options(argc, argv);
   if (parsed.exit) return *parsed.exit;
   const Options& options = parsed.options;
-  start_log(options.log_level);
-
   // Before any thread is there, so that none of them is the one that a signal interrupts.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  start_log(options.log_level);
 
   firmware::RigConfig config;
   std::filesystem::path base;
@@ -146,4 +159,8 @@ int main(int argc, char** argv) {
 }  // namespace
 }  // namespace nodal::daemon
 
-int main(int argc, char** argv) { return nodal::daemon::main(argc, argv); }
+int main(int argc, char** argv) {
+  const int exit_code = nodal::daemon::main(argc, argv);
+  nodal::daemon::end_log(exit_code);
+  return exit_code;
+}

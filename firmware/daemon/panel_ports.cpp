@@ -45,8 +45,10 @@ bool script(std::string_view presses, hal::sim::SimInputPin& button, Instant sta
 Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig& config, hal::ClockPort& clock) {
   auto ports = std::make_unique<PanelPorts>();
   if (!config.button.empty()) {
-    const std::string_view presses = std::string_view(config.button).substr(kSim.size());
-    if (!script(presses, ports->button_.emplace(clock), clock.now())) {
+    ports->presses_ = config.button.substr(kSim.size());
+    ports->clock_ = &clock;
+    hal::sim::SimInputPin trial(clock);
+    if (!script(ports->presses_, trial, clock.now())) {
       return fail(Errc::kBadValue, "panel.button is \"" + config.button + "\"; it " + std::string(kHow));
     }
   }
@@ -57,6 +59,7 @@ Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig
 }
 
 firmware::PanelPins PanelPorts::pins() {
+  if (clock_ != nullptr) script(presses_, button_.emplace(*clock_), clock_->now());
   return {button_ ? &*button_ : nullptr, status_ ? &*status_ : nullptr, tally_ ? &*tally_ : nullptr};
 }
 

@@ -20,9 +20,12 @@ namespace nodal::daemon {
 class PanelPorts {
  public:
   static Result<std::unique_ptr<PanelPorts>> make(const firmware::PanelConfig& config, hal::ClockPort& clock);
+  /// The script's seconds count from here: call it once, when the rig is about to run.
   firmware::PanelPins pins();
 
  private:
+  std::string presses_;
+  hal::ClockPort* clock_ = nullptr;  ///< null: no button
   std::optional<hal::sim::SimInputPin> button_;
   std::optional<hal::sim::SimOutputPin> status_;
   std::optional<hal::sim::SimOutputPin> tally_;

@@ -121,6 +121,7 @@ TEST_F(Commands, AButtonInRigToml_StartsMarksAndStopsWithoutAHost) {
   write("rig.toml", "[panel]\nbutton = \"sim:1+0.2,3+0.2,4+1.8\"\nstatus = \"sim:\"\ntally = \"sim:\"\n" + read("rig.toml"));
   start_nodald();
   EXPECT_TRUE(wait_until([&] {
+    nodald().complained();  // it logs every host that comes
     const Json status = nodal_json({"status"}).at(0);
     return status["marks"].size() == 1 && nodal_json({"genlock", "show"}).at(0)["state"] == "off";
   }));

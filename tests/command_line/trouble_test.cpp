@@ -111,6 +111,17 @@ TEST_F(Trouble, NodaldStoppedDead_IsATimeoutNotAHang) {
   EXPECT_NE(status.err.find("timeout"), std::string::npos) << status.err;
 }
 
+TEST_F(Trouble, NobodyReadsTheLog_TheRigGoesOnAndEndsWhenTold) {
+  start_nodald();
+  nodald().narrow();  // every host that comes and goes is two lines
+  for (int i = 0; i < 60; ++i) {
+    const Finished status = nodal({"status"});
+    ASSERT_EQ(status.code, 0) << "after " << i << " hosts: " << status.err;
+  }
+  nodald().signal(SIGTERM);
+  EXPECT_EQ(nodald().wait().code, 0);
+}
+
 TEST_F(Trouble, DeviceThatIsFull_IsAStorageError) {
   start_nodald();
   bring_up();

@@ -73,6 +73,8 @@ void Process::read_more() {
   drain(err_, finished_.err);
 }
 
+void Process::narrow() const { ASSERT_GE(::fcntl(err_, F_SETPIPE_SZ, 4096), 0); }
+
 std::string Process::said() {
   read_more();
   return finished_.out;

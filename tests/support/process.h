@@ -31,6 +31,8 @@ class Process {
   /// What it has said on standard output so far, and on standard error.
   std::string said();
   std::string complained();
+  /// Standard error holds a page from here on, for tests in which nobody reads it.
+  void narrow() const;
   /// Its end; killed (code 137) when it takes longer.
   Finished wait(std::chrono::seconds at_most = std::chrono::seconds(60));
 
