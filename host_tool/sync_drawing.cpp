@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "host_tool/html_report.h"
 #include "host_tool/quantities.h"
 #include "host_tool/sync_report.h"
 
@@ -23,18 +24,6 @@ constexpr std::array<Band, 5> kBands{Band{"off", "#f4f4f4"}, Band{"acquiring", "
                                      Band{"holdover", "#fde8c8"}, Band{"lost", "#f9d6d5"}};
 
 std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64_t>(ns)); }
-
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '&') out += "&amp;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
-  }
-  return out;
-}
 
 /// Microseconds in lock and milliseconds in free run in one picture: straight up to a microsecond, by decades beyond.
 double bent(double us) { return std::copysign(std::log10(1 + std::abs(us)), us); }
@@ -83,7 +72,7 @@ std::string bands(const std::vector<wire::RaymapHeader>& sets, const Axes& axes)
                        kHigh, band == kBands.end() ? "#ffffff" : band->fill);
     if (to - from > 60) {
       svg += fmt::format("<text x=\"{:.1f}\" y=\"{}\" fill=\"#666\">{}</text>\n", from + 4, kTop - 6,
-                         escaped(sets[i].genlock()));
+                         html_escaped(sets[i].genlock()));
     }
     i = end;
   }
@@ -116,7 +105,7 @@ std::string legend(const SyncReport::Head& head, std::size_t h) {
   const double x = kLeft + kWide + 16;
   const double y = kTop + 12 + 20 * static_cast<double>(h);
   return fmt::format("<path d=\"M{} {}h24\" {}/>\n<text x=\"{}\" y=\"{}\">{}: worst {}{}</text>\n", x, y - 4, style(h),
-                     x + 32, y, escaped(head.name), time(head.worst_ns),
+                     x + 32, y, html_escaped(head.name), time(head.worst_ns),
                      head.missing > 0 ? fmt::format(", not in {}", head.missing) : "");
 }
 

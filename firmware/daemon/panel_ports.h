@@ -12,7 +12,7 @@
 
 namespace nodal::daemon {
 
-/// Pins are simulated for now: a button that is pressed by a script, and lamps that are lines in memory.
+/// Pins are simulated: a button that is pressed by a script, and lamps that are lines in memory.
 ///
 /// Threading: make() on main; the pins are thread-bound to control.
 /// Ownership: owns the pins; the clock outlives it.
