@@ -131,7 +131,8 @@ struct BlendTable {
     /// Undoes the head's own gain when it is exposed as it was calibrated, by tone class, 1 .. kMaxGain.
     std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
     /// How much of a sample's difference from each of its four neighbours is added to it before it is mixed, 0 ..
-    /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are.
+    /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are, as does
+    /// whoever makes smaller levels of them; so it is 0 where records name only those.
     std::uint8_t sharpen = 0;
     /// Pyramid levels that records of this head name: 1 where the picture itself is all.
     std::uint8_t levels = 1;

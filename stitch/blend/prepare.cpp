@@ -1,6 +1,8 @@
 #include "stitch/blend/prepare.h"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 
 namespace nodal::blend {
 namespace {
@@ -49,11 +51,30 @@ void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::ptrdiff_t stride,
   }
 }
 
+/// The sum of samples 2 x and 2 x + 1. Side by side they are one number of 16 bits, whichever way round.
+template <int kStride>
+inline std::uint16_t pair_at(const std::uint8_t* row, int x) {
+  if constexpr (kStride == 1) {
+    std::uint16_t pair;
+    std::memcpy(&pair, row + 2 * x, 2);
+    return static_cast<std::uint16_t>((pair & 255) + (pair >> 8));
+  }
+  const std::uint8_t* at = row + 2 * x * kStride;
+  return static_cast<std::uint16_t>(at[0] + at[kStride]);
+}
+
+/// One row after the other: pictures come from memory, which is twice as quick at giving bytes in the order in which
+/// they lie as from two rows in turn.
 template <int kStride>
 void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_t* to, int width) {
-  for (int x = 0; x < width; ++x) {
-    const int at = 2 * x * kStride;
-    to[x] = static_cast<std::uint8_t>((upper[at] + upper[at + kStride] + lower[at] + lower[at + kStride] + 2) >> 2);
+  std::array<std::uint16_t, 4096> sum;
+  for (int begin = 0; begin < width; begin += static_cast<int>(sum.size())) {
+    const int count = std::min(width - begin, static_cast<int>(sum.size()));
+    for (int x = 0; x < count; ++x) sum[static_cast<std::size_t>(x)] = pair_at<kStride>(upper, begin + x);
+    for (int x = 0; x < count; ++x) {
+      const int four = sum[static_cast<std::size_t>(x)] + pair_at<kStride>(lower, begin + x) + 2;
+      to[begin + x] = static_cast<std::uint8_t>(static_cast<std::uint16_t>(four) >> 2);
+    }
   }
 }
 

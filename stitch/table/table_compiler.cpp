@@ -222,6 +222,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   }
   if (work_->vignetting_scale != 0) table.vignetting_scale = static_cast<std::uint16_t>(work_->vignetting_scale);
   std::span<TileRun> rows(work_->rows);
+  std::uint32_t unshrunk = 0;  // heads whose pictures are taken as they are anywhere, by bit
   for (const RaySampler::Grid& shape : sampler.grids()) {
     const auto height = static_cast<std::size_t>(tile_rows(shape));
     Result<blend::GridTable> grid = join(shape, rows.first(height));
@@ -230,12 +231,16 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     for (const blend::PatchRecord& record : grid->records) {
       std::uint8_t& levels = table.sources[record.head].levels;
       levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
+      if (record.pyramid_level() == 0) unshrunk |= 1U << record.head;
     }
     table.grids.push_back(std::move(*grid));
   }
   if (table.grids[0].records.empty()) {
     return fail(Errc::kNoCoverage, "no head sees any ray of the " + std::string(sampler.layout().name()) +
                                        " raymap; check the heads' regions and rotations");
+  }
+  for (std::size_t h = 0; h < table.sources.size(); ++h) {
+    if ((unshrunk >> h & 1) == 0) table.sources[h].sharpen = 0;
   }
   if (Status proven = validate_blend_table(table); !proven) return fail(proven.error());
   return table;

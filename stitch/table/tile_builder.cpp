@@ -16,7 +16,8 @@ using blend::Sharing;
 constexpr std::int32_t kWhole = 1 << blend::kWeightBits;
 /// Rounds a coordinate to the 7 bits of it that the blend uses across: half of the last one.
 constexpr std::int32_t kAcross = 1 << (kFractionBits - 8);
-/// A picture is taken at half its size from where that is still a tenth finer than the raymap.
+/// A picture is taken at half its size where a step on the raymap is this many of its samples or more: halves are then
+/// coarser than the raymap by a tenth at most, and nearer to the means over pixels than what lies between two samples.
 constexpr double kFinest = 1.8;
 
 template <class Each>
@@ -123,10 +124,8 @@ void TileBuilder::append(TileSamples& samples, TileRun& run) {
   const auto first = static_cast<std::uint32_t>(run.records.size());
   run.tiles.push_back({first, 0});
   split_by_head(samples);
-  for (std::size_t k = 0; k < parts_.size(); ++k) {
-    choose_level(parts_[k]);
-    add_patches(k, parts_[k].mask, 0, 0, blend::kTile, run);
-  }
+  choose_levels();
+  for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, parts_[k].mask, 0, 0, blend::kTile, run);
   share(samples, run);
 }
 
@@ -179,30 +178,57 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
   std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
 }
 
-/// By how many samples of the picture a step on the raymap is, along rows and columns.
-void TileBuilder::choose_level(Part& part) {
+/// The larger of the steps from pixel to pixel along rows and columns, as a square of samples; nothing for parts too
+/// small to tell. Samples that were moved to a picture's edge are not where their pixels are.
+std::optional<double> TileBuilder::square_step(const Part& part) const {
+  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
+  const auto moved = [&](std::size_t p) {
+    const auto at_edge = [](std::int32_t at, int size) { return at == 0 || at >= ((size - 1) << kFractionBits) - 1; };
+    return at_edge(part.x[p], plane.width) || at_edge(part.y[p], plane.height);
+  };
   double square[2] = {0, 0};
   int count[2] = {0, 0};
   for_each(part.mask, [&](std::size_t p) {
     for (std::size_t way = 0; way < 2; ++way) {
       const std::size_t next = p + (way == 0 ? 1 : 8);
-      if ((way == 0 && p % 8 == 7) || next > 63 || (part.mask >> next & 1) == 0) continue;
+      if ((way == 0 && p % 8 == 7) || next > 63 || (part.mask >> next & 1) == 0 || moved(p) || moved(next)) continue;
       const double dx = part.x[next] - part.x[p];
       const double dy = part.y[next] - part.y[p];
       square[way] += dx * dx + dy * dy;
       ++count[way];
     }
   });
-  if (count[0] == 0 || count[1] == 0) return;
+  if (count[0] == 0 || count[1] == 0) return std::nullopt;
   constexpr double kOne = 1 << kFractionBits;
-  double square_scale = std::sqrt(square[0] / count[0] * (square[1] / count[1])) / (kOne * kOne);
-  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
-  while (part.level + 1 < sampler_.options().levels && square_scale >= kFinest * kFinest &&
-         std::min(plane.width, plane.height) >> (part.level + 1) >= kPatch) {
-    square_scale /= 4;
-    ++part.level;
+  return std::max(square[0] / count[0], square[1] / count[1]) / (kOne * kOne);
+}
+
+/// The level whose samples are about as far apart as the raymap's, which are a step along rows and one along columns.
+/// The larger step counts: what the smaller one could resolve, the other cannot show, and would show wrongly. Parts too
+/// small to tell go by the tile's others.
+void TileBuilder::choose_levels() {
+  int others = 0;
+  for (const bool small : {false, true}) {
+    for (Part& part : parts_) {
+      std::optional<double> square = square_step(part);
+      if (square.has_value() == small) continue;
+      const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
+      const int most = sampler_.options().levels - 1;
+      while (part.level < most && (small ? part.level < others : *square >= kFinest * kFinest) &&
+             std::min(plane.width, plane.height) >> (part.level + 1) >= kPatch) {
+        if (square) *square /= 4;
+        ++part.level;
+      }
+      others = std::max(others, part.level);
+    }
   }
+  for (Part& part : parts_) shrink(part);
+}
+
+/// Puts a part's places into the plane of its level.
+void TileBuilder::shrink(Part& part) const {
   if (part.level == 0) return;
+  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const auto smaller = [&](std::int32_t at, int size) {
     const std::int32_t half = 1 << (kFractionBits - 1);
     return std::clamp<std::int32_t>(((at + half) >> part.level) - half, 0,

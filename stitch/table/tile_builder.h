@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "stitch/blend/blend_table.h"
@@ -63,7 +64,9 @@ class TileBuilder {
     PixelMask mask = 0;
   };
   void split_by_head(const TileSamples& samples);
-  void choose_level(Part& part);
+  std::optional<double> square_step(const Part& part) const;
+  void choose_levels();
+  void shrink(Part& part) const;
   void add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run);
   bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
   void share(const TileSamples& samples, TileRun& run);

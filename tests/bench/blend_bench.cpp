@@ -14,10 +14,10 @@
 #include "opencv_peer.h"
 #include "report.h"
 #include "stitch/blend/blend.h"
+#include "stitch/blend/prepare.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "tests/bench/workloads.h"
 #include "tests/reference/double_blend.h"
-#include "tests/reference/prepared_heads.h"
 
 namespace nodal::bench {
 namespace {
@@ -68,6 +68,28 @@ class Outputs {
  private:
   std::array<std::vector<std::uint8_t>, 3> memory_;
   std::vector<MutableImageView> images_;
+};
+
+/// Smaller levels of the heads' pictures, for tables that ask for them, in memory that is kept from frame to frame.
+class Levels {
+ public:
+  explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
+    for (const blend::BlendTable::Source& source : table.sources) memory_.emplace_back(blend::prepared_size(source));
+  }
+  blend::Pictures make(std::span<const ImageView> heads, Pool& pool) {
+    pool.run(static_cast<int>(heads.size()), [&](int head) {
+      const auto h = static_cast<std::size_t>(head);
+      std::array<ImageView, blend::kMaxLevels> levels;
+      blend::prepare_picture(table_.sources[h], heads[h], memory_[h].data(), levels);
+      for (std::size_t l = 0; l < table_.sources[h].levels; ++l) views_[l * heads.size() + h] = levels[l];
+    });
+    return views_;
+  }
+
+ private:
+  const blend::BlendTable& table_;
+  std::vector<std::vector<std::uint8_t>> memory_;
+  std::vector<ImageView> views_;
 };
 
 double table_bytes(const blend::BlendTable& table) {
@@ -212,7 +234,8 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
     }
   }
   auto out = std::make_shared<Outputs>(format, raymap.width, raymap.height);
-  kept_.insert(kept_.end(), {table, tone, out});
+  auto levels = std::make_shared<Levels>(*table);
+  kept_.insert(kept_.end(), {table, tone, out, levels});
   const Films& input = films(head_format);
   const double pixels = static_cast<double>(raymap.width) * raymap.height;
   Finding judged;
@@ -220,13 +243,8 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   for (const blend::Kernel kernel : blend::kernels()) {
     if (kernel == blend::Kernel::kScalar && name != "plain") continue;
     for (const int threads : {1, 2}) {
-      const auto frame = [=, &input, heads = heads_](std::size_t set, Pool& pool) {
-        std::vector<ImageView> pictures(input.at(set).heads);
-        std::unique_ptr<test::PreparedHeads> prepared;
-        if (table->sources[0].levels > 1) {
-          prepared = std::make_unique<test::PreparedHeads>(*table, pictures);
-          pictures.assign(prepared->views().begin(), prepared->views().end());
-        }
+      const auto frame = [=, &input](std::size_t set, Pool& pool) {
+        const blend::Pictures pictures = levels->make(input.at(set).heads, pool);
         pool.run((raymap.height + kBandRows - 1) / kBandRows, [&](int band) {
           blend::blend_rows_by(kernel, *table, pictures, *tone, out->at(set), band * kBandRows,
                                std::min(raymap.height, (band + 1) * kBandRows));

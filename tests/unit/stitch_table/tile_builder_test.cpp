@@ -103,6 +103,34 @@ RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFro
   }
 }
 
+/// A fisheye of 200 px a radian that looks at the zenith and as far as 1.1 rad from it.
+Calibration fisheye_upwards() {
+  Calibration rig;
+  rig.name = "up";
+  rig.heads.push_back(test::head_at("up", 700, 700, EquidistantLens{{200}}, {0, 90, 0}));
+  rig.heads.back().region.circle = {350, 350, 220};
+  return rig;
+}
+
+TEST(TileBuilder, StepsOfTwoAndAHalfSamplesAlongMeridians_TakeHalvesAlsoWhereCirclesOfLatitudeAreShort) {
+  // A row down is 200 pi / 256 = 2.45 samples everywhere; a column along is 2.45 a, where the ray is a from the zenith.
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
+  const auto layout = geometry::make_layout("equirectangular", 512, 256).value();
+  const auto table = compile_blend_table(fisheye_upwards(), *layout, PixelFormat::kGrey8, formats);
+  ASSERT_TRUE(table.has_value());
+  for (const blend::PatchRecord& record : table->grids[0].records) EXPECT_EQ(record.pyramid_level(), 1);
+  EXPECT_EQ(table->sources[0].sharpen, 0);  // of pictures that nothing is taken from
+}
+
+TEST(TileBuilder, StepsOfAWholeSampleAndAHalf_TakeThePictureItself) {
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};  // 200 pi / 400 = 1.57
+  const auto layout = geometry::make_layout("equirectangular", 800, 400).value();
+  const auto table = compile_blend_table(fisheye_upwards(), *layout, PixelFormat::kGrey8, formats);
+  ASSERT_TRUE(table.has_value());
+  for (const blend::PatchRecord& record : table->grids[0].records) EXPECT_EQ(record.pyramid_level(), 0);
+  EXPECT_EQ(table->sources[0].sharpen, TableOptions().sharpen);
+}
+
 TEST(FitQuadratic, ValuesOfAQuadratic_GiveItBack) {
   const std::array<std::int32_t, 6> truth{1000, -300, 700, 11, -23, 5};
   PixelValues values;
