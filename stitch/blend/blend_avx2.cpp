@@ -219,11 +219,10 @@ inline V look_up(const std::uint8_t* of, V index) {
 template <int kBits, std::size_t kPieces>
 inline Rows on_curve(Rows at, const Pieces<kPieces>& curve) {
   const V piece = _mm256_packus_epi16(_mm256_srli_epi16(at.even, kBits), _mm256_srli_epi16(at.odd, kBits));
-  const V within = all((1 << kBits) - 1);
   const auto bytes = [&](std::size_t k) { return look_up<kPieces>(curve.bytes[k].data(), piece); };
   const V knot_low = bytes(0), knot_high = bytes(1), rise_low = bytes(2), rise_high = bytes(3);
   const auto value = [&](V knot, V rise, V of) {
-    return add(knot, _mm256_mulhrs_epi16(rise, _mm256_slli_epi16(_mm256_and_si256(of, within), 15 - kBits)));
+    return add(knot, _mm256_mulhrs_epi16(rise, _mm256_slli_epi16(of, 15 - kBits)));
   };
   return {value(_mm256_unpacklo_epi8(knot_low, knot_high), _mm256_unpacklo_epi8(rise_low, rise_high), at.even),
           value(_mm256_unpackhi_epi8(knot_low, knot_high), _mm256_unpackhi_epi8(rise_low, rise_high), at.odd)};

@@ -1,5 +1,6 @@
 // The blend by AVX-512 with VBMI: a patch of 16x16 samples fills four registers, and the four samples that each of a
-// tile's 64 pixels mixes are picked out of them by their place, two registers at a time.
+// tile's 64 pixels mixes are picked out of them by their place, two registers at a time. All that a tile takes is inlined
+// by force: what a compiler leaves apart is handed its registers through memory, a sixth of the time.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -22,20 +23,20 @@ struct Rows {
   V odd;
 };
 
-inline V all(int value) { return _mm512_set1_epi16(static_cast<short>(value)); }
+[[gnu::always_inline]] inline V all(int value) { return _mm512_set1_epi16(static_cast<short>(value)); }
 
 /// i, ii and j, jj, 2j + 1 of the even rows.
 struct Steps {
   __m256i i, ii;
   V j, jj, next;
 };
-inline V lanes(short a, short b, short c, short d) {
+[[gnu::always_inline]] inline V lanes(short a, short b, short c, short d) {
   V v = _mm512_castsi128_si512(_mm_set1_epi16(a));
   v = _mm512_inserti32x4(v, _mm_set1_epi16(b), 1);
   v = _mm512_inserti32x4(v, _mm_set1_epi16(c), 2);
   return _mm512_inserti32x4(v, _mm_set1_epi16(d), 3);
 }
-inline Steps steps() {
+[[gnu::always_inline]] inline Steps steps() {
   const __m128i i = _mm_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7);
   return {_mm256_broadcastsi128_si256(i), _mm256_broadcastsi128_si256(_mm_mullo_epi16(i, i)), lanes(0, 2, 4, 6),
           lanes(0, 4, 16, 36), lanes(1, 5, 9, 13)};
@@ -43,34 +44,44 @@ inline Steps steps() {
 
 /// Where a tile's pixels lie in a patch, ready for use.
 struct Places {
-  V index;      ///< bytes, by pixel: row * 16 + column of the upper left sample
+  Rows index;   ///< pairs of bytes: row * 16 + column of the upper left sample, and of the one on its right
   Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
   Rows down;    ///< the lower row's share, of 2^15
 };
 
-inline Places places(Rows x, Rows y) {
-  const V row = all(0xf0), low = all(127), whole = all(128), fraction = all(0x7ff8);
-  const auto index = [&](V x_, V y_) {
-    return _mm512_ternarylogic_epi32(_mm512_srli_epi16(y_, 8), row, _mm512_srli_epi16(x_, 12), 0xea);  // a & b | c
-  };
-  const auto across = [&](V x_) {
-    const V f = _mm512_and_si512(_mm512_srli_epi16(x_, 5), low);
-    return _mm512_sub_epi16(_mm512_add_epi16(f, whole), _mm512_slli_epi16(f, 8));
-  };
-  return {_mm512_packus_epi16(index(x.even, y.even), index(x.odd, y.odd)),
-          {across(x.even), across(x.odd)},
-          {_mm512_and_si512(_mm512_slli_epi16(y.even, 3), fraction),
-           _mm512_and_si512(_mm512_slli_epi16(y.odd, 3), fraction)}};
+/// In every 64 bits, twice the eight bits of each number that begin at `bit`.
+[[gnu::always_inline]] inline V twice_from(V numbers, int bit) {
+  const V two = all(bit | bit << 8);
+  const V places = _mm512_add_epi8(two, _mm512_set1_epi64(0x3030202010100000));
+  return _mm512_multishift_epi64_epi8(places, numbers);
+}
+
+[[gnu::always_inline]] inline V index_of(V x, V y) {
+  const V upper = _mm512_broadcast_i32x4(_mm_setr_epi8(1, 1, 3, 3, 5, 5, 7, 7, 9, 9, 11, 11, 13, 13, 15, 15));
+  const V row = _mm512_set1_epi8(static_cast<char>(0xf0));
+  const V both = _mm512_ternarylogic_epi32(row, _mm512_shuffle_epi8(y, upper), twice_from(x, 12), 0xca);  // a ? b : c
+  return _mm512_add_epi8(both, all(0x0100));
+}
+[[gnu::always_inline]] inline V across_of(V x) {  // f - 128, -f
+  const V flipped = _mm512_ternarylogic_epi32(twice_from(x, 5), _mm512_set1_epi8(127), all(0xff00), 0x6a);  // (a & b) ^ c
+  return _mm512_add_epi8(flipped, all(0x0180));
+}
+[[gnu::always_inline]] inline V down_of(V y) { return _mm512_and_si512(_mm512_slli_epi16(y, 3), all(0x7ff8)); }
+
+[[gnu::always_inline]] inline Places places(Rows x, Rows y) {
+  return {{index_of(x.even, y.even), index_of(x.odd, y.odd)},
+          {across_of(x.even), across_of(x.odd)},
+          {down_of(y.even), down_of(y.odd)}};
 }
 
 /// In all four lanes.
-inline V lower_half(__m256i v) { return _mm512_broadcast_i32x4(_mm256_castsi256_si128(v)); }
-inline V upper_half(__m256i v) {
+[[gnu::always_inline]] inline V lower_half(__m256i v) { return _mm512_broadcast_i32x4(_mm256_castsi256_si128(v)); }
+[[gnu::always_inline]] inline V upper_half(__m256i v) {
   const V wide = _mm512_castsi256_si512(v);
   return _mm512_shuffle_i64x2(wide, wide, 0x55);
 }
 
-inline Places places_of(const GridTable& grid, const PatchRecord& record, const Steps& s) {
+[[gnu::always_inline]] inline Places places_of(const GridTable& grid, const PatchRecord& record, const Steps& s) {
   if (record.listed()) {
     const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
     return places({_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
@@ -93,55 +104,48 @@ inline Places places_of(const GridTable& grid, const PatchRecord& record, const 
 }
 
 /// Four coefficients of 1, i, j, ij over a tile.
-inline Rows bilinear(const std::int16_t* q, const Steps& s) {
-  const V terms = _mm512_broadcastq_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(q)));
-  const auto term = [&](int k) { return _mm512_shuffle_epi8(terms, all(2 * k | (2 * k + 1) << 8)); };
-  const V i = _mm512_broadcast_i64x4(s.i);
-  const V b = _mm512_add_epi16(term(2), _mm512_mullo_epi16(term(3), i));
-  const V even = _mm512_add_epi16(_mm512_add_epi16(term(0), _mm512_mullo_epi16(term(1), i)),
-                                  _mm512_mullo_epi16(b, s.j));
+[[gnu::always_inline]] inline Rows bilinear(const std::int16_t* q, const Steps& s) {
+  const __m256i terms = _mm256_broadcastq_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(q)));
+  const auto halves = [&](int lower, int upper) {  // coefficients
+    return _mm256_shuffle_epi8(terms, _mm256_set_m128i(_mm_set1_epi16(static_cast<short>(2 * upper | (2 * upper + 1) << 8)),
+                                                       _mm_set1_epi16(static_cast<short>(2 * lower | (2 * lower + 1) << 8))));
+  };
+  const __m256i both = _mm256_add_epi16(halves(0, 2), _mm256_mullo_epi16(halves(1, 3), s.i));
+  const V b = upper_half(both);
+  const V even = _mm512_add_epi16(lower_half(both), _mm512_mullo_epi16(b, s.j));
   return {even, _mm512_add_epi16(even, b)};
 }
 
-/// The bytes of a patch at 64 places. Those with `lower` lie in its rows 8 .. 15.
-inline V pick(const Patch& patch, V index, __mmask64 lower) {
-  return _mm512_mask_blend_epi8(lower, _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
+/// The bytes of a patch at 64 places. Those with the top bit set lie in its rows 8 .. 15.
+[[gnu::always_inline]] inline V pick(const Patch& patch, V index) {
+  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index), _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
 /// base - sample, base 128 times black.
-inline Rows mix(const Patch& patch, const Places& at, V base) {
-  const V below = _mm512_add_epi8(at.index, _mm512_set1_epi8(16));
-  const V one = _mm512_set1_epi8(1);
-  const __mmask64 lower = _mm512_movepi8_mask(at.index);  // the next sample is in the same row
-  const __mmask64 lower_below = _mm512_movepi8_mask(below);
-  const V p00 = pick(patch, at.index, lower);
-  const V p10 = pick(patch, _mm512_add_epi8(at.index, one), lower);
-  const V p01 = pick(patch, below, lower_below);
-  const V p11 = pick(patch, _mm512_add_epi8(below, one), lower_below);
-  const auto down = [&](V top, V bottom, V share) {  // both negative
+[[gnu::always_inline]] inline Rows mix(const Patch& patch, const Places& at, V base) {
+  const auto half = [&](V index, V across, V share) {
+    const V top = _mm512_maddubs_epi16(pick(patch, index), across);  // both negative
+    const V bottom = _mm512_maddubs_epi16(pick(patch, _mm512_add_epi8(index, _mm512_set1_epi8(16))), across);
     return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
   };
-  return {down(_mm512_maddubs_epi16(_mm512_unpacklo_epi8(p00, p10), at.across.even),
-               _mm512_maddubs_epi16(_mm512_unpacklo_epi8(p01, p11), at.across.even), at.down.even),
-          down(_mm512_maddubs_epi16(_mm512_unpackhi_epi8(p00, p10), at.across.odd),
-               _mm512_maddubs_epi16(_mm512_unpackhi_epi8(p01, p11), at.across.odd), at.down.odd)};
+  return {half(at.index.even, at.across.even, at.down.even), half(at.index.odd, at.across.odd, at.down.odd)};
 }
 
 /// base - curve(sample) for -sample.
-inline V curved(V negative, const Pieces<32>& curve, V base) {
+[[gnu::always_inline]] inline V curved(V negative, const Pieces<32>& curve, V base) {
   const V sample = _mm512_sub_epi16(_mm512_setzero_si512(), negative);
   const V piece = _mm512_srli_epi16(sample, 10);
-  const V fraction = _mm512_slli_epi16(_mm512_and_si512(sample, all(1023)), 5);
+  const V fraction = _mm512_slli_epi16(sample, 5);
   const V knot = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.knot.data()));
   const V rise = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.rise.data()));
   return _mm512_sub_epi16(base, _mm512_add_epi16(knot, _mm512_mulhrs_epi16(rise, fraction)));
 }
 
-inline V developed(V light, const Pieces<64>& curve) {
+[[gnu::always_inline]] inline V developed(V light, const Pieces<64>& curve) {
   const V at = _mm512_max_epi16(light, _mm512_setzero_si512());
   const V piece = _mm512_srli_epi16(at, 9);
-  const V fraction = _mm512_slli_epi16(_mm512_and_si512(at, all(511)), 6);
+  const V fraction = _mm512_slli_epi16(at, 6);
   const auto look_up = [&](const std::array<std::int16_t, 64>& of) {
     return _mm512_permutex2var_epi16(_mm512_load_si512(of.data()), piece, _mm512_load_si512(of.data() + 32));
   };
@@ -162,11 +166,15 @@ constexpr std::array<__mmask64, 3> kThirds{0x4924924924924924, 0x249249249249249
 struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
-  static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, std::array<Rows, N>& dark) {
-    by_lie<N>(job.plane(job.grid->records[r]).lie, [&](auto lie) { dark_of<N, decltype(lie)::value>(job, r, s, dark); });
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s,
+                                                    std::array<Rows, N>& dark) {
+    by_lie<N>(job.plane(job.grid->records[r]).lie, [&](auto lie) __attribute__((always_inline)) {
+      dark_of<N, decltype(lie)::value>(job, r, s, dark);
+    });
   }
   template <int N, Lie kLie>
-  static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, std::array<Rows, N>& dark) {
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s,
+                                                    std::array<Rows, N>& dark) {
     const PatchRecord& record = job.grid->records[r];
     const Places at = places_of(*job.grid, record, s);
     std::array<Patch, N> patch;
@@ -193,7 +201,8 @@ struct Avx512 {
   }
 
   template <int N>
-  static inline void finish(const BlendJob& job, const std::array<Rows, N>& light, bool negative, std::uint8_t* out) {
+  [[gnu::always_inline]] static inline void finish(const BlendJob& job, const std::array<Rows, N>& light, bool negative,
+                                                   std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
       const JobComponent& component = job.component[c];
       V even = light[c].even;
@@ -216,7 +225,8 @@ struct Avx512 {
   }
 
   template <int N>
-  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+  [[gnu::always_inline]] static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records,
+                                                 std::uint8_t* out) {
     const Steps s = steps();
     std::array<Rows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
@@ -265,7 +275,7 @@ struct Avx512 {
   }
 
   /// The eight rows of a strip: an 8x8 transposition of 64-bit numbers, for eight bytes of every tile make a row.
-  static inline void rows_of(const std::uint8_t* strip, V rows[8]) {
+  [[gnu::always_inline]] static inline void rows_of(const std::uint8_t* strip, V rows[8]) {
     V pairs[8];
     for (std::size_t k = 0; k < 8; k += 2) {
       const V left = _mm512_load_si512(strip + 64 * k);
@@ -286,7 +296,7 @@ struct Avx512 {
   }
 
   /// Past the caches, where the line is whole.
-  static inline void put(std::uint8_t* to, V bytes) {
+  [[gnu::always_inline]] static inline void put(std::uint8_t* to, V bytes) {
     if ((reinterpret_cast<std::uintptr_t>(to) & 63) == 0) {
       _mm512_stream_si512(reinterpret_cast<V*>(to), bytes);
     } else {

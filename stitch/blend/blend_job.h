@@ -28,7 +28,8 @@ struct PatchPlane {
   std::array<PlaneView, kMaxPlanes> views{};           ///< by component of the grid
 };
 
-/// A ToneCurve or OutputCurve as kernels look it up: value = knot[i] + mulr(rise[i], fraction).
+/// A ToneCurve or OutputCurve as kernels look it up: value = knot[i] + mulr(rise[i], fraction). The lowest bit of the piece
+/// is let into the fraction, whose sign it becomes: odd pieces are counted from their end, so that `knot` is that.
 template <std::size_t kPieces>
 struct Pieces {
   alignas(64) std::array<std::int16_t, kPieces> knot;
@@ -36,7 +37,8 @@ struct Pieces {
   /// The same for kernels that look up bytes: lower and upper bytes of knot, then of rise.
   alignas(64) std::array<std::array<std::uint8_t, kPieces>, 4> bytes;
 
-  void set(std::size_t i, std::int16_t knot_i, std::int16_t rise_i) {
+  void set(std::size_t i, std::int16_t start, std::int16_t rise_i) {
+    const auto knot_i = static_cast<std::int16_t>(start + (i % 2 == 0 ? 0 : rise_i));
     knot[i] = knot_i;
     rise[i] = rise_i;
     bytes[0][i] = static_cast<std::uint8_t>(knot_i & 255);

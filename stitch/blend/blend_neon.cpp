@@ -213,7 +213,7 @@ inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kP
   const std::array<Row, 2> knot = numbers(0), rise = numbers(2);
   std::array<Row, 2> value;
   for (std::size_t k = 0; k < 2; ++k) {
-    const Row fraction = vshlq_n_s16(vandq_s16(at[k], vdupq_n_s16((1 << kBits) - 1)), 15 - kBits);
+    const Row fraction = vshlq_n_s16(at[k], 15 - kBits);
     value[k] = vaddq_s16(knot[k], vqrdmulhq_s16(rise[k], fraction));
   }
   return value;

@@ -21,17 +21,17 @@ struct Patch {
   V rows[4];
 };
 
-/// Four rows of 16 bytes, `stride` apart.
-inline V four_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
+/// Four rows of 16 bytes, `stride` apart. Loads that repeat 16 bytes over 32 need no shuffle, over 64 they do.
+[[gnu::always_inline]] inline V four_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
   const auto row = [&](int k) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(at + k * stride)); };
-  V v = _mm512_castsi128_si512(row(0));
-  v = _mm512_mask_broadcast_i32x4(v, 0x00f0, row(1));
-  v = _mm512_mask_broadcast_i32x4(v, 0x0f00, row(2));
-  return _mm512_mask_broadcast_i32x4(v, 0xf000, row(3));
+  const auto two = [&](int k) {
+    return _mm256_blend_epi32(_mm256_castsi128_si256(row(k)), _mm256_broadcastsi128_si256(row(k + 1)), 0xf0);
+  };
+  return _mm512_inserti64x4(_mm512_castsi256_si512(two(0)), two(2), 1);
 }
 
 /// Two rows of 32 bytes.
-inline V two_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
+[[gnu::always_inline]] inline V two_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
   const V v = _mm512_castsi256_si512(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(at)));
   return _mm512_inserti64x4(v, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at + stride)), 1);
 }
@@ -69,7 +69,7 @@ constexpr Picks kPairPicks = pair_picks();
 constexpr Picks kQuadPicks = quad_picks();
 constexpr Picks kTriplePicks = triple_picks();
 
-inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si512(bytes.data()); }
+[[gnu::always_inline]] inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si512(bytes.data()); }
 
 /// A patch in memory, one component after the other.
 template <int N>
@@ -90,11 +90,11 @@ using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
   }
 }
 
-/// Rows 4 k .. 4 k + 3 of the patches of all components, whose first row begins at from[c], or in groups at from[0].
+/// rows[k] of the patches of all components, from `down` bytes after where the patch begins: from[c], or in groups from[0].
 template <int N, Lie kLie>
-inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from, std::ptrdiff_t stride,
-                      std::size_t k, std::array<Patch, N>& patch) {
-  const std::ptrdiff_t down = static_cast<std::ptrdiff_t>(4 * k) * stride;
+[[gnu::always_inline]] inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from,
+                                             std::ptrdiff_t stride, std::ptrdiff_t down, std::size_t k,
+                                             std::array<Patch, N>& patch) {
   const auto row = [&](int y) { return _mm512_loadu_si512(from[0] + down + y * stride); };
   if constexpr (kLie == Lie::kPairs) {
     const V upper = two_rows(from[0] + down, stride);
@@ -125,7 +125,8 @@ inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8
 }
 
 template <int N, Lie kLie>
-inline void load_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Patch, N>& patch) {
+[[gnu::always_inline]] inline void load_patch(const PatchPlane& plane, const PatchRecord& record,
+                                              std::array<Patch, N>& patch) {
   std::ptrdiff_t stride = plane.row_stride;
   std::array<const std::uint8_t*, N> from;
   Staged<kLie == Lie::kAnyhow ? N : 0> staged;
@@ -137,19 +138,18 @@ inline void load_patch(const PatchPlane& plane, const PatchRecord& record, std::
     const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
     for (std::size_t c = 0; c < (kLie == Lie::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
   }
-  for (std::size_t k = 0; k < 3; ++k) load_rows<N, kLie>(plane, from, stride, k, patch);
-  // A tile seldom needs the last four of a patch's rows.
-  if (std::max(record.rows[0], record.rows[1]) >> 4 > 10) {
-    load_rows<N, kLie>(plane, from, stride, 3, patch);
-  } else {
-    for (std::size_t c = 0; c < N; ++c) patch[c].rows[3] = patch[c].rows[2];
+  // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four before
+  // are read in their place.
+  const std::ptrdiff_t last = 8 + ((std::max(record.rows[0], record.rows[1]) >> 4) + 5) / 16 * 4;
+  for (std::size_t k = 0; k < 4; ++k) {
+    load_rows<N, kLie>(plane, from, stride, (k == 3 ? last : static_cast<std::ptrdiff_t>(4 * k)) * stride, k, patch);
   }
 }
 
 /// use(std::integral_constant<Lie, how a plane's samples lie>): what follows is compiled for each, so that patches do not
 /// leave their registers.
 template <int N, class Use>
-inline void by_lie(Lie lie, Use use) {
+[[gnu::always_inline]] inline void by_lie(Lie lie, Use use) {
   if (lie == Lie::kPlanar) return use(std::integral_constant<Lie, Lie::kPlanar>());
   if constexpr (N < 3) {
     if (lie == Lie::kPairs) return use(std::integral_constant<Lie, Lie::kPairs>());

@@ -29,11 +29,11 @@ inline std::int16_t bilinear_at(const std::int16_t* q, int i, int j) {
   return wrap(q[0] + q[1] * i + q[2] * j + q[3] * i * j);
 }
 
-/// A curve at `at`, of which the low kBits are the fraction of a piece.
+/// A curve at `at`, of which the low kBits are the fraction of a piece. See Pieces.
 template <int kBits, std::size_t kPieces>
 inline std::int16_t curve_at(const Pieces<kPieces>& curve, int at) {
   const auto i = static_cast<std::size_t>(at >> kBits) & (kPieces - 1);
-  return wrap(curve.knot[i] + mulr(curve.rise[i], wrap((at & ((1 << kBits) - 1)) << (15 - kBits))));
+  return wrap(curve.knot[i] + mulr(curve.rise[i], wrap(at << (15 - kBits))));
 }
 
 /// The place of a tile's pixel, in the patch.
@@ -114,22 +114,24 @@ class WeightReader {
   Weights rest_{};
 };
 
-/// Asks for the patch of the record that comes a while after r. Always inlined: GCC 12 takes a function that does nothing
-/// else for one that does nothing, and leaves its calls out.
+/// Asks for the patch of the record that comes a while after r, as many of its rows as most tiles need: a count of its own
+/// would cost more in guesses gone wrong than it saves. Always inlined: GCC 12 takes a function that does nothing else for
+/// one that does nothing, and leaves its calls out.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {
   constexpr std::size_t kAhead = 256;
+  constexpr int kRows = 14;
+  constexpr int kNear = 2;  // the second cache: what is asked for would push out of the first what is at work
   const auto& records = job.grid->records;
   const PatchRecord& record = records[std::min(r + kAhead, records.size() - 1)];
   const PatchPlane& plane = job.plane(record);
-  const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
   const std::ptrdiff_t at = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
   const std::ptrdiff_t reach = std::ptrdiff_t{kPatch} * plane.group - 1;
   for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
     const std::uint8_t* from = plane.data[c] + at;
-    for (int y = 0; y < rows; ++y, from += plane.row_stride) {
-      __builtin_prefetch(from);  // a row may lie across two lines
-      __builtin_prefetch(from + reach);
+    for (int y = 0; y < kRows; ++y, from += plane.row_stride) {
+      __builtin_prefetch(from, 0, kNear);  // a row may lie across two lines
+      __builtin_prefetch(from + reach, 0, kNear);
     }
   }
 }
