@@ -95,9 +95,12 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
     const MutablePlaneView& plane = job.out[c];
     for (int j = begin; j < end; ++j) {
       std::uint8_t* to = plane.data + j * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride;
-      for (int i = 0; i < columns; ++i, to += plane.pixel_stride) {
-        *to = strip[c * kStrip + static_cast<std::size_t>(i / kTile * kTilePixels + (j - y) * kTile + i % kTile)];
+      const std::uint8_t* from = strip + c * kStrip + static_cast<std::size_t>((j - y) * kTile);
+      int i = 0;
+      if (plane.pixel_stride == 1) {
+        for (; i + kTile <= columns; i += kTile, to += kTile) std::copy_n(from + i * kTile, kTile, to);
       }
+      for (; i < columns; ++i, to += plane.pixel_stride) *to = from[i / kTile * kTilePixels + i % kTile];
     }
   }
 }

@@ -82,7 +82,7 @@ double Head::distance_to_edge(Pixel pixel) const {
   // Where the lens ends is an ellipse when the aspect is not 1; its distance is taken along the radius.
   const Eigen::Vector2d p = from_center(pixel);
   const double r = p.norm();
-  const double stretch = r > 0 ? Eigen::Vector2d(p.x(), p.y() * calibration_.aspect).norm() / r : 1.0;
+  const double stretch = r > 0 && calibration_.aspect != 1 ? Eigen::Vector2d(p.x(), p.y() * calibration_.aspect).norm() / r : 1.0;
   return std::min(distance, (lens_.max_radius() - r) * stretch);
 }
 

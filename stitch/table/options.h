@@ -10,7 +10,7 @@ namespace nodal::table {
 
 enum class Interpolation : std::uint8_t {
   kPixel,  ///< bilinear in the pixel's fractions
-  kRay,    ///< bilinear in the rays of the four neighbours (§4.5)
+  kRay,    ///< bilinear in the rays of the four neighbours (§4.5), where that differs (RaySampler::kSamePlace)
 };
 
 struct TableOptions {

@@ -69,8 +69,8 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
   return {};
 }
 
-/// The largest angle from the axis that anything inside the region has.
-double reach_of(const geometry::Head& head) {
+/// The largest distance from the lens's centre that anything inside the region has.
+double radius_of_region(const geometry::Head& head) {
   const HeadCalibration& c = head.calibration();
   double radius = 0;
   for (const double x : {c.region.left, c.region.right}) {
@@ -78,8 +78,14 @@ double reach_of(const geometry::Head& head) {
       radius = std::max(radius, std::hypot(x - c.center_x, (y - c.center_y) / c.aspect));
     }
   }
+  return std::min(radius, head.lens().max_radius());
+}
+
+/// The largest angle from the axis that anything inside the region has.
+double reach_of(const geometry::Head& head) {
   // Some pixels more, for the sample centres just outside that ray interpolation looks at.
-  return head.lens().angle(std::min(radius + 4, head.lens().max_radius())).value_or(head.lens().max_angle());
+  const double radius = std::min(radius_of_region(head) + 4, head.lens().max_radius());
+  return head.lens().angle(radius).value_or(head.lens().max_angle());
 }
 
 double feather_px(const Region& region, double part) {
@@ -90,7 +96,8 @@ double feather_px(const Region& region, double part) {
 
 RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, const TableOptions& options) {
   const double reach = reach_of(head);
-  RaySampler::Optics optics{TabledLens(head.lens(), reach), std::cos(reach) - 1e-9,
+  const Eigen::Matrix3d& R = head.R_head_rig();
+  RaySampler::Optics optics{TabledLens(head.lens(), reach), R.row(0), R.row(1), R.row(2), std::cos(reach) - 1e-9,
                             feather_px(head.calibration().region, options.feather),
                             EncodedGain(head.calibration().response)};
   if (!options.undo_gain) return optics;
@@ -105,25 +112,74 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   return optics;
 }
 
-/// Where a direction in the head's frame falls, and how many original pixels a steradian has there: what
-/// Head::project and Head::density say (a test holds them together), in one go and by tables.
+/// Where a direction in the head's frame falls, how many original pixels a steradian has there, and how far inside the
+/// head's region it is: what Head::project, Head::density and Head::distance_to_edge say (a test holds them together), in
+/// one go and by tables.
 struct Projected {
   geometry::Pixel pixel;
   double density = 0;
+  double inside = 0;
 };
 
-std::optional<Projected> project(const HeadCalibration& head, const TabledLens& lens, const Eigen::Vector3d& d) {
+std::optional<Projected> project(const geometry::Head& head, const TabledLens& lens, const Eigen::Vector3d& d) {
   const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
   const std::optional<TabledLens::Radius> r = lens.radius(std::atan2(sine, d.z()));
   if (!r) return std::nullopt;
+  const HeadCalibration& c = head.calibration();
   const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
-  return Projected{{head.center_x + across * d.x(), head.center_y + head.aspect * across * d.y()},
-                   head.aspect * r->slope * across};
+  const double x = across * d.x();
+  const double y = c.aspect * across * d.y();
+  const geometry::Pixel at{c.center_x + x, c.center_y + y};
+  const Region& region = c.region;
+  double inside = std::min(std::min(at.x - region.left, region.right - at.x),
+                           std::min(at.y - region.top, region.bottom - at.y));
+  if (region.circle) {
+    const double dx = at.x - region.circle->x;
+    const double dy = at.y - region.circle->y;
+    inside = std::min(inside, region.circle->radius - std::sqrt(dx * dx + dy * dy));
+  }
+  const double stretch = c.aspect != 1 && r->radius > 0 ? std::sqrt(x * x + y * y) / r->radius : 1;
+  inside = std::min(inside, (head.lens().max_radius() - r->radius) * stretch);
+  return Projected{at, c.aspect * r->slope * across, inside};
 }
 
 double feather(double part) {
   const double t = std::clamp(part, 0.0, 1.0);
   return std::max(kLeastFeather, t * t * (3 - 2 * t));
+}
+
+/// By how much ray interpolation moves a place between four samples around `at`, whose fractions are (x, y).
+double moved_by_rays(const geometry::Head& head, const PlaneGrid& lie, geometry::Pixel at, Fractions place) {
+  const std::optional<geometry::Ray> ray = head.unproject(at);
+  if (!ray) return kEndless;
+  std::array<Eigen::Vector3d, 4> neighbours;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::optional<geometry::Ray> neighbour =
+        head.unproject({at.x + (static_cast<double>(k & 1) - place.x) * lie.step_x,
+                        at.y + (static_cast<double>(k >> 1) - place.y) * lie.step_y});
+    if (!neighbour) return kEndless;
+    neighbours[k] = neighbour->direction();
+  }
+  const Fractions moved = ray_fractions(TangentPlane(ray->direction()), neighbours, place);
+  return std::max(std::abs(moved.x - place.x), std::abs(moved.y - place.y));
+}
+
+/// RaySampler::Plane::same_radius. What a lens does depends on the radius alone, and on how rows and columns lie to it.
+double same_radius(const geometry::Head& head, const PlaneGrid& lie) {
+  constexpr int kRadii = 48;
+  const HeadCalibration& c = head.calibration();
+  double radius = 0;
+  for (int k = 1; k <= kRadii; ++k) {
+    const double next = radius_of_region(head) * k / kRadii;
+    for (const double turn : {0.0, 0.4, 0.8, 1.2, 1.5707}) {
+      const geometry::Pixel at{c.center_x + next * std::cos(turn), c.center_y + c.aspect * next * std::sin(turn)};
+      for (const Fractions place : {Fractions{0.5, 0}, Fractions{0, 0.5}, Fractions{0.5, 0.5}}) {
+        if (!(moved_by_rays(head, lie, at, place) < RaySampler::kSamePlace)) return radius;
+      }
+    }
+    radius = next;
+  }
+  return radius;
 }
 
 }  // namespace
@@ -159,6 +215,7 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
       const PlaneView& plane = picture.planes[c];
       const PlaneGrid lie = options.field ? field_grid(head_formats[h], g, *options.field) : component_grid(head_formats[h], g);
       planes[h] = {plane.width, plane.height, halved_chroma_grid(head_formats[h], g, lie)};
+      planes[h].same_radius = same_radius(head, planes[h].on_picture);
     }
     sampler.planes_.push_back(planes);
   }
@@ -186,8 +243,7 @@ void RowSampler::sample(int grid, int y) {
     const double column = std::min<double>(layout.width(), (x + 0.5 - lie.on_raymap.offset_x) * lie.on_raymap.step_x);
     if (const std::optional<geometry::Ray> ray = layout.ray(column, row)) {
       const int count = find_sights(*ray, sights);
-      const TangentPlane plane(ray->direction());
-      for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], plane));
+      for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], *ray));
     }
     ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
   }
@@ -200,15 +256,12 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
   double sum = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const RaySampler::Optics& optics = rig_.optics()[h];
-    const Eigen::Matrix3d& R = heads[h].R_head_rig();
-    const double ahead = R.row(2).dot(ray.direction());  // the cosine with the head's axis
+    const double ahead = optics.axis.dot(ray.direction());  // the cosine with the head's axis
     if (ahead < optics.cos_reach) continue;
-    const Eigen::Vector3d in_head(R.row(0).dot(ray.direction()), R.row(1).dot(ray.direction()), ahead);
-    const std::optional<Projected> seen = project(heads[h].calibration(), optics.lens, in_head);
-    if (!seen) continue;
-    const double inside = heads[h].distance_to_edge(seen->pixel);
-    if (inside < kEdge) continue;
-    const double weight = seen->density * feather(inside / optics.feather_px);
+    const Eigen::Vector3d in_head(optics.right.dot(ray.direction()), optics.down.dot(ray.direction()), ahead);
+    const std::optional<Projected> seen = project(heads[h], optics.lens, in_head);
+    if (!seen || seen->inside < kEdge) continue;
+    const double weight = seen->density * feather(seen->inside / optics.feather_px);
     if (!(weight > 0 && weight < kEndless)) continue;
     sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
     sum += weight;
@@ -225,7 +278,7 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
   return static_cast<int>(kept);
 }
 
-RaySample RowSampler::place(const Sight& sight, const TangentPlane& plane) {
+RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
   const geometry::Head& head = rig_.heads()[sight.head];
   const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
   const PlaneGrid& lie = picture.on_picture;
@@ -237,6 +290,9 @@ RaySample RowSampler::place(const Sight& sight, const TangentPlane& plane) {
     sample.gain = rig_.optics()[sight.head].undo.undo(head.vignetting(sight.pixel));
   }
   if (rig_.options().interpolation == Interpolation::kPixel) return sample;
+  const double across = sight.pixel.x - head.calibration().center_x;
+  const double down = (sight.pixel.y - head.calibration().center_y) / head.calibration().aspect;
+  if (across * across + down * down < picture.same_radius * picture.same_radius) return sample;
 
   const auto x = std::min(static_cast<std::int32_t>(sample.x), picture.width - 2);
   const auto y = std::min(static_cast<std::int32_t>(sample.y), picture.height - 2);
@@ -246,7 +302,7 @@ RaySample RowSampler::place(const Sight& sight, const TangentPlane& plane) {
     if (!neighbour.exists) return sample;  // beyond the lens: there is no ray to interpolate
     neighbours[static_cast<std::size_t>(k)] = neighbour.direction;
   }
-  const Fractions at = ray_fractions(plane, neighbours, {sample.x - x, sample.y - y});
+  const Fractions at = ray_fractions(TangentPlane(ray.direction()), neighbours, {sample.x - x, sample.y - y});
   sample.x = x + at.x;
   sample.y = y + at.y;
   return sample;

@@ -56,10 +56,16 @@ class RaySampler {
     int width = 0;
     int height = 0;
     PlaneGrid on_picture;
+    /// Up to this distance from the lens's centre, px with the aspect taken out, ray interpolation moves no place by
+    /// more than kSamePlace.
+    double same_radius = 0;
   };
+  /// In samples: a sixteenth of what a tile's fit may be off.
+  static constexpr double kSamePlace = 1.0 / 1024;
   /// What is worked out once a head.
   struct Optics {
     TabledLens lens;
+    Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
     double cos_reach = -1;  ///< no ray whose cosine with the axis is less is inside the region
     double feather_px = 1;
     EncodedGain undo;
@@ -116,7 +122,7 @@ class RowSampler {
     double weight = 0;
   };
   int find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const;
-  RaySample place(const Sight& sight, const TangentPlane& plane);
+  RaySample place(const Sight& sight, const geometry::Ray& ray);
   const CachedRay& ray_of(HeadIndex head, std::int32_t x, std::int32_t y);
   std::optional<Eigen::Vector3d> unproject(HeadIndex head, geometry::Pixel pixel) const;
 

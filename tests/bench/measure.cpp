@@ -29,7 +29,8 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-double thread_time_ms() { return clock_ms(CLOCK_THREAD_CPUTIME_ID); }
+double clock_time_ms() { return clock_ms(CLOCK_MONOTONIC); }
+double process_time_ms() { return clock_ms(CLOCK_PROCESS_CPUTIME_ID); }
 
 struct Pool::State {
   std::vector<std::jthread> threads;

@@ -36,7 +36,8 @@ class Times {
   std::vector<double> undisturbed_;
 };
 
-/// Of the calling thread, ms.
-double thread_time_ms();
+/// The clock's, and what all threads of the process have worked, ms.
+double clock_time_ms();
+double process_time_ms();
 
 }  // namespace nodal::bench

@@ -26,7 +26,7 @@ TEST(TabledLens, EveryModelOverItsWholeDomain_IsTheLensItself) {
         const std::optional<TabledLens::Radius> radius = tabled.radius(angle);
         const double expected = lens->radius(angle).value();
         ASSERT_TRUE(radius);
-        EXPECT_NEAR(radius->radius, expected, 4e-8) << "model " << model.index() << " at " << angle;
+        EXPECT_NEAR(radius->radius, expected, 4 * TabledLens::kTolerance) << "model " << model.index() << " at " << angle;
         const double slope = lens->slope(angle, expected);
         // At the very end of a lens that turns back the slope has no end, and rounding decides its sign.
         if (slope > 0 && slope < 1e6) {
