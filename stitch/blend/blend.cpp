@@ -47,7 +47,14 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
       const std::uint32_t weight = there[pixel_place(i, static_cast<std::size_t>(y % kTile))];
       const std::uint32_t share = weight * 255 >> kWeightBits;
       const bool part = weight > 0 && weight < 1U << kWeightBits;
-      validity.data[y * validity.row_stride + std::ptrdiff_t{x} * validity.pixel_stride] =
+      std::ptrdiff_t to_x = x;
+      std::ptrdiff_t to_y = y;
+      if (!grid.places.empty()) {
+        const std::uint32_t place = grid.places[t * kTilePixels + static_cast<std::size_t>(y % kTile * kTile) + i];
+        to_x = place & 0xffff;
+        to_y = place >> 16;
+      }
+      validity.data[to_y * validity.row_stride + to_x * validity.pixel_stride] =
           static_cast<std::uint8_t>(part ? std::clamp(share, 1U, 254U) : share);
     }
   }
@@ -108,7 +115,9 @@ void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, co
       default: blend_scalar(job); break;
     }
   }
-  if (tone.fade && raymap.format == PixelFormat::kI420) fade_chroma(*tone.fade, raymap, row_begin, row_end);
+  if (tone.fade && raymap.format == PixelFormat::kI420 && table.grids[0].places.empty()) {
+    fade_chroma(*tone.fade, raymap, row_begin, row_end);
+  }
 }
 
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,

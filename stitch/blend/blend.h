@@ -36,7 +36,10 @@ using Pictures = std::span<const ImageView>;
 /// largest of R G B); for chroma by the luma sample nearest to the chroma sample (x, y) of the pixel.
 ///
 /// After that, where SetTone::fade is there, chroma is 128 + ((chroma - 128) fade.of_luma[m] + 128 >> 8), m the mean of
-/// its four luma samples, halves up; beyond odd edges the edge is repeated.
+/// its four luma samples, halves up; beyond odd edges the edge is repeated. Not in raymaps whose rays were sorted into
+/// tiles (GridTable::places): there the four have nothing to do with each other, nor has one's chroma with the others.
+/// Of those, rows are rows of tiles as they were sorted, and their pixels lie anywhere in the raymap: it is whole when
+/// all rows have been blended.
 ///
 /// The table has been validated, every head's picture is what table.sources says, prepared as prepare.h says where the
 /// source needs it, and the raymap what table.format says; nothing is checked here. The kernel that runs is the

@@ -94,6 +94,14 @@ struct GridTable {
   /// 1 .. 32767 for pixels with weight. Empty where there is none to undo.
   std::vector<std::array<std::int16_t, 4>> gains;
 
+  /// Of raymaps whose rays were sorted into tiles: where in the component's plane each pixel of a tile is written, see
+  /// place(), 64 a tile, row by row; kNowhere beyond the grid. Empty where pixels lie where their tiles do.
+  std::vector<std::uint32_t> places;
+  static constexpr std::uint32_t kNowhere = 0xffffffff;
+  static constexpr std::uint32_t place(int x, int y) {
+    return static_cast<std::uint32_t>(y) << 16 | static_cast<std::uint32_t>(x);
+  }
+
   /// Whole blocks, which may reach beyond the grid; tiles outside it have no records.
   int tiles_across() const { return (width + 8 * kTile - 1) / (8 * kTile) * 8; }
   /// Of a block: as many as 64 raymap rows hold.

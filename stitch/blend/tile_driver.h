@@ -105,6 +105,25 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
   }
 }
 
+/// The same where the grid's pixels lie anywhere (GridTable::places); t: the strip's first tile.
+template <int N>
+void scatter_strip(const BlendJob& job, std::size_t t, int row, const std::uint8_t* strip) {
+  const int begin = std::max(0, job.row_begin - row * kTile) * kTile;
+  const int end = std::min(kTile, job.row_end - row * kTile) * kTile;
+  const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
+  for (int k = 0; k < 8; ++k, places += kTilePixels, strip += kTilePixels) {
+    for (int p = begin; p < end; ++p) {
+      if (places[p] == GridTable::kNowhere) continue;
+      const std::ptrdiff_t x = places[p] & 0xffff;
+      const std::ptrdiff_t y = places[p] >> 16;
+      for (std::size_t c = 0; c < N; ++c) {
+        const MutablePlaneView& plane = job.out[c];
+        plane.data[y * plane.row_stride + x * plane.pixel_stride] = strip[c * kStrip + static_cast<std::size_t>(p)];
+      }
+    }
+  }
+}
+
 template <class Kernel, int N>
 void blend_grid(const BlendJob& job) {
   alignas(64) std::array<std::uint8_t, N * kStrip> strip;
@@ -119,7 +138,11 @@ void blend_grid(const BlendJob& job) {
         for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
           blend_tile<Kernel, N>(job, t + k, strip.data() + k * kTilePixels);
         }
-        write_strip<Kernel, N>(job, column, row, strip.data());
+        if (grid.places.empty()) {
+          write_strip<Kernel, N>(job, column, row, strip.data());
+        } else {
+          scatter_strip<N>(job, t, row, strip.data());
+        }
       }
     }
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "stitch/blend/blend_table.h"
 #include "stitch/table/ray_interpolation.h"
 
 namespace nodal::table {
@@ -228,25 +229,42 @@ std::span<const RaySample> RowSampler::at(int x) const {
   return std::span(samples_).subspan(begin, ends_[i] - begin);
 }
 
+std::optional<geometry::Ray> RaySampler::ray(int grid, int x, int y) const {
+  const PlaneGrid& lie = grids_[static_cast<std::size_t>(grid)].on_raymap;
+  return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - lie.offset_x) * lie.step_x),
+                      std::min<double>(layout_->height(), (y + 0.5 - lie.offset_y) * lie.step_y));
+}
+
 void RowSampler::sample(int grid, int y) {
-  const RaySampler::Grid& lie = rig_.grids()[static_cast<std::size_t>(grid)];
+  begin(grid);
+  const int width = rig_.grids()[static_cast<std::size_t>(grid)].width;
+  for (int x = 0; x < width; ++x) add(rig_.ray(grid, x, y));
+}
+
+void RowSampler::sample(int grid, std::span<const std::uint32_t> places) {
+  begin(grid);
+  for (const std::uint32_t place : places) {
+    const bool nowhere = place == blend::GridTable::kNowhere;
+    add(nowhere ? std::nullopt : rig_.ray(grid, static_cast<int>(place & 0xffff), static_cast<int>(place >> 16)));
+  }
+}
+
+void RowSampler::begin(int grid) {
   if (grid != grid_) {
     for (auto& rays : rays_) rays.clear();
     grid_ = grid;
   }
   ends_.clear();
   samples_.clear();
-  const geometry::RaymapLayout& layout = rig_.layout();
-  const double row = std::min<double>(layout.height(), (y + 0.5 - lie.on_raymap.offset_y) * lie.on_raymap.step_y);
-  std::array<Sight, kMaxHeads> sights;
-  for (int x = 0; x < lie.width; ++x) {
-    const double column = std::min<double>(layout.width(), (x + 0.5 - lie.on_raymap.offset_x) * lie.on_raymap.step_x);
-    if (const std::optional<geometry::Ray> ray = layout.ray(column, row)) {
-      const int count = find_sights(*ray, sights);
-      for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], *ray));
-    }
-    ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
+}
+
+void RowSampler::add(const std::optional<geometry::Ray>& ray) {
+  if (ray) {
+    std::array<Sight, kMaxHeads> sights;
+    const int count = find_sights(*ray, sights);
+    for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], *ray));
   }
+  ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
 }
 
 /// Fills in the heads that see the ray, weights summing to 1, and says how many they are.

@@ -80,6 +80,8 @@ class RaySampler {
   std::span<const Optics> optics() const { return optics_; }
   std::span<const Grid> grids() const { return grids_; }
   const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
+  /// That of sample (x, y) of a grid; nothing where the layout holds none.
+  std::optional<geometry::Ray> ray(int grid, int x, int y) const;
 
  private:
   RaySampler() = default;
@@ -104,6 +106,8 @@ class RowSampler {
 
   /// Works out row y of a grid; at() then answers for it.
   void sample(int grid, int y);
+  /// The same for any samples, by GridTable::place(); at(k) is then that of the k-th, and nothing for kNowhere.
+  void sample(int grid, std::span<const std::uint32_t> places);
   int width() const { return static_cast<int>(ends_.size()); }
   /// What makes sample x of the row; empty where no head sees its ray.
   std::span<const RaySample> at(int x) const;
@@ -121,6 +125,8 @@ class RowSampler {
     geometry::Pixel pixel;
     double weight = 0;
   };
+  void begin(int grid);
+  void add(const std::optional<geometry::Ray>& ray);
   int find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const;
   RaySample place(const Sight& sight, const geometry::Ray& ray);
   const CachedRay& ray_of(HeadIndex head, std::int32_t x, std::int32_t y);

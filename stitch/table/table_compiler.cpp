@@ -9,6 +9,7 @@
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
+#include "stitch/table/sphere_order.h"
 #include "stitch/table/tile_builder.h"
 #include "stitch/table/validate.h"
 
@@ -43,13 +44,23 @@ int vignetting_scale(const RaySampler& sampler) {
   return static_cast<int>(std::clamp<std::int64_t>(round_up_ties(largest * 256 * 1.01), 257, 2048));
 }
 
-/// The pixels of a row of tiles, brought together from rows of samples.
+blend::GridTable empty_table(const RaySampler::Grid& shape) {
+  blend::GridTable table;
+  table.width = shape.width;
+  table.height = shape.height;
+  table.row_step = shape.on_raymap.step_y;
+  return table;
+}
+
+/// The pixels of a row of tiles, brought together from rows of samples, or from where `places` has them.
 class TileRowSamples {
  public:
-  TileRowSamples(const RaySampler::Grid& shape) : shape_(shape), tiles_(static_cast<std::size_t>(shape.width + 7) / 8) {}
+  TileRowSamples(const RaySampler::Grid& shape, std::span<const std::uint32_t> places)
+      : shape_(shape), places_(places), tiles_(static_cast<std::size_t>(shape.width + 7) / 8) {}
 
   void sample(RowSampler& sampler, int grid, int tile_row) {
     for (TileSamples& tile : tiles_) tile.inside = 0;
+    if (!places_.empty()) return sample_places(sampler, grid, tile_row);
     for (int j = 0; j < blend::kTile && tile_row * blend::kTile + j < shape_.height; ++j) {
       sampler.sample(grid, tile_row * blend::kTile + j);
       for (int x = 0; x < shape_.width; ++x) {
@@ -63,7 +74,23 @@ class TileRowSamples {
   std::span<TileSamples> tiles() { return tiles_; }
 
  private:
+  void sample_places(RowSampler& sampler, int grid, int tile_row) {
+    const blend::GridTable table = empty_table(shape_);
+    for (std::size_t k = 0; k < tiles_.size(); ++k) {
+      const std::size_t t = table.tile_index(static_cast<int>(k), tile_row);
+      const std::span<const std::uint32_t> places = places_.subspan(t * blend::kTilePixels, blend::kTilePixels);
+      sampler.sample(grid, places);
+      for (std::size_t p = 0; p < blend::kTilePixels; ++p) {
+        if (places[p] == blend::GridTable::kNowhere) continue;
+        const std::span<const RaySample> at = sampler.at(static_cast<int>(p));
+        tiles_[k].at[p].assign(at.begin(), at.end());
+        tiles_[k].inside |= PixelMask{1} << p;
+      }
+    }
+  }
+
   const RaySampler::Grid& shape_;
+  std::span<const std::uint32_t> places_;
   std::vector<TileSamples> tiles_;
 };
 
@@ -101,10 +128,7 @@ void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
 /// Makes one grid of its rows of tiles, in the order in which they are blended. A block's rows are given back once it
 /// is done: the rig has no room for the table twice.
 Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> rows) {
-  blend::GridTable table;
-  table.width = shape.width;
-  table.height = shape.height;
-  table.row_step = shape.on_raymap.step_y;
+  blend::GridTable table = empty_table(shape);
   std::size_t records = 0, weights = 0, coordinates = 0, gains = 0;
   for (const TileRun& row : rows) {
     records += row.records.size();
@@ -152,6 +176,7 @@ struct TableCompiler::Work {
   RaySampler sampler;
   int vignetting_scale = 0;  ///< 0: nothing to undo
   std::vector<TileRun> rows;
+  std::vector<std::vector<std::uint32_t>> places;  ///< by grid, of scattered layouts; else empty
 };
 
 TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)) {
@@ -159,6 +184,11 @@ TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)
   for (const RaySampler::Grid& grid : work_->sampler.grids()) rows += static_cast<std::size_t>(tile_rows(grid));
   work_->rows.resize(rows);
   work_->vignetting_scale = vignetting_scale(work_->sampler);
+  const bool scattered = work_->sampler.layout().scattered();
+  for (std::size_t g = 0; g < work_->sampler.grids().size(); ++g) {
+    work_->places.emplace_back();
+    if (scattered) work_->places.back() = sphere_order(work_->sampler, static_cast<int>(g));
+  }
 }
 TableCompiler::TableCompiler(TableCompiler&&) noexcept = default;
 TableCompiler& TableCompiler::operator=(TableCompiler&&) noexcept = default;
@@ -179,7 +209,7 @@ Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const 
                                           const TableOptions& options) {
   Result<RaySampler> sampler = RaySampler::make(calibration, layout, raymap_format, head_formats, options);
   if (!sampler) return fail(sampler.error());
-  return TableCompiler(std::make_unique<Work>(Work{nullptr, std::move(*sampler), 0, {}}));
+  return TableCompiler(std::make_unique<Work>(Work{nullptr, std::move(*sampler), 0, {}, {}}));
 }
 
 int TableCompiler::row_count() const { return static_cast<int>(work_->rows.size()); }
@@ -190,7 +220,7 @@ void TableCompiler::compile_rows(int begin, int end) {
   int first = 0;
   for (std::size_t g = 0; g < sampler.grids().size(); ++g) {
     const RaySampler::Grid& shape = sampler.grids()[g];
-    TileRowSamples samples(shape);
+    TileRowSamples samples(shape, work_->places[g]);
     TileBuilder builder(sampler, static_cast<int>(g), work_->vignetting_scale);
     for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
       samples.sample(sampled, static_cast<int>(g), r - first);
@@ -228,6 +258,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     Result<blend::GridTable> grid = join(shape, rows.first(height));
     if (!grid) return fail(grid.error());
     rows = rows.subspan(height);
+    grid->places = std::move(work_->places[table.grids.size()]);
     for (const blend::PatchRecord& record : grid->records) {
       std::uint8_t& levels = table.sources[record.head].levels;
       levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "stitch/table/quantize.h"
 
@@ -181,6 +182,7 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
 /// The larger of the steps from pixel to pixel along rows and columns, as a square of samples; nothing for parts too
 /// small to tell. Samples that were moved to a picture's edge are not where their pixels are.
 std::optional<double> TileBuilder::square_step(const Part& part) const {
+  if (sampler_.layout().scattered()) return square_between_rays(part);
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const auto moved = [&](std::size_t p) {
     const auto at_edge = [](std::int32_t at, int size) { return at == 0 || at >= ((size - 1) << kFractionBits) - 1; };
@@ -201,6 +203,19 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
   if (count[0] == 0 || count[1] == 0) return std::nullopt;
   constexpr double kOne = 1 << kFractionBits;
   return std::max(square[0] / count[0], square[1] / count[1]) / (kOne * kOne);
+}
+
+/// Of rays that have no rows and columns: how many samples each has for its own, if they are even.
+double TileBuilder::square_between_rays(const Part& part) const {
+  const RaySampler::Grid& grid = sampler_.grids()[static_cast<std::size_t>(grid_)];
+  const PlaneGrid& lie = sampler_.plane(grid_, part.head).on_picture;
+  const auto p = static_cast<std::size_t>(__builtin_ctzll(part.mask));
+  const auto along = [](std::int32_t at, double offset, int step) {
+    return (at / static_cast<double>(1 << kFractionBits) + 0.5 - offset) * step;
+  };
+  const double density = sampler_.heads()[part.head].density(
+      {along(part.x[p], lie.offset_x, lie.step_x), along(part.y[p], lie.offset_y, lie.step_y)});
+  return density * 4 * std::numbers::pi / (static_cast<double>(grid.width) * grid.height) / (lie.step_x * lie.step_y);
 }
 
 /// The level whose samples are about as far apart as the raymap's, which are a step along rows and one along columns.
@@ -263,12 +278,13 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
   std::array<std::int16_t, 4> gain{};
   if (vignetting_scale_ != 0) {
     const std::array<std::int32_t, 4> fit = fit_bilinear(part.gain, mask);
+    const int within = sampler_.layout().scattered() ? kGainFitOfRays : kGainFit;
     bool good = true;
     for_each(mask, [&](std::size_t p) {
       const auto i = static_cast<std::int32_t>(p % 8);
       const auto j = static_cast<std::int32_t>(p / 8);
       const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j;
-      good = good && std::abs(at - part.gain[p]) <= kGainFit && at >= 1 && at <= 32767;
+      good = good && std::abs(at - part.gain[p]) <= within && at >= 1 && at <= 32767;
     });
     for (std::size_t k = 0; k < 4; ++k) good = good && std::abs(fit[k]) <= 32767;
     if (!good && !must) return false;

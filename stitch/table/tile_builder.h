@@ -42,6 +42,8 @@ class TileBuilder {
   static constexpr int kWeightFit = 128;
   /// Of a vignetting gain, in 1/32768 of the table's scale.
   static constexpr int kGainFit = 24;
+  /// The same where rays were sorted into tiles, and lie only about where a picture's pixels would.
+  static constexpr int kGainFitOfRays = 80;
 
   /// vignetting_scale: BlendTable's; 0 where no vignetting is undone.
   TileBuilder(const RaySampler& sampler, int grid, int vignetting_scale)
@@ -65,6 +67,7 @@ class TileBuilder {
   };
   void split_by_head(const TileSamples& samples);
   std::optional<double> square_step(const Part& part) const;
+  double square_between_rays(const Part& part) const;
   void choose_levels();
   void shrink(Part& part) const;
   void add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run);

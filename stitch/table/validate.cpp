@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <string>
+#include <vector>
 
 namespace nodal::table {
 namespace {
@@ -97,6 +98,9 @@ class GridProof {
       return invalid(where_ + ": there is not one gain a record");
     }
     if (grid_.coordinates.size() % (2 * blend::kTilePixels) != 0) return invalid(where_ + ": a list is cut short");
+    if (!grid_.places.empty() && !places_are_every_pixel()) {
+      return invalid(where_ + ": its tiles' pixels are not every pixel once");
+    }
     for (int row = 0; row < grid_.tiles_down(); ++row) {
       for (int column = 0; column < grid_.tiles_across(); ++column) {
         if (const char* fault = fault_of_tile(column, row)) {
@@ -108,6 +112,28 @@ class GridProof {
   }
 
  private:
+  bool places_are_every_pixel() const {
+    if (grid_.places.size() != grid_.tile_count() * blend::kTilePixels) return false;
+    std::vector<bool> seen(static_cast<std::size_t>(grid_.width) * static_cast<std::size_t>(grid_.height), false);
+    for (int row = 0; row < grid_.tiles_down() * blend::kTile; ++row) {
+      for (int column = 0; column < grid_.tiles_across() * blend::kTile; ++column) {
+        const std::size_t t = grid_.tile_index(column / blend::kTile, row / blend::kTile);
+        const std::uint32_t place = grid_.places[t * blend::kTilePixels + static_cast<std::size_t>(
+                                                     row % blend::kTile * blend::kTile + column % blend::kTile)];
+        const bool inside = column < grid_.width && row < grid_.height;
+        if (inside != (place != GridTable::kNowhere)) return false;
+        if (!inside) continue;
+        const std::size_t x = place & 0xffff;
+        const std::size_t y = place >> 16;
+        if (x >= static_cast<std::size_t>(grid_.width) || y >= static_cast<std::size_t>(grid_.height)) return false;
+        const std::size_t at = y * static_cast<std::size_t>(grid_.width) + x;
+        if (seen[at]) return false;
+        seen[at] = true;
+      }
+    }
+    return true;  // as many as there are, none twice
+  }
+
   /// Nothing, or what is wrong with a tile.
   const char* fault_of_tile(int column, int row) {
     const std::size_t t = grid_.tile_index(column, row);

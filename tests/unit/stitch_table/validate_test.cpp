@@ -55,6 +55,25 @@ class ValidateFinds : public testing::TestWithParam<Fault> {};
 
 std::vector<Fault> faults() {
   return {
+      {"PlacesCutShort", "not every pixel once", [](BlendTable& t) { t.grids[0].places.assign(64, 0); }},
+      {"PlaceTwice", "not every pixel once",
+       [](BlendTable& t) {
+         blend::GridTable& grid = t.grids[0];
+         grid.places.assign(grid.tile_count() * 64, blend::GridTable::kNowhere);
+         for (int y = 0; y < grid.height; ++y) {
+           for (int x = 0; x < grid.width; ++x) {
+             grid.places[grid.tile_index(x / 8, y / 8) * 64 + static_cast<std::size_t>(y % 8 * 8 + x % 8)] =
+                 blend::GridTable::place(x, y);
+           }
+         }
+         ASSERT_TRUE(validate_blend_table(t).has_value());
+         grid.places[1] = grid.places[0];
+       }},
+      {"PlaceOutside", "not every pixel once",
+       [](BlendTable& t) {
+         blend::GridTable& grid = t.grids[0];
+         grid.places.assign(grid.tile_count() * 64, blend::GridTable::place(grid.width, 0));
+       }},
       {"NoHeads", "0 heads", [](BlendTable& t) { t.sources.clear(); }},
       {"TooManyHeads", "17 heads", [](BlendTable& t) { t.sources.resize(17, t.sources[0]); }},
       {"HeadOfAnotherKind", "head 1", [](BlendTable& t) { t.sources[1].format = PixelFormat::kRgb24; }},

@@ -1,0 +1,168 @@
+// Raymaps whose neighbouring pixels hold no neighbouring rays.
+#include "stitch/table/sphere_order.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "rigs.h"
+#include "stitch/blend/blend.h"
+#include "stitch/table/table_compiler.h"
+#include "tests/reference/double_blend.h"
+#include "tests/reference/png_file.h"
+#include "tests/reference/prepared_heads.h"
+
+namespace nodal::table {
+namespace {
+
+/// The rays of an equirectangular raymap, each somewhere else.
+class Shuffled final : public geometry::RaymapLayout {
+ public:
+  Shuffled(int width, int height, std::mt19937& random)
+      : RaymapLayout(width, height), sorted_(geometry::make_layout("equirectangular", width, height).value()) {
+    from_.resize(static_cast<std::size_t>(width * height));
+    std::iota(from_.begin(), from_.end(), 0);
+    std::shuffle(from_.begin(), from_.end(), random);
+  }
+  std::string_view name() const override { return "shuffled"; }
+  bool scattered() const override { return true; }
+  std::optional<geometry::Ray> ray(double x, double y) const override {
+    const int i = std::min(static_cast<int>(x), width() - 1);
+    const int j = std::min(static_cast<int>(y), height() - 1);
+    const int k = from_[static_cast<std::size_t>(j * width() + i)];
+    return sorted_->ray(k % width() + 0.5, k / width() + 0.5);
+  }
+  double solid_angle(int, int) const override { return 4 * std::numbers::pi / (width() * height()); }
+  std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
+
+ private:
+  std::unique_ptr<geometry::RaymapLayout> sorted_;
+  std::vector<int> from_;
+};
+
+struct Shot {
+  Calibration rig = test::cube_rig(64);
+  std::vector<PixelFormat> formats;
+  std::vector<test::Picture> pictures;
+  std::vector<ImageView> heads;
+
+  /// Waves of 30 samples, so that what a table may be off by is well below a level.
+  Shot(PixelFormat format, std::mt19937& random) : formats(6, format) {
+    for (HeadCalibration& head : rig.heads) {
+      head.vignetting.coefficients = {-0.1, 0, 0};
+      test::Picture& picture = pictures.emplace_back(format, 64, 64);
+      const double phase = static_cast<double>(random() % 628) / 100;
+      for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(format)); ++c) {
+        const MutablePlaneView plane = picture.mutable_view().planes[c];
+        for (int y = 0; y < plane.height; ++y) {
+          for (int x = 0; x < plane.width; ++x) {
+            plane.data[y * plane.row_stride + x * plane.pixel_stride] =
+                static_cast<std::uint8_t>(120 + 30 * std::sin(0.2 * x + phase) * std::sin(0.15 * y));
+          }
+        }
+      }
+    }
+    for (const test::Picture& picture : pictures) heads.push_back(picture.view());
+  }
+};
+
+RC_GTEST_PROP(ScatteredRaymap, AnyOrder_IsWhatDoublePrecisionSaysPixelByPixel, (std::uint32_t seed)) {
+  std::mt19937 random(seed);
+  const PixelFormat format = std::array{PixelFormat::kGrey8, PixelFormat::kRgb24, PixelFormat::kI420}[random() % 3];
+  const Shot shot(format, random);
+  const Shuffled layout(static_cast<int>(20 + random() % 60), static_cast<int>(20 + random() % 40), random);
+  TableOptions options;
+  options.levels = 1;  // which the reference knows nothing of
+  const blend::BlendTable table = compile_blend_table(shot.rig, layout, format, shot.formats, options).value();
+  const test::PreparedHeads prepared(table, shot.heads);
+  const RaySampler sampler = RaySampler::make(shot.rig, layout, format, shot.formats, options).value();
+  const std::vector<test::RealPlane> real = test::blend_in_double(sampler, shot.heads);
+  // By every kernel, in rows of tiles as they come.
+  for (const blend::Kernel kernel : blend::kernels()) {
+    test::Picture raymap(format, layout.width(), layout.height(), 77);
+    for (int row = 0; row < layout.height();) {
+      const int end = std::min(layout.height(), row + 2 * static_cast<int>(1 + random() % 9));
+      blend::blend_rows_by(kernel, table, prepared.views(), blend::calibrated_tone(table), raymap.mutable_view(), row, end);
+      row = end;
+    }
+    for (std::size_t c = 0; c < real.size(); ++c) {
+      const PlaneView plane = raymap.view().planes[c];
+      for (int y = 0; y < plane.height; ++y) {
+        for (int x = 0; x < plane.width; ++x) {
+          const double expected = real[c].values[static_cast<std::size_t>(y * plane.width + x)];
+          RC_ASSERT(std::abs(plane.data[y * plane.row_stride + x * plane.pixel_stride] - expected) <= 1.5);
+        }
+      }
+    }
+  }
+}
+
+TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
+  std::mt19937 random(3);
+  const Shot shot(PixelFormat::kGrey8, random);
+  const Shuffled layout(64, 32, random);
+  const blend::BlendTable table = compile_blend_table(shot.rig, layout, PixelFormat::kGrey8, shot.formats).value();
+  std::vector<ImageView> heads = shot.heads;
+  heads[2].planes[0].data = nullptr;
+  std::vector<std::uint8_t> validity(64 * 32, 1);
+  blend::validity_rows(table, heads, {validity.data(), 64, 32, 64, 1}, 0, 32);
+  const RaySampler sampler = RaySampler::make(shot.rig, layout, PixelFormat::kGrey8, shot.formats, {}).value();
+  RowSampler row(sampler);
+  for (int y = 0; y < 32; ++y) {
+    row.sample(0, y);
+    for (int x = 0; x < 64; ++x) {
+      double there = 0;
+      for (const RaySample& s : row.at(x)) there += s.head == 2 ? 0 : s.weight;
+      EXPECT_NEAR(validity[static_cast<std::size_t>(y * 64 + x)], 255 * there, 3) << x << ", " << y;
+    }
+  }
+}
+
+TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
+  // A Fibonacci spiral, in no order; its rays are 4 pi / n apart, as an area.
+  class Spiral final : public geometry::RaymapLayout {
+   public:
+    Spiral() : RaymapLayout(128, 64) {}
+    std::string_view name() const override { return "spiral"; }
+    bool scattered() const override { return true; }
+    std::optional<geometry::Ray> ray(double x, double y) const override {
+      const int k = (static_cast<int>(y) * 128 + static_cast<int>(x)) * 4099 % 8192;
+      const double down = (2.0 * k + 1) / 8192 - 1;
+      const double theta = 2.399963229728653 * k;
+      const double level = std::sqrt(1 - down * down);
+      return geometry::Ray::towards(level * std::sin(theta), down, level * std::cos(theta));
+    }
+    double solid_angle(int, int) const override { return 4 * std::numbers::pi / 8192; }
+    std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
+  };
+  const Spiral layout;
+  const Calibration rig = test::cube_rig(24);
+  const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
+  const RaySampler sampler = RaySampler::make(rig, layout, PixelFormat::kGrey8, formats, {}).value();
+  const std::vector<std::uint32_t> places = sphere_order(sampler, 0);
+  ASSERT_EQ(places.size(), 8192U);
+  const double side = 8 * std::sqrt(4 * std::numbers::pi / 8192);
+  int wide = 0;
+  for (std::size_t tile = 0; tile < 128; ++tile) {
+    double widest = 0;
+    const auto ray = [&](std::size_t p) {
+      const std::uint32_t place = places[tile * 64 + p];
+      return layout.ray(place & 0xffff, place >> 16).value();
+    };
+    for (std::size_t p = 0; p < 64; ++p) {
+      for (std::size_t q = 0; q < p; ++q) widest = std::max(widest, geometry::angle_between(ray(p), ray(q)));
+    }
+    wide += widest > 1.4 * std::sqrt(2.0) * side ? 1 : 0;  // a square's diagonal, with room for what rays are off
+  }
+  EXPECT_LE(wide, 14);  // around the poles, and where a strip ends and the next one begins
+  std::vector<std::uint32_t> all(places);
+  std::ranges::sort(all);
+  EXPECT_EQ(std::ranges::adjacent_find(all), all.end());
+}
+
+}  // namespace
+}  // namespace nodal::table
