@@ -38,7 +38,7 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
   WeightReader reader(grid, tile, records);
   for (std::size_t r = tile.record; r < tile.record + records; ++r) {
     reader.next(weights);
-    if (pictures[grid.records[r].head].planes[0].data == nullptr) continue;
+    if (pictures[grid.records[r].head()].planes[0].data == nullptr) continue;
     for (std::size_t p = 0; p < kTilePixels; ++p) there[p] += weights[p];
   }
   for (int y = std::max(row_begin, row * kTile); y < std::min(row_end, (row + 1) * kTile); ++y) {

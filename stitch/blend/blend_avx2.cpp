@@ -1,5 +1,6 @@
-// The blend by AVX2: the rows of a patch that half a tile needs are gone through one by one, and every row gives, by a
-// shuffle of its 16 bytes, the samples of the pixels that lie in it.
+// The blend by AVX2: the rows of a patch that a quarter of a tile needs are gone through one by one, beside those of the
+// quarter on its right, and every row gives, by a shuffle of its 16 bytes, the samples of the pixels that lie in it. A
+// quarter is as wide as it is high, so that six rows nearly always do, however the head is turned.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -19,51 +20,73 @@ namespace {
 
 using V = __m256i;
 
-/// Half a tile in two registers: its two even rows, and its two odd ones. A 128-bit lane is a row.
+/// Half a tile in two registers: its upper two rows, and its lower two. A 128-bit lane is a quarter's part of them.
 struct Rows {
-  V even;
-  V odd;
+  V upper;
+  V lower;
 };
 
 inline V all(int value) { return _mm256_set1_epi16(static_cast<short>(value)); }
 inline V add(V a, V b) { return _mm256_add_epi16(a, b); }
 inline V mul(V a, V b) { return _mm256_mullo_epi16(a, b); }
-inline V lanes(short lower, short upper) {
-  return _mm256_set_m128i(_mm_set1_epi16(upper), _mm_set1_epi16(lower));
-}
 inline V row(const std::uint8_t* at) {
   return _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(at)));
 }
 inline V load(const void* at) { return _mm256_loadu_si256(static_cast<const V*>(at)); }
 
-/// i, and of each half of a tile j, jj, 2j + 1 of its even rows.
+/// i, and of each half of a tile j, jj, 4j + 4 of its upper rows.
 struct Steps {
   V i, ii;
   V j[2], jj[2], next[2];
 };
 inline Steps steps() {
-  const V i = _mm256_broadcastsi128_si256(_mm_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7));
-  return {i, mul(i, i), {lanes(0, 2), lanes(4, 6)}, {lanes(0, 4), lanes(16, 36)}, {lanes(1, 5), lanes(9, 13)}};
+  const V i = _mm256_setr_epi16(0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7);
+  const auto rows = [&](short a, short b) { return _mm256_broadcastsi128_si256(_mm_setr_epi16(a, a, a, a, b, b, b, b)); };
+  return {i, mul(i, i), {rows(0, 1), rows(4, 5)}, {rows(0, 1), rows(16, 25)}, {rows(4, 8), rows(20, 24)}};
 }
 
 /// A polynomial over a tile, before its rows are told apart.
 struct Polynomial {
   V constant;  ///< with what goes with i
   V by_j;
+  V by_2j;
   V by_jj;
 };
 inline Polynomial quadratic(const Quadratic& q, const Steps& s) {
-  return {add(add(all(q[0]), mul(all(q[1]), s.i)), mul(all(q[4]), s.ii)), add(all(q[2]), mul(all(q[3]), s.i)),
-          all(q[5])};
+  const V by_j = add(all(q[2]), mul(all(q[3]), s.i));
+  return {add(add(all(q[0]), mul(all(q[1]), s.i)), mul(all(q[4]), s.ii)), by_j, add(by_j, by_j), all(q[5])};
 }
 inline Rows at_half(const Polynomial& p, const Steps& s, std::size_t half) {
-  const V even = add(add(p.constant, mul(p.by_j, s.j[half])), mul(p.by_jj, s.jj[half]));
-  return {even, add(even, add(p.by_j, mul(p.by_jj, s.next[half])))};
+  const V upper = add(add(p.constant, mul(p.by_j, s.j[half])), mul(p.by_jj, s.jj[half]));
+  return {upper, add(upper, add(p.by_2j, mul(p.by_jj, s.next[half])))};
 }
 inline Rows bilinear_half(const std::int16_t* q, const Steps& s, std::size_t half) {
   const V by_j = add(all(q[2]), mul(all(q[3]), s.i));
-  const V even = add(add(all(q[0]), mul(all(q[1]), s.i)), mul(by_j, s.j[half]));
-  return {even, add(even, by_j)};
+  const V upper = add(add(all(q[0]), mul(all(q[1]), s.i)), mul(by_j, s.j[half]));
+  return {upper, add(upper, add(by_j, by_j))};
+}
+
+/// Two rows of a tile, by what their quarters have of them. Back again by the same way.
+inline V by_quarters(V rows) { return _mm256_permute4x64_epi64(rows, 0xd8); }
+/// 64 values by pixel_place(), of half a tile.
+template <class Number>
+inline Rows listed_half(const Number* values, std::size_t half) {
+  const auto two = [&](std::size_t row) {
+    const auto at = [&](std::size_t j) {
+      return _mm_loadu_si128(reinterpret_cast<const __m128i*>(values + row_place(j) * kTile));
+    };
+    return by_quarters(_mm256_set_m128i(at(row + 1), at(row)));
+  };
+  return {two(4 * half), two(4 * half + 2)};
+}
+inline void list_half(Rows rows, std::size_t half, std::int16_t* values) {
+  const auto two = [&](V of, std::size_t row) {
+    const V apart = by_quarters(of);
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(values + row_place(row) * kTile), _mm256_castsi256_si128(apart));
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(values + row_place(row + 1) * kTile), _mm256_extracti128_si256(apart, 1));
+  };
+  two(rows.upper, 4 * half);
+  two(rows.lower, 4 * half + 2);
 }
 
 /// Where half a tile's pixels lie in a patch, ready for use.
@@ -83,9 +106,9 @@ inline V shares_across(V x) {
 inline V share_down(V y) { return _mm256_and_si256(_mm256_slli_epi16(y, 3), all(0x7ff8)); }
 
 inline Places places(Rows x, Rows y) {
-  return {_mm256_packus_epi16(place_in_patch(x.even, y.even), place_in_patch(x.odd, y.odd)),
-          {shares_across(x.even), shares_across(x.odd)},
-          {share_down(y.even), share_down(y.odd)}};
+  return {_mm256_packus_epi16(place_in_patch(x.upper, y.upper), place_in_patch(x.lower, y.lower)),
+          {shares_across(x.upper), shares_across(x.lower)},
+          {share_down(y.upper), share_down(y.lower)}};
 }
 
 /// Both coordinates of a record's pixels.
@@ -100,10 +123,7 @@ class Coordinates {
     }
   }
   Places half(const Steps& s, std::size_t half) const {
-    if (list_ != nullptr) {
-      const std::uint16_t* at = list_ + 16 * half;
-      return places({load(at), load(at + 32)}, {load(at + 64), load(at + 96)});
-    }
+    if (list_ != nullptr) return places(listed_half(list_, half), listed_half(list_ + kTilePixels, half));
     return places(at_half(x_, s, half), at_half(y_, s, half));
   }
 
@@ -112,11 +132,6 @@ class Coordinates {
   Polynomial x_{};
   Polynomial y_{};
 };
-
-/// 64 values by pixel_place(), of half a tile.
-inline Rows listed_half(const std::int16_t* values, std::size_t half) {
-  return {load(values + 16 * half), load(values + 32 + 16 * half)};
-}
 
 /// A patch: its first row, and how far apart its rows are.
 struct Patch {
@@ -158,7 +173,7 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_
 template <int N>
 inline void find_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Staged, N>& staged,
                        std::array<Patch, N>& patch) {
-  const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
+  const int rows = record.last_row() + 2;
   for (std::size_t c = 0; c < N; ++c) {
     if (plane.lie == Lie::kPlanar) {
       patch[c] = {plane.data[c] + record.top * plane.row_stride + record.left, plane.row_stride};
@@ -170,37 +185,57 @@ inline void find_patch(const PatchPlane& plane, const PatchRecord& record, std::
   }
 }
 
-/// base - sample, base 128 times black, of half a tile whose pixels begin in the patch's rows first .. last.
-inline Rows mix(const Patch& patch, const Places& at, int rows, V base) {
-  const int first = rows & 15;
-  const int last = rows >> 4;
+/// The four samples of each pixel of half a tile.
+struct Samples {
+  V p00, p10, p01, p11;
+};
+
+/// Takes up what lies in the `span` rows of the patch from where each quarter's pixels begin.
+template <class Span>
+inline Samples picked(const Patch& patch, V place, const PatchRecord& record, std::size_t half, Span span) {
+  const std::uint8_t* left_at = patch.data + record.first_row(half, 0) * patch.stride;
+  const std::uint8_t* right_at = patch.data + record.first_row(half, 1) * patch.stride;
+  const auto row_at = [&] {
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(left_at))),
+                                   _mm_loadu_si128(reinterpret_cast<const __m128i*>(right_at)), 1);
+  };
   // A byte picks when its upper half is 7: its pixel's row less the row at hand is nothing. Else its top bit is set.
   const V mine = _mm256_set1_epi8(0x70);
   const V next = _mm256_set1_epi8(0x71);
   const V step = _mm256_set1_epi8(0x10);
-  V place = _mm256_sub_epi8(at.place, _mm256_set1_epi8(static_cast<char>(first << 4)));
-  V p00 = _mm256_setzero_si256(), p10 = p00, p01 = p00, p11 = p00;
-  const std::uint8_t* from = patch.data + first * patch.stride;
-  V upper = row(from);
-  for (int y = first; y <= last; ++y) {
-    from += patch.stride;
-    const V lower = row(from);
+  const V both = _mm256_set1_epi8(static_cast<char>(record.first[half]));
+  const V first = _mm256_sllv_epi32(both, _mm256_setr_epi32(4, 4, 4, 4, 0, 0, 0, 0));
+  place = _mm256_sub_epi8(place, _mm256_and_si256(first, _mm256_set1_epi8(static_cast<char>(0xf0))));
+  V upper = row_at();
+  Samples samples{};
+  for (int y = 0; y < span; ++y) {
+    left_at += patch.stride;
+    right_at += patch.stride;
+    const V lower = row_at();
     const V left = _mm256_adds_epu8(place, mine);
     const V right = _mm256_adds_epu8(place, next);
-    p00 = _mm256_or_si256(p00, _mm256_shuffle_epi8(upper, left));
-    p10 = _mm256_or_si256(p10, _mm256_shuffle_epi8(upper, right));
-    p01 = _mm256_or_si256(p01, _mm256_shuffle_epi8(lower, left));
-    p11 = _mm256_or_si256(p11, _mm256_shuffle_epi8(lower, right));
+    samples.p00 = _mm256_or_si256(samples.p00, _mm256_shuffle_epi8(upper, left));
+    samples.p10 = _mm256_or_si256(samples.p10, _mm256_shuffle_epi8(upper, right));
+    samples.p01 = _mm256_or_si256(samples.p01, _mm256_shuffle_epi8(lower, left));
+    samples.p11 = _mm256_or_si256(samples.p11, _mm256_shuffle_epi8(lower, right));
     place = _mm256_sub_epi8(place, step);
     upper = lower;
   }
+  return samples;
+}
+
+/// base - sample, base 128 times black, of half a tile.
+inline Rows mix(const Patch& patch, const Places& at, const PatchRecord& record, std::size_t half, V base) {
+  using Least = std::integral_constant<int, kLeastSpan>;
+  const Samples s = record.span() == kLeastSpan ? picked(patch, at.place, record, half, Least())
+                                                : picked(patch, at.place, record, half, record.span());
   const auto down = [&](V top, V bottom, V share) {  // both negative
     return add(_mm256_mulhrs_epi16(_mm256_sub_epi16(bottom, top), share), add(base, top));
   };
-  return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(p00, p10), at.across.even),
-               _mm256_maddubs_epi16(_mm256_unpacklo_epi8(p01, p11), at.across.even), at.down.even),
-          down(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(p00, p10), at.across.odd),
-               _mm256_maddubs_epi16(_mm256_unpackhi_epi8(p01, p11), at.across.odd), at.down.odd)};
+  return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.p00, s.p10), at.across.upper),
+               _mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.p01, s.p11), at.across.upper), at.down.upper),
+          down(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.p00, s.p10), at.across.lower),
+               _mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.p01, s.p11), at.across.lower), at.down.lower)};
 }
 
 /// Bytes of a table, by bytes that are less than its length.
@@ -218,18 +253,18 @@ inline V look_up(const std::uint8_t* of, V index) {
 /// curve(at), see curve_at.
 template <int kBits, std::size_t kPieces>
 inline Rows on_curve(Rows at, const Pieces<kPieces>& curve) {
-  const V piece = _mm256_packus_epi16(_mm256_srli_epi16(at.even, kBits), _mm256_srli_epi16(at.odd, kBits));
+  const V piece = _mm256_packus_epi16(_mm256_srli_epi16(at.upper, kBits), _mm256_srli_epi16(at.lower, kBits));
   const auto bytes = [&](std::size_t k) { return look_up<kPieces>(curve.bytes[k].data(), piece); };
   const V knot_low = bytes(0), knot_high = bytes(1), rise_low = bytes(2), rise_high = bytes(3);
   const auto value = [&](V knot, V rise, V of) {
     return add(knot, _mm256_mulhrs_epi16(rise, _mm256_slli_epi16(of, 15 - kBits)));
   };
-  return {value(_mm256_unpacklo_epi8(knot_low, knot_high), _mm256_unpacklo_epi8(rise_low, rise_high), at.even),
-          value(_mm256_unpackhi_epi8(knot_low, knot_high), _mm256_unpackhi_epi8(rise_low, rise_high), at.odd)};
+  return {value(_mm256_unpacklo_epi8(knot_low, knot_high), _mm256_unpacklo_epi8(rise_low, rise_high), at.upper),
+          value(_mm256_unpackhi_epi8(knot_low, knot_high), _mm256_unpackhi_epi8(rise_low, rise_high), at.lower)};
 }
 
 inline Rows negated(Rows rows, V base) {
-  return {_mm256_sub_epi16(base, rows.even), _mm256_sub_epi16(base, rows.odd)};
+  return {_mm256_sub_epi16(base, rows.upper), _mm256_sub_epi16(base, rows.lower)};
 }
 
 /// Where the bytes of R G B R G B .. of 16 pixels come from: by 16 of them, and component.
@@ -265,16 +300,16 @@ struct Avx2 {
       const Rows vignetting = !job.gains || alone ? Rows{} : bilinear_half(job.grid->gains[r].data(), s, half);
       for (std::size_t c = 0; c < N; ++c) {
         const V base = all(job.component[c].black);
-        Rows value = mix(patch[c], at, record.rows[half], job.curves ? _mm256_setzero_si256() : base);
+        Rows value = mix(patch[c], at, record, half, job.curves ? _mm256_setzero_si256() : base);
         if (job.curves) {
-          const Pieces<32>& curve = job.curve[record.head][job.component[c].tone];
+          const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
           value = negated(on_curve<10>(negated(value, _mm256_setzero_si256()), curve), base);
         }
         if (job.gains) {
-          const V head = all(job.gain(record.head, c));
-          const V even = alone ? head : _mm256_mulhrs_epi16(vignetting.even, head);
-          const V odd = alone ? head : _mm256_mulhrs_epi16(vignetting.odd, head);
-          value = {_mm256_mulhrs_epi16(value.even, even), _mm256_mulhrs_epi16(value.odd, odd)};
+          const V head = all(job.gain(record.head(), c));
+          const V upper = alone ? head : _mm256_mulhrs_epi16(vignetting.upper, head);
+          const V lower = alone ? head : _mm256_mulhrs_epi16(vignetting.lower, head);
+          value = {_mm256_mulhrs_epi16(value.upper, upper), _mm256_mulhrs_epi16(value.lower, lower)};
         }
         dark[c][half] = value;
       }
@@ -287,13 +322,13 @@ struct Avx2 {
     if (component.output_curve) {
       if (negative) light = negated(light, zero);
       const Rows shown =
-          on_curve<9>({_mm256_max_epi16(light.even, zero), _mm256_max_epi16(light.odd, zero)}, job.output[component.tone]);
-      return {_mm256_srai_epi16(add(shown.even, all(64)), kSampleBits),
-              _mm256_srai_epi16(add(shown.odd, all(64)), kSampleBits)};
+          on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)}, job.output[component.tone]);
+      return {_mm256_srai_epi16(add(shown.upper, all(64)), kSampleBits),
+              _mm256_srai_epi16(add(shown.lower, all(64)), kSampleBits)};
     }
     const V scale = all(negative ? -component.scale : component.scale);
     const V black = all(component.black_level);
-    return {add(_mm256_mulhrs_epi16(light.even, scale), black), add(_mm256_mulhrs_epi16(light.odd, scale), black)};
+    return {add(_mm256_mulhrs_epi16(light.upper, scale), black), add(_mm256_mulhrs_epi16(light.lower, scale), black)};
   }
 
   template <int N>
@@ -301,7 +336,9 @@ struct Avx2 {
     for (std::size_t c = 0; c < N; ++c) {
       for (std::size_t half = 0; half < 2; ++half) {
         const Rows level = level_of(job, c, light[c][half], negative);
-        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half), _mm256_packus_epi16(level.even, level.odd));
+        const V bytes = _mm256_packus_epi16(level.upper, level.lower);  // by quarters
+        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half),
+                           _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
       }
     }
   }
@@ -328,11 +365,11 @@ struct Avx2 {
         Rows weight = rest[half];
         if (given) {
           weight = how == Sharing::kBilinear ? bilinear_half(weights, s, half) : listed_half(weights, half);
-          rest[half] = {_mm256_sub_epi16(rest[half].even, weight.even), _mm256_sub_epi16(rest[half].odd, weight.odd)};
+          rest[half] = {_mm256_sub_epi16(rest[half].upper, weight.upper), _mm256_sub_epi16(rest[half].lower, weight.lower)};
         }
         for (std::size_t c = 0; c < N; ++c) {
-          light[c][half].even = add(light[c][half].even, _mm256_mulhrs_epi16(dark[c][half].even, weight.even));
-          light[c][half].odd = add(light[c][half].odd, _mm256_mulhrs_epi16(dark[c][half].odd, weight.odd));
+          light[c][half].upper = add(light[c][half].upper, _mm256_mulhrs_epi16(dark[c][half].upper, weight.upper));
+          light[c][half].lower = add(light[c][half].lower, _mm256_mulhrs_epi16(dark[c][half].lower, weight.lower));
         }
       }
       weights += how == Sharing::kBilinear ? 4 : kTilePixels;
@@ -351,10 +388,8 @@ struct Avx2 {
     for (std::size_t half = 0; half < 2; ++half) {
       const Places at = coordinates.half(s, half);
       for (std::size_t c = 0; c < N; ++c) {
-        const Rows negative = mix(patch[c], at, record.rows[half], zero);
-        std::int16_t* to = samples[c].data() + 16 * half;
-        _mm256_storeu_si256(reinterpret_cast<V*>(to), _mm256_sub_epi16(zero, negative.even));
-        _mm256_storeu_si256(reinterpret_cast<V*>(to + 32), _mm256_sub_epi16(zero, negative.odd));
+        const Rows negative = mix(patch[c], at, record, half, zero);
+        list_half(negated(negative, zero), half, samples[c].data());
       }
     }
   }

@@ -186,14 +186,14 @@ struct Avx512 {
         continue;
       }
       const Rows negative = mix(patch[c], at, _mm512_setzero_si512());
-      const Pieces<32>& curve = job.curve[record.head][job.component[c].tone];
+      const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
       dark[c] = {curved(negative.even, curve, base), curved(negative.odd, curve, base)};
     }
     if (!job.gains) return;
     const bool alone = job.grid->gains.empty();
     const Rows vignetting = alone ? Rows{} : bilinear(job.grid->gains[r].data(), s);
     for (std::size_t c = 0; c < N; ++c) {
-      const V head = all(job.gain(record.head, c));
+      const V head = all(job.gain(record.head(), c));
       const V even = alone ? head : _mm512_mulhrs_epi16(vignetting.even, head);
       const V odd = alone ? head : _mm512_mulhrs_epi16(vignetting.odd, head);
       dark[c] = {_mm512_mulhrs_epi16(dark[c].even, even), _mm512_mulhrs_epi16(dark[c].odd, odd)};

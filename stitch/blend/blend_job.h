@@ -80,7 +80,7 @@ struct BlendJob {
   int row_end = 0;
 
   const PatchPlane& plane(const PatchRecord& record) const {
-    return planes[static_cast<std::size_t>(record.pyramid_level())][record.head];
+    return planes[static_cast<std::size_t>(record.pyramid_level())][record.head()];
   }
   std::int16_t gain(HeadIndex head, std::size_t c) const {
     return static_cast<std::int16_t>(tone->heads[head].gain[component[c].tone]);

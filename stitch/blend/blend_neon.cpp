@@ -113,7 +113,7 @@ inline void stage_anyhow(const PatchPlane& plane, const PatchRecord& record, int
 
 template <int N>
 inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Staged<N>& staged, std::array<Patch, N>& patch) {
-  const int rows = (std::max(record.rows[0], record.rows[1]) >> 4) + 2;
+  const int rows = record.last_row() + 2;
   if (plane.lie == Lie::kAnyhow) {
     stage_anyhow<N>(plane, record, rows, staged);
   } else if (plane.lie != Lie::kPlanar) {
@@ -231,15 +231,15 @@ struct Neon {
     const bool alone = job.grid->gains.empty();
     const TileRows vignetting = !job.gains || alone ? TileRows{} : bilinear_over_tile(job.grid->gains[r].data());
     for (std::size_t j = 0; j < kTile; j += 2) {
-      const int rows = record.rows[j / 4];
-      const Places places = places_of(at, j, rows & 15, rows >> 4);
+      const int first = std::min(record.first_row(j / kQuarter, 0), record.first_row(j / kQuarter, 1));
+      const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {
         std::array<Row, 2> sample = mix(patch[c], places);
-        if (job.curves) sample = on_curve<10>(sample, job.curve[record.head][job.component[c].tone]);
+        if (job.curves) sample = on_curve<10>(sample, job.curve[record.head()][job.component[c].tone]);
         for (std::size_t k = 0; k < 2; ++k) {
           Row value = vsubq_s16(vdupq_n_s16(job.component[c].black), sample[k]);
           if (job.gains) {
-            const Row head = vdupq_n_s16(job.gain(record.head, c));
+            const Row head = vdupq_n_s16(job.gain(record.head(), c));
             value = vqrdmulhq_s16(value, alone ? head : vqrdmulhq_s16(vignetting[j + k], head));
           }
           dark[c][j + k] = value;
@@ -311,8 +311,8 @@ struct Neon {
     find_patch<N>(job.plane(record), record, staged, patch);
     const Coordinates at = coordinates_of(*job.grid, record);
     for (std::size_t j = 0; j < kTile; j += 2) {
-      const int rows = record.rows[j / 4];
-      const Places places = places_of(at, j, rows & 15, rows >> 4);
+      const int first = std::min(record.first_row(j / kQuarter, 0), record.first_row(j / kQuarter, 1));
+      const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {
         const std::array<Row, 2> sample = mix(patch[c], places);
         for (std::size_t k = 0; k < 2; ++k) vst1q_s16(samples[c].data() + row_place(j + k) * kTile, sample[k]);

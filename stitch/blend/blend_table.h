@@ -18,6 +18,8 @@ namespace nodal::blend {
 inline constexpr int kTile = 8;           ///< pixels a side of a tile
 inline constexpr int kTilePixels = kTile * kTile;
 inline constexpr int kPatch = 16;         ///< samples a side of a patch
+inline constexpr int kQuarter = 4;        ///< pixels a side of a quarter of a tile
+inline constexpr int kLeastSpan = 6;      ///< patch rows that nearly every quarter finds its pixels in
 inline constexpr int kFractionBits = 12;  ///< of a coordinate in a patch, which has four bits before the point
 inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< of Source::gain
@@ -42,17 +44,27 @@ struct PatchRecord {
   std::uint16_t left = 0;  ///< of the patch in the plane of the record's level
   std::uint16_t top = 0;
   Quadratic y{};
-  HeadIndex head = 0;
-  /// The pyramid's level, 0 .. kMaxLevels - 1. With kListed the pixels' coordinates are listed in
-  /// GridTable::coordinates and x[0], x[1] are the list's number, low half first.
-  std::uint8_t level = 0;
-  /// The patch's rows in which pixels with weight of tile rows 0 .. 3, and of 4 .. 7, begin: first | last << 4. Each
-  /// also needs the row after.
-  std::array<std::uint8_t, 2> rows{};
+  /// The head, 0 .. 15, and above it the pyramid's level, 0 .. kMaxLevels - 1. With kListed the pixels' coordinates are
+  /// listed in GridTable::coordinates and x[0], x[1] are the list's number, low half first.
+  std::uint8_t source = 0;
+  /// Of the patch's rows in which pixels with weight begin: the last one of all, and above it how many in a row those of
+  /// any quarter of the tile are, at least kLeastSpan.
+  std::uint8_t rows = 14 | 15 << 4;
+  /// Where those of each quarter start, by upper and lower half of the tile: the left quarter's row, and above it the
+  /// right one's. Each pixel also needs the row after the one it begins in; with that all are in the patch.
+  std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;
-  bool listed() const { return (level & kListed) != 0; }
-  int pyramid_level() const { return level & ~kListed; }
+  static constexpr std::uint8_t source_of(HeadIndex head, int level, bool listed) {
+    return static_cast<std::uint8_t>(head | level << 4 | (listed ? kListed : 0));
+  }
+  bool listed() const { return (source & kListed) != 0; }
+  int pyramid_level() const { return source >> 4 & 7; }
+  HeadIndex head() const { return source & 15; }
+  int last_row() const { return rows & 15; }
+  int span() const { return rows >> 4; }
+  /// Of quarter `side`, 0 the left one, of half 0 or 1.
+  int first_row(std::size_t half, std::size_t side) const { return first[half] >> (4 * side) & 15; }
   std::size_t list() const {
     return static_cast<std::uint16_t>(x[0]) | std::size_t{static_cast<std::uint16_t>(x[1])} << 16;
   }

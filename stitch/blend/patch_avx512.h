@@ -140,7 +140,7 @@ template <int N, Lie kLie>
   }
   // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four before
   // are read in their place.
-  const std::ptrdiff_t last = 8 + ((std::max(record.rows[0], record.rows[1]) >> 4) + 5) / 16 * 4;
+  const std::ptrdiff_t last = 8 + (record.last_row() + 5) / 16 * 4;
   for (std::size_t k = 0; k < 4; ++k) {
     load_rows<N, kLie>(plane, from, stride, (k == 3 ? last : static_cast<std::ptrdiff_t>(4 * k)) * stride, k, patch);
   }

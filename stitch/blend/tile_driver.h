@@ -38,7 +38,7 @@ void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records,
     for (std::size_t r = tile.record; r < tile.record + records; ++r) {
       const PatchRecord& record = job.grid->records[r];
       reader.next(weights);
-      if ((job.missing >> record.head & 1) != 0) continue;
+      if ((job.missing >> record.head() & 1) != 0) continue;
       if (job.careful || !adding_up) Kernel::template samples<N>(job, record, samples);
       if (job.careful) trust(job, record, samples, trusted);
       for (std::size_t p = 0; p < kTilePixels; ++p) {
@@ -72,7 +72,7 @@ void blend_tile(const BlendJob& job, std::size_t t, std::uint8_t* out) {
   bool carefully = job.careful && records > 1;
   if (job.missing != 0) {
     for (std::size_t r = tile.record; r < tile.record + records; ++r) {
-      carefully = carefully || (job.missing >> job.grid->records[r].head & 1) != 0;
+      carefully = carefully || (job.missing >> job.grid->records[r].head() & 1) != 0;
     }
   }
   if (carefully) {

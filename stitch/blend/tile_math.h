@@ -64,7 +64,7 @@ inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at
 
 /// The pixel's light of component c by a head, negative.
 inline std::int16_t dark_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
-  const HeadIndex head = job.grid->records[r].head;
+  const HeadIndex head = job.grid->records[r].head();
   const JobComponent& component = job.component[c];
   const int shown = job.curves ? curve_at<10>(job.curve[head][component.tone], sample) : sample;
   const std::int16_t dark = wrap(component.black - shown);
@@ -140,16 +140,16 @@ template <int N>
 /// pixel_place(), before any curve.
 inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const Dark> samples,
                   std::array<std::uint8_t, kTilePixels>& trusted) {
-  const auto& of_level = job.tone->confidence->of_level[record.head];
+  const auto& of_level = job.tone->confidence->of_level[record.head()];
   const bool chroma = job.component[0].component != 0;
-  const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head];
+  const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head()];
   for (std::size_t j = 0; j < kTile; ++j) {
     for (std::size_t i = 0; i < kTile; ++i) {
       const std::size_t p = pixel_place(i, j);
       int level = 0;
       if (chroma) {
         const Place at = place_of(*job.grid, record, static_cast<int>(i), static_cast<int>(j));
-        const auto& shift = job.luma_shift[record.head];
+        const auto& shift = job.luma_shift[record.head()];
         const int x = std::min((record.left + (at.x >> kFractionBits)) << shift[0], luma.width - 1);
         const int y = std::min((record.top + (at.y >> kFractionBits)) << shift[1], luma.height - 1);
         level = luma.data[y * luma.row_stride + std::ptrdiff_t{x} * luma.pixel_stride];

@@ -260,9 +260,9 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     rows = rows.subspan(height);
     grid->places = std::move(work_->places[table.grids.size()]);
     for (const blend::PatchRecord& record : grid->records) {
-      std::uint8_t& levels = table.sources[record.head].levels;
+      std::uint8_t& levels = table.sources[record.head()].levels;
       levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
-      if (record.pyramid_level() == 0) unshrunk |= 1U << record.head;
+      if (record.pyramid_level() == 0) unshrunk |= 1U << record.head();
     }
     table.grids.push_back(std::move(*grid));
   }

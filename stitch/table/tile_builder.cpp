@@ -94,27 +94,29 @@ void list_coordinate(const PixelValues& values, PixelMask mask, int start, int s
   });
 }
 
-/// The rows of the patch in which pixels begin, of the upper and the lower half of the tile.
-std::array<std::uint8_t, 2> rows_of(const std::vector<std::uint16_t>& coordinates, const PatchRecord& record,
-                                    PixelMask mask) {
-  std::array<std::uint8_t, 2> rows{};
-  for (std::size_t half = 0; half < 2; ++half) {
-    int first = 14;
-    int last = 0;
-    for_each(mask & (half == 0 ? PixelMask{0xffffffff} : ~PixelMask{0xffffffff}), [&](std::size_t p) {
-      const auto i = static_cast<int>(p % 8);
-      const auto j = static_cast<int>(p / 8);
-      const blend::Quadratic& q = record.y;
-      const int y = record.listed() ? coordinates[record.list() * 128 + 64 + place_of(p)]
-                                    : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j +
-                                                                 q[4] * i * i + q[5] * j * j);
-      first = std::min(first, y >> kFractionBits);
-      last = std::max(last, y >> kFractionBits);
-    });
-    first = std::min(first, last);
-    rows[half] = static_cast<std::uint8_t>(first | last << 4);
+/// Says in which rows of its patch a record's pixels begin.
+void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, PatchRecord& record) {
+  std::array<int, 4> first, last;  // by quarter
+  first.fill(kPatch);
+  last.fill(-1);
+  for_each(mask, [&](std::size_t p) {
+    const auto i = static_cast<int>(p % 8);
+    const auto j = static_cast<int>(p / 8);
+    const blend::Quadratic& q = record.y;
+    const int y = record.listed() ? coordinates[record.list() * 128 + 64 + place_of(p)]
+                                  : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j +
+                                                               q[4] * i * i + q[5] * j * j);
+    const auto quarter = static_cast<std::size_t>(j / blend::kQuarter * 2 + i / blend::kQuarter);
+    first[quarter] = std::min(first[quarter], y >> kFractionBits);
+    last[quarter] = std::max(last[quarter], y >> kFractionBits);
+  });
+  int span = blend::kLeastSpan;
+  for (std::size_t k = 0; k < 4; ++k) span = std::max(span, last[k] - first[k] + 1);
+  for (std::size_t k = 0; k < 4; ++k) {
+    const int start = std::min(first[k], kPatch - 1 - span);
+    record.first[k / 2] |= static_cast<std::uint8_t>(start << (k % 2 * 4));
   }
-  return rows;
+  record.rows = static_cast<std::uint8_t>(std::max(0, *std::ranges::max_element(last)) | span << 4);
 }
 
 }  // namespace
@@ -292,8 +294,7 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
     if (!good) for_each(mask, [&](std::size_t p) { gain[0] = static_cast<std::int16_t>(part.gain[p]); });
   }
   PatchRecord record;
-  record.head = part.head;
-  record.level = static_cast<std::uint8_t>(part.level);
+  bool listed = false;
   int left = patch_left(across, width, kFit + kAcross);
   int top = patch_start(down, height, kFit);
   if (left < 0 || top < 0 || !fit_coordinate(part.x, mask, left, width, kAcross, record.x) ||
@@ -307,11 +308,12 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
     record.x = record.y = {};
     record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
     record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
-    record.level |= PatchRecord::kListed;
+    listed = true;
   }
   record.left = static_cast<std::uint16_t>(left);
   record.top = static_cast<std::uint16_t>(top);
-  record.rows = rows_of(run.coordinates, record, mask);
+  record.source = PatchRecord::source_of(part.head, part.level, listed);
+  name_rows(run.coordinates, mask, record);
   run.records.push_back(record);
   if (vignetting_scale_ != 0) run.gains.push_back(gain);
   return true;

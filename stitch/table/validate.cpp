@@ -185,18 +185,19 @@ class GridProof {
   }
 
   const char* fault_of_record(const PatchRecord& record, std::size_t r, const std::array<std::int32_t, 64>& weights) const {
-    if (record.head >= table_.sources.size()) return "names a head that is not there";
+    if (record.head() >= table_.sources.size()) return "names a head that is not there";
     const int level = record.pyramid_level();
-    if (level >= table_.sources[record.head].levels) return "names a level that its head does not have";
-    const int width = planes_[record.head].width >> level;
-    const int height = planes_[record.head].height >> level;
+    if (level >= table_.sources[record.head()].levels) return "names a level that its head does not have";
+    const int width = planes_[record.head()].width >> level;
+    const int height = planes_[record.head()].height >> level;
     const bool small = std::min(width, height) < blend::kPatch;  // then it is read sample by sample, and may reach beyond
     if (small ? record.left >= width || record.top >= height
               : record.left + blend::kPatch > width || record.top + blend::kPatch > height) {
       return "has a patch outside its head's picture";
     }
-    for (const std::uint8_t rows : record.rows) {
-      if ((rows & 15) > rows >> 4 || rows >> 4 > blend::kPatch - 2) return "has rows beyond its patch";
+    if (record.last_row() > blend::kPatch - 2 || record.span() < blend::kLeastSpan) return "has rows beyond its patch";
+    for (std::size_t quarter = 0; quarter < 4; ++quarter) {
+      if (record.first_row(quarter / 2, quarter % 2) + record.span() > blend::kPatch - 1) return "has rows beyond its patch";
     }
     if (record.listed() && record.list() >= grid_.coordinates.size() / (2 * blend::kTilePixels)) {
       return "names a list that is not there";
@@ -224,8 +225,9 @@ class GridProof {
     }
     if (x > blend::kPatch - 2 || y > blend::kPatch - 2) return "has a pixel at its patch's edge";
     if (record.left + x + 1 >= width || record.top + y + 1 >= height) return "reads outside its head's picture";
-    const std::uint8_t rows = record.rows[static_cast<std::size_t>(j / 4)];
-    if (y < (rows & 15) || y > rows >> 4) return "has a pixel in a row that it does not name";
+    const int first =
+        record.first_row(static_cast<std::size_t>(j / blend::kQuarter), static_cast<std::size_t>(i / blend::kQuarter));
+    if (y < first || y >= first + record.span() || y > record.last_row()) return "has a pixel in a row that it does not name";
     if (grid_.gains.empty()) return nullptr;
     const auto& g = grid_.gains[r];
     const std::int32_t gain = g[0] + g[1] * i + g[2] * j + g[3] * i * j;

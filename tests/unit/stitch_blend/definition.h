@@ -32,9 +32,9 @@ class Definition {
     std::int64_t light = 0;
     for (const Share& share : shares) {
       if (share.weight == 0) continue;
-      std::int64_t dark = 128 * rule.black - curved(share.record->head, rule.tone, sample(share, c));
+      std::int64_t dark = 128 * rule.black - curved(share.record->head(), rule.tone, sample(share, c));
       if (tone_.gains || !grid.gains.empty()) {
-        std::int64_t gain = tone_.heads[share.record->head].gain[rule.tone];
+        std::int64_t gain = tone_.heads[share.record->head()].gain[rule.tone];
         if (!grid.gains.empty()) gain = mulr(share.vignetting, gain);
         dark = mulr(dark, gain);
       }
@@ -106,7 +106,7 @@ class Definition {
         share.y = polynomial(share.record->y, i, j) & 0xffff;
       }
       if (!grid.gains.empty()) share.vignetting = polynomial(grid.gains[r], i, j);
-      missing = missing || gone(share.record->head);
+      missing = missing || gone(share.record->head());
       shares.push_back(share);
     }
     if (missing || (tone_.confidence && count > 1)) share_again(shares, c);
@@ -116,9 +116,9 @@ class Definition {
   void share_again(std::vector<Share>& shares, int c) const {
     std::int64_t sum = 0;
     for (Share& share : shares) {
-      if (gone(share.record->head)) share.weight = 0;
+      if (gone(share.record->head())) share.weight = 0;
       if (share.weight == 0) continue;
-      if (tone_.confidence) share.weight *= tone_.confidence->of_level[share.record->head][static_cast<std::size_t>(seen(share, c))];
+      if (tone_.confidence) share.weight *= tone_.confidence->of_level[share.record->head()][static_cast<std::size_t>(seen(share, c))];
       sum += share.weight;
     }
     for (Share& share : shares) share.weight = sum == 0 ? 0 : (share.weight * 32768 + sum / 2) / sum;
@@ -134,7 +134,7 @@ class Definition {
       return level;
     }
     if (c == 0) return sample(share, 0) / 128;
-    const ImageView& head = heads_[share.record->head];
+    const ImageView& head = heads_[share.record->head()];
     const PlaneView& luma = head.planes[0];
     const PlaneGrid lie = halved_chroma_grid(head.format, 1, component_grid(head.format, 1));
     const int x = std::min((share.record->left + share.x / 4096) * lie.step_x, luma.width - 1);
@@ -143,7 +143,7 @@ class Definition {
   }
 
   int sample(const Share& share, int c) const {
-    const PlaneView plane = halved_chroma(heads_[share.record->head]).planes[static_cast<std::size_t>(c)];
+    const PlaneView plane = halved_chroma(heads_[share.record->head()]).planes[static_cast<std::size_t>(c)];
     const auto s = [&](int dx, int dy) {
       const int x = share.record->left + share.x / 4096 + dx;
       const int y = share.record->top + share.y / 4096 + dy;

@@ -54,10 +54,8 @@ inline BlendTable grey_row(const std::vector<std::vector<Look>>& looks, int head
   grid.tiles.push_back({0, static_cast<std::uint32_t>(Sharing::kOpen) << 30});
   for (int h = 0; h < heads; ++h) {
     PatchRecord record;
-    record.head = static_cast<HeadIndex>(h);
-    record.level = PatchRecord::kListed;
+    record.source = PatchRecord::source_of(static_cast<HeadIndex>(h), 0, true);
     record.x[0] = static_cast<std::int16_t>(h);
-    record.rows = {0 | 14 << 4, 0 | 14 << 4};
     grid.records.push_back(record);
     grid.weights.resize(grid.weights.size() + kTilePixels);
     grid.coordinates.resize(grid.coordinates.size() + 2 * kTilePixels);
@@ -171,34 +169,46 @@ class RandomTables {
 
   void add_record(GridTable& grid, int heads, const PlaneView& plane) {
     PatchRecord record;
-    record.head = static_cast<HeadIndex>(below(heads));
+    const auto head = static_cast<HeadIndex>(below(heads));
     record.left = static_cast<std::uint16_t>(below(std::max(1, plane.width - kPatch + 1)));
     record.top = static_cast<std::uint16_t>(below(std::max(1, plane.height - kPatch + 1)));
     const int end_x = std::min(kPatch - 1, plane.width - 1 - record.left) << kFractionBits;
     const int end_y = std::min(kPatch - 1, plane.height - 1 - record.top) << kFractionBits;
     if (below(3) == 0) {
-      record.level = PatchRecord::kListed;
+      record.source = PatchRecord::source_of(head, 0, true);
       record.x[0] = static_cast<std::int16_t>(grid.coordinates.size() / (2 * kTilePixels));
       for (const int end : {end_x, end_y}) {
         for (int p = 0; p < kTilePixels; ++p) grid.coordinates.push_back(static_cast<std::uint16_t>(below(end)));
       }
-      record.rows = {0 | 14 << 4, 0 | 14 << 4};
     } else {
+      record.source = PatchRecord::source_of(head, 0, false);
       record.x = polynomial(end_x);
       record.y = polynomial(end_y);
-      for (int half = 0; half < 2; ++half) {
-        int first = 14, last = 0;
-        for (int j = 4 * half; j < 4 * half + 4; ++j) {
-          for (int i = 0; i < 8; ++i) {
-            const int y = (at(record.y, i, j) & 0xffff) >> kFractionBits;
-            first = std::min(first, y);
-            last = std::max(last, y);
-          }
-        }
-        record.rows[static_cast<std::size_t>(half)] = static_cast<std::uint8_t>(first | last << 4);
-      }
+      name_rows(record);
     }
     grid.records.push_back(record);
+  }
+
+  /// Spans as short as they may be, or longer.
+  void name_rows(PatchRecord& record) {
+    std::array<int, 4> first{kPatch, kPatch, kPatch, kPatch};
+    int span = kLeastSpan + below(3);
+    int lowest = 0;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      int last = 0;
+      for (int p = 0; p < 16; ++p) {
+        const int y = (at(record.y, quarter % 2 * 4 + p % 4, quarter / 2 * 4 + p / 4) & 0xffff) >> kFractionBits;
+        int& least = first[static_cast<std::size_t>(quarter)];
+        least = std::min(least, y);
+        last = std::max(last, y);
+      }
+      span = std::max(span, last - first[static_cast<std::size_t>(quarter)] + 1);
+      lowest = std::max(lowest, last);
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      record.first[k / 2] |= static_cast<std::uint8_t>(std::min(first[k], kPatch - 1 - span) << (k % 2 * 4));
+    }
+    record.rows = static_cast<std::uint8_t>(lowest | span << 4);
   }
 
   static int at(const Quadratic& q, int i, int j) {

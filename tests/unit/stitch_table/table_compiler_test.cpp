@@ -57,7 +57,7 @@ TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   EXPECT_EQ(table->grids[1].height, 16);
   int lowest = 0;
   for (const blend::PatchRecord& record : table->grids[1].records) {
-    lowest = std::max(lowest, record.top + (std::max(record.rows[0], record.rows[1]) >> 4) + 1);
+    lowest = std::max(lowest, record.top + record.last_row() + 1);
   }
   EXPECT_EQ(lowest, 23);  // of 24 rows: YUYV and UYVY have 48, of which every second is read
 }

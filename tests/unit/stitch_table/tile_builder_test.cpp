@@ -57,9 +57,9 @@ std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g
       const double in_level = (way == 0 ? record.left : record.top) + (local - (way == 0 ? 16 : 0)) / 4096.0;
       at[way] = (in_level + 0.5) * (1 << record.pyramid_level()) - 0.5;
     }
-    heads[record.head].weight += weight / 32768.0;
-    heads[record.head].places.push_back({at[0], at[1]});
-    heads[record.head].gain = grid.gains.empty() ? 1 : sum(grid.gains[r]) / 32768.0 * table.vignetting_scale / 256.0;
+    heads[record.head()].weight += weight / 32768.0;
+    heads[record.head()].places.push_back({at[0], at[1]});
+    heads[record.head()].gain = grid.gains.empty() ? 1 : sum(grid.gains[r]) / 32768.0 * table.vignetting_scale / 256.0;
   }
   return heads;
 }

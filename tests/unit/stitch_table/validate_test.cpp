@@ -96,15 +96,23 @@ std::vector<Fault> faults() {
       {"ListCutShort", "cut short", [](BlendTable& t) { t.grids[0].coordinates.resize(127); }},
       {"WeightsRunAway", "weights run past", [](BlendTable& t) { t.grids[0].tiles[0].sharing |= 0x3fffffff; }},
       {"SeveralAlone", "are alone", [](BlendTable& t) { shared_tile(t).sharing = 0; }},
-      {"HeadNotThere", "names a head", [](BlendTable& t) { t.grids[0].records[0].head = 5; }},
-      {"LevelNotThere", "names a level", [](BlendTable& t) { t.grids[0].records[0].level |= 3; }},
+      {"HeadNotThere", "names a head", [](BlendTable& t) { t.grids[0].records[0].source |= 5; }},
+      {"LevelNotThere", "names a level", [](BlendTable& t) { t.grids[0].records[0].source |= 3 << 4; }},
       {"PatchRightOfThePicture", "patch outside", [](BlendTable& t) { t.grids[0].records[0].left = 9; }},
       {"PatchBelowThePicture", "patch outside", [](BlendTable& t) { t.grids[1].records[0].top = 65535; }},
-      {"RowsUpsideDown", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows[0] = 0x12; }},
-      {"RowsBeyond", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows[1] = 0xf0; }},
-      {"RowNotNamed", "does not name", [](BlendTable& t) { t.grids[0].records[0].rows = {0xee, 0xee}; }},
+      {"RowsBeyond", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows = 15 | 6 << 4; }},
+      {"SpanTooShort", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows = 14 | 5 << 4; }},
+      {"SpanBeyond", "rows beyond", [](BlendTable& t) {
+         t.grids[0].records[0].rows = 14 | 6 << 4;
+         t.grids[0].records[0].first[1] = 10 << 4;
+       }},
+      {"RowAboveTheFirst", "does not name", [](BlendTable& t) {
+         plain_record(t).rows = 14 | 6 << 4;
+         plain_record(t).first = {0x99, 0x99};
+       }},
+      {"RowBelowTheLast", "does not name", [](BlendTable& t) { plain_record(t).rows = 0 | 15 << 4; plain_record(t).first = {}; }},
       {"ListNotThere", "names a list", [](BlendTable& t) {
-         t.grids[0].records[0].level |= blend::PatchRecord::kListed;
+         t.grids[0].records[0].source |= blend::PatchRecord::kListed;
          t.grids[0].records[0].x[1] = 77;
        }},
       {"PixelAtThePatchsEdge", "patch's edge", [](BlendTable& t) { plain_record(t).x = {-1, 0, 0, 0, 0, 0}; }},
@@ -144,14 +152,14 @@ void mutate(BlendTable& table, std::mt19937& random) {
     case 5: set(record.top); break;
     case 6: set(pick(record.x)); break;
     case 7: set(pick(record.y)); break;
-    case 8: set(pick(record.rows)); break;
-    case 9: set(record.head); break;
+    case 8: set(random() % 3 == 0 ? record.rows : pick(record.first)); break;
+    case 9: set(record.source); break;
     case 10: set(source.width); break;
     case 11: source.format = static_cast<PixelFormat>(1 + value % 7); break;
     case 12: set(pick(table.components).grid); break;
     case 13: set(table.width); break;
     case 14: source.height = static_cast<int>(value % 64); break;
-    case 15: set(record.level); break;
+    case 15: record.source ^= static_cast<std::uint8_t>(1U << random() % 8); break;
     case 16: set(pick(grid.tiles).sharing); break;
     case 17: pick(grid.tiles).sharing ^= 1U << (random() % 32); break;
     case 18: if (!grid.weights.empty()) set(pick(grid.weights)); break;
