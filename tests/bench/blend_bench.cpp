@@ -10,11 +10,12 @@
 #include <fstream>
 #include <turbojpeg.h>
 
+#include "frames.h"
 #include "measure.h"
+#include "opencv_list_peer.h"
 #include "opencv_peer.h"
 #include "report.h"
 #include "stitch/blend/blend.h"
-#include "stitch/blend/prepare.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "tests/bench/workloads.h"
 #include "tests/reference/double_blend.h"
@@ -37,69 +38,8 @@ struct Variant {
   Finding found;
   std::function<void(std::size_t set, Pool& pool)> frame;
   Times times{1};
-  bool against_opencv = true;
+  std::string peer = "OpenCV remap + blend";
 };
-
-/// Pictures in a format, several times over.
-class Films {
- public:
-  Films(const Calibration& rig, PixelFormat format, std::size_t count) {
-    sets_.push_back(film(rig, format, 1));
-    while (sets_.size() < count) sets_.push_back(copy(sets_.front()));
-  }
-  const FrameSet& at(std::size_t set) const { return sets_[set % sets_.size()]; }
-
- private:
-  std::vector<FrameSet> sets_;
-};
-
-/// Raymaps to write to, in lines of 64 bytes.
-class Outputs {
- public:
-  Outputs(PixelFormat format, int width, int height) {
-    for (auto& memory : memory_) {
-      memory.resize(packed_size(format, width, height) + 64);
-      const auto at = (reinterpret_cast<std::uintptr_t>(memory.data()) + 63) / 64 * 64;
-      images_.push_back(packed_image(format, width, height, reinterpret_cast<std::uint8_t*>(at)));
-    }
-  }
-  const MutableImageView& at(std::size_t set) const { return images_[set % images_.size()]; }
-
- private:
-  std::array<std::vector<std::uint8_t>, 3> memory_;
-  std::vector<MutableImageView> images_;
-};
-
-/// Smaller levels of the heads' pictures, for tables that ask for them, in memory that is kept from frame to frame.
-class Levels {
- public:
-  explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
-    for (const blend::BlendTable::Source& source : table.sources) memory_.emplace_back(blend::prepared_size(source));
-  }
-  blend::Pictures make(std::span<const ImageView> heads, Pool& pool) {
-    pool.run(static_cast<int>(heads.size()), [&](int head) {
-      const auto h = static_cast<std::size_t>(head);
-      std::array<ImageView, blend::kMaxLevels> levels;
-      blend::prepare_picture(table_.sources[h], heads[h], memory_[h].data(), levels);
-      for (std::size_t l = 0; l < table_.sources[h].levels; ++l) views_[l * heads.size() + h] = levels[l];
-    });
-    return views_;
-  }
-
- private:
-  const blend::BlendTable& table_;
-  std::vector<std::vector<std::uint8_t>> memory_;
-  std::vector<ImageView> views_;
-};
-
-double table_bytes(const blend::BlendTable& table) {
-  double bytes = 0;
-  for (const blend::GridTable& g : table.grids) {
-    bytes += static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
-                                 g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8);
-  }
-  return bytes;
-}
 
 /// One workload's variants.
 class Course {
@@ -111,17 +51,22 @@ class Course {
 
   void run(std::vector<Finding>& findings) {
     add_peers();
-    add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, work_.raymap, false);
-    add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, work_.raymap, true);
-    add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, work_.raymap, false);
-    add_blends("NV12 read in place", PixelFormat::kNv12, PixelFormat::kI420, work_.raymap, false);
-    add_blends("RGB", PixelFormat::kRgb24, PixelFormat::kRgb24, work_.raymap, false);
-    const int side = static_cast<int>(std::sqrt(work_.raymap.width * work_.raymap.height / 6.0)) / 16 * 16;
-    add_blends("cube of equal pixels", PixelFormat::kI420, PixelFormat::kI420, {"cube", 3 * side, 2 * side, {}}, false);
-    if (work_.raymap.width > 2048) {
-      add_blends("minified to 2048x1024", PixelFormat::kI420, PixelFormat::kI420,
-                 {"equirectangular", 2048, 1024, {}}, false);
+    const geometry::RaymapLayout& own = *layout_;
+    add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, own, false);
+    add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
+    add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
+    add_blends("NV12 read in place", PixelFormat::kNv12, PixelFormat::kI420, own, false);
+    add_blends("RGB", PixelFormat::kRgb24, PixelFormat::kRgb24, own, false);
+    const int side = static_cast<int>(std::sqrt(own.width() * own.height() / 6.0)) / 16 * 16;
+    const auto cube = geometry::make_layout("cube", 3 * side, 2 * side).value();
+    add_blends("cube of equal pixels", PixelFormat::kI420, PixelFormat::kI420, *cube, false);
+    if (own.width() > 2048) {
+      const auto small = geometry::make_layout("equirectangular", 2048, 1024).value();
+      add_blends("minified to 2048x1024", PixelFormat::kI420, PixelFormat::kI420, *small, false);
     }
+    const Hammersley list(own.width(), own.height());
+    add_list_peer(list);
+    add_blends("Hammersley", PixelFormat::kI420, PixelFormat::kI420, list, false);
     add_jpeg();
     measure();
     report(findings);
@@ -144,11 +89,15 @@ class Course {
   }
 
   void add_peers();
-  void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format, table::RaymapSpec raymap, bool light);
+  void add_list_peer(const geometry::RaymapLayout& layout);
+  void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
+                  const geometry::RaymapLayout& layout, bool light);
   void add_jpeg();
-  std::shared_ptr<blend::BlendTable> compile(const std::string& name, const table::RaymapSpec& raymap,
-                                             std::span<const PixelFormat> formats, const table::TableOptions& options);
-  void judge(const blend::BlendTable& table, const Films& films, const table::TableOptions& options, Finding& found);
+  std::shared_ptr<blend::BlendTable> compile(const std::string& name, const geometry::RaymapLayout& layout,
+                                             PixelFormat format, std::span<const PixelFormat> formats,
+                                             const table::TableOptions& options);
+  void judge(const blend::BlendTable& table, const geometry::RaymapLayout& layout, const Films& films,
+             const table::TableOptions& options, Finding& found);
   void measure();
   void report(std::vector<Finding>& findings);
 
@@ -219,13 +168,13 @@ void Course::add_peers() {
 }
 
 /// By two threads, as fast as they can.
-std::shared_ptr<blend::BlendTable> Course::compile(const std::string& name, const table::RaymapSpec& raymap,
-                                                   std::span<const PixelFormat> formats,
+std::shared_ptr<blend::BlendTable> Course::compile(const std::string& name, const geometry::RaymapLayout& layout,
+                                                   PixelFormat format, std::span<const PixelFormat> formats,
                                                    const table::TableOptions& options) {
   constexpr int kRows = 4;
   Pool two(2);
   const double begin = clock_time_ms(), busy = process_time_ms();
-  auto compiler = table::TableCompiler::make(work_.rig, raymap, formats, options).value();
+  auto compiler = table::TableCompiler::make(work_.rig, layout, format, formats, options).value();
   const int rows = compiler.row_count();
   two.run((rows + kRows - 1) / kRows, [&](int k) { compiler.compile_rows(k * kRows, std::min(rows, (k + 1) * kRows)); });
   auto table = std::make_shared<blend::BlendTable>(std::move(compiler).finish().value());
@@ -234,12 +183,28 @@ std::shared_ptr<blend::BlendTable> Course::compile(const std::string& name, cons
   return table;
 }
 
-void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format, table::RaymapSpec raymap,
-                        bool light) {
-  raymap.format = format;
+void Course::add_list_peer(const geometry::RaymapLayout& layout) {
+  const Films& input = films(PixelFormat::kI420);
+  const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
+  const auto sampler = table::RaySampler::make(work_.rig, layout, PixelFormat::kI420, formats, options_of(false)).value();
+  auto out = std::make_shared<Outputs>(PixelFormat::kI420, layout.width(), layout.height());
+  auto peer = std::make_shared<OpenCvListPeer>(sampler);
+  kept_.insert(kept_.end(), {out, peer});
+  for (const int threads : {1, 2}) {
+    add("OpenCV remap of the list", "native", threads, static_cast<double>(layout.width()) * layout.height(),
+        peer->table_bytes(), [&input, out, peer](std::size_t set, Pool& pool) {
+          pool.run(peer->bands(), [&](int band) { peer->band(input.at(set).heads, out->at(set), band); });
+        });
+    variants_.back().peer = "OpenCV remap of the list";
+  }
+}
+
+void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
+                        const geometry::RaymapLayout& layout, bool light) {
+  const int width = layout.width(), height = layout.height();
   const table::TableOptions options = options_of(light);
   const std::vector<PixelFormat> formats(heads_, head_format);
-  const auto table = compile(name, raymap, formats, options);
+  const auto table = compile(name, layout, format, formats, options);
   auto tone = std::make_shared<blend::SetTone>(blend::calibrated_tone(*table));
   if (light) {
     for (blend::HeadTone& head : tone->heads) {
@@ -249,26 +214,27 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
       }
     }
   }
-  auto out = std::make_shared<Outputs>(format, raymap.width, raymap.height);
+  auto out = std::make_shared<Outputs>(format, width, height);
   auto levels = std::make_shared<Levels>(*table);
   kept_.insert(kept_.end(), {table, tone, out, levels});
   const Films& input = films(head_format);
-  const double pixels = static_cast<double>(raymap.width) * raymap.height;
+  const double pixels = static_cast<double>(width) * height;
   Finding judged;
-  if (!quick_ && (name == "plain" || light)) judge(*table, input, options, judged);
+  if (!quick_ && (name == "plain" || layout.scattered() || light)) judge(*table, layout, input, options, judged);
   for (const blend::Kernel kernel : blend::kernels()) {
     if (kernel == blend::Kernel::kScalar && name != "plain") continue;
     for (const int threads : {1, 2}) {
       const auto frame = [=, &input](std::size_t set, Pool& pool) {
         const blend::Pictures pictures = levels->make(input.at(set).heads, pool);
-        pool.run((raymap.height + kBandRows - 1) / kBandRows, [&](int band) {
+        pool.run((height + kBandRows - 1) / kBandRows, [&](int band) {
           blend::blend_rows_by(kernel, *table, pictures, *tone, out->at(set), band * kBandRows,
-                               std::min(raymap.height, (band + 1) * kBandRows));
+                               std::min(height, (band + 1) * kBandRows));
         });
       };
       add(name, std::string(blend::kernel_name(kernel)), threads, pixels, table_bytes(*table), frame);
       variants_.back().found.psnr_db = judged.psnr_db;
       variants_.back().found.max_error = judged.max_error;
+      if (layout.scattered()) variants_.back().peer = "OpenCV remap of the list";
       if (name == "plain" && kernel == blend::kernels().back()) {
         best_frame_ = frame;
         best_out_ = out.get();
@@ -278,12 +244,13 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
 }
 
 /// A frame blended, against the blend in double precision before it is rounded.
-void Course::judge(const blend::BlendTable& table, const Films& films, const table::TableOptions& options, Finding& found) {
+void Course::judge(const blend::BlendTable& table, const geometry::RaymapLayout& layout, const Films& films,
+                   const table::TableOptions& options, Finding& found) {
   std::vector<std::uint8_t> memory(packed_size(table.format, table.width, table.height));
   const MutableImageView raymap = packed_image(table.format, table.width, table.height, memory.data());
   blend::blend_rows(table, films.at(0).heads, blend::calibrated_tone(table), raymap, 0, table.height);
   const std::vector<PixelFormat> formats(heads_, table.sources[0].format);
-  const auto sampler = table::RaySampler::make(work_.rig, *layout_, table.format, formats, options).value();
+  const auto sampler = table::RaySampler::make(work_.rig, layout, table.format, formats, options).value();
   double squares = 0;
   double count = 0;
   const std::vector<test::RealPlane> real = test::blend_in_double(sampler, films.at(0).heads);
@@ -315,10 +282,10 @@ void Course::add_jpeg() {
     };
   };
   add("OpenCV, then JPEG q85", "native", 1, pixels, 0, coded(opencv_out_, opencv_frame_));
-  variants_.back().against_opencv = false;
+  variants_.back().peer = "OpenCV, then JPEG q85";
   add("plain, then JPEG q85", std::string(blend::kernel_name(blend::kernels().back())), 1, pixels, 0,
       coded(best_out_, best_frame_));
-  variants_.back().against_opencv = false;
+  variants_.back().peer = "OpenCV, then JPEG q85";
 }
 
 void Course::measure() {
@@ -345,9 +312,7 @@ void Course::report(std::vector<Finding>& findings) {
     v.found.ms = v.times.median_ms();
     const double whole = static_cast<double>(work_.raymap.width) * work_.raymap.height / 1e6;
     // Where a raymap of another size is made, OpenCV is taken to need as much for a pixel.
-    const double peer = v.against_opencv ? ms_of("OpenCV remap + blend", v.found.threads) * v.found.mpixels / whole
-                                         : ms_of("OpenCV, then JPEG q85", 1);
-    v.found.ratio_to_opencv = peer / v.found.ms;
+    v.found.ratio_to_opencv = ms_of(v.peer, v.found.threads) * v.found.mpixels / whole / v.found.ms;
     v.found.roofline_share = ms_of("roofline", v.found.threads) / v.found.ms;
     findings.push_back(v.found);
   }

@@ -7,6 +7,7 @@
 
 #include "protocol/base/image.h"
 #include "protocol/calibration.h"
+#include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/table_compiler.h"
 
 namespace nodal::bench {
@@ -21,6 +22,19 @@ struct Workload {
 Workload r10();
 /// Eight fisheyes 1920x1080 (six upright, two at the poles) into 3840x1920 I420.
 Workload r8();
+
+/// width * height points of Hammersley's, evenly over the sphere: ray k of a row after the other is at the height
+/// y = (2 k + 1) / n - 1, turned by k's bits the other way round.
+class Hammersley final : public geometry::RaymapLayout {
+ public:
+  Hammersley(int width, int height) : RaymapLayout(width, height) {}
+  std::string_view name() const override { return "hammersley"; }
+  bool scattered() const override { return true; }
+  std::optional<geometry::Ray> ray(double x, double y) const override;
+  double solid_angle(int i, int j) const override;
+  /// Nothing here looks for rays.
+  std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
+};
 
 /// The pictures of all heads for one trigger, packed, with memory of their own.
 struct FrameSet {

@@ -1,0 +1,78 @@
+// What the blend's variants read and write, frame by frame: more of it than the caches hold.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "measure.h"
+#include "stitch/blend/blend.h"
+#include "stitch/blend/prepare.h"
+#include "tests/bench/workloads.h"
+
+namespace nodal::bench {
+
+/// Pictures in a format, several times over.
+class Films {
+ public:
+  Films(const Calibration& rig, PixelFormat format, std::size_t count) {
+    sets_.push_back(film(rig, format, 1));
+    while (sets_.size() < count) sets_.push_back(copy(sets_.front()));
+  }
+  const FrameSet& at(std::size_t set) const { return sets_[set % sets_.size()]; }
+
+ private:
+  std::vector<FrameSet> sets_;
+};
+
+/// Raymaps to write to, in lines of 64 bytes.
+class Outputs {
+ public:
+  Outputs(PixelFormat format, int width, int height) {
+    for (auto& memory : memory_) {
+      memory.resize(packed_size(format, width, height) + 64);
+      const auto at = (reinterpret_cast<std::uintptr_t>(memory.data()) + 63) / 64 * 64;
+      images_.push_back(packed_image(format, width, height, reinterpret_cast<std::uint8_t*>(at)));
+    }
+  }
+  const MutableImageView& at(std::size_t set) const { return images_[set % images_.size()]; }
+
+ private:
+  std::array<std::vector<std::uint8_t>, 3> memory_;
+  std::vector<MutableImageView> images_;
+};
+
+/// Smaller levels of the heads' pictures, for tables that ask for them, in memory that is kept from frame to frame.
+class Levels {
+ public:
+  explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
+    for (const blend::BlendTable::Source& source : table.sources) memory_.emplace_back(blend::prepared_size(source));
+  }
+  blend::Pictures make(std::span<const ImageView> heads, Pool& pool) {
+    pool.run(static_cast<int>(heads.size()), [&](int head) {
+      const auto h = static_cast<std::size_t>(head);
+      std::array<ImageView, blend::kMaxLevels> levels;
+      blend::prepare_picture(table_.sources[h], heads[h], memory_[h].data(), levels);
+      for (std::size_t l = 0; l < table_.sources[h].levels; ++l) views_[l * heads.size() + h] = levels[l];
+    });
+    return views_;
+  }
+
+ private:
+  const blend::BlendTable& table_;
+  std::vector<std::vector<std::uint8_t>> memory_;
+  std::vector<ImageView> views_;
+};
+
+inline double table_bytes(const blend::BlendTable& table) {
+  double bytes = 0;
+  for (const blend::GridTable& g : table.grids) {
+    bytes += static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
+                                 g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8 +
+                                 g.places.size() * 4);
+  }
+  return bytes;
+}
+
+}  // namespace nodal::bench
