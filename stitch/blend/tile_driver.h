@@ -105,20 +105,33 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
   }
 }
 
-/// The same where the grid's pixels lie anywhere (GridTable::places); t: the strip's first tile.
+/// Where the pixels of a tile that lie anywhere (GridTable::places) are in a plane; of those beyond the grid, not.
+inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView& plane, const std::uint32_t* places) {
+  std::array<std::ptrdiff_t, kTilePixels> to;
+  for (std::size_t p = 0; p < kTilePixels; ++p) {
+    to[p] = std::ptrdiff_t{places[p] >> 16} * plane.row_stride + std::ptrdiff_t{places[p] & 0xffff} * plane.pixel_stride;
+  }
+  return to;
+}
+
+/// Writes a strip of pixels that lie anywhere; t: its first tile.
 template <int N>
 void scatter_strip(const BlendJob& job, std::size_t t, int row, const std::uint8_t* strip) {
-  const int begin = std::max(0, job.row_begin - row * kTile) * kTile;
-  const int end = std::min(kTile, job.row_end - row * kTile) * kTile;
+  const auto begin = static_cast<std::size_t>(std::max(0, job.row_begin - row * kTile) * kTile);
+  const auto end = static_cast<std::size_t>(std::min(kTile, job.row_end - row * kTile) * kTile);
   const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
-  for (int k = 0; k < 8; ++k, places += kTilePixels, strip += kTilePixels) {
-    for (int p = begin; p < end; ++p) {
-      if (places[p] == GridTable::kNowhere) continue;
-      const std::ptrdiff_t x = places[p] & 0xffff;
-      const std::ptrdiff_t y = places[p] >> 16;
-      for (std::size_t c = 0; c < N; ++c) {
-        const MutablePlaneView& plane = job.out[c];
-        plane.data[y * plane.row_stride + x * plane.pixel_stride] = strip[c * kStrip + static_cast<std::size_t>(p)];
+  for (std::size_t k = 0; k < 8; ++k, places += kTilePixels, strip += kTilePixels) {
+    const bool whole = places[kTilePixels - 1] != GridTable::kNowhere;
+    for (std::size_t c = 0; c < N; ++c) {
+      const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
+      std::uint8_t* data = job.out[c].data;
+      const std::uint8_t* from = strip + c * kStrip;
+      if (whole) {
+        for (std::size_t p = begin; p < end; ++p) data[to[p]] = from[p];
+      } else {
+        for (std::size_t p = begin; p < end; ++p) {
+          if (places[p] != GridTable::kNowhere) data[to[p]] = from[p];
+        }
       }
     }
   }

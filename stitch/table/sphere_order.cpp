@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <span>
+#include <tuple>
 
 #include "stitch/table/quantize.h"
 
@@ -20,14 +21,17 @@ struct Placed {
 
 constexpr double kSteps = 1 << 28;  // to pi
 
-std::vector<Placed> placed(const RaySampler& sampler, int grid) {
-  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
+/// How many strips there are from pole to pole; of n even rays each has 4 pi / n sr for its own.
+std::int64_t strips_of(const RaySampler::Grid& shape) {
   const double rays = static_cast<double>(shape.width) * shape.height;
-  // Steradians a ray: 4 pi / rays.
-  const double strip_height = blend::kTile * std::sqrt(4 * std::numbers::pi / rays);
-  const double strips = std::max(1.0, std::round(std::numbers::pi / strip_height));
+  const double height = blend::kTile * std::sqrt(4 * std::numbers::pi / rays);
+  return std::max<std::int64_t>(1, round_up_ties(std::numbers::pi / height));
+}
+
+std::vector<Placed> placed(const RaySampler& sampler, int grid, std::int64_t strips) {
+  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
   std::vector<Placed> all;
-  all.reserve(static_cast<std::size_t>(rays));
+  all.reserve(static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(shape.height));
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       Placed& pixel = all.emplace_back(Placed{blend::GridTable::place(x, y), INT32_MAX, 0, 0});
@@ -36,10 +40,42 @@ std::vector<Placed> placed(const RaySampler& sampler, int grid) {
       const geometry::Angles at = ray->angles();
       pixel.theta = static_cast<std::int32_t>(round_up_ties(at.theta / std::numbers::pi * kSteps));
       pixel.phi = static_cast<std::int32_t>(round_up_ties((at.phi / std::numbers::pi + 0.5) * kSteps));
-      pixel.strip = static_cast<std::int32_t>(std::min(strips - 1, std::floor(pixel.phi / kSteps * strips)));
+      const std::int64_t strip = pixel.phi * strips / static_cast<std::int64_t>(kSteps);
+      pixel.strip = static_cast<std::int32_t>(std::min(strips - 1, strip));
     }
   }
   return all;
+}
+
+/// Tiles of 64 rays in blocks of about eight strips by eight tiles, so that what neighbours read is still at hand.
+std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t strips) {
+  constexpr std::int64_t kStrips = 8;
+  struct Tile {
+    std::size_t first;
+    std::int64_t band, cell, strip;
+  };
+  std::vector<Tile> tiles;
+  for (std::size_t first = 0; first < rays.size(); first += blend::kTilePixels) {
+    const Placed& ray = rays[first];
+    const std::int64_t strip = std::min<std::int64_t>(ray.strip, strips);
+    const std::int64_t band = strip / kStrips;
+    const double bands = static_cast<double>(strips) / kStrips;
+    const double middle = std::numbers::pi * ((static_cast<double>(band) + 0.5) / bands - 0.5);
+    const double around = 2 * bands * std::max(0.0, std::cos(middle));
+    const std::int64_t cells = std::max<std::int64_t>(1, round_up_ties(around));
+    const auto half = static_cast<std::int64_t>(kSteps);
+    tiles.push_back({first, band, (ray.theta + half) * cells / (2 * half + 1), strip});
+  }
+  std::ranges::stable_sort(tiles, [](const Tile& a, const Tile& b) {
+    return std::tie(a.band, a.cell, a.strip) < std::tie(b.band, b.cell, b.strip);
+  });
+  std::vector<Placed> sorted;
+  sorted.reserve(rays.size());
+  for (const Tile& tile : tiles) {
+    const auto from = rays.begin() + static_cast<std::ptrdiff_t>(tile.first);
+    sorted.insert(sorted.end(), from, from + blend::kTilePixels);
+  }
+  return sorted;
 }
 
 /// Puts the rays of one tile where they lie to each other: `width` columns by longitude, each by latitude.
@@ -56,12 +92,14 @@ void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uin
 }  // namespace
 
 std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid) {
-  std::vector<Placed> rays = placed(sampler, grid);
+  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
+  const std::int64_t strips = strips_of(shape);
+  std::vector<Placed> rays = placed(sampler, grid, strips);
   std::sort(rays.begin(), rays.end(), [](const Placed& a, const Placed& b) {
     if (a.strip != b.strip) return a.strip < b.strip;
     return a.theta != b.theta ? a.theta < b.theta : a.place < b.place;
   });
-  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
+  if (shape.width % blend::kTile == 0 && shape.height % blend::kTile == 0) rays = in_blocks(rays, strips);
   blend::GridTable table;
   table.width = shape.width;
   table.height = shape.height;
