@@ -128,7 +128,7 @@ void TileBuilder::append(TileSamples& samples, TileRun& run) {
   run.tiles.push_back({first, 0});
   split_by_head(samples);
   choose_levels();
-  for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, parts_[k].mask, 0, 0, blend::kTile, run);
+  for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, {}, run);
   share(samples, run);
 }
 
@@ -257,17 +257,35 @@ void TileBuilder::shrink(Part& part) const {
   });
 }
 
-/// Patches for the pixels of `mask`, which are in the block of `size` at (i, j).
-void TileBuilder::add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run) {
+/// Patches for the part's pixels in a block. Where one will not do it is cut in two: that way which leaves the smaller
+/// spans, each of which has to fit into a patch.
+void TileBuilder::add_patches(std::size_t k, const Block& block, TileRun& run) {
+  const Part& part = parts_[k];
+  const PixelMask mask = part.mask & block_mask(block);
   if (mask == 0) return;
-  if (add_patch(parts_[part], mask, size == 1, run)) {
-    made_.push_back({part, mask});
+  const int columns = block.right - block.left;
+  const int rows = block.bottom - block.top;
+  if (add_patch(part, mask, columns * rows == 1, run)) {
+    made_.push_back({k, mask});
     return;
   }
-  const int half = size / 2;
-  for (const int y : {j, j + half}) {
-    for (const int x : {i, i + half}) add_patches(part, mask & block_mask(x, y, half), x, y, half, run);
-  }
+  Block west = block, east = block, north = block, south = block;
+  west.right = east.left = block.left + columns / 2;
+  north.bottom = south.top = block.top + rows / 2;
+  const auto widest = [&](const Block& a, const Block& b) {
+    std::int32_t most = 0;
+    for (const PixelMask of : {mask & block_mask(a), mask & block_mask(b)}) {
+      if (of == 0) continue;
+      for (const PixelValues* values : {&part.x, &part.y}) {
+        const Span span = span_of(*values, of);
+        most = std::max(most, span.most - span.least);
+      }
+    }
+    return most;
+  };
+  const bool across = rows == 1 || (columns > 1 && widest(west, east) < widest(north, south));
+  add_patches(k, across ? west : north, run);
+  add_patches(k, across ? east : south, run);
 }
 
 /// Whether one patch can hold the pixels; where it `must`, it does.

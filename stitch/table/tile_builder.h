@@ -29,7 +29,7 @@ struct TileSamples {
 
 /// Appends tiles of one grid to a run. A head gives a tile one patch with coordinates by quadratics where those are
 /// within kFit of every pixel's own; else one with coordinates listed; and where its pixels lie too far apart for one
-/// patch, or its vignetting is no bilinear function of the pixel, a patch for each quarter that needs one, and so on.
+/// patch, or its vignetting is no bilinear function of the pixel, a patch for each half, and so on.
 ///
 /// Threading: immutable but for the run; one a thread.
 /// Ownership: keeps the sampler by reference.
@@ -70,7 +70,7 @@ class TileBuilder {
   double square_between_rays(const Part& part) const;
   void choose_levels();
   void shrink(Part& part) const;
-  void add_patches(std::size_t part, PixelMask mask, int i, int j, int size, TileRun& run);
+  void add_patches(std::size_t part, const Block& block, TileRun& run);
   bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
   void share(const TileSamples& samples, TileRun& run);
   bool share_bilinear(PixelMask inside, TileRun& run);

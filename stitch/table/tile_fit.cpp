@@ -84,10 +84,10 @@ std::array<std::int32_t, 6> rounded(const std::array<double, 6>& fit) {
 
 }  // namespace
 
-PixelMask block_mask(int i, int j, int size) {
+PixelMask block_mask(const Block& block) {
   PixelMask mask = 0;
-  for (int y = j; y < j + size; ++y) {
-    for (int x = i; x < i + size; ++x) mask |= pixel_bit(x, y);
+  for (int j = block.top; j < block.bottom; ++j) {
+    for (int i = block.left; i < block.right; ++i) mask |= pixel_bit(i, j);
   }
   return mask;
 }

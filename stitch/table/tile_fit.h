@@ -11,8 +11,14 @@ namespace nodal::table {
 /// A bit a pixel of a tile: (i, j) is bit 8 j + i.
 using PixelMask = std::uint64_t;
 inline constexpr PixelMask pixel_bit(int i, int j) { return PixelMask{1} << (8 * j + i); }
-/// The block of `size` pixels a side at (i, j).
-PixelMask block_mask(int i, int j, int size);
+/// The pixels of a tile in columns [left, right) and rows [top, bottom).
+struct Block {
+  int left = 0;
+  int top = 0;
+  int right = blend::kTile;
+  int bottom = blend::kTile;
+};
+PixelMask block_mask(const Block& block);
 
 /// Whole numbers by pixel, 8 j + i.
 using PixelValues = std::array<std::int32_t, blend::kTilePixels>;
