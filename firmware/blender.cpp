@@ -173,7 +173,7 @@ void Blender::tap(const FrameSet& set) {
 
 void Blender::begin_raymap() {
   const blend::BlendTable& table = this->table();
-  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id, {}};
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id, {}, {}};
   if (const auto parity = table.sources[0].field) {
     raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
     if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
@@ -222,6 +222,14 @@ void Blender::undo_exposures(const FrameSet& set) {
       was_exposed_ |= head_bit(i);
     }
     known = known && (was_exposed_ & head_bit(i)) != 0;
+  }
+  if (is_linear16(table().format)) {
+    const auto as_calibrated = decltype(exposed_){};
+    const std::span<const blend::ExposedHead> exposed(known ? exposed_ : as_calibrated);
+    tone_ = blend::linear_tone(table(), installed_->exposures, exposed.first(heads));
+    raymap_.info.linear = blend::linear_scale(installed_->exposures, tone_, exposed.first(heads));
+    if (!known) raymap_.info.linear->full.reset();
+    return;
   }
   tone_ = known ? blend::tone_of_exposures(table(), installed_->exposures, exposed_) : installed_->tone;
 }

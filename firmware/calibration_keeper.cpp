@@ -291,7 +291,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   report_.name = done.calibration.name;
   if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
   hand_over(make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-                           table::compile_tone_table(done.calibration, config_.raymap.soft)));
+                           table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft)));
   done.handed_over = true;
   return {};
 }

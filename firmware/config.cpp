@@ -69,11 +69,27 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
                                 (cube ? "; a cube's is even, and 2/3 of its width"
                                       : "; an equirectangular raymap's is even, and half its width"));
   }
-  constexpr std::array formats = {PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8};
-  raymap.format = formats[reader.choice("format", {"I420", "RGB24", "GREY"}, 0)];
+  constexpr std::array formats = {PixelFormat::kI420,  PixelFormat::kNv12, PixelFormat::kRgb24,
+                                  PixelFormat::kGrey8, PixelFormat::kRgb48, PixelFormat::kGrey16};
+  raymap.format = formats[reader.choice("format", {"I420", "NV12", "RGB24", "GREY", "RGB48", "GREY16"}, 0)];
   raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
   raymap.soft = reader.choice("tone", {"soft", "clip"}, 0) == 0;
+}
+
+/// After the heads: they must deliver what the raymap is made of.
+void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
+  const char* wanted = has_chroma(raymap)                          ? "I420, NV12, YUYV or UYVY"
+                       : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24"
+                                                                   : "GREY";
+  for (const HeadConfig& head : heads) {
+    const bool fits = has_chroma(raymap) ? has_chroma(head.format) : head.format == in_8_bits(raymap);
+    if (fits) continue;
+    const std::string format(pixel_format_name(raymap));
+    return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted + ", but the format of head '" +
+                                       head.name + "' is " + std::string(pixel_format_name(head.format)) +
+                                       "; change its format or this one");
+  }
 }
 
 /// After the heads: fields that make raymaps of their own are exposed together only where all heads have them, in one
@@ -265,6 +281,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   read_heads(file, config, error);
+  check_formats(raymap, config.heads, config.raymap.format);
   read_field_use(raymap, config.heads, config.raymap);
   read_exposure({section("exposure"), "exposure",
                  {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",

@@ -58,7 +58,7 @@ struct RaymapConfig {
   RaymapLayout layout = RaymapLayout::kEquirectangular;
   int width = 2048;
   int height = 1024;
-  PixelFormat format = PixelFormat::kI420;  ///< kI420, kRgb24 or kGrey8
+  PixelFormat format = PixelFormat::kI420;  ///< is_raymap_format()
   int jpeg_quality = 85;                    ///< 1 .. 100
   double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
   bool soft = true;                         ///< highlights that darker heads saw are held back, not clipped

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <utility>
 
 namespace nodal::firmware {
 namespace {
@@ -19,6 +20,10 @@ int subsampling(PixelFormat format) {
     case PixelFormat::kGrey8: return TJSAMP_GRAY;
     default: return TJSAMP_444;
   }
+}
+
+PixelFormat coded_as(PixelFormat raymap) {
+  return raymap == PixelFormat::kNv12 ? PixelFormat::kI420 : in_8_bits(raymap);
 }
 
 /// A JPEG segment: marker, length of what follows with itself, body (ITU T.81, B.1.1.4).
@@ -81,9 +86,12 @@ RaymapComment::RaymapComment(const RaymapInfo& info) {
 
 JpegEncoder::JpegEncoder(const RaymapConfig& config)
     : config_(config),
+      coded_(coded_as(config.format)),
       handle_(tjInitCompress()),
-      scratch_bytes_(tjBufSize(config.width, config.height, subsampling(config.format))) {
+      scratch_bytes_(tjBufSize(config.width, config.height, subsampling(coded_))) {
   NODAL_ASSERT(handle_);
+  if (coded_ != config.format) picture_.resize(packed_size(coded_, config.width, config.height));
+  if (is_linear16(config.format)) level_of_.resize(65536);
   scratch_ = std::make_unique_for_overwrite<std::uint8_t[]>(scratch_bytes_);
   if (config.layout == RaymapLayout::kEquirectangular) {
     append_segment(gpano_, kApp1, {kXmpName, gpano_packet(config.width, config.height)});
@@ -92,12 +100,45 @@ JpegEncoder::JpegEncoder(const RaymapConfig& config)
 
 JpegEncoder::~JpegEncoder() { tjDestroy(handle_); }
 
+void JpegEncoder::set_levels(const blend::LinearScale& scale) {
+  if (scale.shown_from == shown_from_) return;  // as a rule: exposures stay
+  shown_from_ = scale.shown_from;
+  std::size_t number = 0;
+  for (std::size_t level = 0; level < 256; ++level) {
+    const std::size_t end = level < 255 ? std::max<std::size_t>(number, shown_from_[level + 1]) : level_of_.size();
+    std::fill(level_of_.begin() + static_cast<std::ptrdiff_t>(number), level_of_.begin() + static_cast<std::ptrdiff_t>(end),
+              static_cast<std::uint8_t>(level));
+    number = end;
+  }
+}
+
+ImageView JpegEncoder::codable(const ImageView& raymap, const RaymapInfo& info) {
+  if (coded_ == raymap.format) return raymap;
+  if (info.linear) set_levels(*info.linear);
+  const bool linear = is_linear16(raymap.format);
+  const MutableImageView picture = packed_image(coded_, raymap.width, raymap.height, picture_.data());
+  for (std::size_t c = linear ? 0 : 1; c < static_cast<std::size_t>(component_count(coded_)); ++c) {
+    const PlaneView& from = raymap.planes[c];
+    const MutablePlaneView& to = picture.planes[c];
+    for (int y = 0; y < to.height; ++y) {
+      const std::uint8_t* in = from.data + y * from.row_stride;
+      std::uint8_t* out = to.data + y * to.row_stride;
+      for (int x = 0; x < to.width; ++x, in += from.pixel_stride, out += to.pixel_stride) {
+        *out = linear ? level_of_[static_cast<std::size_t>(in[0] | in[1] << 8)] : *in;
+      }
+    }
+  }
+  ImageView coded = packed_image(coded_, raymap.width, raymap.height, std::as_const(picture_).data());
+  if (!linear) coded.planes[0] = raymap.planes[0];
+  return coded;
+}
+
 Result<std::size_t> JpegEncoder::compress(const ImageView& raymap) {
   unsigned char* out = scratch_.get();
   unsigned long size = scratch_bytes_;
   constexpr int kFlags = TJFLAG_NOREALLOC;
   int failed = 0;
-  if (config_.format == PixelFormat::kRgb24) {
+  if (coded_ == PixelFormat::kRgb24) {
     failed = tjCompress2(handle_, raymap.planes[0].data, raymap.width, static_cast<int>(raymap.planes[0].row_stride),
                          raymap.height, TJPF_RGB, &out, &size, TJSAMP_444, config_.jpeg_quality, kFlags);
   } else {
@@ -108,7 +149,7 @@ Result<std::size_t> JpegEncoder::compress(const ImageView& raymap) {
       strides[c] = static_cast<int>(raymap.planes[c].row_stride);
     }
     failed = tjCompressFromYUVPlanes(handle_, planes.data(), raymap.width, strides.data(), raymap.height,
-                                     subsampling(config_.format), &out, &size, config_.jpeg_quality, kFlags);
+                                     subsampling(coded_), &out, &size, config_.jpeg_quality, kFlags);
   }
   if (failed != 0) return fail(Errc::kInternal, std::string("JPEG encoder: ") + tjGetErrorStr2(handle_));
   return static_cast<std::size_t>(size);
@@ -116,7 +157,7 @@ Result<std::size_t> JpegEncoder::compress(const ImageView& raymap) {
 
 Status JpegEncoder::encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into) {
   NODAL_ASSERT(raymap.format == config_.format && raymap.width == config_.width && raymap.height == config_.height);
-  const auto size = compress(raymap);
+  const auto size = compress(codable(raymap, info));
   if (!size) return fail(size.error());
   const std::uint8_t* jpeg = scratch_.get();
   const std::size_t lead = lead_bytes(jpeg, *size);

@@ -33,8 +33,8 @@ class RaymapComment {
   std::size_t length_ = 0;
 };
 
-/// Compresses packed raymaps with TurboJPEG and writes their metadata: GPano in an APP1 segment when the layout is
-/// equirectangular, and a RaymapComment.
+/// Compresses packed raymaps with TurboJPEG (those of 16 bits as RaymapInfo::linear shows them in 8) and writes
+/// their metadata: GPano in an APP1 segment when the layout is equirectangular, and a RaymapComment.
 ///
 /// Threading: thread-bound.
 /// Ownership: keeps a scratch buffer of the largest JPEG a raymap can become.
@@ -50,9 +50,16 @@ class JpegEncoder {
   Status encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into);
 
  private:
+  /// The raymap in a format that TurboJPEG takes, where it lies or in picture_.
+  ImageView codable(const ImageView& raymap, const RaymapInfo& info);
+  void set_levels(const blend::LinearScale& scale);
   Result<std::size_t> compress(const ImageView& raymap);
 
   const RaymapConfig config_;
+  const PixelFormat coded_;             ///< what is compressed
+  std::vector<std::uint8_t> picture_;   ///< in that; empty where it is what comes
+  std::vector<std::uint8_t> level_of_;  ///< by number of 16 bits
+  std::array<std::uint16_t, 256> shown_from_{};  ///< that level_of_ was made of
   void* handle_;
   std::vector<std::uint8_t> gpano_;            ///< the whole APP1 segment; empty for other layouts
   std::unique_ptr<std::uint8_t[]> scratch_;    ///< not cleared: pages that no JPEG reaches stay unused

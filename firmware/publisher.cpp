@@ -5,6 +5,7 @@
 #include "firmware/blender.h"
 #include "firmware/encoder.h"
 #include "firmware/status.h"
+#include "protocol/base/stops.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -142,6 +143,9 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   if (info.field) {
     header.set_field(static_cast<std::uint32_t>(info.field->number));
     header.set_parity(std::string(field_parity_name(info.field->parity)));
+  }
+  if (info.linear && info.linear->full) {
+    header.set_full_exposure_ns(exp2_stops(std::clamp(*info.linear->full, -9 * kStop, 40 * kStop), 1000));
   }
   fill_sync(info, header);
   return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raw ? raymap.pixels : nullptr, 0};

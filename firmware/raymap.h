@@ -14,6 +14,7 @@
 #include "protocol/base/units.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/blend/exposure_tone.h"
+#include "stitch/blend/linear_tone.h"
 #include "stitch/blend/meter.h"
 #include "stitch/blend/tone.h"
 
@@ -53,6 +54,7 @@ struct RaymapInfo {
   HeadMask heads = 0;      ///< that it was made of
   Sha256 calibration{};    ///< that made it
   std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< of the heads that it was made of
+  std::optional<blend::LinearScale> linear;  ///< of raymaps of 16 bits
 };
 
 /// A raymap on its way: `pixels` packed in the table's format, `jpeg` when somebody wants it so.

@@ -8,7 +8,8 @@
 
 #include "host_tool/command.h"
 #include "host_tool/files.h"
-#include "host_tool/grey_png.h"
+#include "host_tool/grey_pdf.h"
+#include "host_tool/png_file.h"
 
 namespace nodal::host {
 namespace {
@@ -68,7 +69,9 @@ Status run(Context& context, const Args& args) {
   } else if (args.out.ends_with(".png")) {
     const double printed_mm = std::min((size->width_mm - 2 * args.margin_mm) / spec.width,
                                        (size->height_mm - 2 * args.margin_mm) / spec.height);
-    bytes = grey_png(raster, paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0, about);
+    const int pixels_per_meter = paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0;
+    bytes = png_file({raster.width, raster.height, 1, 8, raster.values},
+                     {PngNotes::Numbers::kSrgb, pixels_per_meter, about, {}, 6});
   } else {
     return fail(Errc::kBadValue, fmt::format("'{}': end it in .png or .pdf", args.out));
   }

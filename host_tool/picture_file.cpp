@@ -1,15 +1,14 @@
 #include "host_tool/picture_file.h"
 
 #include <fmt/format.h>
-#include <png.h>
 #include <turbojpeg.h>
 
 #include <array>
-#include <csetjmp>
 #include <memory>
 #include <optional>
 
 #include "host_tool/console.h"
+#include "host_tool/png_file.h"
 #include "host_tool/wire_json.h"
 #include "protocol/base/image.h"
 
@@ -19,16 +18,27 @@ namespace {
 constexpr std::uint32_t kMaxRaymapSide = 32768;
 
 std::optional<PixelFormat> raw_format(const std::string& coding) {
-  for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8}) {
+  for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kGrey8,
+                                   PixelFormat::kRgb48, PixelFormat::kGrey16}) {
     if (coding == pixel_format_name(format)) return format;
   }
   return std::nullopt;
 }
 
-Result<std::vector<std::uint8_t>> to_rgb(const ReceivedRaymap& raymap) {
+/// Of I420 or NV12.
+Result<std::vector<std::uint8_t>> to_rgb(PixelFormat format, const ReceivedRaymap& raymap) {
   const int width = static_cast<int>(raymap.header.width());
   const int height = static_cast<int>(raymap.header.height());
-  const ImageView view = packed_image(PixelFormat::kI420, width, height, raymap.bytes.data());
+  ImageView view = packed_image(format, width, height, raymap.bytes.data());
+  std::array<std::vector<std::uint8_t>, 3> apart;  // chroma that lies interleaved
+  for (std::size_t c = 1; c < view.planes.size() && view.planes[c].pixel_stride > 1; ++c) {
+    PlaneView& plane = view.planes[c];
+    for (int y = 0; y < plane.height; ++y) {
+      const std::uint8_t* row = plane.data + y * plane.row_stride;
+      for (int x = 0; x < plane.width; ++x, row += plane.pixel_stride) apart[c].push_back(*row);
+    }
+    plane = {apart[c].data(), plane.width, plane.height, plane.width, 1};
+  }
   std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3);
   const std::unique_ptr<void, int (*)(void*)> decoder(tjInitDecompress(), tjDestroy);
   std::array<const unsigned char*, 3> planes{view.planes[0].data, view.planes[1].data, view.planes[2].data};
@@ -40,38 +50,6 @@ Result<std::vector<std::uint8_t>> to_rgb(const ReceivedRaymap& raymap) {
   }
   return rgb;
 }
-
-/// libpng ends errors by longjmp: nothing here may own memory while it can.
-bool write_png(png_structp png, png_infop info, const ReceivedRaymap& raymap, const std::uint8_t* pixels, int channels,
-               const char* xmp, std::vector<std::uint8_t>* out) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  png_set_write_fn(
-      png, out,
-      [](png_structp writer, png_bytep data, png_size_t size) {
-        auto* bytes = static_cast<std::vector<std::uint8_t>*>(png_get_io_ptr(writer));
-        bytes->insert(bytes->end(), data, data + size);
-      },
-      nullptr);
-  png_set_user_limits(png, kMaxRaymapSide, kMaxRaymapSide);
-  png_set_compression_level(png, 3);  // a third of the time of the usual 6 for a twentieth more bytes
-  png_set_IHDR(png, info, raymap.header.width(), raymap.header.height(), 8,
-               channels == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  if (*xmp != '\0') {
-    png_text text{};
-    text.compression = PNG_ITXT_COMPRESSION_NONE;
-    text.key = const_cast<char*>("XML:com.adobe.xmp");
-    text.text = const_cast<char*>(xmp);
-    png_set_text(png, info, &text, 1);
-  }
-  png_write_info(png, info);
-  const std::size_t stride = static_cast<std::size_t>(raymap.header.width()) * static_cast<std::size_t>(channels);
-  for (std::size_t y = 0; y < raymap.header.height(); ++y) png_write_row(png, pixels + y * stride);
-  png_write_end(png, nullptr);
-  return true;
-}
-
-void quiet_png(png_structp png, png_const_charp) { png_longjmp(png, 1); }
 
 }  // namespace
 
@@ -134,27 +112,30 @@ std::string gpano_xmp(std::uint32_t width, std::uint32_t height) {
 }
 
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
-  const std::optional<PixelFormat> format = raw_format(raymap.header.coding());
-  if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", raymap.header.coding()));
+  const wire::RaymapHeader& header = raymap.header;
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", header.coding()));
   std::vector<std::uint8_t> rgb;
-  const std::uint8_t* pixels = raymap.bytes.data();
-  if (*format == PixelFormat::kI420) {
-    Result<std::vector<std::uint8_t>> converted = to_rgb(raymap);
+  PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()), component_count(*format),
+                     is_linear16(*format) ? 16 : 8, raymap.bytes};
+  if (has_chroma(*format)) {
+    Result<std::vector<std::uint8_t>> converted = to_rgb(*format, raymap);
     if (!converted) return fail(converted.error());
     rgb = std::move(*converted);
-    pixels = rgb.data();
+    picture.samples = rgb;
   }
-  const std::string xmp = raymap.header.layout() == "equirectangular"
-                              ? gpano_xmp(raymap.header.width(), raymap.header.height())
-                              : std::string();
-  std::vector<std::uint8_t> out;
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, quiet_png, nullptr);
-  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  const bool written = info != nullptr && write_png(png, info, raymap, pixels,
-                                                    *format == PixelFormat::kGrey8 ? 1 : 3, xmp.c_str(), &out);
-  png_destroy_write_struct(&png, &info);
-  if (!written) return fail(Errc::kInternal, "the PNG could not be made");
-  return out;
+  PngNotes notes;
+  notes.effort = 3;  // a third of the time of the usual 6 for a twentieth more bytes
+  if (header.layout() == "equirectangular") notes.xmp = gpano_xmp(header.width(), header.height());
+  if (is_linear16(*format)) {
+    notes.numbers = PngNotes::Numbers::kLinear;
+    notes.comment = "Numbers are proportional to light.";
+    if (header.has_full_exposure_ns()) {
+      notes.comment += fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
+                                   header.full_exposure_ns());
+    }
+  }
+  return png_file(picture, notes);
 }
 
 std::string raw_sidecar(const ReceivedRaymap& raymap) {
@@ -164,8 +145,8 @@ std::string raw_sidecar(const ReceivedRaymap& raymap) {
   if (format) {
     const ImageView view = packed_image(*format, static_cast<int>(raymap.header.width()),
                                         static_cast<int>(raymap.header.height()), raymap.bytes.data());
-    const std::array<std::string_view, 3> names = *format == PixelFormat::kRgb24
-                                                      ? std::array<std::string_view, 3>{"R", "G", "B"}
+    const bool rgb = in_8_bits(*format) == PixelFormat::kRgb24;
+    const std::array<std::string_view, 3> names = rgb ? std::array<std::string_view, 3>{"R", "G", "B"}
                                                       : std::array<std::string_view, 3>{"Y", "U", "V"};
     for (int c = 0; c < component_count(*format); ++c) {
       const PlaneView& plane = view.planes[static_cast<std::size_t>(c)];
@@ -179,6 +160,12 @@ std::string raw_sidecar(const ReceivedRaymap& raymap) {
   }
   json["planes"] = planes;
   json["range"] = "full";
+  const bool linear = format && is_linear16(*format);
+  json["bits"] = linear ? 16 : 8;
+  if (linear) {
+    json["byte_order"] = "little";
+    json["numbers"] = "linear";
+  }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

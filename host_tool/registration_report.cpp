@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "host_tool/grey_png.h"
+#include "host_tool/png_file.h"
 #include "host_tool/html_report.h"
 #include "host_tool/sphere_graph.h"
 #include "stitch/geometry/head.h"
@@ -109,7 +109,8 @@ Spheres spheres_of(const Rig& rig) {
 }
 
 std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
-  return grey_png({width, height, values}, 0, "nodal register").value_or(std::vector<std::uint8_t>());
+  return png_file({width, height, 1, 8, values}, {PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
+      .value_or(std::vector<std::uint8_t>());
 }
 
 // The middle of what two heads share, as rays of the rig.

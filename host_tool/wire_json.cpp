@@ -169,6 +169,9 @@ Json to_json(const wire::RaymapHeader& header) {
   if (header.has_trigger()) json["trigger"] = header.trigger();
   if (header.has_begin_spread_ns()) json["begin_spread_ns"] = header.begin_spread_ns();
   if (header.has_drift_ppb()) json["drift_ppb"] = header.drift_ppb();
+  if (header.has_full_exposure_ns()) json["full_exposure_ns"] = header.full_exposure_ns();
+  json["exposure_ns"] = header.exposure_ns();
+  json["gain_mdb"] = header.gain_mdb();
   json["offset_ns"] = Json::array();
   for (const std::int64_t offset : header.offset_ns()) json["offset_ns"].push_back(offset);
   return json;

@@ -13,12 +13,31 @@ std::string_view pixel_format_name(PixelFormat format) {
     case PixelFormat::kUyvy: return "UYVY";
     case PixelFormat::kRgb24: return "RGB24";
     case PixelFormat::kMjpeg: return "MJPEG";
+    case PixelFormat::kGrey16: return "GREY16";
+    case PixelFormat::kRgb48: return "RGB48";
   }
   return "unknown";
 }
 
+bool has_chroma(PixelFormat format) {
+  return format == PixelFormat::kI420 || format == PixelFormat::kNv12 || format == PixelFormat::kYuyv ||
+         format == PixelFormat::kUyvy;
+}
+
+bool is_raymap_format(PixelFormat format) {
+  return format != PixelFormat::kYuyv && format != PixelFormat::kUyvy && format != PixelFormat::kMjpeg;
+}
+
+bool is_linear16(PixelFormat format) { return format == PixelFormat::kGrey16 || format == PixelFormat::kRgb48; }
+
+PixelFormat in_8_bits(PixelFormat format) {
+  if (format == PixelFormat::kGrey16) return PixelFormat::kGrey8;
+  return format == PixelFormat::kRgb48 ? PixelFormat::kRgb24 : format;
+}
+
 int component_count(PixelFormat format) {
-  return format == PixelFormat::kGrey8 || format == PixelFormat::kMjpeg ? 1 : 3;
+  const bool one = format == PixelFormat::kGrey8 || format == PixelFormat::kGrey16 || format == PixelFormat::kMjpeg;
+  return one ? 1 : 3;
 }
 
 PlaneGrid component_grid(PixelFormat format, int c) {
@@ -67,6 +86,8 @@ std::size_t packed_size(PixelFormat format, int width, int height) {
     case PixelFormat::kYuyv:
     case PixelFormat::kUyvy: return 4 * half_w * h;
     case PixelFormat::kRgb24: return 3 * w * h;
+    case PixelFormat::kGrey16: return 2 * w * h;
+    case PixelFormat::kRgb48: return 6 * w * h;
     case PixelFormat::kMjpeg: return 0;
   }
   return 0;
@@ -111,9 +132,15 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
       break;
     }
     case PixelFormat::kRgb24:
-      image.planes = {{{data, width, height, 3 * w, 3},
-                       {data + 1, width, height, 3 * w, 3},
-                       {data + 2, width, height, 3 * w, 3}}};
+    case PixelFormat::kRgb48: {
+      const int sample = format == PixelFormat::kRgb48 ? 2 : 1;
+      for (int c = 0; c < 3; ++c) {
+        image.planes[static_cast<std::size_t>(c)] = {data + c * sample, width, height, 3 * sample * w, 3 * sample};
+      }
+      break;
+    }
+    case PixelFormat::kGrey16:
+      image.planes[0] = {data, width, height, 2 * w, 2};
       break;
     case PixelFormat::kMjpeg: break;
   }

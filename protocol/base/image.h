@@ -19,11 +19,21 @@ enum class PixelFormat : std::uint8_t {
   kUyvy = 5,
   kRgb24 = 6,  ///< R G B bytes
   kMjpeg = 7,  ///< one JPEG picture; plane 0 holds its bytes in one row
+  // Of raymaps only: linear light in 16 bits a sample, the lower byte first.
+  kGrey16 = 8,
+  kRgb48 = 9,
 };
 
 std::string_view pixel_format_name(PixelFormat format);
+/// Y and half-sized U and V, rather than grey or R G B.
+bool has_chroma(PixelFormat format);
+/// What a raymap may be of.
+bool is_raymap_format(PixelFormat format);
+/// Linear light in 16 bits; and the format that has the same components in 8 bits, itself where it is one of 8.
+bool is_linear16(PixelFormat format);
+PixelFormat in_8_bits(PixelFormat format);
 
-/// One component's samples: sample (i, j) is at data[j * row_stride + i * pixel_stride].
+/// One component's samples: sample (i, j) is at data[j * row_stride + i * pixel_stride]; strides are bytes.
 template <class Byte>
 struct BasicPlaneView {
   Byte* data = nullptr;

@@ -60,7 +60,7 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
   }
 }
 
-/// I420's chroma in rows [row_begin, row_end) of the raymap.
+/// Chroma in rows [row_begin, row_end) of the raymap.
 void fade_chroma(const ChromaFade& fade, const MutableImageView& raymap, int row_begin, int row_end) {
   const MutablePlaneView& luma = raymap.planes[0];
   for (int y = row_begin; y < row_end; y += 2) {
@@ -68,12 +68,13 @@ void fade_chroma(const ChromaFade& fade, const MutableImageView& raymap, int row
     const std::uint8_t* lower = y + 1 < raymap.height ? upper + luma.row_stride : upper;
     std::uint8_t* u = raymap.planes[1].data + y / 2 * raymap.planes[1].row_stride;
     std::uint8_t* v = raymap.planes[2].data + y / 2 * raymap.planes[2].row_stride;
-    for (int x = 0; x < (raymap.width + 1) / 2; ++x) {
+    const int step = raymap.planes[1].pixel_stride;
+    for (int x = 0; x < (raymap.width + 1) / 2; ++x, u += step, v += step) {
       const int right = std::min(2 * x + 1, raymap.width - 1);
       const int level = (upper[2 * x] + upper[right] + lower[2 * x] + lower[right] + 2) >> 2;
       const int left = fade.of_luma[static_cast<std::size_t>(level)];
-      u[x] = static_cast<std::uint8_t>(128 + (((u[x] - 128) * left + 128) >> 8));
-      v[x] = static_cast<std::uint8_t>(128 + (((v[x] - 128) * left + 128) >> 8));
+      *u = static_cast<std::uint8_t>(128 + (((*u - 128) * left + 128) >> 8));
+      *v = static_cast<std::uint8_t>(128 + (((*v - 128) * left + 128) >> 8));
     }
   }
 }
@@ -115,7 +116,7 @@ void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, co
       default: blend_scalar(job); break;
     }
   }
-  if (tone.fade && raymap.format == PixelFormat::kI420 && table.grids[0].places.empty()) {
+  if (tone.fade && has_chroma(raymap.format) && table.grids[0].places.empty()) {
     fade_chroma(*tone.fade, raymap, row_begin, row_end);
   }
 }

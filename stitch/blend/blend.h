@@ -28,6 +28,7 @@ using Pictures = std::span<const ImageView>;
 ///     dark      = mulr(dark, gain)                               if gains act; gain = mulr(vignetting's, HeadTone's)
 ///     light    += mulr(dark, -weight)                            as weights are: exactly one is then a 16-bit number
 ///   level       = black + mulr(light, scale), or curve(light) + 64 >> 7, clamped to 0 .. 255
+///   or, of raymaps of 16 bits: number = table.linear[light], 0 for light below 0
 ///
 /// where `gain` is HeadTone's alone for tables without vignetting gains. Weights w are those of the table; where a
 /// head that looks at the tile is missing, or SetTone::confidence is there and the tile has several records, they are
@@ -42,7 +43,7 @@ using Pictures = std::span<const ImageView>;
 /// all rows have been blended.
 ///
 /// The table has been validated, every head's picture is what table.sources says, prepared as prepare.h says where the
-/// source needs it, and the raymap what table.format says; nothing is checked here. The kernel that runs is the
+/// source needs it, and the raymap what table.format says (of 16 bits: packed in each row); nothing is checked here. The kernel that runs is the
 /// fastest this processor has; they all give the same bytes.
 ///
 /// Threading: thread-safe; call with disjoint rows from as many threads as you like: any split gives the same

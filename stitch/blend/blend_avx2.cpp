@@ -343,8 +343,19 @@ struct Avx2 {
     }
   }
 
+  /// Light as it is.
   template <int N>
-  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+  static inline void finish(const BlendJob&, const Halves<N>& light, bool negative, std::int16_t* out) {
+    for (std::size_t c = 0; c < N; ++c) {
+      for (std::size_t half = 0; half < 2; ++half) {
+        const Rows rows = negative ? negated(light[c][half], _mm256_setzero_si256()) : light[c][half];
+        list_half(rows, half, out + c * kStrip);
+      }
+    }
+  }
+
+  template <int N, class Number>
+  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
     const Steps s = steps();
     Halves<N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
@@ -394,10 +405,24 @@ struct Avx2 {
     }
   }
 
+  /// Past the caches, where a whole line will come of it.
+  static inline void put(std::uint8_t* to, V bytes) {
+    if ((reinterpret_cast<std::uintptr_t>(to) & 31) == 0) {
+      _mm256_stream_si256(reinterpret_cast<V*>(to), bytes);
+    } else {
+      _mm256_storeu_si256(reinterpret_cast<V*>(to), bytes);
+    }
+  }
+  static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) {
+    for (; bytes >= 32; bytes -= 32, to += 32, from += 32) put(to, load(from));
+    std::memcpy(to, from, bytes);
+  }
+
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
     const bool triples = N == 3 && interleaved(job);
-    if (!triples && job.out[0].pixel_stride != 1) return false;
+    const bool pairs = N == 2 && paired(job);
+    if (!triples && !pairs && job.out[0].pixel_stride != 1) return false;
     for (std::size_t j = 0; j < kTile; ++j) {
       const auto eight = [&](std::size_t c, std::size_t tile) {
         std::int64_t bytes;
@@ -420,15 +445,20 @@ struct Avx2 {
         }
         continue;
       }
+      if (pairs) {
+        std::uint8_t* to = job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2;
+        for (std::size_t k = 0; k < 8; k += 2, to += 32) {
+          const __m128i u = _mm_set_epi64x(eight(0, k + 1), eight(0, k));
+          const __m128i v = _mm_set_epi64x(eight(N - 1, k + 1), eight(N - 1, k));
+          put(to, _mm256_set_m128i(_mm_unpackhi_epi8(u, v), _mm_unpacklo_epi8(u, v)));
+        }
+        continue;
+      }
       for (std::size_t c = 0; c < N; ++c) {
         std::uint8_t* to = job.out[c].data + row * job.out[c].row_stride + x;
         for (std::size_t k = 0; k < 8; k += 4, to += 32) {
           const V four = _mm256_setr_epi64x(eight(c, k), eight(c, k + 1), eight(c, k + 2), eight(c, k + 3));
-          if ((reinterpret_cast<std::uintptr_t>(to) & 31) == 0) {
-            _mm256_stream_si256(reinterpret_cast<V*>(to), four);
-          } else {
-            _mm256_storeu_si256(reinterpret_cast<V*>(to), four);
-          }
+          put(to, four);
         }
       }
     }

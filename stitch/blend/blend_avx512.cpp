@@ -163,6 +163,14 @@ constexpr Picks kTripleBytes = triple_bytes();
 /// Which of them are B's.
 constexpr std::array<__mmask64, 3> kThirds{0x4924924924924924, 0x2492492492492492, 0x9249249249249249};
 
+/// The same of U V U V ..: V in the register after U's.
+constexpr Picks pair_bytes() {
+  Picks picks;
+  for (std::size_t m = 0; m < 128; ++m) picks.of[m / 64][m % 64] = static_cast<std::uint8_t>(m / 2 + m % 2 * 64);
+  return picks;
+}
+constexpr Picks kPairBytes = pair_bytes();
+
 struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
@@ -224,9 +232,20 @@ struct Avx512 {
     }
   }
 
+  /// Light as it is.
   template <int N>
+  [[gnu::always_inline]] static inline void finish(const BlendJob&, const std::array<Rows, N>& light, bool negative,
+                                                   std::int16_t* out) {
+    const V zero = _mm512_setzero_si512();
+    for (std::size_t c = 0; c < N; ++c) {
+      _mm512_store_si512(out + c * kStrip, negative ? _mm512_sub_epi16(zero, light[c].even) : light[c].even);
+      _mm512_store_si512(out + c * kStrip + 32, negative ? _mm512_sub_epi16(zero, light[c].odd) : light[c].odd);
+    }
+  }
+
+  template <int N, class Number>
   [[gnu::always_inline]] static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records,
-                                                 std::uint8_t* out) {
+                                                 Number* out) {
     const Steps s = steps();
     std::array<Rows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
@@ -304,11 +323,17 @@ struct Avx512 {
     }
   }
 
+  static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) {
+    for (; bytes >= 64; bytes -= 64, to += 64, from += 64) put(to, _mm512_loadu_si512(from));
+    std::memcpy(to, from, bytes);
+  }
+
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
     const int step = job.out[0].pixel_stride;
     const bool triples = N == 3 && interleaved(job);
-    if (!triples && step != 1) return false;
+    const bool pairs = N == 2 && paired(job);
+    if (!triples && !pairs && step != 1) return false;
     V rows[N][8];
     for (std::size_t c = 0; c < N; ++c) rows_of(strip + c * kStrip, rows[c]);
     for (std::size_t j = 0; j < kTile; ++j) {
@@ -319,6 +344,11 @@ struct Avx512 {
           const V two = _mm512_permutex2var_epi8(rows[0][j], from, rows[N > 1 ? 1 : 0][j]);
           put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3 + static_cast<std::ptrdiff_t>(64 * k),
               _mm512_mask_permutexvar_epi8(two, kThirds[k], from, rows[N - 1][j]));
+        }
+      } else if (pairs) {
+        for (std::size_t k = 0; k < 2; ++k) {
+          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2 + static_cast<std::ptrdiff_t>(64 * k),
+              _mm512_permutex2var_epi8(rows[0][j], load(kPairBytes.of[k]), rows[N - 1][j]));
         }
       } else {
         for (std::size_t c = 0; c < N; ++c) put(job.out[c].data + row * job.out[c].row_stride + x, rows[c][j]);

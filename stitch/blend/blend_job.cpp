@@ -38,10 +38,11 @@ PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size
   return plane;
 }
 
-template <std::size_t kPieces>
-void expand(const std::array<std::int16_t, kPieces + 1>& knots, Pieces<kPieces>& pieces) {
+template <std::size_t kPieces, class Knots>
+void expand(const Knots& knots, Pieces<kPieces>& pieces) {
+  static_assert(std::tuple_size_v<Knots> == kPieces + 1);
   for (std::size_t i = 0; i < kPieces; ++i) {
-    pieces.set(i, knots[i], static_cast<std::int16_t>(knots[i + 1] - knots[i]));
+    pieces.set(i, static_cast<std::int16_t>(knots[i]), static_cast<std::int16_t>(knots[i + 1] - knots[i]));
   }
 }
 
@@ -51,9 +52,7 @@ void expand_tone(const SetTone& tone, BlendJob& job) {
   job.gains = tone.gains || !job.grid->gains.empty();
   job.curves = false;
   ToneCurve same;
-  for (std::size_t i = 0; i < same.knots.size(); ++i) {
-    same.knots[i] = static_cast<std::int16_t>(i < 32 ? i << 10 : 32767);  // never reached; no sample is that large
-  }
+  for (std::size_t i = 0; i < same.knots.size(); ++i) same.knots[i] = static_cast<std::uint16_t>(i << 10);
   std::uint32_t classes = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(job.components); ++c) classes |= 1U << job.component[c].tone;
   for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
@@ -63,7 +62,6 @@ void expand_tone(const SetTone& tone, BlendJob& job) {
     for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
       for (std::size_t k = 0; k < kToneClasses; ++k) {
         expand<32>(tone.heads[h].curve[k].value_or(same).knots, job.curve[h][k]);
-        if (!tone.heads[h].curve[k]) job.curve[h][k].set(31, same.knots[31], 1024);
       }
     }
   }

@@ -267,8 +267,18 @@ struct Neon {
     }
   }
 
+  /// Light as it is.
   template <int N>
-  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+  static inline void finish(const BlendJob&, const std::array<TileRows, N>& light, bool negative, std::int16_t* out) {
+    for (std::size_t c = 0; c < N; ++c) {
+      for (std::size_t j = 0; j < kTile; ++j) {
+        vst1q_s16(out + c * kStrip + row_place(j) * kTile, negative ? vnegq_s16(light[c][j]) : light[c][j]);
+      }
+    }
+  }
+
+  template <int N, class Number>
+  static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
     std::array<TileRows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
@@ -320,10 +330,13 @@ struct Neon {
     }
   }
 
+  static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
+
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
     const bool triples = N == 3 && interleaved(job);
-    if (!triples && job.out[0].pixel_stride != 1) return false;
+    const bool pairs = N == 2 && paired(job);
+    if (!triples && !pairs && job.out[0].pixel_stride != 1) return false;
     for (std::size_t j = 0; j < kTile; ++j) {
       const auto eight = [&](std::size_t c, std::size_t tile) {
         return vld1_u8(strip + c * kStrip + tile * kTilePixels + j * kTile);
@@ -333,6 +346,8 @@ struct Neon {
         const std::ptrdiff_t column = x + static_cast<std::ptrdiff_t>(k * kTile);
         if (triples) {
           vst3_u8(job.out[0].data + row * job.out[0].row_stride + 3 * column, {{eight(0, k), eight(N / 2, k), eight(N - 1, k)}});
+        } else if (pairs) {
+          vst2_u8(job.out[0].data + row * job.out[0].row_stride + 2 * column, {{eight(0, k), eight(N - 1, k)}});
         } else {
           for (std::size_t c = 0; c < N; ++c) vst1_u8(job.out[c].data + row * job.out[c].row_stride + column, eight(c, k));
         }

@@ -5,8 +5,8 @@ namespace nodal::blend {
 namespace {
 
 struct Scalar {
-  template <int N>
-  static void tile(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+  template <int N, class Number>
+  static void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
     std::array<Dark, N> light{};
     std::array<Dark, N> dark;
     Weights weights;
@@ -24,13 +24,7 @@ struct Scalar {
         }
       }
     }
-    for (std::size_t c = 0; c < N; ++c) {
-      for (std::size_t j = 0; j < kTile; ++j) {
-        for (std::size_t i = 0; i < kTile; ++i) {
-          out[c * kStrip + j * kTile + i] = level_of(job, c, light[c][pixel_place(i, j)]);
-        }
-      }
-    }
+    for (std::size_t c = 0; c < N; ++c) finish_tile(job, c, light[c], out + c * kStrip);
   }
 
   template <int N>
@@ -49,6 +43,8 @@ struct Scalar {
   static bool emit(const BlendJob&, int, int, const std::uint8_t*) {
     return false;
   }
+
+  static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
 };
 
 }  // namespace

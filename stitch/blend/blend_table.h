@@ -26,6 +26,7 @@ inline constexpr int kGainBits = 12;      ///< of Source::gain
 inline constexpr int kMaxGain = 32767;    ///< of Source::gain: just below 8
 inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
 inline constexpr int kMaxSharpen = 16;
+inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< of BlendTable::linear
 inline constexpr int kMaxLevels = 5;      ///< of a head's pyramid: 1, 1/2, .. 1/16
 
 /// Where row j of a tile is kept in an array of 64 values by pixel: even rows first, as registers hold them.
@@ -141,7 +142,7 @@ struct ComponentRule {
 
 /// A raymap's blend, whole. Immutable once validated.
 struct BlendTable {
-  PixelFormat format = PixelFormat::kI420;  ///< of the raymap
+  PixelFormat format = PixelFormat::kI420;  ///< of the raymap: I420, NV12, RGB24, GREY, RGB48 or GREY16
   int width = 0;                            ///< of the raymap, px
   int height = 0;
   struct Source {
@@ -164,6 +165,9 @@ struct BlendTable {
   std::array<ComponentRule, kMaxPlanes> components{};
   /// What GridTable::gains are relative to, in 1/256, 256 .. 2048.
   std::uint16_t vignetting_scale = 256;
+  /// Of raymaps of 16 bits, the number that each light 0 .. 2^15 - 1 is written as, rising from 0 for no light to 65535
+  /// for kMaxSample; empty for others.
+  std::vector<std::uint16_t> linear;
 };
 
 }  // namespace nodal::blend

@@ -17,17 +17,6 @@ void trust(int full, int clipped, Stops above_darkest, Stops below_brightest, st
   }
 }
 
-Confidence trust_all(bool by_luma, std::span<const ExposedHead> heads, Stops least, Stops most) {
-  Confidence confidence;
-  for (std::size_t h = 0; h < heads.size(); ++h) {
-    const Stops exposure = heads[h].exposure;
-    // By luma alone it cannot be seen that red or blue is clipped: it is, by a luma of 168, in a light that has half as
-    // much again of one of them. Else: mixed with a clipped neighbour, a sample is not yet full itself.
-    trust(by_luma ? 168 : 232, by_luma ? 240 : 250, exposure - least, most - exposure, confidence.of_level[h]);
-  }
-  return confidence;
-}
-
 /// What a sample of light^(1 / 2.2), 1 / 256 of it, is shown as.
 std::int64_t shown_at(const ToneTable& tones, std::int64_t sample) {
   if (tones.shown.empty()) return std::min<std::int64_t>(sample / 256, kMaxSample);
@@ -85,6 +74,20 @@ void add_curves(const BlendTable& table, const ToneTable& tones, std::int64_t to
 
 }  // namespace
 
+std::optional<Confidence> confidence_of(std::span<const ExposedHead> heads, bool by_luma) {
+  const auto [least, most] = std::ranges::minmax(heads, {}, &ExposedHead::exposure);
+  if (most.exposure - least.exposure < kTrustDifference) return std::nullopt;
+  std::optional<Confidence> confidence(std::in_place);
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const Stops exposure = heads[h].exposure;
+    // By luma alone it cannot be seen that red or blue is clipped: it is, by a luma of 168, in a light that has half as
+    // much again of one of them. Else: mixed with a clipped neighbour, a sample is not yet full itself.
+    trust(by_luma ? 168 : 232, by_luma ? 240 : 250, exposure - least.exposure, most.exposure - exposure,
+          confidence->of_level[h]);
+  }
+  return confidence;
+}
+
 std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full) {
   const std::int64_t from = full * kSoftFromPercent / 100;
   if (value <= from || top <= full) return std::min(value, full);
@@ -123,7 +126,7 @@ SetTone tone_of_exposures(const BlendTable& table, const ToneTable& tones, std::
   SetTone tone = tone_of_gains(table, std::span(gains).first(count));
   const auto top = static_cast<std::int64_t>(exp2_stops(std::min(most_lift, 3 * kStop), kMaxSample));
   add_curves(table, tones, top, tone);
-  if (most - least >= kTrustDifference) tone.confidence = trust_all(has_black(table, 1), heads.first(count), least, most);
+  tone.confidence = confidence_of(heads.first(count), has_black(table, 1));
   return tone;
 }
 

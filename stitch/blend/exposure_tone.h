@@ -27,6 +27,11 @@ struct ToneTable {
   std::vector<Head> heads;
   /// The sample that light^(1 / 2.2) is shown as, at 1 / 1024 of its range; empty when heads have no curves.
   std::vector<std::int16_t> shown;
+  /// For raymaps of linear light, whose heads' numbers, or their curves, are all the same power of light: the light, in
+  /// 1 / kWhite of what is shown white, that sRGB shows as each level, and how it would go on. Empty for others.
+  std::vector<std::uint32_t> shown_light;
+  static constexpr std::uint32_t kWhite = 1 << 20;
+  static constexpr std::size_t kShownLevels = 8 * 255 + 1;  ///< three stops of numbers more than there are
   /// What heads that were exposed less saw of light that fills the raymap's samples: held back so that all of it is
   /// shown (soften()), or clipped.
   bool soft = true;
@@ -48,8 +53,11 @@ inline constexpr Stops kTrustDifference = kStop / 8;
 std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full);
 inline constexpr std::int64_t kSoftFromPercent = 70;
 
+/// Who is to be trusted; nothing, where heads are exposed nearly alike. `by_luma`: colours are not seen by themselves.
+std::optional<Confidence> confidence_of(std::span<const ExposedHead> heads, bool by_luma);
+
 /// The tone that shows every head as if it had been exposed like the mean of them; the table's calibrated_tone where
-/// they were. Allocates nothing.
+/// they were. Not for raymaps of linear light, see linear_tone.h. Allocates nothing.
 SetTone tone_of_exposures(const BlendTable& table, const ToneTable& tones, std::span<const ExposedHead> heads);
 
 }  // namespace nodal::blend

@@ -1,13 +1,18 @@
 // How a call of blend_rows goes through its tiles, for any kernel. Internal to stitch/blend; in an unnamed namespace for
 // the reason that tile_math.h gives. A kernel is a type with
 //
-//   template <int N> static void tile(const BlendJob&, const Tile&, std::size_t records, std::uint8_t* out);
-//     the levels of N components of a tile none of whose heads is missing, row by row, each kStrip after the other;
+//   template <int N, class Number> static void tile(const BlendJob&, const Tile&, std::size_t records, Number* out);
+//     N components of a tile none of whose heads is missing, each kStrip after the other: levels (std::uint8_t) row by
+//     row; light (std::int16_t), for raymaps of 16 bits, by pixel_place();
 //   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<Dark, N>&);
 //     the samples of a record's pixels with weight, before curve and gain;
 //   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
-//     writes a whole strip to the raymap at (x, y), or leaves that to others.
+//     writes a whole strip to the raymap at (x, y), or leaves that to others;
+//   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes);
+//     copies what will not be read soon.
 #pragma once
+
+#include <cstring>
 
 #include "stitch/blend/tile_math.h"
 
@@ -23,10 +28,25 @@ inline bool interleaved(const BlendJob& job) {
   return out[0].pixel_stride == 3 && out[1].data == out[0].data + 1 && out[2].data == out[0].data + 2;
 }
 
+/// Whether it is U V U V ..
+inline bool paired(const BlendJob& job) {
+  return job.out[0].pixel_stride == 2 && job.out[1].pixel_stride == 2 && job.out[1].data == job.out[0].data + 1;
+}
+
+/// A component's light of a tile as what strips hold.
+inline void finish_tile(const BlendJob& job, std::size_t c, const Dark& light, std::uint8_t* out) {
+  for (std::size_t j = 0; j < kTile; ++j) {
+    for (std::size_t i = 0; i < kTile; ++i) out[j * kTile + i] = level_of(job, c, light[pixel_place(i, j)]);
+  }
+}
+inline void finish_tile(const BlendJob&, std::size_t, const Dark& light, std::int16_t* out) {
+  std::copy(light.begin(), light.end(), out);
+}
+
 /// The general way: some head of the tile is missing, or heads are trusted by what they saw. Goes over the records
 /// twice, first for the sum of the weights.
-template <class Kernel, int N>
-void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records, std::uint8_t* out) {
+template <class Kernel, int N, class Number>
+void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
   std::array<std::uint32_t, kTilePixels> sum{};
   std::array<std::array<std::int16_t, kTilePixels>, N> light{};
   std::array<Dark, N> samples;
@@ -58,15 +78,11 @@ void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records,
       }
     }
   }
-  for (std::size_t c = 0; c < N; ++c) {
-    for (std::size_t j = 0; j < kTile; ++j) {
-      for (std::size_t i = 0; i < kTile; ++i) out[c * kStrip + j * kTile + i] = level_of(job, c, light[c][pixel_place(i, j)]);
-    }
-  }
+  for (std::size_t c = 0; c < N; ++c) finish_tile(job, c, light[c], out + c * kStrip);
 }
 
-template <class Kernel, int N>
-void blend_tile(const BlendJob& job, std::size_t t, std::uint8_t* out) {
+template <class Kernel, int N, class Number>
+void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
   const Tile& tile = job.grid->tiles[t];
   const std::size_t records = job.grid->tiles[t + 1].record - tile.record;
   bool carefully = job.careful && records > 1;
@@ -76,9 +92,9 @@ void blend_tile(const BlendJob& job, std::size_t t, std::uint8_t* out) {
     }
   }
   if (carefully) {
-    blend_carefully<Kernel, N>(job, tile, records, out);
+    blend_carefully<Kernel, N, Number>(job, tile, records, out);
   } else {
-    Kernel::template tile<N>(job, tile, records, out);
+    Kernel::template tile<N, Number>(job, tile, records, out);
   }
 }
 
@@ -105,6 +121,18 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
   }
 }
 
+/// The number of 16 bits that light is written as.
+inline std::uint16_t linear_of(const BlendJob& job, std::int16_t light) {
+  return job.table->linear[static_cast<std::size_t>(std::max<std::int16_t>(light, 0))];
+}
+
+/// Writes what the strip of a component holds of a tile's pixel p, counted row by row.
+inline void put_pixel(const BlendJob&, const std::uint8_t* strip, std::size_t p, std::uint8_t* to) { *to = strip[p]; }
+inline void put_pixel(const BlendJob& job, const std::int16_t* strip, std::size_t p, std::uint8_t* to) {
+  const std::uint16_t number = linear_of(job, strip[pixel_place(p % kTile, p / kTile)]);
+  std::memcpy(to, &number, sizeof number);
+}
+
 /// Where the pixels of a tile that lie anywhere (GridTable::places) are in a plane; of those beyond the grid, not.
 inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView& plane, const std::uint32_t* places) {
   std::array<std::ptrdiff_t, kTilePixels> to;
@@ -115,8 +143,8 @@ inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView&
 }
 
 /// Writes a strip of pixels that lie anywhere; t: its first tile.
-template <int N>
-void scatter_strip(const BlendJob& job, std::size_t t, int row, const std::uint8_t* strip) {
+template <int N, class Number>
+void scatter_strip(const BlendJob& job, std::size_t t, int row, const Number* strip) {
   const auto begin = static_cast<std::size_t>(std::max(0, job.row_begin - row * kTile) * kTile);
   const auto end = static_cast<std::size_t>(std::min(kTile, job.row_end - row * kTile) * kTile);
   const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
@@ -125,21 +153,42 @@ void scatter_strip(const BlendJob& job, std::size_t t, int row, const std::uint8
     for (std::size_t c = 0; c < N; ++c) {
       const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
       std::uint8_t* data = job.out[c].data;
-      const std::uint8_t* from = strip + c * kStrip;
+      const Number* from = strip + c * kStrip;
       if (whole) {
-        for (std::size_t p = begin; p < end; ++p) data[to[p]] = from[p];
+        for (std::size_t p = begin; p < end; ++p) put_pixel(job, from, p, data + to[p]);
       } else {
         for (std::size_t p = begin; p < end; ++p) {
-          if (places[p] != GridTable::kNowhere) data[to[p]] = from[p];
+          if (places[p] != GridTable::kNowhere) put_pixel(job, from, p, data + to[p]);
         }
       }
     }
   }
 }
 
+/// write_strip of light, as numbers of 16 bits.
 template <class Kernel, int N>
+void write_strip(const BlendJob& job, int column, int row, const std::int16_t* strip) {
+  const int x = column * kTile;
+  const int y = row * kTile;
+  const int columns = std::min(8 * kTile, job.grid->width - x);
+  alignas(64) std::array<std::uint16_t, N * 8 * kTile> numbers;
+  for (int j = std::max(y, job.row_begin); j < std::min({y + kTile, job.row_end, job.grid->height}); ++j) {
+    const std::int16_t* from = strip + row_place(static_cast<std::size_t>(j - y)) * kTile;
+    for (std::size_t k = 0; k < 8; ++k) {
+      for (std::size_t i = 0; i < kTile; ++i) {
+        for (std::size_t c = 0; c < N; ++c) {
+          numbers[(k * kTile + i) * N + c] = linear_of(job, from[c * kStrip + k * kTilePixels + i]);
+        }
+      }
+    }
+    std::uint8_t* to = job.out[0].data + j * job.out[0].row_stride + std::ptrdiff_t{x} * job.out[0].pixel_stride;
+    Kernel::put(to, reinterpret_cast<const std::uint8_t*>(numbers.data()), static_cast<std::size_t>(columns) * N * 2);
+  }
+}
+
+template <class Kernel, int N, class Number>
 void blend_grid(const BlendJob& job) {
-  alignas(64) std::array<std::uint8_t, N * kStrip> strip;
+  alignas(64) std::array<Number, N * kStrip> strip;
   const GridTable& grid = *job.grid;
   const int block_rows = grid.block_rows();
   const int first = job.row_begin / kTile;
@@ -149,12 +198,12 @@ void blend_grid(const BlendJob& job) {
       for (int row = std::max(first, block); row < std::min(last, block + block_rows); ++row) {
         const std::size_t t = grid.tile_index(column, row);
         for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
-          blend_tile<Kernel, N>(job, t + k, strip.data() + k * kTilePixels);
+          blend_tile<Kernel, N, Number>(job, t + k, strip.data() + k * kTilePixels);
         }
         if (grid.places.empty()) {
           write_strip<Kernel, N>(job, column, row, strip.data());
         } else {
-          scatter_strip<N>(job, t, row, strip.data());
+          scatter_strip<N, Number>(job, t, row, strip.data());
         }
       }
     }
@@ -163,10 +212,14 @@ void blend_grid(const BlendJob& job) {
 
 template <class Kernel>
 void blend_by(const BlendJob& job) {
+  if (is_linear16(job.table->format)) {
+    if (job.components == 1) return blend_grid<Kernel, 1, std::int16_t>(job);
+    return blend_grid<Kernel, 3, std::int16_t>(job);
+  }
   switch (job.components) {
-    case 1: blend_grid<Kernel, 1>(job); break;
-    case 2: blend_grid<Kernel, 2>(job); break;
-    case 3: blend_grid<Kernel, 3>(job); break;
+    case 1: blend_grid<Kernel, 1, std::uint8_t>(job); break;
+    case 2: blend_grid<Kernel, 2, std::uint8_t>(job); break;
+    case 3: blend_grid<Kernel, 3, std::uint8_t>(job); break;
     default: break;
   }
 }

@@ -4,19 +4,19 @@
 
 namespace nodal::blend {
 
-SetTone tone_of_gains(const BlendTable& table, std::span<const std::array<std::uint16_t, kToneClasses>> gains) {
-  constexpr std::uint32_t kOne = 1 << kGainBits;
+SetTone tone_of_fine_gains(const BlendTable& table, std::span<const std::array<std::uint32_t, kToneClasses>> gains) {
+  constexpr std::uint32_t kOne = 1 << kFineGainBits;
   SetTone tone;
   std::uint32_t largest = kOne;
   bool any = table.vignetting_scale != kScaleOne;
   for (const auto& head : gains) {
-    for (const std::uint16_t gain : head) {
-      largest = std::max<std::uint32_t>(largest, gain);
+    for (const std::uint32_t gain : head) {
+      largest = std::max(largest, gain);
       any = any || gain != kOne;
     }
   }
   // The scale is whole 1/256, so it is rounded up first and gains are divided by what it then stands for.
-  const std::uint32_t lift = (largest * 256 + kOne - 1) / kOne;
+  const auto lift = static_cast<std::uint32_t>((std::uint64_t{largest} * 256 + kOne - 1) / kOne);
   const std::uint32_t scale = std::min<std::uint32_t>(32767, (lift * table.vignetting_scale + 255) / 256);
   for (OutputTone& output : tone.output) output.scale = static_cast<std::uint16_t>(scale);
   if (!any) return tone;
@@ -31,6 +31,14 @@ SetTone tone_of_gains(const BlendTable& table, std::span<const std::array<std::u
     }
   }
   return tone;
+}
+
+SetTone tone_of_gains(const BlendTable& table, std::span<const std::array<std::uint16_t, kToneClasses>> gains) {
+  std::array<std::array<std::uint32_t, kToneClasses>, kMaxHeads> fine{};
+  for (std::size_t h = 0; h < gains.size(); ++h) {
+    for (std::size_t k = 0; k < kToneClasses; ++k) fine[h][k] = std::uint32_t{gains[h][k]} << (kFineGainBits - kGainBits);
+  }
+  return tone_of_fine_gains(table, std::span(fine).first(gains.size()));
 }
 
 SetTone calibrated_tone(const BlendTable& table) {

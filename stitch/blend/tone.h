@@ -22,10 +22,11 @@ inline constexpr int kMaxToneGain = 32767;
 /// OutputTone::scale of one; at most 32767, seven stops.
 inline constexpr int kScaleOne = 256;
 
-/// Piecewise linear over samples: knots[i] is the value at sample 1024 i, each 0 .. kMaxSample. In between
+/// Piecewise linear over samples: knots[i] is the value at sample 1024 i, each 0 .. kMaxSample; the last lies beyond all
+/// samples, and may be so much more that the value at kMaxSample is kMaxSample. In between
 ///   k + ((knots[i + 1] - k) * 32 * (sample mod 1024) + 2^14 >> 15),  k = knots[i], i = sample / 1024
 struct ToneCurve {
-  std::array<std::int16_t, 33> knots{};
+  std::array<std::uint16_t, 33> knots{};
   friend bool operator==(const ToneCurve&, const ToneCurve&) = default;
 };
 
@@ -82,6 +83,10 @@ struct SetTone {
 /// by the largest, and the output's scale, which also undoes what the table's vignetting gains were divided by, lifts
 /// them again. One gain for every head of the table.
 SetTone tone_of_gains(const BlendTable& table, std::span<const std::array<std::uint16_t, kToneClasses>> gains);
+
+/// The same of gains in 1 / 2^24, below 8.
+inline constexpr int kFineGainBits = 24;
+SetTone tone_of_fine_gains(const BlendTable& table, std::span<const std::array<std::uint32_t, kToneClasses>> gains);
 
 /// The tone of heads that are exposed as they were when calibrated: tone_of_gains of BlendTable::Source::gain.
 SetTone calibrated_tone(const BlendTable& table);

@@ -6,6 +6,7 @@
 
 #include "stitch/blend/blend_table.h"
 #include "stitch/table/ray_interpolation.h"
+#include "stitch/table/tone_compiler.h"
 
 namespace nodal::table {
 namespace {
@@ -18,27 +19,15 @@ constexpr double kEdge = 1e-6;
 /// The density of a lens at its turning point, which only its very last ray meets.
 constexpr double kEndless = 1e30;
 
-enum class Family { kGrey, kRgb, kYuv, kNone };
-
-Family family_of(PixelFormat format) {
-  switch (format) {
-    case PixelFormat::kGrey8: return Family::kGrey;
-    case PixelFormat::kRgb24: return Family::kRgb;
-    case PixelFormat::kI420:
-    case PixelFormat::kNv12:
-    case PixelFormat::kYuyv:
-    case PixelFormat::kUyvy: return Family::kYuv;
-    case PixelFormat::kMjpeg: return Family::kNone;
-  }
-  return Family::kNone;
+bool mixes_into(PixelFormat head, PixelFormat raymap) {
+  return has_chroma(raymap) ? has_chroma(head) : head == in_8_bits(raymap);
 }
 
 Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                      std::span<const PixelFormat> head_formats, bool fields) {
-  if (raymap_format != PixelFormat::kGrey8 && raymap_format != PixelFormat::kRgb24 &&
-      raymap_format != PixelFormat::kI420) {
+  if (!is_raymap_format(raymap_format)) {
     return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap_format)) +
-                                        " cannot be blended; ask for GREY, RGB24 or I420");
+                                        " cannot be blended; ask for I420, NV12, RGB24, GREY, RGB48 or GREY16");
   }
   if (head_formats.size() != calibration.heads.size()) {
     return fail(Errc::kHeadMismatch, "the calibration has " + std::to_string(calibration.heads.size()) +
@@ -47,13 +36,13 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
   }
   for (std::size_t h = 0; h < head_formats.size(); ++h) {
     const HeadCalibration& head = calibration.heads[h];
-    if (family_of(head_formats[h]) != family_of(raymap_format)) {
+    if (!mixes_into(head_formats[h], raymap_format)) {
       return fail(Errc::kUnsupported,
                   "head '" + head.name + "': its " + std::string(pixel_format_name(head_formats[h])) +
                       " pictures cannot be blended into a raymap of " +
                       std::string(pixel_format_name(raymap_format)) +
-                      "; GREY heads make GREY, RGB24 make RGB24, and I420, NV12, YUYV and UYVY make I420 (decode "
-                      "MJPEG first)");
+                      "; GREY heads make GREY and GREY16, RGB24 make RGB24 and RGB48, and I420, NV12, YUYV and UYVY "
+                      "make I420 and NV12 (decode MJPEG first)");
     }
     if (head.width < kSmallestHead || head.height < kSmallestHead || head.width > 65535 || head.height > 65535) {
       return fail(Errc::kBadValue, "head '" + head.name + "': pictures of " + std::to_string(head.width) + " x " +
@@ -95,15 +84,18 @@ double feather_px(const Region& region, double part) {
   return std::max(1e-3, half * part);
 }
 
-RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, const TableOptions& options) {
+RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, double power,
+                             const TableOptions& options) {
   const double reach = reach_of(head);
   const Eigen::Matrix3d& R = head.R_head_rig();
+  Response response = head.calibration().response;
+  if (is_linear16(raymap_format)) response = {Response::Curve::kGamma, power, {}};  // after the head's own was undone
   RaySampler::Optics optics{TabledLens(head.lens(), reach), R.row(0), R.row(1), R.row(2), std::cos(reach) - 1e-9,
                             feather_px(head.calibration().region, options.feather),
-                            EncodedGain(head.calibration().response)};
+                            EncodedGain(response)};
   if (!options.undo_gain) return optics;
   const std::array<double, 3>& gain = head.calibration().gain;
-  if (family_of(raymap_format) == Family::kRgb) {
+  if (in_8_bits(raymap_format) == PixelFormat::kRgb24) {
     for (std::size_t k = 0; k < 3; ++k) optics.gain[k] = optics.undo.undo(gain[k]);
   } else {
     // Y, U and V each mix all three colours, so a gain of one colour alone cannot be undone component by
@@ -197,16 +189,17 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   sampler.layout_ = &layout;
   sampler.raymap_format_ = raymap_format;
   sampler.options_ = options;
+  sampler.power_ = linear_power(calibration);
   sampler.head_formats_.assign(head_formats.begin(), head_formats.end());
   sampler.heads_ = std::move(*heads);
   for (const geometry::Head& head : sampler.heads_) {
-    sampler.optics_.push_back(optics_of(head, raymap_format, options));
+    sampler.optics_.push_back(optics_of(head, raymap_format, sampler.power_, options));
   }
   const auto* nowhere = static_cast<const std::uint8_t*>(nullptr);
   const ImageView raymap = packed_image(raymap_format, layout.width(), layout.height(), nowhere);
-  const int grids = raymap_format == PixelFormat::kI420 ? 2 : 1;
+  const int grids = has_chroma(raymap_format) ? 2 : 1;
   for (int g = 0; g < grids; ++g) {
-    const auto c = static_cast<std::size_t>(g);  // I420's component 1 is the first of the chroma grid
+    const auto c = static_cast<std::size_t>(g);  // component 1 is the first of the chroma grid
     sampler.grids_.push_back({g, raymap.planes[c].width, raymap.planes[c].height, component_grid(raymap_format, g)});
     std::array<Plane, kMaxHeads> planes;
     for (std::size_t h = 0; h < sampler.heads_.size(); ++h) {

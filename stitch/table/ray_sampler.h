@@ -44,7 +44,7 @@ class RaySampler {
                                  PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                  const TableOptions& options);
 
-  /// A sample grid of the raymap: 0 is full resolution, 1 the chroma of I420.
+  /// A sample grid of the raymap: 0 is full resolution, 1 the chroma of I420 and NV12.
   struct Grid {
     int component = 0;  ///< the first that has it
     int width = 0;
@@ -75,6 +75,8 @@ class RaySampler {
   PixelFormat raymap_format() const { return raymap_format_; }
   const geometry::RaymapLayout& layout() const { return *layout_; }
   const TableOptions& options() const { return options_; }
+  /// Of raymaps of linear light, linear_power(): gains act on light^(1 / power).
+  double power() const { return power_; }
   std::span<const PixelFormat> head_formats() const { return head_formats_; }
   std::span<const geometry::Head> heads() const { return heads_; }
   std::span<const Optics> optics() const { return optics_; }
@@ -89,6 +91,7 @@ class RaySampler {
   const geometry::RaymapLayout* layout_ = nullptr;
   PixelFormat raymap_format_ = PixelFormat::kRgb24;
   TableOptions options_;
+  double power_ = 1;
   std::vector<PixelFormat> head_formats_;
   std::vector<geometry::Head> heads_;
   std::vector<Optics> optics_;

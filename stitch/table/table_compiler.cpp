@@ -11,6 +11,7 @@
 #include "stitch/table/ray_sampler.h"
 #include "stitch/table/sphere_order.h"
 #include "stitch/table/tile_builder.h"
+#include "stitch/table/tone_compiler.h"
 #include "stitch/table/validate.h"
 
 namespace nodal::table {
@@ -18,7 +19,7 @@ namespace {
 
 /// Y U V are full range: no light is Y 0, and U and V are about 128.
 std::array<blend::ComponentRule, kMaxPlanes> component_rules(PixelFormat format) {
-  if (format == PixelFormat::kI420) return {{{0, 0, 0}, {1, 128, 1}, {1, 128, 1}}};
+  if (has_chroma(format)) return {{{0, 0, 0}, {1, 128, 1}, {1, 128, 1}}};
   return {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
 }
 
@@ -241,6 +242,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   table.width = sampler.layout().width();
   table.height = sampler.layout().height();
   table.components = component_rules(table.format);
+  if (is_linear16(table.format)) table.linear = linear_numbers(sampler.power());
   for (std::size_t h = 0; h < sampler.heads().size(); ++h) {
     const geometry::Head& head = sampler.heads()[h];
     blend::BlendTable::Source source{sampler.head_formats()[h], head.width(), head.height()};

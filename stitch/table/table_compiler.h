@@ -23,12 +23,12 @@ struct RaymapSpec {
   std::string layout = "equirectangular";  ///< a name of stitch/geometry/raymap/layout.h
   int width = 2048;
   int height = 1024;
-  PixelFormat format = PixelFormat::kI420;  ///< GREY, RGB24 or I420
+  PixelFormat format = PixelFormat::kI420;  ///< I420, NV12, RGB24, GREY, RGB48 or GREY16
 };
 
 /// Compiles a table on the calling thread and proves it: heads[i] of the calibration delivers head_formats[i] in
-/// the calibration's size. RGB24 heads make RGB24 raymaps, GREY ones GREY, and I420, NV12, YUYV and UYVY in any
-/// mixture I420.
+/// the calibration's size. RGB24 heads make RGB24 and RGB48 raymaps, GREY ones GREY and GREY16, and I420, NV12, YUYV
+/// and UYVY in any mixture I420 and NV12.
 /// Errors: kHeadMismatch when there is not one format a head, kUnsupported for any other pair of formats (names
 /// the head) and for unknown layouts, kNoCoverage when no head sees any of the layout, kTooLarge, and the
 /// calibration's and the layout's own.

@@ -1,14 +1,24 @@
 // How heads' numbers follow light, as integers for the board.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
+#include "protocol/base/image.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/exposure_tone.h"
 
 namespace nodal::table {
 
-/// `soft`: ToneTable's.
+/// For raymaps of a format. `soft`: ToneTable's.
 ///
 /// Threading: thread-safe. Errors: none; the calibration has been checked.
-blend::ToneTable compile_tone_table(const Calibration& calibration, bool soft = true);
+blend::ToneTable compile_tone_table(const Calibration& calibration, PixelFormat raymap, bool soft = true);
+
+/// The p of the light^(1 / p) that heads are blended in for raymaps of linear light: their own numbers, where all of them
+/// have the same gamma; light itself, where curves take them there.
+double linear_power(const Calibration& calibration);
+/// BlendTable::linear.
+std::vector<std::uint16_t> linear_numbers(double power);
 
 }  // namespace nodal::table

@@ -22,19 +22,20 @@ ImageView shape_of(PixelFormat format, int width, int height) {
   return packed_image(format, width, height, static_cast<const std::uint8_t*>(nullptr));
 }
 
-bool is_yuv(PixelFormat format) {
-  return format == PixelFormat::kI420 || format == PixelFormat::kNv12 || format == PixelFormat::kYuyv ||
-         format == PixelFormat::kUyvy;
+/// Whatever the light, there is a number for it, and no light is 0.
+bool is_good_linear(const BlendTable& table) {
+  if (!is_linear16(table.format)) return table.linear.empty();
+  return table.linear.size() == blend::kLinearSteps && table.linear[0] == 0 && std::ranges::is_sorted(table.linear);
 }
 
 Status check_shape(const BlendTable& table) {
-  if (table.format != PixelFormat::kGrey8 && table.format != PixelFormat::kRgb24 &&
-      table.format != PixelFormat::kI420) {
+  if (!is_raymap_format(table.format)) {
     return invalid("raymap format " + std::string(pixel_format_name(table.format)) + " is none it can have");
   }
   if (table.width < 1 || table.height < 1 || table.width > 65535 || table.height > 65535) {
     return invalid("raymap of " + std::to_string(table.width) + " x " + std::to_string(table.height));
   }
+  if (!is_good_linear(table)) return invalid("numbers of linear light");
   if (table.vignetting_scale < 256 || table.vignetting_scale > 2048) {
     return invalid("vignetting scale " + std::to_string(table.vignetting_scale));
   }
@@ -44,7 +45,7 @@ Status check_shape(const BlendTable& table) {
   for (std::size_t h = 0; h < table.sources.size(); ++h) {
     const BlendTable::Source& source = table.sources[h];
     const std::string head = "head " + std::to_string(h) + ": ";
-    const bool fits = table.format == PixelFormat::kI420 ? is_yuv(source.format) : source.format == table.format;
+    const bool fits = has_chroma(table.format) ? has_chroma(source.format) : source.format == in_8_bits(table.format);
     if (!fits) return invalid(head + "format does not fit the raymap's");
     if (source.width < 4 || source.height < 4 || source.width > 65535 || source.height > 65535) {
       return invalid(head + std::to_string(source.width) + " x " + std::to_string(source.height) + " px");
@@ -62,7 +63,7 @@ Status check_shape(const BlendTable& table) {
 
 /// Components that share a grid must be those that share it in the format: every plane's samples are written.
 Status check_components(const BlendTable& table) {
-  const bool chroma = table.format == PixelFormat::kI420;
+  const bool chroma = has_chroma(table.format);
   if (table.grids.size() != (chroma ? 2U : 1U)) return invalid(std::to_string(table.grids.size()) + " grids");
   const ImageView raymap = shape_of(table.format, table.width, table.height);
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(table.format)); ++c) {

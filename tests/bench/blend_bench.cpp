@@ -16,7 +16,9 @@
 #include "opencv_peer.h"
 #include "report.h"
 #include "stitch/blend/blend.h"
+#include "stitch/blend/linear_tone.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/tone_compiler.h"
 #include "tests/bench/workloads.h"
 #include "tests/reference/double_blend.h"
 
@@ -56,7 +58,9 @@ class Course {
     add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
     add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
     add_blends("NV12 read in place", PixelFormat::kNv12, PixelFormat::kI420, own, false);
+    add_blends("NV12 raymap", PixelFormat::kI420, PixelFormat::kNv12, own, false);
     add_blends("RGB", PixelFormat::kRgb24, PixelFormat::kRgb24, own, false);
+    add_blends("RGB, 16 bits linear", PixelFormat::kRgb24, PixelFormat::kRgb48, own, false);
     const int side = static_cast<int>(std::sqrt(own.width() * own.height() / 6.0)) / 16 * 16;
     const auto cube = geometry::make_layout("cube", 3 * side, 2 * side).value();
     add_blends("cube of equal pixels", PixelFormat::kI420, PixelFormat::kI420, *cube, false);
@@ -206,6 +210,10 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   const std::vector<PixelFormat> formats(heads_, head_format);
   const auto table = compile(name, layout, format, formats, options);
   auto tone = std::make_shared<blend::SetTone>(blend::calibrated_tone(*table));
+  if (is_linear16(format)) {
+    const std::vector<blend::ExposedHead> alike(heads_);
+    *tone = blend::linear_tone(*table, table::compile_tone_table(work_.rig, format), alike);
+  }
   if (light) {
     for (blend::HeadTone& head : tone->heads) {
       auto& knots = head.curve[0].emplace().knots;  // costs what any curve does, and leaves samples as they are

@@ -70,6 +70,66 @@ TEST_F(Commands, PngAndRaw_HoldTheSameSphereAsEachOtherSays) {
   EXPECT_EQ(sidecar["planes"][2]["offset"], 256 * 128 * 5 / 4);
 }
 
+/// rig.toml with heads and raymap of these formats.
+std::string in_formats(std::string rig, const std::string& heads, const std::string& raymap) {
+  std::string out;
+  for (std::size_t at = 0; at < rig.size();) {
+    const std::size_t end = std::min(rig.find('\n', at), rig.size());
+    const std::string line = rig.substr(at, end - at);
+    if (!line.starts_with("format")) out += line + "\n";
+    if (line == "[raymap]") out += "format = \"" + raymap + "\"\n";
+    if (line == "[[heads]]") out += "format = \"" + heads + "\"\n";
+    at = end + 1;
+  }
+  return out;
+}
+
+TEST_F(Commands, LinearRaymap_IsPulledInSixteenBitsAndAsAJpeg) {
+  write("rig.toml", in_formats(read("rig.toml"), "RGB24", "RGB48"));
+  start_nodald();
+  bring_up();
+  ASSERT_EQ(nodal({"head", "set", "cam1", "--exposure", "2ms"}).code, 0);
+  ASSERT_EQ(nodal({"head", "set", "cam0", "--exposure", "8ms"}).code, 0);
+  const auto pulled = [&](const std::string& name) {
+    return nodal_json({"raymap", "pull", "--complete", "--out", path(name)}).at(0)["raymap"];
+  };
+  ASSERT_TRUE(wait_until([&] { return pulled("r.raw")["exposure_ns"][1] == 2'000'000; }));
+  const Json raymap = pulled("r.raw");
+  EXPECT_EQ(raymap["coding"], "RGB48");
+  // Without vignetting the numbers reach up to what the head that is exposed least can see.
+  EXPECT_NEAR(raymap["full_exposure_ns"].get<double>(), 2'000'000, 4'000);
+  const std::string raw = read("r.raw");
+  ASSERT_EQ(raw.size(), 256U * 128 * 6);
+  EXPECT_EQ(Json::parse(read("r.raw.json"))["numbers"], "linear");
+  EXPECT_EQ(pulled("r.png")["coding"], "RGB48");
+  EXPECT_EQ(read("r.png").substr(24, 2), std::string("\x10\x02", 2)) << "16 bits of red, green, blue";
+  EXPECT_EQ(pulled("r.jpg")["coding"], "jpeg");
+  EXPECT_EQ(read("r.jpg").substr(0, 3), "\xff\xd8\xff");
+}
+
+TEST_F(Commands, GreyRaymap_IsPulledAsRawPngAndJpeg) {
+  write("rig.toml", in_formats(read("rig.toml"), "GREY", "GREY"));
+  start_nodald();
+  bring_up();
+  for (const char* name : {"r.raw", "r.png", "r.jpg"}) ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
+  EXPECT_EQ(read("r.raw").size(), 256U * 128);
+  EXPECT_EQ(read("r.png").substr(24, 2), std::string("\x08\x00", 2)) << "8 bits of grey";
+  EXPECT_EQ(read("r.jpg").substr(0, 3), "\xff\xd8\xff");
+}
+
+TEST_F(Commands, Nv12Raymap_IsPulledAsRawPngAndJpeg) {
+  write("rig.toml", in_formats(read("rig.toml"), "YUYV", "NV12"));
+  start_nodald();
+  bring_up();
+  for (const char* name : {"r.raw", "r.png", "r.jpg"}) ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
+  EXPECT_EQ(read("r.raw").size(), 256U * 128 * 3 / 2);
+  const Json planes = Json::parse(read("r.raw.json"))["planes"];
+  EXPECT_EQ(planes[2]["offset"], 256 * 128 + 1);
+  EXPECT_EQ(planes[2]["pixel_stride"], 2);
+  EXPECT_EQ(read("r.png").substr(24, 2), std::string("\x08\x02", 2));
+  EXPECT_EQ(read("r.jpg").substr(0, 3), "\xff\xd8\xff");
+}
+
 TEST_F(Commands, ManyRaymaps_AreNumberedAndRise) {
   start_nodald();
   bring_up();

@@ -8,8 +8,10 @@
 #include "protocol/base/sha256.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/blend.h"
+#include "stitch/blend/linear_tone.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/table/table_compiler.h"
+#include "stitch/table/tone_compiler.h"
 #include "tests/reference/prepared_heads.h"
 
 namespace nodal {
@@ -117,8 +119,12 @@ bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std
     for (std::uint8_t& byte : pixels.back()) byte = static_cast<std::uint8_t>(noise.next() >> 24);
     heads.push_back(packed_image(source.format, source.width, source.height, std::as_const(pixels.back()).data()));
   }
+  const blend::ToneTable tones = table::compile_tone_table(rig, spec.format);
+  std::vector<blend::ExposedHead> exposed(rig.heads.size(), {10 * kStop, 0});
+  exposed[0].exposure += 3 * kStop / 2;
+  const blend::SetTone tone = is_linear16(spec.format) ? blend::linear_tone(*table, tones, exposed) : blend::calibrated_tone(*table);
   std::vector<std::uint8_t> raymap(packed_size(spec.format, spec.width, spec.height));
-  blend::blend_rows(*table, test::PreparedHeads(*table, heads).views(), blend::calibrated_tone(*table),
+  blend::blend_rows(*table, test::PreparedHeads(*table, heads).views(), tone,
                     packed_image(spec.format, spec.width, spec.height, raymap.data()), 0, spec.height);
   std::printf("%-10s %-16s %-6s table %s raymap %s\n", rig.name.c_str(), spec.layout.c_str(),
               std::string(pixel_format_name(spec.format)).c_str(), to_hex(table_hash.finish()).c_str(),
@@ -139,6 +145,9 @@ int main() {
       print_case(symmetric(), {"equirectangular", 384, 192, kRgb24}, std::vector(4, kRgb24)) &&
       print_case(symmetric(), {"cube", 384, 256, kGrey8}, std::vector(4, kGrey8)) &&
       print_case(mixed(), {"equirectangular", 512, 256, kI420}, any_yuv) &&
-      print_case(mixed(), {"cube", 384, 256, kRgb24}, std::vector(3, kRgb24));
+      print_case(mixed(), {"cube", 384, 256, kRgb24}, std::vector(3, kRgb24)) &&
+      print_case(ten_heads(), {"equirectangular", 512, 256, kNv12}, std::vector(10, kYuyv)) &&
+      print_case(ten_heads(), {"equirectangular", 512, 256, kRgb48}, std::vector(10, kRgb24)) &&
+      print_case(mixed(), {"cube", 384, 256, kGrey16}, std::vector(3, kGrey8));
   return good ? 0 : 1;
 }

@@ -6,7 +6,7 @@
 namespace nodal::test {
 namespace {
 
-double black_of(PixelFormat format, int c) { return format == PixelFormat::kI420 && c > 0 ? 128.0 : 0.0; }
+double black_of(PixelFormat format, int c) { return has_chroma(format) && c > 0 ? 128.0 : 0.0; }
 
 /// A plane in double precision, sharpened as TableOptions::sharpen says but not rounded.
 struct RealSource {
@@ -48,10 +48,10 @@ std::vector<RealPlane> blend_in_double(const table::RaySampler& sampler, std::sp
   table::RowSampler row(sampler);
   std::vector<RealPlane> planes;
   for (int c = 0; c < component_count(format); ++c) {
-    const int g = format == PixelFormat::kI420 && c > 0 ? 1 : 0;
+    const int g = has_chroma(format) && c > 0 ? 1 : 0;
     const table::RaySampler::Grid& grid = sampler.grids()[static_cast<std::size_t>(g)];
     RealPlane plane{grid.width, grid.height, {}, {}};
-    const std::size_t colour = format == PixelFormat::kRgb24 ? static_cast<std::size_t>(c) : 0;
+    const std::size_t colour = in_8_bits(format) == PixelFormat::kRgb24 ? static_cast<std::size_t>(c) : 0;
     const double black = black_of(format, c);
     std::vector<RealSource> sources;
     for (const ImageView& head : heads) {

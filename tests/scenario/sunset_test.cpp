@@ -17,6 +17,7 @@
 #include "hal/sim/sensor.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/exposure_tone.h"
+#include "stitch/blend/linear_tone.h"
 #include "stitch/table/table_compiler.h"
 #include "stitch/table/tone_compiler.h"
 #include "tests/reference/png_file.h"
@@ -122,19 +123,27 @@ class Sunsets : public testing::TestWithParam<Case> {
     }
   }
 
-  /// The raymap of a frame as RGB; `undo`: whether the heads' exposures are undone.
-  std::vector<std::uint8_t> blend(std::uint32_t frame, bool undo) const {
+  std::vector<ImageView> views_of(std::uint32_t frame) const {
     std::vector<ImageView> views;
-    std::vector<blend::ExposedHead> exposed;
     for (std::size_t h = 0; h < kHeads; ++h) {
       views.push_back(packed_image(GetParam().format, kSide, kSide, pictures_[frame][h].data()));
-      exposed.push_back({stops_of(settings_[h].exposure) + stops_of(settings_[h].gain), 0});
     }
+    return views;
+  }
+
+  std::vector<blend::ExposedHead> exposed() const {
+    std::vector<blend::ExposedHead> heads;
+    for (const hal::HeadSettings& head : settings_) heads.push_back({stops_of(head.exposure) + stops_of(head.gain), 0});
+    return heads;
+  }
+
+  /// The raymap of a frame as RGB; `undo`: whether the heads' exposures are undone.
+  std::vector<std::uint8_t> blend(std::uint32_t frame, bool undo) const {
     const blend::SetTone tone =
-        undo ? blend::tone_of_exposures(table_, table::compile_tone_table(calibration_), exposed)
+        undo ? blend::tone_of_exposures(table_, table::compile_tone_table(calibration_, GetParam().format), exposed())
              : blend::calibrated_tone(table_);
     std::vector<std::uint8_t> raymap(packed_size(GetParam().format, kWidth, kHeight));
-    blend::blend_rows(table_, test::PreparedHeads(table_, views).views(), tone,
+    blend::blend_rows(table_, test::PreparedHeads(table_, views_of(frame)).views(), tone,
                       packed_image(GetParam().format, kWidth, kHeight, raymap.data()), 0, kHeight);
     if (GetParam().format == PixelFormat::kRgb24) return raymap;
     return hal::replay::convert_image(packed_image(GetParam().format, kWidth, kHeight,
@@ -192,9 +201,9 @@ struct Seams {
   double unknown = 0;    ///< share of the pixels that every head which looks there has clipped
 };
 
-/// Pixels that some head has seen unclipped, one component after the other.
-Seams measure(const std::vector<double>& raymap, const std::vector<std::uint32_t>& seen_by,
-              const hal::sim::Scene& scene, const Case& how) {
+/// Pixels that some head has seen unclipped, one component after the other; error_of(p, light) are pixel p's.
+template <class ErrorOf>
+Seams measure(const std::vector<std::uint32_t>& seen_by, const hal::sim::Scene& scene, ErrorOf error_of) {
   constexpr int kBlock = 16;
   constexpr int kColumns = kWidth / kBlock, kRows = kHeight / kBlock;
   Seams result;
@@ -216,7 +225,7 @@ Seams measure(const std::vector<double>& raymap, const std::vector<std::uint32_t
           seen = seen || ((seen_by[p] >> h & 1) != 0 && brightest < 0.85 * full);
         }
         if (!seen && c == 0) result.unknown += 1.0 / kPixels;
-        const double off = errors(how, &raymap[3 * p], light)[c];
+        const double off = error_of(p, light)[c];
         if (seen) {
           result.mean += std::abs(off) / (3.0 * kPixels);
           result.worst = std::max(result.worst, std::abs(off));
@@ -258,8 +267,13 @@ void leave(const std::vector<std::uint8_t>& raymap, const std::string& name) {
 
 TEST_P(Sunsets, HeadsFourStopsApart_NoSeamStepsByALevelAndSunAndShadowAreKept) {
   const std::vector<std::uint32_t> masks = seen_by();
-  const Seams after = measure(mean(true), masks, *scene_, GetParam());
-  const Seams before = measure(mean(false), masks, *scene_, GetParam());
+  const auto seams = [&](const std::vector<double>& raymap) {
+    return measure(masks, *scene_, [&](std::size_t p, const hal::sim::Light& light) {
+      return errors(GetParam(), &raymap[3 * p], light);
+    });
+  };
+  const Seams after = seams(mean(true));
+  const Seams before = seams(mean(false));
   const std::vector<std::uint8_t> raymap = blend(0, true);
   leave(raymap, std::string(GetParam().name) + "-after");
   leave(blend(0, false), std::string(GetParam().name) + "-before");
@@ -275,6 +289,55 @@ TEST_P(Sunsets, HeadsFourStopsApart_NoSeamStepsByALevelAndSunAndShadowAreKept) {
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_GE(raymap[3 * (236 * kWidth + 640) + c], 245) << "which is white, not grey";
   }
+}
+
+/// Of the same frames, in linear light.
+class LinearSunsets : public Sunsets {
+ protected:
+  /// Light as the scene has it: what fills a sample in 5 ms is one.
+  std::vector<double> mean_light() {
+    const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kRgb48};
+    table::TableOptions options;
+    options.sharpen = 0;
+    const blend::BlendTable table =
+        table::compile_blend_table(calibration_, spec, std::vector<PixelFormat>(kHeads, GetParam().format), options).value();
+    const blend::ToneTable tones = table::compile_tone_table(calibration_, spec.format);
+    const blend::SetTone tone = blend::linear_tone(table, tones, exposed());
+    const double full_us = std::exp2(*blend::linear_scale(tones, tone, exposed()).full / double{kStop});
+    std::vector<double> light(3 * kPixels);
+    for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+      std::vector<std::uint8_t> bytes(packed_size(spec.format, kWidth, kHeight));
+      blend::blend_rows(table, test::PreparedHeads(table, views_of(frame)).views(), tone,
+                        packed_image(spec.format, kWidth, kHeight, bytes.data()), 0, kHeight);
+      for (std::size_t i = 0; i < light.size(); ++i) {
+        light[i] += (bytes[2 * i] | bytes[2 * i + 1] << 8) / 65535.0 * (5000 / full_us) / kFrames;
+      }
+    }
+    return light;
+  }
+};
+
+TEST_P(LinearSunsets, HeadsFourStopsApart_NumbersAreTheTrueRadianceOnBothSidesOfEverySeam) {
+  const std::vector<double> raymap = mean_light();
+  const std::vector<std::uint32_t> masks = seen_by();
+  const Seams seams = measure(masks, *scene_, [&](std::size_t p, const hal::sim::Light& light) {
+    const double* rgb = &raymap[3 * p];
+    return std::array<double, 3>{rgb[0] / light.r - 1, rgb[1] / light.g - 1, rgb[2] / light.b - 1};
+  });
+  std::printf("%-12s of true radiance: mean error %.2f %%, worst pixel %.1f %%; step across seams %.2f %% at %d,%d "
+              "(inside heads %.2f %%)\n",
+              GetParam().name, 100 * seams.mean, 100 * seams.worst, 100 * seams.step, seams.step_x, seams.step_y,
+              100 * seams.inside);
+  EXPECT_LT(seams.mean, 0.025) << "noise of a level of the heads, which is 4 % of the light in shadow";
+  EXPECT_LT(seams.step, seams.inside) << "where heads meet, it is no worse than in the middle of one";
+  // The same as levels of 255 that a head exposed like the mean would have: what the eye sees of a step.
+  const auto shown = [](double light) { return 255 * std::pow(light, 1 / 2.2); };
+  const Seams levels = measure(masks, *scene_, [&](std::size_t p, const hal::sim::Light& light) {
+    const double* rgb = &raymap[3 * p];
+    return std::array<double, 3>{shown(rgb[0]) - shown(light.r), shown(rgb[1]) - shown(light.g), shown(rgb[2]) - shown(light.b)};
+  });
+  std::printf("%-12s as levels of 255: mean error %.2f, step across seams %.2f\n", GetParam().name, levels.mean, levels.step);
+  EXPECT_LE(levels.step, 1);
 }
 
 Response response_of(Response::Curve curve, double gamma = 2.2) {
@@ -295,6 +358,11 @@ INSTANTIATE_TEST_SUITE_P(
       std::replace(name.begin(), name.end(), '-', '_');
       return name;
     });
+
+INSTANTIATE_TEST_SUITE_P(Heads, LinearSunsets,
+                         testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+                                         Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)}),
+                         [](const auto& param_info) { return std::string(param_info.param.name).substr(4); });
 
 }  // namespace
 }  // namespace nodal::scenario

@@ -40,6 +40,6 @@ canary(calibration_not_synced firmware/durable_file.cpp "if (done) done = disk.s
 canary(told_and_not_kept firmware/calibration_keeper.cpp
   "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
 canary(raymap_names_the_first firmware/blender.cpp
-  "installed_->id, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}}\;")
+  "installed_->id, {}, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}, {}}\;")
 canary(field_at_its_frames_time firmware/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")

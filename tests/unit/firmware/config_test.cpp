@@ -145,6 +145,25 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
   expect_refused(replaced(kSmall, "\"small\"", "\"a b\""), Errc::kBadValue, "rig.name may have");
 }
 
+TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
+  const struct {
+    const char* raymap;
+    const char* head;
+    PixelFormat format;
+  } fits[] = {{"NV12", "YUYV", PixelFormat::kNv12},     {"RGB48", "RGB24", PixelFormat::kRgb48},
+              {"GREY16", "GREY", PixelFormat::kGrey16}, {"GREY", "GREY", PixelFormat::kGrey8}};
+  for (const auto& [raymap, head, format] : fits) {
+    const auto config = parse_rig_config(
+        kSmall + "format = \"" + head + "\"\n[raymap]\nformat = \"" + raymap + "\"\n", "rig.toml");
+    ASSERT_TRUE(config) << config.error().text();
+    EXPECT_EQ(config->raymap.format, format);
+  }
+  expect_refused(kSmall + "format = \"YUYV\"\n[raymap]\nformat = \"RGB48\"\n", Errc::kBadValue,
+                 "raymap.format is \"RGB48\", which is made of heads' RGB24, but the format of head 'cam0' is YUYV");
+  expect_refused(kSmall + "[raymap]\nformat = \"YUYV\"\n", Errc::kBadValue,
+                 "allowed is one of I420, NV12, RGB24, GREY, RGB48, GREY16");
+}
+
 TEST(RigConfig, RatesThatAreNoFraction_AreRefused) {
   for (const char* rate : {"0", "30/0", "29.97", "1001/", "/1", "-30", "2000", "1/2000", "30 /1", ""}) {
     expect_refused(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"" + std::string(rate) + "\""),

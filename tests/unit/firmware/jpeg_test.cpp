@@ -129,6 +129,51 @@ TEST(Jpeg, I420_IsFullRangeBt601) {
   }
 }
 
+TEST(Jpeg, Nv12_IsTheSamePictureAsI420) {
+  std::vector<std::uint8_t> i420(256 * 128 * 3 / 2);
+  std::uint32_t state = 1;
+  for (std::uint8_t& value : i420) value = static_cast<std::uint8_t>((state = state * 1664525 + 1013904223) >> 24);
+  std::vector<std::uint8_t> nv12 = i420;
+  const std::size_t luma = 256 * 128, chroma = luma / 4;
+  for (std::size_t i = 0; i < chroma; ++i) {
+    nv12[luma + 2 * i] = i420[luma + i];
+    nv12[luma + 2 * i + 1] = i420[luma + chroma + i];
+  }
+  EXPECT_EQ(encoded(config_of(PixelFormat::kNv12), nv12), encoded(config_of(PixelFormat::kI420), i420));
+}
+
+TEST(Jpeg, LinearNumbers_AreShownAsTheirScaleSays) {
+  const RaymapConfig config = config_of(PixelFormat::kRgb48);
+  RaymapInfo info = some_info();
+  info.linear.emplace();
+  for (std::size_t level = 1; level < 256; ++level) {  // a square law, and half of the numbers are white
+    info.linear->shown_from[level] = static_cast<std::uint16_t>(level * level / 2);
+  }
+  std::vector<std::uint8_t> numbers(256 * 128 * 6);
+  for (std::size_t i = 0; i < 256 * 128; ++i) {
+    const std::size_t level = i % 256;
+    const std::array<std::size_t, 3> rgb{level * level / 2, 40'000, 100 * 100 / 2 - 1};
+    for (std::size_t c = 0; c < 3; ++c) {
+      numbers[6 * i + 2 * c] = static_cast<std::uint8_t>(rgb[c]);
+      numbers[6 * i + 2 * c + 1] = static_cast<std::uint8_t>(rgb[c] >> 8);
+    }
+  }
+  JpegEncoder encoder(config);
+  std::vector<std::uint8_t> jpeg;
+  const std::uint8_t* const from = numbers.data();
+  ASSERT_TRUE(encoder.encode(packed_image(config.format, 256, 128, from), info, jpeg));
+  const auto back = decode_rgb(jpeg, 256, 128);
+  for (std::size_t i = 0; i < 256 * 128; ++i) {
+    ASSERT_NEAR(back[3 * i], static_cast<int>(i % 256), 6) << i;
+    ASSERT_NEAR(back[3 * i + 1], 255, 6);
+    ASSERT_NEAR(back[3 * i + 2], 99, 6);
+  }
+  info.linear->shown_from.fill(65535);  // exposures change: all is black
+  info.linear->shown_from[0] = 0;
+  ASSERT_TRUE(encoder.encode(packed_image(config.format, 256, 128, from), info, jpeg));
+  for (const std::uint8_t value : decode_rgb(jpeg, 256, 128)) ASSERT_NEAR(value, 0, 2);
+}
+
 TEST(Jpeg, Grey_StaysGrey) {
   const RaymapConfig config = config_of(PixelFormat::kGrey8);
   const auto back = decode_rgb(encoded(config, std::vector<std::uint8_t>(256 * 128, 200)), 256, 128);

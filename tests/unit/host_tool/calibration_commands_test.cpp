@@ -8,7 +8,7 @@
 
 #include "hal/replay/image_file.h"
 #include "host_tool/files.h"
-#include "host_tool/grey_png.h"
+#include "host_tool/png_file.h"
 #include "protocol/calibration.h"
 #include "run_nodal.h"
 #include "tests/support/photographer.h"
@@ -122,7 +122,7 @@ TEST_F(CalibrationCommands, PatternPhotographedAndCalibrated_GivesTheLensAndAPag
     shot.distance = 0.3;
     shot.noise = 1;
     const ph::Photo photo = ph::take(scene, small_lens(), shot);
-    const auto png = grey_png({photo.width, photo.height, photo.grey}, 0, "");
+    const auto png = png_file({photo.width, photo.height, 1, 8, photo.grey}, {});
     EXPECT_TRUE(png && write_file(path(name), *png));
     return path(name);
   };

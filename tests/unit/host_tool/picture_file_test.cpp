@@ -66,6 +66,51 @@ TEST(EncodePng, RgbAndGrey_AreKeptToTheByte) {
   EXPECT_EQ(grey[23], 255);
 }
 
+TEST(EncodePng, Nv12_IsTheSamePictureAsI420) {
+  std::vector<std::uint8_t> i420(8 * 4 * 3 / 2), nv12(8 * 4 * 3 / 2);
+  for (std::size_t i = 0; i < i420.size(); ++i) i420[i] = nv12[i] = static_cast<std::uint8_t>(50 + 5 * i);
+  for (std::size_t i = 0; i < 8; ++i) {
+    nv12[32 + 2 * i] = i420[32 + i];
+    nv12[33 + 2 * i] = i420[40 + i];
+  }
+  EXPECT_EQ(*encode_png(raymap_of("NV12", 8, 4, nv12)), *encode_png(raymap_of("I420", 8, 4, i420)));
+}
+
+/// A PNG's chunk by its name (PNG, 5.3), as its bytes.
+std::string chunk(const std::vector<std::uint8_t>& png, const std::string& name) {
+  for (std::size_t at = 8; at + 12 <= png.size();) {
+    const std::size_t length = std::size_t{png[at]} << 24 | std::size_t{png[at + 1]} << 16 | std::size_t{png[at + 2]} << 8 | png[at + 3];
+    const auto begin = png.begin() + static_cast<std::ptrdiff_t>(at + 4);
+    if (std::string(begin, begin + 4) == name) return {begin + 4, begin + 4 + static_cast<std::ptrdiff_t>(length)};
+    at += 12 + length;
+  }
+  return {};
+}
+
+TEST(EncodePng, SixteenBits_ComeBackToTheBitAndAreCalledLinear) {
+  std::vector<std::uint8_t> bytes(4 * 2 * 6);
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 37 + 5);
+  ReceivedRaymap raymap = raymap_of("RGB48", 4, 2, bytes);
+  raymap.header.set_full_exposure_ns(1'234'567);
+  ASSERT_TRUE(check_raymap(raymap));
+  const auto png = encode_png(raymap);
+  ASSERT_TRUE(png) << png.error().text();
+  EXPECT_EQ(chunk(*png, "IHDR").substr(8, 2), std::string("\x10\x02", 2)) << "16 bits of red, green, blue";
+  EXPECT_EQ(chunk(*png, "gAMA"), std::string("\x00\x01\x86\xa0", 4)) << "100000: a gamma of one";
+  EXPECT_EQ(chunk(*png, "sRGB"), "");
+  EXPECT_NE(chunk(*png, "tEXt").find("full_exposure_ns=1234567"), std::string::npos);
+  png_image image{};  // whose simplified reader gives linear numbers as they are, in the machine's order
+  image.version = PNG_IMAGE_VERSION;
+  ASSERT_NE(png_image_begin_read_from_memory(&image, png->data(), png->size()), 0);
+  image.format = PNG_FORMAT_LINEAR_RGB;
+  std::vector<std::uint16_t> numbers(4 * 2 * 3);
+  ASSERT_NE(png_image_finish_read(&image, nullptr, numbers.data(), 0, nullptr), 0);
+  for (std::size_t i = 0; i < numbers.size(); ++i) EXPECT_EQ(numbers[i], bytes[2 * i] | bytes[2 * i + 1] << 8);
+  const auto grey = encode_png(raymap_of("GREY16", 4, 2, std::vector<std::uint8_t>(16, 3)));
+  ASSERT_TRUE(grey);
+  EXPECT_EQ(chunk(*grey, "IHDR").substr(8, 2), std::string("\x10\x00", 2));
+}
+
 TEST(EncodePng, EquirectangularRaymap_CarriesGPanoThatViewersSearchFor) {
   const auto png = encode_png(raymap_of("GREY", 4, 2, std::vector<std::uint8_t>(8)));
   const std::string text(png->begin(), png->end());
@@ -105,6 +150,19 @@ TEST(RawSidecar, I420_SaysWhereEveryPlaneLies) {
   EXPECT_EQ(json["planes"][1]["width"], 4);
   EXPECT_EQ(json["planes"][2]["offset"], 40);
   EXPECT_EQ(json["planes"][2]["component"], "V");
+}
+
+TEST(RawSidecar, Rgb48_SaysHowItsNumbersLie) {
+  ReceivedRaymap raymap = raymap_of("RGB48", 4, 2, std::vector<std::uint8_t>(48));
+  raymap.header.set_full_exposure_ns(99);
+  const auto json = nlohmann::json::parse(raw_sidecar(raymap));
+  EXPECT_EQ(json["bits"], 16);
+  EXPECT_EQ(json["byte_order"], "little");
+  EXPECT_EQ(json["numbers"], "linear");
+  EXPECT_EQ(json["full_exposure_ns"], 99);
+  EXPECT_EQ(json["planes"][1]["component"], "G");
+  EXPECT_EQ(json["planes"][1]["offset"], 2);
+  EXPECT_EQ(json["planes"][1]["pixel_stride"], 6);
 }
 
 TEST(RaymapFormat, ByNameAndByFile) {

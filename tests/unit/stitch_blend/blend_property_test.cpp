@@ -24,10 +24,14 @@ struct Kind {
   PixelFormat head;
 };
 Kind random_kind(RandomTables& tables) {
+  const bool deep = tables.below(3) == 0;
   switch (tables.below(3)) {
-    case 0: return {PixelFormat::kGrey8, PixelFormat::kGrey8};
-    case 1: return {PixelFormat::kRgb24, PixelFormat::kRgb24};
-    default: return {PixelFormat::kI420, kHeadFormats[static_cast<std::size_t>(tables.below(4))]};
+    case 0: return {deep ? PixelFormat::kGrey16 : PixelFormat::kGrey8, PixelFormat::kGrey8};
+    case 1: return {deep ? PixelFormat::kRgb48 : PixelFormat::kRgb24, PixelFormat::kRgb24};
+    default: {
+      const PixelFormat raymap = tables.below(2) == 0 ? PixelFormat::kI420 : PixelFormat::kNv12;
+      return {raymap, kHeadFormats[static_cast<std::size_t>(tables.below(4))]};
+    }
   }
 }
 
@@ -70,7 +74,7 @@ RC_GTEST_PROP(BlendRows, AnyTablePicturesAndTone_GiveWhatTheDefinitionSays, (std
       const PlaneView plane = raymap.view().planes[static_cast<std::size_t>(c)];
       for (int y = 0; y < plane.height; ++y) {
         for (int x = 0; x < plane.width; ++x) {
-          RC_ASSERT(int{plane.data[y * plane.row_stride + x * plane.pixel_stride]} == definition.level(c, x, y));
+          RC_ASSERT(sample_of(raymap.view(), c, x, y) == definition.level(c, x, y));
         }
       }
     }
@@ -165,6 +169,40 @@ TEST(BlendRows, YuyvUyvyAndNv12ReadInPlace_EqualTheSamePlanesApart) {
       blend_rows_by(kernel, table, std::vector{packed.view()}, tone, in_place.mutable_view(), 0, 80);
       blend_rows_by(kernel, table, std::vector{apart}, tone, unpacked.mutable_view(), 0, 80);
       EXPECT_EQ(in_place.bytes, unpacked.bytes) << pixel_format_name(format) << " by " << kernel_name(kernel);
+    }
+  }
+}
+
+TEST(BlendRows, PixelsThatLieAnywhere_AreThoseOfTheirTilesInEveryFormat) {
+  RandomTables tables(5);
+  for (int round = 0; round < 40; ++round) {
+    Scene scene = random_scene(tables, 1 + tables.below(90), 2 * (1 + tables.below(20)), 40, 30, 8);
+    scene.tone.fade.reset();
+    const Picture in_order = blended(Kernel::kScalar, scene);
+    std::array<std::vector<std::pair<int, int>>, 2> at;  // by grid: where its pixels go
+    for (std::size_t g = 0; g < scene.table.grids.size(); ++g) {
+      GridTable& grid = scene.table.grids[g];
+      for (int p = 0; p < grid.width * grid.height; ++p) at[g].emplace_back(p % grid.width, p / grid.width);
+      std::ranges::shuffle(at[g], tables.random());
+      grid.places.assign(grid.tile_count() * kTilePixels, GridTable::kNowhere);
+      for (int p = 0; p < grid.width * grid.height; ++p) {
+        const int x = p % grid.width, y = p / grid.width;
+        const auto [to_x, to_y] = at[g][static_cast<std::size_t>(p)];
+        grid.places[grid.tile_index(x / 8, y / 8) * kTilePixels + static_cast<std::size_t>(y % 8 * 8 + x % 8)] =
+            static_cast<std::uint32_t>(to_x | to_y << 16);
+      }
+    }
+    for (const Kernel kernel : kernels()) {
+      const Picture anywhere = blended(kernel, scene);
+      for (int c = 0; c < component_count(scene.table.format); ++c) {
+        const std::size_t g = scene.table.components[static_cast<std::size_t>(c)].grid;
+        const GridTable& grid = scene.table.grids[g];
+        for (int p = 0; p < grid.width * grid.height; ++p) {
+          const auto [x, y] = at[g][static_cast<std::size_t>(p)];
+          ASSERT_EQ(sample_of(anywhere.view(), c, x, y), sample_of(in_order.view(), c, p % grid.width, p / grid.width))
+              << kernel_name(kernel) << " of " << pixel_format_name(scene.table.format);
+        }
+      }
     }
   }
 }

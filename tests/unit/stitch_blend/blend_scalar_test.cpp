@@ -30,7 +30,7 @@ Curve straight() {
   Curve curve;
   const auto step = 32768 / (static_cast<int>(curve.knots.size()) - 1);
   for (std::size_t i = 0; i < curve.knots.size(); ++i) {
-    curve.knots[i] = static_cast<std::int16_t>(std::min(static_cast<int>(i) * step, kMaxSample));
+    curve.knots[i] = static_cast<typename decltype(curve.knots)::value_type>(std::min(static_cast<int>(i) * step, kMaxSample));
   }
   return curve;
 }

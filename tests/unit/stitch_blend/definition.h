@@ -13,9 +13,9 @@ class Definition {
   Definition(const BlendTable& table, const std::vector<ImageView>& heads, const SetTone& tone)
       : table_(table), heads_(heads), tone_(tone) {}
 
-  /// The level of component c at (x, y) of its grid.
+  /// The level, or number of 16 bits, of component c at (x, y) of its grid.
   int level(int c, int x, int y) const {
-    if (!tone_.fade || table_.format != PixelFormat::kI420 || c == 0) return blended(c, x, y);
+    if (!tone_.fade || !has_chroma(table_.format) || c == 0) return blended(c, x, y);
     int luma = 2;
     for (int k = 0; k < 4; ++k) {
       luma += blended(0, std::min(2 * x + k % 2, table_.width - 1), std::min(2 * y + k / 2, table_.height - 1));
@@ -40,6 +40,7 @@ class Definition {
       }
       light += mulr(dark, -share.weight);
     }
+    if (is_linear16(table_.format)) return table_.linear[static_cast<std::size_t>(light < 0 ? 0 : light)];
     const OutputTone& output = tone_.output[rule.tone];
     std::int64_t level = rule.black + mulr(light, output.scale);
     if (output.curve) {
@@ -128,7 +129,7 @@ class Definition {
 
   /// The level that confidence goes by.
   int seen(const Share& share, int c) const {
-    if (table_.format == PixelFormat::kRgb24) {
+    if (in_8_bits(table_.format) == PixelFormat::kRgb24) {
       int level = 0;
       for (int k = 0; k < 3; ++k) level = std::max(level, sample(share, k) / 128);
       return level;

@@ -23,6 +23,13 @@ struct Picture {
   std::vector<std::uint8_t> bytes;
 };
 
+/// A sample of a picture, of 16 bits where its format has such.
+inline int sample_of(const ImageView& image, int c, int x, int y) {
+  const PlaneView& plane = image.planes[static_cast<std::size_t>(c)];
+  const std::uint8_t* at = plane.data + y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride;
+  return is_linear16(image.format) ? at[0] | at[1] << 8 : at[0];
+}
+
 inline Picture noise(std::mt19937& random, PixelFormat format, int width, int height) {
   Picture picture(format, width, height);
   for (auto& byte : picture.bytes) byte = static_cast<std::uint8_t>(random());
@@ -90,7 +97,12 @@ class RandomTables {
     table.width = width;
     table.height = height;
     table.sources.assign(static_cast<std::size_t>(heads), {head_format, head_width, head_height});
-    const bool chroma = format == PixelFormat::kI420;
+    const bool chroma = has_chroma(format);
+    if (is_linear16(format)) {
+      for (std::size_t i = 0; i < kLinearSteps; ++i) table.linear.push_back(static_cast<std::uint16_t>(below(65536)));
+      std::ranges::sort(table.linear);
+      table.linear[0] = 0;
+    }
     const bool gains = below(2) == 0;
     table.vignetting_scale = static_cast<std::uint16_t>(gains ? 257 + below(1792) : 256);
     const ImageView head =
@@ -105,7 +117,7 @@ class RandomTables {
       table.grids.push_back(std::move(grid));
     }
     if (chroma) table.components = {{{0, 16, 0}, {1, 128, 1}, {1, 128, 1}}};
-    if (format == PixelFormat::kRgb24) table.components = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
+    if (in_8_bits(format) == PixelFormat::kRgb24) table.components = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
     return table;
   }
 

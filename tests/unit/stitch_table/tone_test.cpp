@@ -53,7 +53,7 @@ blend::SetTone tone_four_stops_apart(PixelFormat format) {
   calibration.heads.resize(2);
   for (HeadCalibration& head : calibration.heads) head.response.curve = Response::Curve::kSrgb;
   const std::array<blend::ExposedHead, 2> heads{{{2 * kStop, 0}, {-2 * kStop, 0}}};
-  return blend::tone_of_exposures(table, compile_tone_table(calibration), heads);
+  return blend::tone_of_exposures(table, compile_tone_table(calibration, format), heads);
 }
 
 TEST(Trust, AHeadIsClipped_TheOtherHas255TimesItsSayAndOfTwoThatAreTheDarkerHas32Times) {

@@ -79,7 +79,8 @@ std::vector<Fault> faults() {
       {"HeadOfAnotherKind", "head 1", [](BlendTable& t) { t.sources[1].format = PixelFormat::kRgb24; }},
       {"HeadGain", "head 2: gain 40000", [](BlendTable& t) { t.sources[2].gain[1] = 40000; }},
       {"Sharpening", "head 0: sharpening 17", [](BlendTable& t) { t.sources[0].sharpen = 17; }},
-      {"RaymapFormat", "raymap format NV12", [](BlendTable& t) { t.format = PixelFormat::kNv12; }},
+      {"RaymapFormat", "raymap format YUYV", [](BlendTable& t) { t.format = PixelFormat::kYuyv; }},
+      {"LinearLightInEightBits", "numbers of linear light", [](BlendTable& t) { t.linear.resize(blend::kLinearSteps); }},
       {"RaymapOfNothing", "raymap of 0 x 20", [](BlendTable& t) { t.width = 0; }},
       {"GridMissing", "1 grids", [](BlendTable& t) { t.grids.pop_back(); }},
       {"GridOfAnotherSize", "grid 1", [](BlendTable& t) { t.grids[1].width = 19; }},
@@ -195,6 +196,23 @@ RC_GTEST_PROP(ValidateBlendTable, AnyMutatedTable_IsRefusedOrRunsInBounds, (std:
   }
   std::vector<std::uint8_t> validity(static_cast<std::size_t>(table.width) * static_cast<std::size_t>(table.height));
   blend::validity_rows(table, heads, {validity.data(), table.width, table.height, table.width, 1}, 0, table.height);
+}
+
+TEST(ValidateLinear, NumbersThatLightCouldMissOrBlackThatIsNone_AreRefused) {
+  const Calibration rig = test::cube_rig(32);
+  const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
+  const BlendTable good = compile_blend_table(rig, {"equirectangular", 40, 20, PixelFormat::kGrey16}, formats).value();
+  const auto refused = [&](auto fault) {
+    BlendTable table = good;
+    fault(table.linear);
+    const Status status = validate_blend_table(table);
+    return !status && status.error().message.find("numbers of linear light") != std::string::npos;
+  };
+  EXPECT_TRUE(validate_blend_table(good));
+  EXPECT_TRUE(refused([](auto& linear) { linear.pop_back(); }));
+  EXPECT_TRUE(refused([](auto& linear) { linear.clear(); }));
+  EXPECT_TRUE(refused([](auto& linear) { linear[0] = 1; }));
+  EXPECT_TRUE(refused([](auto& linear) { std::swap(linear[100], linear[30'000]); }));
 }
 
 }  // namespace

@@ -1,47 +1,14 @@
-#include "host_tool/grey_png.h"
+#include "host_tool/grey_pdf.h"
 
 #include <fmt/format.h>
-#include <png.h>
 #include <zlib.h>
 
 #include <algorithm>
-#include <csetjmp>
 
 namespace nodal::host {
 namespace {
 
 constexpr double kPointsPerMm = 72 / 25.4;
-
-/// libpng ends errors by longjmp: nothing here may own memory while it can.
-bool write_rows(png_structp png, png_infop info, const GreyRaster& raster, int pixels_per_meter, const char* comment,
-                std::vector<std::uint8_t>* out) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  png_set_write_fn(
-      png, out,
-      [](png_structp writer, png_bytep data, png_size_t size) {
-        auto* bytes = static_cast<std::vector<std::uint8_t>*>(png_get_io_ptr(writer));
-        bytes->insert(bytes->end(), data, data + size);
-      },
-      nullptr);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(raster.width), static_cast<png_uint_32>(raster.height), 8,
-               PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  png_set_sRGB(png, info, PNG_sRGB_INTENT_RELATIVE);
-  const auto density = static_cast<png_uint_32>(pixels_per_meter);
-  if (density > 0) png_set_pHYs(png, info, density, density, PNG_RESOLUTION_METER);
-  png_text text{};
-  text.compression = PNG_TEXT_COMPRESSION_NONE;
-  text.key = const_cast<char*>("Comment");
-  text.text = const_cast<char*>(comment);
-  png_set_text(png, info, &text, 1);
-  png_write_info(png, info);
-  for (int y = 0; y < raster.height; ++y) {
-    png_write_row(png, raster.values.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width));
-  }
-  png_write_end(png, nullptr);
-  return true;
-}
-
-void quiet(png_structp png, png_const_charp) { png_longjmp(png, 1); }
 
 Result<std::string> deflated(std::span<const std::uint8_t> bytes) {
   uLongf size = compressBound(bytes.size());
@@ -86,19 +53,6 @@ std::string pdf_string(std::string_view text) {
 }
 
 }  // namespace
-
-Result<std::vector<std::uint8_t>> grey_png(const GreyRaster& raster, int pixels_per_meter, std::string_view comment) {
-  std::vector<std::uint8_t> out;
-  const std::string text(comment);
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, quiet, [](png_structp, png_const_charp) {});
-  if (png == nullptr) return fail(Errc::kInternal, "libpng gave no writer");
-  png_infop info = png_create_info_struct(png);
-  const bool written =
-      info != nullptr && write_rows(png, info, raster, pixels_per_meter, text.c_str(), &out);
-  png_destroy_write_struct(&png, &info);
-  if (!written) return fail(Errc::kInternal, "libpng could not write the picture");
-  return out;
-}
 
 Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page_width_mm, double page_height_mm,
                                            double margin_mm, std::string_view footer) {

@@ -1,4 +1,5 @@
-#include "host_tool/grey_png.h"
+#include "host_tool/grey_pdf.h"
+#include "host_tool/png_file.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -21,9 +22,9 @@ Picture picture() {
   return p;
 }
 
-TEST(GreyPng, Picture_IsReadBackAsItWas) {
+TEST(PngFile, GreyPicture_IsReadBackAsItWas) {
   const Picture p = picture();
-  const auto png = grey_png(p.raster(), 10000, "a comment");
+  const auto png = png_file({40, 30, 1, 8, p.values}, {PngNotes::Numbers::kSrgb, 10000, "a comment", {}, 6});
   ASSERT_TRUE(png) << png.error().text();
   const auto read = hal::replay::decode_image(*png, "p.png", PixelFormat::kGrey8);
   ASSERT_TRUE(read) << read.error().text();

@@ -1,4 +1,4 @@
-// A grey picture as PNG, and as a page of PDF.
+// A grey picture as a page of PDF.
 #pragma once
 
 #include <cstdint>
@@ -17,11 +17,6 @@ struct GreyRaster {
   int height = 0;
   std::span<const std::uint8_t> values;
 };
-
-/// sRGB, with `pixels_per_meter` for printers when not 0, and a line of text for people who find the file
-/// later.
-/// Errors: kInternal.
-Result<std::vector<std::uint8_t>> grey_png(const GreyRaster& raster, int pixels_per_meter, std::string_view comment);
 
 /// A page of width x height millimetres with the raster in its middle, as large as `margin_mm` around it
 /// allows, in sRGB, without interpolation; `footer` stands below it in small type (ASCII).

@@ -1,0 +1,35 @@
+// Pictures as PNG files.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// Rows packed, channels side by side.
+struct PngPicture {
+  int width = 0;
+  int height = 0;
+  int channels = 1;  ///< 1: grey, 3: red, green, blue
+  int bits = 8;      ///< 8, or 16 with the lower byte first
+  std::span<const std::uint8_t> samples;
+};
+
+/// What the file says of them.
+struct PngNotes {
+  enum class Numbers : std::uint8_t { kUnsaid, kSrgb, kLinear };
+  Numbers numbers = Numbers::kUnsaid;  ///< kLinear: proportional to light
+  int pixels_per_meter = 0;            ///< for printers; 0: unsaid
+  std::string comment;                 ///< for people who find the file later
+  std::string xmp;                     ///< an XMP packet
+  int effort = 6;                      ///< 1 .. 9 of zlib's
+};
+
+/// Errors: kInternal.
+Result<std::vector<std::uint8_t>> png_file(const PngPicture& picture, const PngNotes& notes);
+
+}  // namespace nodal::host
