@@ -1,5 +1,7 @@
 #include "stitch/registration/diagnosis.h"
 
+#include <numeric>
+
 namespace nodal::registration {
 namespace {
 
@@ -38,7 +40,10 @@ std::string said(const Calibration& prior, const std::vector<std::size_t>& heads
 
 std::optional<std::string> usual_mistake(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                                          const std::vector<std::size_t>& wrong, const Attempt& attempt) {
+  std::vector<std::size_t> all(prior.heads.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
   std::vector<std::vector<std::size_t>> suspects{wrong};
+  if (wrong != all) suspects.push_back(all);  // where some of them agree by chance
   // One head may spoil all its neighbours; so many at once are something else.
   const bool singles = wrong.size() > 1 && wrong.size() <= kMostSingles;
   for (std::size_t k = 0; singles && k < wrong.size(); ++k) suspects.push_back({wrong[k]});

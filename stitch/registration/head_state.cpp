@@ -95,11 +95,12 @@ HeadCalibration HeadState::into(HeadCalibration prior) const {
 
 namespace {
 
-// Between a fall-off to a twentieth and a brighter rim than any lens makes, all the way out.
+// Between a fall-off to a twentieth and no fall-off, all the way out. Lenses do not brighten their rims, and heads that
+// differ by more than light would be made alike by calling all that they share dark.
 bool plausible(const std::array<double, 3>& vignetting) {
   for (const double s : {0.25, 0.5, 0.75, 1.0}) {
     const double left = 1 + s * (vignetting[0] + s * (vignetting[1] + s * vignetting[2]));
-    if (left < 0.05 || left > 1.3) return false;
+    if (left < 0.05 || left > 1.01) return false;
   }
   return true;
 }
@@ -128,14 +129,14 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
     next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];
   }
   if (slots.vignetting >= 0) {
-    // A step that runs away is shortened; one that starts outside goes where it wants.
-    double share = 1;
-    do {
+    // A step that runs away is shortened, and at last not taken; one that starts outside goes where it wants.
+    for (double share = 1; share > 1e-3; share /= 2) {
       for (std::size_t k = 0; k < kVignettingTerms; ++k) {
         next.vignetting[k] = head.vignetting[k] + share * step[slots.vignetting + static_cast<Eigen::Index>(k)];
       }
-      share /= 2;
-    } while (share > 1e-3 && !plausible(next.vignetting) && plausible(head.vignetting));
+      if (plausible(next.vignetting) || !plausible(head.vignetting)) break;
+      next.vignetting = head.vignetting;
+    }
   }
   return next;
 }
