@@ -103,39 +103,37 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
   const std::ptrdiff_t h = height;
   const int half_w = (width + 1) / 2;
   const int half_h = (height + 1) / 2;
+  const auto after = [data](std::ptrdiff_t bytes) { return data == nullptr ? nullptr : data + bytes; };  // a shape alone
   switch (format) {
     case PixelFormat::kGrey8:
       image.planes[0] = {data, width, height, w, 1};
       break;
-    case PixelFormat::kI420: {
-      Byte* u = data + w * h;
+    case PixelFormat::kI420:
       image.planes = {{{data, width, height, w, 1},
-                       {u, half_w, half_h, half_w, 1},
-                       {u + std::ptrdiff_t{half_w} * half_h, half_w, half_h, half_w, 1}}};
+                       {after(w * h), half_w, half_h, half_w, 1},
+                       {after(w * h + std::ptrdiff_t{half_w} * half_h), half_w, half_h, half_w, 1}}};
       break;
-    }
     case PixelFormat::kNv12: {
-      Byte* uv = data + w * h;
       const std::ptrdiff_t stride = 2 * std::ptrdiff_t{half_w};
       image.planes = {{{data, width, height, w, 1},
-                       {uv, half_w, half_h, stride, 2},
-                       {uv + 1, half_w, half_h, stride, 2}}};
+                       {after(w * h), half_w, half_h, stride, 2},
+                       {after(w * h + 1), half_w, half_h, stride, 2}}};
       break;
     }
     case PixelFormat::kYuyv:
     case PixelFormat::kUyvy: {
       const std::ptrdiff_t stride = 4 * std::ptrdiff_t{half_w};
       const int luma = format == PixelFormat::kYuyv ? 0 : 1;
-      image.planes = {{{data + luma, width, height, stride, 2},
-                       {data + (1 - luma), half_w, height, stride, 4},
-                       {data + (3 - luma), half_w, height, stride, 4}}};
+      image.planes = {{{after(luma), width, height, stride, 2},
+                       {after(1 - luma), half_w, height, stride, 4},
+                       {after(3 - luma), half_w, height, stride, 4}}};
       break;
     }
     case PixelFormat::kRgb24:
     case PixelFormat::kRgb48: {
       const int sample = format == PixelFormat::kRgb48 ? 2 : 1;
       for (int c = 0; c < 3; ++c) {
-        image.planes[static_cast<std::size_t>(c)] = {data + c * sample, width, height, 3 * sample * w, 3 * sample};
+        image.planes[static_cast<std::size_t>(c)] = {after(c * sample), width, height, 3 * sample * w, 3 * sample};
       }
       break;
     }

@@ -1,16 +1,12 @@
 #include "stitch/table/validate.h"
 
 #include <gtest/gtest.h>
-#include <rapidcheck/gtest.h>
 
 #include <functional>
-#include <random>
 #include <stdexcept>
 
 #include "rigs.h"
-#include "stitch/blend/blend.h"
 #include "stitch/table/table_compiler.h"
-#include "tests/reference/prepared_heads.h"
 
 namespace nodal::table {
 namespace {
@@ -134,69 +130,6 @@ TEST_P(ValidateFinds, TheFaultAndSaysWhereItIs) {
 
 INSTANTIATE_TEST_SUITE_P(Planted, ValidateFinds, testing::ValuesIn(faults()),
                          [](const auto& test) { return std::string(test.param.name); });
-
-/// Sets one number anywhere in the table to something telling.
-void mutate(BlendTable& table, std::mt19937& random) {
-  const auto pick = [&](auto& list) -> auto& { return list[random() % list.size()]; };
-  const std::uint32_t values[] = {0, 1, 2, 3, 7, 8, 14, 15, 16, 4095, 4096, 32767, 32768, 65535, 1U << 31, ~0U};
-  const std::uint32_t value = values[random() % 16];
-  const auto set = [&](auto& field) { field = static_cast<std::remove_reference_t<decltype(field)>>(value); };
-  blend::GridTable& grid = pick(table.grids);
-  blend::PatchRecord& record = pick(grid.records);
-  BlendTable::Source& source = pick(table.sources);
-  switch (random() % 22) {
-    case 0: set(pick(grid.tiles).record); break;
-    case 1: set(grid.width); break;
-    case 2: set(grid.height); break;
-    case 3: set(grid.row_step); break;
-    case 4: set(record.left); break;
-    case 5: set(record.top); break;
-    case 6: set(pick(record.x)); break;
-    case 7: set(pick(record.y)); break;
-    case 8: set(random() % 3 == 0 ? record.rows : pick(record.first)); break;
-    case 9: set(record.source); break;
-    case 10: set(source.width); break;
-    case 11: source.format = static_cast<PixelFormat>(1 + value % 7); break;
-    case 12: set(pick(table.components).grid); break;
-    case 13: set(table.width); break;
-    case 14: source.height = static_cast<int>(value % 64); break;
-    case 15: record.source ^= static_cast<std::uint8_t>(1U << random() % 8); break;
-    case 16: set(pick(grid.tiles).sharing); break;
-    case 17: pick(grid.tiles).sharing ^= 1U << (random() % 32); break;
-    case 18: if (!grid.weights.empty()) set(pick(grid.weights)); break;
-    case 19: if (!grid.coordinates.empty()) set(pick(grid.coordinates)); break;
-    case 20: set(pick(pick(grid.gains))); break;
-    default: set(pick(source.gain)); break;
-  }
-}
-
-/// Memory of exactly the size a picture has, on the heap: the address sanitizer sees one byte too far.
-std::vector<std::uint8_t> exact_bytes(const BlendTable::Source& source) {
-  return std::vector<std::uint8_t>(packed_size(source.format, source.width, source.height), 200);
-}
-
-RC_GTEST_PROP(ValidateBlendTable, AnyMutatedTable_IsRefusedOrRunsInBounds, (std::uint32_t seed)) {
-  std::mt19937 random(seed);
-  BlendTable table = good_table();
-  for (auto n = 1 + random() % 3; n > 0; --n) mutate(table, random);
-  if (!validate_blend_table(table)) return;
-  if (std::int64_t{table.width} * table.height > 1 << 20) return;
-  std::vector<std::vector<std::uint8_t>> memory;
-  std::vector<ImageView> heads;
-  for (const BlendTable::Source& source : table.sources) {
-    if (std::int64_t{source.width} * source.height > 1 << 22) return;
-    memory.push_back(exact_bytes(source));
-    heads.push_back(packed_image(source.format, source.width, source.height, std::as_const(memory.back()).data()));
-  }
-  std::vector<std::uint8_t> raymap(packed_size(table.format, table.width, table.height));
-  const test::PreparedHeads prepared(table, heads);
-  for (const blend::Kernel kernel : blend::kernels()) {
-    blend::blend_rows_by(kernel, table, prepared.views(), blend::calibrated_tone(table),
-                         packed_image(table.format, table.width, table.height, raymap.data()), 0, table.height);
-  }
-  std::vector<std::uint8_t> validity(static_cast<std::size_t>(table.width) * static_cast<std::size_t>(table.height));
-  blend::validity_rows(table, heads, {validity.data(), table.width, table.height, table.width, 1}, 0, table.height);
-}
 
 TEST(ValidateLinear, NumbersThatLightCouldMissOrBlackThatIsNone_AreRefused) {
   const Calibration rig = test::cube_rig(32);
