@@ -17,7 +17,7 @@ std::string port_path(const PortAddress& port) {
 hal::TriggerSettings settings_of(const RigConfig& config) {
   hal::TriggerSettings settings;
   settings.rate = config.rate;
-  settings.follow = config.trigger.follow;
+  settings.follow = config.trigger.source == SyncSource::kExternal;
   settings.pulse_width = config.trigger.pulse_width;
   settings.active_high = config.trigger.active_high;
   for (std::size_t i = 0; i < config.heads.size(); ++i) settings.delay[i] = config.heads[i].trigger_delay;
@@ -28,6 +28,7 @@ hal::TriggerSettings settings_of(const RigConfig& config) {
 
 Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
     : trigger_settings_(settings_of(config)),
+      source_(config.trigger.source),
       genlock_(trigger),
       exposure_(config.exposure),
       clock_(config.rate),
@@ -67,6 +68,7 @@ bool Capture::step(Instant now) {
   for (CaptureHead& head : heads_) busy |= head.step(now, mode_);
   busy |= take_frames();
   busy |= close_due_sets(now);
+  align();
   genlock_.step(now);
   if (genlock_wanted_) {
     genlock_wanted_ = false;
@@ -82,6 +84,7 @@ bool Capture::step(Instant now) {
 void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
   clock_.restart(rate, genlocked, now);
   pulse_drift_.restart(rate);
+  aligner_.restart(rate.period());
   for (DriftMeter& drift : head_drift_) drift.restart(rate);
 }
 
@@ -137,6 +140,7 @@ bool Capture::follow_light() {
       if ((orders.heads & head_bit(i)) == 0) continue;
       // Within its limits; a head that is vanishing just now is asked when it returns.
       (void)heads_[i].change({orders.of[i].exposure, orders.of[i].gain, std::nullopt, std::nullopt});
+      align_now_ = true;
     }
   }
   return any;
@@ -157,11 +161,21 @@ Status Capture::change_heads(const HeadChange& change) {
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((change.heads & head_bit(i)) == 0) continue;
     if (Status changed = heads_[i].change(change.change); !changed) return changed;
+    align_now_ = true;
   }
   return {};
 }
 
 Status Capture::start_genlock(const GenlockStart& wish, Instant now) {
+  if (source_ == SyncSource::kNone) {
+    if (wish.pulse_width || (wish.rate && wish.rate->period() != rate_.period())) {
+      return fail(Errc::kUnsupported, "this rig has no trigger ([trigger] source is \"none\"): its heads run free at the "
+                                      "rate of rig.toml, and are brought into step there");
+    }
+    genlock_.align(rate_, now);
+    aligner_.restart(rate_.period());
+    return {};
+  }
   hal::TriggerSettings settings = trigger_settings_;
   settings.rate = wish.rate.value_or(settings.rate);
   settings.pulse_width = wish.pulse_width.value_or(settings.pulse_width);
@@ -216,6 +230,11 @@ void Capture::check() const {
 GenlockReport Capture::genlock_report() const {
   GenlockReport report = genlock_.report();
   if (!genlock_.running()) report.rate = rate_;
+  if (genlock_.aligning()) {
+    report.fixed = aligner_.fixed();
+    report.one_way = aligner_.one_way();
+    report.unheeding = aligner_.unheeding();
+  }
   report.drift_ppb = drift_ppb();
   return report;
 }
@@ -224,6 +243,7 @@ void Capture::update_report(Instant now, bool changed) {
   if (!changed && now < next_report_) return;
   report_.frames = {};
   for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (mode_ == hal::TriggerMode::kFreeRun) heads_[i].tell_drift(aligner_.drift_ppb(i));
     report_.heads[i] = heads_[i].report();
     report_.frames.add(heads_[i].report().counts);
   }

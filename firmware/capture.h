@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "firmware/aligner.h"
 #include "firmware/capture_head.h"
 #include "firmware/exposure.h"
 #include "firmware/config.h"
@@ -116,6 +117,8 @@ class Capture {
   void close_oldest();
   void describe(const OpenSet& open);
   std::optional<std::int32_t> drift_ppb() const;
+  bool pulsed() const { return genlock_.running() && !genlock_.aligning(); }
+  void align();
   void restart_clocks(FrameRate rate, bool genlocked, Instant now);
   void give_back(FrameSet* set);
   void close_all(Instant now);
@@ -124,8 +127,11 @@ class Capture {
   void check() const;
 
   const hal::TriggerSettings trigger_settings_;  ///< by rig.toml
+  const SyncSource source_;
   std::deque<CaptureHead> heads_;  ///< they never move
   Genlock genlock_;
+  Aligner aligner_;
+  bool align_now_ = false;         ///< a set was closed, or an exposure asked, since heads were last moved
   ExposureControl exposure_;
   SpscRing<blend::SphereLight>* light_in_ = nullptr;
   SetClock clock_;

@@ -132,6 +132,7 @@ void CaptureHead::start(hal::TriggerMode mode, Instant now) {
     return;
   }
   next_try_.reset();
+  ++starts_;
   started_ = true;
   mode_ = mode;
   missed_in_row_ = 0;
@@ -260,6 +261,20 @@ Status CaptureHead::change(const SettingsChange& change) {
   }
   wanted_.add(change);
   return {};
+}
+
+void CaptureHead::nudge(Duration by) {
+  if (!streaming()) return;
+  const Status asked = port_->nudge(by);
+  if (asked) return;
+  if (asked.error().code == Errc::kDeviceGone) return vanish(asked.error());
+  report_.problem = asked.error().message;
+}
+
+Exposure CaptureHead::exposure_to_come() const {
+  const bool on_its_way = wanted_.exposure && !carried({wanted_.exposure, {}, {}, {}}, report_.in_effect) &&
+                          frames_since_asked_ <= report_.limits->control_latency_frames + kFramesOfGrace;
+  return on_its_way ? *wanted_.exposure : report_.in_effect.exposure;
 }
 
 bool CaptureHead::conserved() const {

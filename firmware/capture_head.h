@@ -47,6 +47,7 @@ struct HeadReport {
   std::uint64_t missing_sets = 0;         ///< sets closed without it
   std::uint64_t opened = 0;               ///< times its port was opened
   Duration skew;                          ///< of the newest frame after its set's middle
+  std::optional<std::int32_t> drift_ppb;  ///< of its own clock, as it was last seen running free; positive is slow
   std::string problem;
   std::string ignores;                    ///< a setting it was asked and does not carry out; empty: none
 };
@@ -80,12 +81,19 @@ class CaptureHead {
   Status check(const SettingsChange& change) const;
   /// Asks it of the head; one that is away is asked when it returns.
   Status change(const SettingsChange& change);
+  /// In free run, its exposures are moved in time; nothing when it does not stream.
+  void nudge(Duration by);
+  /// What it will expose with once it has carried out what it was asked; a head that does not, as it does now.
+  Exposure exposure_to_come() const;
 
   /// While it waits to be started in another mode, frames of the old one are not taken.
   bool streaming() const { return port_ && started_ && !restarting_ && !gone_; }
   /// Sets wait for it: it delivers, or has not had the time to yet.
   bool expected() const { return streaming() && missed_in_row_ < kMissedUntilSilent; }
+  /// Times it was started.
+  std::uint64_t starts() const { return starts_; }
   const HeadReport& report() const { return report_; }
+  void tell_drift(std::optional<std::int32_t> ppb) { report_.drift_ppb = ppb; }
   bool conserved() const;
   /// Gives up its port; every frame must have been released.
   void close();
@@ -110,6 +118,7 @@ class CaptureHead {
   bool gone_ = false;  ///< the port is dead and waits for its frames
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
   std::optional<Instant> next_try_;
+  std::uint64_t starts_ = 0;
   std::uint64_t lent_ = 0;
   std::uint64_t in_flight_ = 0;  ///< of them, those in sets that were closed
   int missed_in_row_ = 0;

@@ -1,6 +1,7 @@
 // The half of Capture that makes sets of frames.
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "firmware/capture.h"
 
@@ -71,7 +72,9 @@ void Capture::place(std::size_t head, const hal::FrameView& frame) {
     set.sync.trigger = match->trigger;
   }
   heads_[head].hold(frame);
-  if (!genlock_.running()) head_drift_[head].add(match->slot, frame.mid_exposure);
+  if (pulsed()) return;
+  head_drift_[head].add(match->slot, frame.mid_exposure);
+  aligner_.on_frame(head, heads_[head].starts(), frame);
 }
 
 Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
@@ -145,7 +148,12 @@ void Capture::close_oldest() {
     heads_[i].missed_set();
   }
   if (every_head) ++report_.full_sets;
-  genlock_.on_set(set, open.skews, every_present, now_);
+  if (genlock_.aligning()) {
+    genlock_.on_set(set, aligner_.skews(set), every_present, now_, aligner_.unheeding());
+    align_now_ = true;
+  } else {
+    genlock_.on_set(set, open.skews, every_present, now_);
+  }
   set.sync.state = genlock_.state();
   FrameSet* lent = &set;
   if (sets_out_.push(std::move(lent))) return;
@@ -153,9 +161,25 @@ void Capture::close_oldest() {
   give_back(&set);
 }
 
+/// Moves heads that run free into step, after every set; in the same turn as an exposure is asked, so that both take
+/// effect in the same frame.
+void Capture::align() {
+  if (!std::exchange(align_now_, false) || !genlock_.aligning()) return;
+  std::array<FreeHead, kMaxHeads> free;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (!heads_[i].streaming()) continue;
+    free[i] = {true, heads_[i].starts(), heads_[i].report().limits->nudge, heads_[i].exposure_to_come()};
+  }
+  const bool in_step = genlock_.state() == GenlockState::kLocked || genlock_.state() == GenlockState::kHoldover;
+  const Aligner::Nudges nudges = aligner_.plan(free, in_step, now_);
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (nudges[i] != Duration()) heads_[i].nudge(nudges[i]);
+  }
+}
+
 /// The pulses' drift when there are pulses; else that of the heads, of which the middle one is told.
 std::optional<std::int32_t> Capture::drift_ppb() const {
-  if (genlock_.running()) return pulse_drift_.ppb();
+  if (pulsed()) return pulse_drift_.ppb();
   std::array<std::int32_t, kMaxHeads> drifts{};
   std::size_t known = 0;
   for (std::size_t i = 0; i < heads_.size(); ++i) {

@@ -116,7 +116,7 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
     reader.refuse("pulse_width_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   }
   trigger.active_high = reader.choice("polarity", {"high", "low"}, 0) == 0;
-  trigger.follow = reader.choice("source", {"own", "external"}, 0) == 1;
+  trigger.source = static_cast<SyncSource>(reader.choice("source", {"own", "external", "none"}, 0));
 }
 
 Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
@@ -282,6 +282,11 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   read_heads(file, config, error);
   check_formats(raymap, config.heads, config.raymap.format);
+  for (const HeadConfig& head : config.heads) {
+    if (config.trigger.source != SyncSource::kNone || head.trigger_delay == Duration()) continue;
+    file.refuse("trigger", "has source = \"none\", so there are no pulses that head '" + head.name +
+                               "' could be delayed against; take its trigger_delay_us out");
+  }
   read_field_use(raymap, config.heads, config.raymap);
   read_exposure({section("exposure"), "exposure",
                  {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",

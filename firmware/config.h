@@ -68,12 +68,19 @@ struct RaymapConfig {
   int raymaps_a_set() const { return fields == FieldUse::kSeparate ? 2 : 1; }
 };
 
+/// Who makes heads expose together.
+enum class SyncSource : std::uint8_t {
+  kOwn,       ///< the rig's own pulses
+  kExternal,  ///< somebody else's, at the rig's rate
+  kNone,      ///< no pulses: the heads run free, and are moved until they are in step
+};
+
 /// [trigger]
 struct TriggerConfig {
   bool start = false;  ///< genlock at start, without a host's asking
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
-  bool follow = false;  ///< somebody else drives the line, at the rig's rate
+  SyncSource source = SyncSource::kOwn;
 };
 
 /// [sim]: the world that "sim:" heads look at.

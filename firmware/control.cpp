@@ -176,7 +176,7 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   wire::Reply message;
   message.set_id(open.request.id());
   if (open.request.has_genlock()) {
-    fill_genlock(answer.genlock, *message.mutable_genlock());
+    fill_genlock(config_, answer.genlock, *message.mutable_genlock());
   } else if (open.request.has_exposure()) {
     fill_exposure(answer.exposure, config_.heads.size(), *message.mutable_exposure());
   } else {

@@ -31,10 +31,10 @@ inline constexpr std::size_t kLossReasons = 11;
 std::string_view loss_reason_name(LossReason reason);
 
 enum class GenlockState : std::uint8_t {
-  kOff,        ///< heads run free; sets are aligned by the frames' times alone
-  kAcquiring,  ///< the trigger runs, the heads have not followed it long enough
-  kLocked,     ///< every frame began with its pulse
-  kHoldover,   ///< no pulses are seen, yet the heads are still as much in step as when it locked
+  kOff,        ///< heads run free; frames are grouped by their times alone
+  kAcquiring,  ///< the trigger runs, or heads are being moved into step, and they have not been in step long enough
+  kLocked,     ///< every frame began with its pulse, or without pulses with the others
+  kHoldover,   ///< no pulses are seen, or a head cannot be moved, yet they are still as much in step as when it locked
   kLost,       ///< they are not
 };
 std::string_view genlock_state_name(GenlockState state);

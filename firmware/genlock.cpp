@@ -5,13 +5,6 @@
 namespace nodal::firmware {
 namespace {
 
-/// Until it is known: the past is then trusted to 0.2 ms, twice this.
-constexpr Duration kJitterAtFirst = Duration::microseconds(100);
-
-/// What stamps of frames are off by even where a driver makes them: so little under the limit, nobody can say that heads
-/// are within it.
-constexpr Duration kStampDoubt = Duration::microseconds(20);
-
 Duration size_of(Duration d) { return d < Duration() ? -d : d; }
 
 struct Range {
@@ -35,6 +28,7 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
       Row{kOff, kLocked, kLocked, kLocked, kLocked},                    // in step
       Row{kOff, kAcquiring, kLost, kLost, kLost},                       // out of step
       Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // pulse unseen
+      Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // unheeded
       Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue
       Row{kOff, kAcquiring, kLost, kLost, kLost},                       // sets overdue
       Row{kOff, kLost, kLost, kLost, kLost},                            // port gone
@@ -45,7 +39,7 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
 
 std::string_view genlock_condition_name(GenlockCondition condition) {
   constexpr std::array<std::string_view, kGenlockConditions> kNames = {
-      "started",        "stopped",      "in step",   "out of step", "pulse unseen",
+      "started",        "stopped",      "in step",   "out of step", "pulse unseen", "unheeded",
       "pulses overdue", "sets overdue", "port gone", "coasted long"};
   return kNames[static_cast<std::size_t>(condition)];
 }
@@ -71,15 +65,27 @@ Status Genlock::start(const hal::TriggerSettings& settings, Instant now) {
     return fail(started.error().in("trigger"));
   }
   settings_ = settings;
+  aligned_ = false;
+  begin(now);
+  return {};
+}
+
+void Genlock::align(FrameRate rate, Instant now) {
+  if (port_) port_->stop();
+  settings_ = {};
+  settings_.rate = rate;
+  aligned_ = true;
+  begin(now);
+}
+
+void Genlock::begin(Instant now) {
   failed_ = was_locked_ = false;
   newest_edge_ = now;
   newest_set_.reset();
   next_number_ = 0;
-  jitter_ = kJitterAtFirst;
   habits_ = {};
   report_ = {};
   meet(GenlockCondition::kStarted, now);
-  return {};
 }
 
 void Genlock::stop() {
@@ -88,7 +94,7 @@ void Genlock::stop() {
 }
 
 std::optional<hal::TriggerEdge> Genlock::take_edge(Instant now) {
-  if (!running() || failed_) return std::nullopt;
+  if (!running() || failed_ || aligned_) return std::nullopt;
   auto edge = port_->take_edge();
   if (!edge) {
     failed_ = true;
@@ -103,7 +109,9 @@ std::optional<hal::TriggerEdge> Genlock::take_edge(Instant now) {
   return **edge;
 }
 
-bool Genlock::pulses_overdue(Instant now) const { return now - newest_edge_ > settings_.rate.period() * 5 / 2; }
+bool Genlock::pulses_overdue(Instant now) const {
+  return !aligned_ && now - newest_edge_ > settings_.rate.period() * 5 / 2;
+}
 
 void Genlock::step(Instant now) {
   if (!running() || failed_) return;
@@ -115,7 +123,8 @@ void Genlock::step(Instant now) {
   }
 }
 
-void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now) {
+void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now,
+                     HeadMask unheeding) {
   if (!running() || failed_) return;
   newest_set_ = now;
   if (every_present_head) report_.spread = set.sync.spread;
@@ -123,6 +132,7 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
     return meet(is_as_in_lock(set) ? GenlockCondition::kPulseUnseen : GenlockCondition::kOutOfStep, now);
   }
   if (!follows_pulses(skews)) return meet(GenlockCondition::kOutOfStep, now);
+  if ((unheeding & set.mask) != 0) return meet(GenlockCondition::kUnheeded, now);
   if (pulses_overdue(now)) return meet(GenlockCondition::kPulsesOverdue, now);
   if (++good_sets_ >= kSetsToLock) meet(GenlockCondition::kInStep, now);
   if (state_ != GenlockState::kLocked) return;
@@ -132,35 +142,39 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
 
 bool Genlock::follows_pulses(const Skews& skews) {
   Range raw, smooth;
-  const Duration leap = jitter_ * 4 + kJitterAtFirst;
-  Duration off_in_all;
-  std::int64_t judged = 0;
+  Duration jitter;
   std::int64_t least_known = kMean;
   for (std::size_t i = 0; i < habits_.size(); ++i) {
     if ((skews.known & head_bit(i)) == 0) continue;
     raw.add(skews.of[i]);
     Habit& habit = habits_[i];
+    habit.mean = habit.mean + skews.moved[i];
+    habit.mean_of_means = habit.mean_of_means + skews.moved[i];
     const Duration off = skews.of[i] - habit.skew();
     // A leap is not jitter: the head was started anew, or lost its trigger, or has it back.
-    if (habit.skews == 0 || size_of(off) > std::min(kLockLimit, leap)) {
+    if (habit.skews == 0 || size_of(off) > std::min(kLockLimit, habit.jitter * 4 + kJitterAtFirst)) {
       habit.mean = habit.mean_of_means = skews.of[i];
       habit.skews = 1;
+      habit.jitter = kJitterAtFirst;
     } else {
       habit.skews = std::min(habit.skews + 1, kMean);
       habit.mean = habit.mean + (skews.of[i] - habit.mean) / habit.skews;
       habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / habit.skews;
-      off_in_all = off_in_all + size_of(off);
-      ++judged;
+      // A short past is off itself, and a head that comes back a little elsewhere is far off for a while: no jitter.
+      const Duration seen = std::min(size_of(off), habit.jitter * 2 + kStampDoubt);
+      if (habit.skews == kMean) habit.jitter = habit.jitter + (seen - habit.jitter) / kMean;
     }
     least_known = std::min(least_known, habit.skews);
+    jitter = std::max(jitter, habit.jitter);
     smooth.add(habit.skew());
   }
-  if (judged > 0) jitter_ = jitter_ + (off_in_all / judged - jitter_) / kMean;
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
-  // Twice the mean distance is more than four deviations of a whole past, and of a short one almost twice that.
-  const Duration room = kLockLimit - jitter_ * 2 * (2 * kMean - least_known) / kMean;
+  // The next set is off by twice the mean distance; what a whole past says, by half of it, and a short one by twice as
+  // much again.
+  // Of many heads one seems to jitter a tenth more than it does.
+  const Duration room = kLockLimit - jitter * 9 / 10 * (9 * kMean - 4 * least_known) / (2 * kMean);
   return raw.width() <= kLockLimit - kStampDoubt && smooth.width() <= room &&
-         size_of(raw.middle() - latency_) <= kLockLimit;
+         (aligned_ || size_of(raw.middle() - latency_) <= kLockLimit);
 }
 
 void Genlock::learn(const FrameSet& set, const Skews& skews) {
@@ -185,6 +199,7 @@ bool Genlock::is_as_in_lock(const FrameSet& set) const {
 GenlockReport Genlock::report() const {
   GenlockReport report = report_;
   report.state = state_;
+  report.aligned = aligning();
   report.rate = settings_.rate;
   return report;
 }

@@ -102,10 +102,12 @@ Finding find_condition(const RigConfig& config, const Signs& signs) {
   }
   if (!absent.empty()) return found(Condition::kHeadAway, std::move(absent));
   if (signs.capture.genlock.state == GenlockState::kLost) {
-    return found(Condition::kGenlockLost, "the genlock is lost: heads no longer follow the trigger");
+    return found(Condition::kGenlockLost, "the genlock is lost: heads are no longer exposed together");
   }
   if (signs.capture.genlock.state == GenlockState::kHoldover) {
-    return found(Condition::kHoldover, "the trigger's pulses are not seen; the heads still run in step");
+    return found(Condition::kHoldover, signs.capture.genlock.aligned
+                                           ? "a head does not move as it is asked; the heads are still in step"
+                                           : "the trigger's pulses are not seen; the heads still run in step");
   }
   if (signs.unfit_frames > 0) {
     return found(Condition::kUnfitFrames, "frames come that are not of the size or format the calibration is for");

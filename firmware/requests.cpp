@@ -32,7 +32,7 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     case wire::Request::kGenlock:
       later = request.genlock().action() != wire::GenlockRequest::SHOW;
       if (later) done = set(client.number(), request);
-      else fill_genlock(capture_->genlock, *answer.mutable_genlock());
+      else fill_genlock(config_, capture_->genlock, *answer.mutable_genlock());
       break;
     case wire::Request::kExposure:
       later = request.exposure().ByteSizeLong() > 0;
@@ -255,7 +255,7 @@ wire::RigStatus Control::status(Instant now) {
   status.set_state(std::string(health().state));
   status.set_problem(health().problem);
   status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
-  fill_capture(*capture_, status);
+  fill_capture(config_, *capture_, status);
 
   const Blender::Counts& counts = stages_.blender.counts();
   const auto read = [](const std::atomic<std::uint64_t>& count) { return count.load(std::memory_order_relaxed); };

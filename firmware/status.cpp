@@ -32,7 +32,7 @@ wire::Error to_wire(const Error& error) {
   return message;
 }
 
-void fill_genlock(const GenlockReport& genlock, wire::Genlock& into) {
+void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into) {
   into.set_state(std::string(genlock_state_name(genlock.state)));
   into.set_rate_numerator(genlock.rate.numerator);
   into.set_rate_denominator(genlock.rate.denominator);
@@ -43,6 +43,17 @@ void fill_genlock(const GenlockReport& genlock, wire::Genlock& into) {
   into.set_losses(genlock.losses);
   into.set_holdovers(genlock.holdovers);
   if (genlock.drift_ppb) into.set_drift_ppb(*genlock.drift_ppb);
+  into.set_aligned(genlock.aligned);
+  for (std::size_t i = 0; i < config.heads.size(); ++i) {
+    const std::string head = "head '" + config.heads[i].name + "' ";
+    if ((genlock.fixed & head_bit(i)) != 0) {
+      into.add_unaligned(head + "cannot be moved in time; it exposes when its own clock says");
+    } else if ((genlock.unheeding & head_bit(i)) != 0) {
+      into.add_unaligned(head + "is asked to move its exposures and does not");
+    } else if ((genlock.one_way & head_bit(i)) != 0) {
+      into.add_unaligned(head + "is behind the others and can only wait");
+    }
+  }
 }
 
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into) {
@@ -104,6 +115,7 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     state.set_problem(head.problem.empty() ? head.ignores : head.problem);
     state.set_missing_sets(head.missing_sets);
     state.set_opened(head.opened);
+    if (head.drift_ppb) state.set_drift_ppb(*head.drift_ppb);
     if (!head.limits) continue;
     state.set_exposure_min_ns(ns_of(head.limits->exposure_min.duration()));
     state.set_exposure_max_ns(ns_of(head.limits->exposure_max.duration()));
@@ -112,14 +124,14 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
   }
 }
 
-void fill_capture(const CaptureReport& capture, wire::RigStatus& into) {
+void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into) {
   into.set_sets(capture.sets);
   into.set_full_sets(capture.full_sets);
   into.set_frames_taken(capture.frames.frames);
   into.set_frames_in_sets(capture.frames.in_sets);
   into.set_frames_held(capture.frames.held);
   fill_losses(capture.frames, *into.mutable_losses());
-  fill_genlock(capture.genlock, *into.mutable_genlock());
+  fill_genlock(config, capture.genlock, *into.mutable_genlock());
 }
 
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into) {

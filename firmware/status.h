@@ -11,10 +11,10 @@ namespace nodal::firmware {
 
 wire::Error to_wire(const Error& error);
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
-void fill_genlock(const GenlockReport& genlock, wire::Genlock& into);
+void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into);
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
 /// Frames, sets and genlock.
-void fill_capture(const CaptureReport& capture, wire::RigStatus& into);
+void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into);
 /// How well the set of this raymap was exposed together.
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);

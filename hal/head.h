@@ -34,6 +34,18 @@ class Gamma {
   std::int32_t thousandths_ = 0;
 };
 
+/// How far a head in free run can be moved in time: a period is made longer or shorter now and then.
+struct NudgeLimits {
+  Duration step;      ///< moves and limits are multiples of it, a line's time or a packet's; 0: it cannot be moved
+  Duration shortest;  ///< what one period can be shorter by, as a negative; 0: it can only wait
+  Duration longest;   ///< what one period can be longer by
+  /// Frames between nudge() and the first frame that comes later or earlier for it; at least 1.
+  int latency_frames = 1;
+
+  bool possible() const { return step > Duration(); }
+  friend bool operator==(const NudgeLimits&, const NudgeLimits&) = default;
+};
+
 /// What a head can be asked to do. A range of one value says that it is fixed.
 struct HeadLimits {
   Exposure exposure_min, exposure_max;
@@ -43,6 +55,7 @@ struct HeadLimits {
   bool has_trigger_input = false;
   /// Frames between a setting's call and the first frame that carries it.
   int control_latency_frames = 0;
+  NudgeLimits nudge;
 };
 
 /// What the head sends: fixed from start() to stop().
@@ -87,6 +100,7 @@ struct FrameView {
   Instant mid_exposure;
   Instant received;            ///< when the last byte was in memory
   HeadSettings in_effect;
+  Duration nudged;             ///< what nudge() moved this exposure by, since start(), as far as it has been done
   FrameVerdict verdict = FrameVerdict::kGood;
   Fields fields = Fields::kProgressive;  ///< what came; a frame that is not what the format says is still a frame
   ImageView image;
@@ -118,6 +132,12 @@ class HeadPort {
   virtual Status set_gain(Gain gain) = 0;
   virtual Status set_white_balance(WhiteBalance balance) = 0;
   virtual Status set_gamma(Gamma gamma) = 0;
+
+  /// In free run: every exposure from the latency on comes later by `by`, or earlier when it is negative, against what
+  /// the head's clock would have it. What is beyond one period's limits, or was asked before and is not done yet, takes
+  /// more periods. Rounded to a step; FrameView::nudged says what was done.
+  /// kUnsupported when it cannot, or not that way; kWrongState when it is not in free run.
+  virtual Status nudge(Duration by) = 0;
 
   /// The next frame, nothing when none is due, or an error: kWrongState when not started.
   virtual Result<std::optional<FrameView>> take_frame() = 0;

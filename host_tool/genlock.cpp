@@ -31,9 +31,13 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   if (!reply) return fail(reply.error());
   const wire::Genlock& now = reply->genlock();
   context.console().document(to_json(now));
-  context.console().line(fmt::format("genlock {} at {}/{} Hz; {} triggers; spread of mid-exposures {} (worst {})",
-                                     now.state(), now.rate_numerator(), now.rate_denominator(), now.triggers(),
+  const std::string by = now.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", now.triggers());
+  context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
+                                     now.rate_numerator(), now.rate_denominator(), by,
                                      show_duration(now.spread_ns()), show_duration(now.spread_worst_ns())));
+  for (const std::string& why : now.unaligned()) {
+    context.console().line(context.console().paint(Colour::kWarning, why));
+  }
   std::string drift = "not known yet";
   if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
   context.console().line(fmt::format("lost {} times, in holdover {} times; {} triggers missing; drift {}", now.losses(),
@@ -44,12 +48,12 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
 }  // namespace
 
 void add_genlock(CLI::App& app, CommandLine& line) {
-  CLI::App* genlock = add_command(app, "genlock", "One trigger for all heads: start it, stop it, see how well it holds",
+  CLI::App* genlock = add_command(app, "genlock", "All heads exposed together: start it, stop it, see how well it holds",
                                   "");
   genlock->require_subcommand(1);
   auto args = std::make_shared<Args>();
 
-  CLI::App* start = add_command(*genlock, "start", "Trigger the heads together from now on",
+  CLI::App* start = add_command(*genlock, "start", "Expose the heads together from now on: by a trigger, or by moving heads\nthat run free, as rig.toml says",
                                 "  nodal genlock start                     at the rig's own rate\n"
                                 "  nodal genlock start --rate 30000/1001\n");
   start->add_option("--rate", args->rate, "Frames a second: 30000/1001, 29.97, 25")->type_name("RATE")
@@ -58,7 +62,7 @@ void add_genlock(CLI::App& app, CommandLine& line) {
       ->check(checked_by(parse_duration));
   line.on(start, [args](Context& context) { return run(context, wire::GenlockRequest::START, *args); });
 
-  CLI::App* stop = add_command(*genlock, "stop", "Trigger no more", "  nodal genlock stop\n");
+  CLI::App* stop = add_command(*genlock, "stop", "Every head by its own clock again", "  nodal genlock stop\n");
   line.on(stop, [](Context& context) { return run(context, wire::GenlockRequest::STOP, {}); });
 
   CLI::App* show = add_command(*genlock, "show", "State, rate, triggers and spread",

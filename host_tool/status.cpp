@@ -51,10 +51,12 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
     row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it", show_id(status.trial().before()),
                              show_duration(status.trial().left_ns())));
   }
-  row("genlock", fmt::format("{} at {}/{} Hz, {} triggers, spread {} (worst {})",
+  const std::string by = genlock.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", genlock.triggers());
+  row("genlock", fmt::format("{} at {}/{} Hz, {}, spread {} (worst {})",
                              console.paint(colour_of(genlock.state()), genlock.state()), genlock.rate_numerator(),
-                             genlock.rate_denominator(), genlock.triggers(), show_duration(genlock.spread_ns()),
+                             genlock.rate_denominator(), by, show_duration(genlock.spread_ns()),
                              show_duration(genlock.spread_worst_ns())));
+  for (const std::string& why : genlock.unaligned()) row("", console.paint(Colour::kWarning, why));
   if (genlock.missing_triggers() != 0) {
     row("", console.paint(Colour::kBad, fmt::format("{} trigger pulses were not sent", genlock.missing_triggers())));
   }

@@ -41,7 +41,9 @@ Json to_json(const wire::Genlock& genlock) {
           {"missing_triggers", genlock.missing_triggers()},
           {"losses", genlock.losses()},
           {"holdovers", genlock.holdovers()},
-          {"drift_ppb", genlock.has_drift_ppb() ? Json(genlock.drift_ppb()) : Json()}};
+          {"drift_ppb", genlock.has_drift_ppb() ? Json(genlock.drift_ppb()) : Json()},
+          {"aligned", genlock.aligned()},
+          {"unaligned", Json(std::vector<std::string>(genlock.unaligned().begin(), genlock.unaligned().end()))}};
 }
 
 Json to_json(const wire::ExposureState& exposure) {
@@ -135,6 +137,7 @@ Json to_json(const wire::HeadState& head) {
           {"missing_sets", head.missing_sets()},
           {"opened", head.opened()},
           {"skew_ns", head.skew_ns()},
+          {"drift_ppb", head.has_drift_ppb() ? Json(head.drift_ppb()) : Json()},
           {"problem", head.problem()}};
 }
 

@@ -149,6 +149,9 @@ class Deck::State::Head final : public HeadPort {
     if (gamma == settings_.gamma) return {};
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures have no gamma to set");
   }
+  Status nudge(Duration) override {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures cannot be moved in time");
+  }
   Result<std::optional<FrameView>> take_frame() override;
   void release(BufferSlot slot) override {
     if (slot < buffers_.size() && buffers_[slot].lent) buffers_[slot] = {};

@@ -18,6 +18,7 @@ HeadLimits default_head_limits() {
   limits.has_white_balance = true;
   limits.has_trigger_input = true;
   limits.control_latency_frames = 2;
+  limits.nudge = {Duration::microseconds(25), Duration::milliseconds(-2), Duration::milliseconds(4), 2};
   return limits;
 }
 
@@ -50,6 +51,10 @@ class SimHead::Port final : public HeadPort {
   Status set_gain(Gain gain) override;
   Status set_white_balance(WhiteBalance balance) override;
   Status set_gamma(Gamma gamma) override;
+  Status nudge(Duration by) override {
+    if (head_ == nullptr) return fail(gone());
+    return head_->nudge(by);
+  }
   Result<std::optional<FrameView>> take_frame() override;
   void release(BufferSlot slot) override {
     if (slot < buffers_.size() && buffers_[slot].state == Buffer::State::kLent) {
@@ -250,6 +255,7 @@ Status SimHead::start(TriggerMode mode) {
   keep_sequence_ = false;
   busy_until_ = last_received_ = now;
   free_run_next_ = 0;
+  nudges_.restart();
   const Duration period = options_.rate.period();
   const Duration drawn = Duration::nanoseconds(
       static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(period.ns()))));
@@ -287,17 +293,31 @@ void SimHead::change(const HeadSettings& wanted) {
   changes_.push_back({wanted, options_.limits.control_latency_frames});
 }
 
+Status SimHead::nudge(Duration by) {
+  const NudgeLimits& limits = options_.limits.nudge;
+  if (!limits.possible() || (by < Duration() ? limits.shortest : limits.longest) == Duration()) {
+    return fail(Errc::kUnsupported, "head '" + identity_.path + "': its exposures cannot be moved that way in time");
+  }
+  if (!streaming_ || mode_ != TriggerMode::kFreeRun) {
+    return fail(Errc::kWrongState, "head '" + identity_.path + "': nudge() when it does not run free");
+  }
+  step(clock_.now());
+  if (!stuck_) nudges_.ask(by, limits);
+  return {};
+}
+
 void SimHead::step(Instant now) {
   trigger_.step(now);
   if (streaming_ && mode_ == TriggerMode::kFreeRun) {
     for (;;) {
       const Duration ideal = options_.rate.start_of(free_run_next_);
       const Instant begin =
-          free_run_from_ + ideal + Duration::nanoseconds(ideal.us() * options_.free_run_drift_ppm / 1000);
+          free_run_from_ + ideal + Duration::nanoseconds(ideal.us() * options_.free_run_drift_ppm / 1000) + nudges_.done();
       if (begin > now) break;
       ++free_run_next_;
       deliver_until(begin);
       expose(begin, std::nullopt);
+      nudges_.next_period(options_.limits.nudge, begin + options_.rate.period() - busy_until_);
     }
   }
   deliver_until(now);
@@ -334,6 +354,8 @@ void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
   Exposed frame;
   frame.sequence = sequence_++;
   frame.settings = in_effect_;
+  frame.nudged = nudges_.done();
+  frame.said_mid = begin + in_effect_.exposure.duration() / 2 + random_.around_zero(options_.stamp_jitter);
   const Duration exposure = in_effect_.exposure.duration();
   frame.begin = begin;
   frame.mid = begin + exposure / 2;
@@ -390,9 +412,10 @@ void SimHead::deliver_until(Instant now) {
 FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& bytes, std::uint64_t& holds) {
   FrameView view;
   view.sequence = frame.sequence;
-  view.mid_exposure = frame.mid;
+  view.mid_exposure = frame.said_mid;
   view.received = frame.received;
   view.in_effect = frame.settings;
+  view.nudged = frame.nudged;
   view.verdict = frame.verdict;
   view.fields = frame.fields;
   if (frame.verdict == FrameVerdict::kNoSignal) {

@@ -11,6 +11,7 @@
 
 #include "hal/clock.h"
 #include "hal/head.h"
+#include "hal/sim/nudge.h"
 #include "hal/sim/random.h"
 #include "hal/sim/scene.h"
 #include "hal/sim/trigger.h"
@@ -48,6 +49,7 @@ struct HeadOptions {
   int buffers = 4;
   Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
   Duration trigger_jitter = Duration::microseconds(2);    ///< of each, uniform to both sides
+  Duration stamp_jitter;                                  ///< of what each frame says of its middle, uniform to both sides
   Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
   std::int32_t free_run_drift_ppm = 0;      ///< positive is slow
   std::optional<Duration> free_run_phase;   ///< of the first exposure after start(); drawn when not given
@@ -95,7 +97,7 @@ class SimHead final : public PulseSink {
   /// The next frame's fields come in the other order of time, or its second field not at all.
   void swap_next_fields() { swap_fields_next_ = true; }
   void lose_next_field() { lose_field_next_ = true; }
-  /// Settings are taken and never carried out, until it is let go; frames say what the head really does.
+  /// Settings and nudges are taken and never carried out, until it is let go; frames say what the head really does.
   void set_stuck(bool stuck) { stuck_ = stuck; }
   /// The light of all it sees, against the scene's: a cloud, a lamp.
   void set_light(double factor) { light_ = factor; }
@@ -131,6 +133,8 @@ class SimHead final : public PulseSink {
   struct Exposed {
     std::uint32_t sequence = 0;
     Instant begin, mid, received;
+    Instant said_mid;
+    Duration nudged;
     HeadSettings settings;
     FrameVerdict verdict = FrameVerdict::kGood;
     Fields fields = Fields::kProgressive;
@@ -143,6 +147,7 @@ class SimHead final : public PulseSink {
 
   Status start(TriggerMode mode);
   void stop();
+  Status nudge(Duration by);
   void change(const HeadSettings& wanted);
   void step(Instant now);
   Fields fields_that_come();
@@ -171,6 +176,7 @@ class SimHead final : public PulseSink {
   std::deque<Pending> changes_;
   Instant free_run_from_;
   std::uint64_t free_run_next_ = 0;
+  Nudges nudges_;
   Instant busy_until_;
   Instant last_received_;
   std::uint32_t sequence_ = 0;

@@ -235,6 +235,53 @@ TEST_P(HeadConformance, ExposureSetWhileStreaming_CarriedAfterTheStatedLatencyAn
   EXPECT_GT(begun_after, limits.control_latency_frames);
 }
 
+TEST_P(HeadConformance, NudgedInFreeRun_LaterExposuresMoveByWhatFramesSayWithinTheLimitsAndAfterTheLatency) {
+  const auto head = open_streaming();
+  const NudgeLimits& limits = head->limits().nudge;
+  if (!limits.possible()) {
+    const Status refused = head->nudge(Duration::milliseconds(1));
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, Errc::kUnsupported);
+    EXPECT_NE(refused.error().message.find(world_->path()), std::string::npos);
+    return;
+  }
+  const Duration period = head->format().rate.period();
+  for (const Duration by : {limits.longest + limits.step * 3, limits.shortest - limits.step * 2}) {
+    if ((by < Duration() ? limits.shortest : limits.longest) == Duration()) continue;
+    FrameView frame = next(*head);
+    head->release(frame.slot);
+    const Instant asked_at = world_->clock().now();
+    const Duration before = frame.nudged;
+    ASSERT_TRUE(head->nudge(by));
+    Instant last = frame.mid_exposure;
+    Duration nudged = before;
+    int begun_after = 0;
+    for (int i = 0; i < limits.latency_frames + 12; ++i, last = frame.mid_exposure, nudged = frame.nudged) {
+      frame = next(*head);
+      head->release(frame.slot);
+      const Duration longer = frame.nudged - nudged;
+      const Duration off = frame.mid_exposure - last - period - longer;
+      EXPECT_TRUE(off >= Duration::microseconds(-20) && off <= Duration::microseconds(20)) << off.ns() << " ns, " << i;
+      EXPECT_LE(longer, limits.longest);
+      EXPECT_GE(longer, limits.shortest);
+      EXPECT_EQ(longer.ns() % limits.step.ns(), 0);
+      const Instant begin = frame.mid_exposure - frame.in_effect.exposure.duration() / 2;
+      const bool due = begin >= asked_at && begun_after++ >= limits.latency_frames;
+      EXPECT_EQ(frame.nudged != before, due) << "frame " << i;
+    }
+    EXPECT_EQ(frame.nudged - before, by);
+  }
+}
+
+TEST_P(HeadConformance, NudgedWhenItDoesNotRunFree_WrongStateAndNothingMoves) {
+  const auto head = open();
+  const NudgeLimits& limits = head->limits().nudge;
+  if (!limits.possible()) GTEST_SKIP() << "this head cannot be moved in time";
+  EXPECT_EQ(head->nudge(limits.longest).error().code, Errc::kWrongState);
+  ASSERT_TRUE(head->start(TriggerMode::kFreeRun));
+  EXPECT_EQ(next(*head).nudged, Duration());
+}
+
 TEST_P(HeadConformance, GainAndBalanceSetWhileStopped_CarriedByTheFirstFrame) {
   const auto head = open();
   const HeadLimits& limits = head->limits();

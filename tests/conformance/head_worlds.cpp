@@ -89,6 +89,7 @@ INSTANTIATE_TEST_SUITE_P(
                              [](sim::HeadOptions& head) {
                                head.pixels = PixelFormat::kGrey8;
                                head.limits.control_latency_frames = 0;
+                               head.limits.nudge = {Duration::microseconds(125), {}, Duration::milliseconds(1), 1};
                                head.free_run_drift_ppm = 150;
                              }),
                     sim_kind("Rgb24Plain",
@@ -96,6 +97,7 @@ INSTANTIATE_TEST_SUITE_P(
                                head.pixels = PixelFormat::kRgb24;
                                head.limits.has_trigger_input = false;
                                head.limits.has_white_balance = false;
+                               head.limits.nudge = {};
                              }),
                     sim_kind("Nv12Interlaced",
                              [](sim::HeadOptions& head) {

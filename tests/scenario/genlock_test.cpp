@@ -131,7 +131,7 @@ TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
 
 TEST(Genlock, SomebodyElseDrivesTheLine_ItIsFollowedAndSetsNameItsPulses) {
   StandOptions options;
-  options.config.trigger.follow = true;
+  options.config.trigger.source = firmware::SyncSource::kExternal;
   options.world.trigger.external = FrameRate{};
   options.world.trigger.drift_ppb = -30'000;
   Stand stand(std::move(options));
@@ -147,7 +147,7 @@ TEST(Genlock, SomebodyElseDrivesTheLine_ItIsFollowedAndSetsNameItsPulses) {
 
 TEST(Genlock, NobodyDrivesTheLineThatIsToBeFollowed_TheStartSaysSo) {
   StandOptions options;
-  options.config.trigger.follow = true;
+  options.config.trigger.source = firmware::SyncSource::kExternal;
   Stand stand(std::move(options));
   TestHost& host = stand.bring_up();
   EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::START)).error().code(), static_cast<unsigned>(Errc::kUnsupported));

@@ -41,5 +41,10 @@ canary(told_and_not_kept firmware/calibration_keeper.cpp
   "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
 canary(raymap_names_the_first firmware/blender.cpp
   "installed_->id, {}, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}, {}}\;")
+canary(moved_the_wrong_way firmware/aligner.cpp
+  "nudges[i] = in_steps(off, limits.step)\;" "nudges[i] = in_steps(-off, limits.step)\;")
+canary(asked_taken_for_done firmware/aligner.cpp
+  "head.clock.add(frame.mid_exposure - place_of(frame))\;"
+  "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.asked)\;")
 canary(field_at_its_frames_time firmware/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")

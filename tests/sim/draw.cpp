@@ -1,5 +1,6 @@
 #include "tests/sim/draw.h"
 
+#include <algorithm>
 #include <array>
 
 namespace nodal::swarm {
@@ -11,10 +12,30 @@ Duration up_to(hal::sim::Random& random, Duration most) {
 
 /// Frames cost wall time: most rigs are slow ones, some run at what is common, 29.97 among it.
 FrameRate draw_rate(hal::sim::Random& random) {
-  constexpr std::array<FrameRate, 10> kRates = {FrameRate{6, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
+  constexpr std::array<FrameRate, 10> kRates = {FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
                                                 FrameRate{10, 1}, FrameRate{10, 1}, FrameRate{12, 1}, FrameRate{15, 1},
                                                 FrameRate{25, 1}, FrameRate{30000, 1001}};
   return kRates[random.below(kRates.size())];
+}
+
+/// Most heads can be moved either way, by lines or packets; some rigs have heads that can only wait, or one or two that
+/// cannot be moved at all.
+void draw_alignment(hal::sim::Random& random, Nature& nature) {
+  nature.aligned = true;
+  constexpr std::array<std::int64_t, 5> kSteps = {1, 8, 15, 30, 60};
+  const Duration step = Duration::microseconds(kSteps[random.below(kSteps.size())]);
+  const std::int64_t most = nature.rate.period().ns() / (4 + static_cast<std::int64_t>(random.below(13)));
+  const Duration longest = step * (most / step.ns());
+  const bool only_wait = random.chance(150'000);
+  for (HeadNature& head : nature.head) {
+    head.nudge = {step, only_wait && random.chance(700'000) ? Duration() : -longest, longest,
+                  std::max(head.control_latency, 1)};
+  }
+  const std::uint64_t fixed = !only_wait && random.chance(250'000) ? 1 + random.below(2) : 0;
+  for (std::uint64_t i = 0; i < fixed; ++i) nature.head[random.below(nature.head.size())].nudge = {};
+  const auto unmoved = std::count_if(nature.head.begin(), nature.head.end(),
+                                     [](const HeadNature& head) { return !head.nudge.possible(); });
+  nature.can_align = unmoved < 2;
 }
 
 }  // namespace
@@ -79,6 +100,8 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
     head.control_latency = static_cast<int>(random.below(4));
     nature.head.push_back(head);
   }
+  hal::sim::Random alignment(seed, "alignment");
+  if (!wish.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
   return nature;
 }
 
@@ -91,6 +114,7 @@ firmware::RigConfig config_of(const Nature& nature) {
   config.raymap.format = PixelFormat::kGrey8;
   if (nature.fields != Fields::kProgressive) config.raymap.fields = firmware::FieldUse::kSeparate;
   config.trigger.start = nature.genlocked;
+  if (nature.aligned) config.trigger.source = firmware::SyncSource::kNone;
   for (int i = 0; i < nature.heads; ++i) {
     firmware::HeadConfig head;
     head.name = "cam" + std::to_string(i);

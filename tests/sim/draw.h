@@ -45,7 +45,9 @@ struct Nature {
   std::uint64_t seed = 0;
   int heads = 0;
   FrameRate rate;
-  bool genlocked = false;      ///< at start
+  bool genlocked = false;      ///< at start; of an aligned rig, that its heads are moved into step
+  bool aligned = false;        ///< it has no trigger, and its heads run free
+  bool can_align = false;      ///< and all of them can be brought into step
   Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
   bool hosts = false;          ///< somebody talks to it
   Duration look_every;         ///< how often the daemon's threads wake when nothing rings

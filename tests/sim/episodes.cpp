@@ -23,7 +23,8 @@ void Swarm::advance_episode() {
     case Phase::kFaulty:
       phase_ = Phase::kRecovering;
       end_faults();
-      plan_next(recover_within_ + std::max(Duration::seconds(1), periods(8)));
+      plan_next(std::max(recover_within_ + std::max(Duration::seconds(1), periods(8)),
+                         nature_.can_align ? periods(kPeriodsToAlign + 8) : Duration()));
       return;
     case Phase::kRecovering:
       check_recovery();
@@ -119,7 +120,9 @@ void Swarm::begin_head_fault() {
       case HeadFault::kDeaf: head.set_deaf(true); break;
     }
   }
-  recover_within_ = episode_.head_fault == HeadFault::kUnplug ? kWithinReplug : kWithinFaults;
+  replugged_ = episode_.head_fault == HeadFault::kUnplug;
+  recover_within_ = replugged_ ? std::max(kWithinReplug, periods(kPeriodsWithinReplug))
+                               : std::max(kWithinFaults, periods(kPeriodsWithinFaults));
   plan_next(lasts);
 }
 
@@ -141,7 +144,8 @@ void Swarm::begin_storm() {
 
 void Swarm::begin_rig_fault() {
   ++outcome_.tally.rig_faults[static_cast<std::size_t>(episode_.rig_fault)];
-  recover_within_ = kWithinFaults;
+  replugged_ = false;
+  recover_within_ = std::max(kWithinFaults, periods(kPeriodsWithinFaults));
   Duration lasts = drawn(Duration::milliseconds(20), Duration::seconds(2));
   const Instant until = world_.now() + lasts;
   const int pulses = 1 + static_cast<int>(random_.below(20));
@@ -214,9 +218,9 @@ void Swarm::check_recovery() {
   // A rig that runs free is never all in step for good: a head whose clock is slow against the others' must miss a set
   // now and then. It is whole again when it is, and mostly; a genlocked one stays so.
   const std::int64_t took = ((genlocked ? *since : *first) - faults_ended_).ns();
-  std::int64_t& slowest = recover_within_ == kWithinReplug ? outcome_.tally.slowest_replug_ns
-                                                           : outcome_.tally.slowest_recovery_ns;
-  slowest = std::max(slowest, took);
+  Recovery& slowest = replugged_ ? outcome_.tally.slowest_replug : outcome_.tally.slowest_recovery;
+  slowest.ns = std::max(slowest.ns, took);
+  slowest.periods = std::max(slowest.periods, took / periods(1).ns());
   if (took > recover_within_.ns()) {
     return oracle_.fail("whole sets again only " + std::to_string(took / 1'000'000) + " ms after the faults ended");
   }
@@ -224,6 +228,16 @@ void Swarm::check_recovery() {
     return oracle_.fail("after the faults ended only " + std::to_string(oracle_.whole_sets_since()) + " of " +
                         std::to_string(oracle_.sets_since()) + " sets were whole");
   }
+  if (nature_.can_align && !oracle_.genlock_is_off()) check_alignment();
+}
+
+/// What is known of a head's clock is made of frames, so in seconds a slow rig takes longer.
+void Swarm::check_alignment() {
+  const std::optional<Instant> in_step = oracle_.first_in_step();
+  if (!in_step) return oracle_.fail("the heads are not in step any more");
+  const std::int64_t took = (*in_step - faults_ended_).ns() / periods(1).ns();
+  outcome_.tally.slowest_alignment = std::max(outcome_.tally.slowest_alignment, took);
+  if (took > kPeriodsToAlign) oracle_.fail("in step again only " + std::to_string(took) + " periods after the faults");
 }
 
 }  // namespace nodal::swarm

@@ -33,6 +33,7 @@ class Head::Port final : public hal::HeadPort {
     return set(true, [&](hal::HeadSettings& wanted) { wanted.white_balance = balance; });
   }
   Status set_gamma(hal::Gamma) override { return fail(Errc::kUnsupported, identity().path + ": has no gamma to set"); }
+  Status nudge(Duration by) override { return head_ ? head_->nudge(by) : fail(gone()); }
   Result<std::optional<hal::FrameView>> take_frame() override {
     if (!head_) return fail(gone());
     if (!head_->streaming_) return fail(Errc::kWrongState, identity().path + ": take_frame() before start()");
@@ -83,6 +84,7 @@ Head::Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, con
   limits_.has_white_balance = true;
   limits_.has_trigger_input = true;
   limits_.control_latency_frames = nature.control_latency;
+  limits_.nudge = nature.nudge;
   asked_.exposure = in_effect_.exposure = Exposure::of(nature.rate.period() / 4);
 }
 
@@ -162,6 +164,7 @@ Status Head::start(hal::TriggerMode mode) {
 void Head::run_free(Instant from) {
   free_run_from_ = from;
   free_run_next_ = 0;
+  nudges_.restart();
   queue_.plan(from, EventKind::kExpose, index_, epoch_);
 }
 
@@ -191,6 +194,15 @@ void Head::change(const hal::HeadSettings& wanted) {
   }
 }
 
+Status Head::nudge(Duration by) {
+  if (!nature_.nudge.possible() || (by < Duration() ? nature_.nudge.shortest : nature_.nudge.longest) == Duration()) {
+    return fail(Errc::kUnsupported, identity_.path + ": cannot be moved that way");
+  }
+  if (!streaming_ || triggered()) return fail(Errc::kWrongState, identity_.path + ": does not run free");
+  if (!stuck_) nudges_.ask(by, nature_.nudge);
+  return {};
+}
+
 void Head::on_pulse(PulseId pulse, Instant at) {
   if (!triggered() || deaf_) return;
   if (take_one(miss_) || random_.chance(storm_.miss_pulse)) return;
@@ -199,11 +211,12 @@ void Head::on_pulse(PulseId pulse, Instant at) {
 
 void Head::on_expose(const Event& event) {
   if (event.epoch != epoch_ || !streaming_) return;
+  expose(event.at + random_.around_zero(nature_.latency_jitter), {});
+  nudges_.next_period(nature_.nudge, event.at + nature_.rate.period() - nature_.latency_jitter * 2 - busy_until_);
   ++free_run_next_;
   const Duration ideal = nature_.rate.start_of(free_run_next_);
-  queue_.plan(free_run_from_ + ideal + Duration::nanoseconds(ideal.us() * nature_.drift_ppm / 1000),
-              EventKind::kExpose, index_, epoch_);
-  expose(event.at, {});
+  const Duration drift = Duration::nanoseconds(ideal.us() * nature_.drift_ppm / 1000);
+  queue_.plan(std::max(free_run_from_ + ideal + drift + nudges_.done(), event.at), EventKind::kExpose, index_, epoch_);
 }
 
 void Head::expose(Instant begin, PulseId pulse) {
@@ -227,6 +240,7 @@ void Head::expose(Instant begin, PulseId pulse) {
   Frame frame;
   frame.stamp = Stamp{Stamp::kMark, index_, serial_, pulse, begin, begin + exposure / 2, 0};
   frame.sequence = sequence;
+  frame.nudged = nudges_.done();
   frame.settings = in_effect_;
   frame.mid = frame.stamp.mid + clock_error_ + random_.around_zero(nature_.clock_jitter);
   Duration late;
@@ -283,6 +297,7 @@ hal::FrameView Head::view(std::size_t slot) const {
   view.mid_exposure = frame.mid;
   view.received = frame.received;
   view.in_effect = frame.settings;
+  view.nudged = frame.nudged;
   view.verdict = frame.verdict;
   view.fields = nature_.fields;
   if (interlaced() && frame.resized) {

@@ -10,6 +10,7 @@
 
 #include "hal/head.h"
 #include "hal/sim/clock.h"
+#include "hal/sim/nudge.h"
 #include "hal/sim/random.h"
 #include "tests/sim/events.h"
 #include "tests/sim/stamp.h"
@@ -22,11 +23,12 @@ struct HeadNature {
   Fields fields = Fields::kProgressive;
   int buffers = 6;
   Duration latency = Duration::microseconds(20);  ///< from a pulse to the begin of the exposure
-  Duration latency_jitter;                        ///< of each exposure
+  Duration latency_jitter;                        ///< of each exposure, in free run too
   Duration readout = Duration::milliseconds(8);
   std::int32_t drift_ppm = 0;                     ///< in free run; positive is slow
   Duration clock_jitter;                          ///< of what the port says of each exposure's middle
   int control_latency = 2;
+  hal::NudgeLimits nudge;                         ///< what it can be moved by in free run; as it is made, it cannot
 };
 
 /// Chances of every frame in a million, in a storm of faults.
@@ -94,6 +96,7 @@ class Head {
     std::uint32_t sequence = 0;
     Instant mid;  ///< as the port says
     Instant received;
+    Duration nudged;
     hal::HeadSettings settings;
     hal::FrameVerdict verdict = hal::FrameVerdict::kGood;
     bool resized = false;  ///< or, interlaced, of other fields than it should be
@@ -109,6 +112,7 @@ class Head {
   };
 
   Status start(hal::TriggerMode mode);
+  Status nudge(Duration by);
   void stop();
   void change(const hal::HeadSettings& wanted);
   void run_free(Instant from);
@@ -135,6 +139,7 @@ class Head {
   Instant started_;
   Instant free_run_from_;
   std::uint64_t free_run_next_ = 0;
+  hal::sim::Nudges nudges_;
   Instant last_begin_, busy_until_, last_received_, stalled_until_;
   hal::HeadSettings asked_, in_effect_;
   std::deque<Pending> changes_;

@@ -77,11 +77,15 @@ void print_tally(const Tally& tally) {
               n(tally.frames), n(tally.sets), n(tally.full_sets), n(tally.locked_sets), n(tally.raymaps));
   std::printf("  %llu episodes, %llu of them storms, %llu processes killed, %llu answers, %llu calibrations uploaded\n",
               n(tally.episodes), n(tally.storms), n(tally.kills), n(tally.replies), n(tally.uploads));
-  std::printf("  worst spread of a locked set, in truth: %lld us; whole again %lld ms after a replug, %lld ms after "
-              "faults, at worst\n",
+  std::printf("  worst spread of a locked set, in truth: %lld us; whole again %lld ms or %lld periods after a "
+              "replug, %lld ms or %lld after faults, at worst\n",
               static_cast<long long>(tally.worst_locked_spread_ns / 1000),
-              static_cast<long long>(tally.slowest_replug_ns / 1'000'000),
-              static_cast<long long>(tally.slowest_recovery_ns / 1'000'000));
+              static_cast<long long>(tally.slowest_replug.ns / 1'000'000),
+              static_cast<long long>(tally.slowest_replug.periods),
+              static_cast<long long>(tally.slowest_recovery.ns / 1'000'000),
+              static_cast<long long>(tally.slowest_recovery.periods));
+  std::printf("  without a trigger %llu sets were locked; heads in step again %lld periods after faults, at worst\n",
+              n(tally.aligned_sets), static_cast<long long>(tally.slowest_alignment));
   std::printf("  frames lost:");
   const std::uint64_t lost = lost_in(tally);
   if (tally.never_came > 0) std::printf(" before they could be taken %llu", n(tally.never_came));

@@ -11,6 +11,7 @@ namespace {
 using firmware::GenlockState;
 
 constexpr Duration kLockLimit = Duration::microseconds(500);
+constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's, when nothing comes
 
 /// The table of firmware/genlock.h, written down a second time: what may follow what.
 bool may_follow(GenlockState from, GenlockState to) {
@@ -31,11 +32,15 @@ std::string of_head(std::size_t head) { return "head " + std::to_string(head) + 
 void Tally::add(const Tally& other) {
   for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
                       &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
-                      &Tally::uploads, &Tally::never_came}) {
+                      &Tally::uploads, &Tally::never_came, &Tally::aligned_sets}) {
     this->*member += other.*member;
   }
-  for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_replug_ns, &Tally::slowest_recovery_ns}) {
+  for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment}) {
     this->*member = std::max(this->*member, other.*member);
+  }
+  for (auto member : {&Tally::slowest_replug, &Tally::slowest_recovery}) {
+    (this->*member).ns = std::max((this->*member).ns, (other.*member).ns);
+    (this->*member).periods = std::max((this->*member).periods, (other.*member).periods);
   }
   for (std::size_t s = 0; s < visited.size(); ++s) {
     for (std::size_t f = 0; f < visited[s].size(); ++f) {
@@ -73,6 +78,7 @@ void Oracle::new_process() {
 void Oracle::begin_to_watch() {
   first_whole_.reset();
   whole_since_.reset();
+  first_in_step_.reset();
   sets_ = whole_sets_ = 0;
 }
 
@@ -97,7 +103,9 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   if (set.sync.state == GenlockState::kLocked) check_locked(set);
   const bool full = std::popcount(set.mask) == static_cast<int>(world_.heads());
   tally_.full_sets += full;
-  const bool whole = full && (!world_.trigger().running() || set.sync.state == GenlockState::kLocked);
+  const bool locked = set.sync.state == GenlockState::kLocked;
+  const bool whole = full && (!world_.trigger().running() || locked);
+  if (nature_.aligned && full && locked && !first_in_step_) first_in_step_ = world_.now();
   whole_sets_ += whole;
   if (!whole) whole_since_.reset();
   else if (!whole_since_) whole_since_ = world_.now();
@@ -177,14 +185,19 @@ void Oracle::check_locked(const firmware::FrameSet& set) {
   std::optional<Instant> earliest, latest;
   for (std::size_t i = 0; i < world_.heads(); ++i) {
     if (!stamps_[i]) continue;
-    earliest = std::min(earliest.value_or(stamps_[i]->begin), stamps_[i]->begin);
-    latest = std::max(latest.value_or(stamps_[i]->begin), stamps_[i]->begin);
+    const Instant when = nature_.aligned ? stamps_[i]->mid : stamps_[i]->begin;
+    earliest = std::min(earliest.value_or(when), when);
+    latest = std::max(latest.value_or(when), when);
   }
-  if (!set.sync.trigger || !set.sync.begin_spread) return fail("a set is called locked that names no pulse");
+  if (nature_.aligned) {
+    ++tally_.aligned_sets;
+  } else if (!set.sync.trigger || !set.sync.begin_spread) {
+    return fail("a set is called locked that names no pulse");
+  }
   const Duration spread = *latest - *earliest;
   tally_.worst_locked_spread_ns = std::max(tally_.worst_locked_spread_ns, spread.ns());
-  if (spread > kLockLimit || *set.sync.begin_spread > kLockLimit) {
-    fail("set " + std::to_string(set.number) + " is called locked and its exposures began " +
+  if (spread > kLockLimit || set.sync.begin_spread.value_or(set.sync.spread) > kLockLimit) {
+    fail("set " + std::to_string(set.number) + " is called locked and its exposures were " +
          std::to_string(spread.us()) + " us apart");
   }
 }
@@ -215,6 +228,8 @@ void Oracle::check_books(firmware::Rig& rig) {
 
 void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) {
   const GenlockState state = rig.capture().report().genlock.state;
+  if (sets_made_ != rig.capture().report().sets) last_set_at_ = world_.now();
+  sets_made_ = rig.capture().report().sets;
   if (state != genlock_) {
     trace(static_cast<std::uint64_t>(state));
     if (!may_follow(genlock_, state)) {
@@ -225,6 +240,11 @@ void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) 
   }
   if (!captured || state != GenlockState::kLocked) return;
   const Trigger& trigger = world_.trigger();
+  if (nature_.aligned) {
+    if (*captured - last_set_at_ <= period() * 3 + nature_.look_every + kReportEvery) return;
+    return fail("the heads are called in step " + std::to_string((*captured - last_set_at_).ms()) +
+                " ms after the last set");
+  }
   if (*captured - trigger.newest_seen() > trigger.period() * 3 + nature_.look_every) {
     fail("the genlock is called locked " + std::to_string((*captured - trigger.newest_seen()).ms()) +
          " ms after the last pulse");

@@ -13,13 +13,20 @@
 
 namespace nodal::swarm {
 
+/// The slowest of recoveries, in time and in periods of its rig; each may be of another.
+struct Recovery {
+  std::int64_t ns = 0, periods = 0;
+};
+
 /// What was seen, added up over seeds.
 struct Tally {
   std::uint64_t events = 0, frames = 0, sets = 0, full_sets = 0, locked_sets = 0, raymaps = 0, kills = 0, replies = 0;
   std::uint64_t episodes = 0, storms = 0, uploads = 0;
   std::uint64_t never_came = 0;  ///< frames that were exposed and lost before the rig could take them
-  std::int64_t worst_locked_spread_ns = 0;  ///< begins, in truth
-  std::int64_t slowest_replug_ns = 0, slowest_recovery_ns = 0;
+  std::int64_t worst_locked_spread_ns = 0;  ///< begins, of aligned rigs middles, in truth
+  Recovery slowest_replug, slowest_recovery;
+  std::int64_t slowest_alignment = 0;       ///< in periods, after faults
+  std::uint64_t aligned_sets = 0;           ///< of the locked ones, those without a trigger
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
   std::array<std::uint64_t, kRigFaults> rig_faults{};
   std::array<std::uint64_t, firmware::kLossReasons> losses{};
@@ -55,6 +62,9 @@ class Oracle {
   std::optional<Instant> whole_since() const { return whole_since_; }
   std::uint64_t sets_since() const { return sets_; }
   std::uint64_t whole_sets_since() const { return whole_sets_; }
+  /// Of an aligned rig: the first full set that was locked.
+  std::optional<Instant> first_in_step() const { return first_in_step_; }
+  bool genlock_is_off() const { return genlock_ == firmware::GenlockState::kOff; }
 
  private:
   struct Remembered {
@@ -90,7 +100,9 @@ class Oracle {
   std::map<std::uint64_t, Remembered> remembered_;
   std::optional<hal::HeadSettings> first_exposed_;  ///< of this process
   bool ever_exposed_apart_ = false;
-  std::optional<Instant> first_whole_, whole_since_;
+  std::optional<Instant> first_whole_, whole_since_, first_in_step_;
+  Instant last_set_at_;
+  std::uint64_t sets_made_ = 0;
   std::uint64_t sets_ = 0, whole_sets_ = 0;
   firmware::FrameCounts counts_;  ///< of this process, so far
 };

@@ -38,6 +38,11 @@ class Swarm {
 
   static constexpr Duration kWithinReplug = Duration::seconds(2);
   static constexpr Duration kWithinFaults = Duration::seconds(3);
+  /// The same in periods, whichever is longer: to say of heads whose stamps jitter by 0.2 ms that they are within 0.5 ms
+  /// takes 16 exposures, and at 5 a second these alone are more than 3 s.
+  static constexpr std::int64_t kPeriodsWithinReplug = 12, kPeriodsWithinFaults = 24;
+  /// Without a trigger, heads that start anywhere in their periods are to be in step again.
+  static constexpr std::int64_t kPeriodsToAlign = 90;
 
  private:
   enum class Phase : std::uint8_t { kCalm, kPrepared, kFaulty, kRecovering };
@@ -75,6 +80,7 @@ class Swarm {
   void step_clock(Duration by);
   void end_faults();
   void check_recovery();
+  void check_alignment();
   Duration drawn(Duration least, Duration most);
   Duration periods(std::int64_t n) const { return nature_.rate.period() * n; }
   std::string where() const;
@@ -102,6 +108,7 @@ class Swarm {
   Episode episode_;
   Instant faults_ended_;
   Duration recover_within_;
+  bool replugged_ = false;  ///< and nothing else
   bool genlocked_ = false;
 };
 

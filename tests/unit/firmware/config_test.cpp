@@ -83,11 +83,19 @@ TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
   const std::string text = kSmall + "trigger_delay_us = 1500\n[trigger]\nsource = \"external\"\n";
   const auto config = parse_rig_config(text, "rig.toml");
   ASSERT_TRUE(config) << config.error().text();
-  EXPECT_TRUE(config->trigger.follow);
+  EXPECT_EQ(config->trigger.source, SyncSource::kExternal);
   EXPECT_EQ(config->heads[0].trigger_delay, Duration::microseconds(1500));
   expect_refused(kSmall + "trigger_delay_us = 33367\n", Errc::kBadValue, "heads[0].trigger_delay_us must be shorter");
   expect_refused("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\ntrigger_delay_us = 5\n", Errc::kBadValue,
                  "heads[0].trigger_delay_us is there");
+}
+
+TEST(RigConfig, NoTrigger_HeadsAreAlignedAndADelayAfterAPulseIsRefusedByName) {
+  const auto config = parse_rig_config(kSmall + "[trigger]\nsource = \"none\"\nstart = true\n", "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->trigger.source, SyncSource::kNone);
+  expect_refused(kSmall + "trigger_delay_us = 5\n[trigger]\nsource = \"none\"\n", Errc::kBadValue,
+                 "trigger has source = \"none\"");
 }
 
 TEST(RigConfig, PinThatIsNotDrivenYet_SaysWhichCanBe) {

@@ -237,6 +237,73 @@ TEST_F(GenlockTest, PulsesThatWereNotSent_AreCounted) {
   EXPECT_EQ(genlock.report().missing, 2u);
 }
 
+/// Heads that run free and are moved: the second's middles are so much after the first's.
+class AlignedGenlock : public GenlockTest {
+ protected:
+  void period(Duration apart, Duration moved = {}, HeadMask unheeding = 0) {
+    clock.advance(settings.rate.period());
+    FrameSet closed;
+    closed.mask = 3;
+    Skews skews;
+    skews.add(0, {});
+    skews.add(1, apart, moved);
+    genlock.on_set(closed, skews, true, clock.now(), unheeding);
+    genlock.step(clock.now());
+  }
+  void lock() {
+    genlock.align(settings.rate, clock.now());
+    for (int i = 0; i < 40; ++i) period(Duration::microseconds(20));
+    ASSERT_EQ(genlock.state(), GenlockState::kLocked);
+  }
+};
+
+TEST_F(AlignedGenlock, GoodSetsInARow_LockWithoutAnyPulse) {
+  genlock.align(settings.rate, clock.now());
+  EXPECT_EQ(genlock.state(), GenlockState::kAcquiring);
+  EXPECT_FALSE(trigger.running());
+  for (int i = 0; i < Genlock::kSetsToLock; ++i) period(Duration::microseconds(20));
+  EXPECT_EQ(genlock.state(), GenlockState::kLocked);
+  EXPECT_TRUE(genlock.report().aligned);
+}
+
+TEST_F(AlignedGenlock, ASetFurtherApartThanTheLimitLessWhatStampsAreOff_IsLostAtOnce) {
+  lock();
+  period(Duration::microseconds(480), Duration::microseconds(300));
+  EXPECT_EQ(genlock.state(), GenlockState::kLocked);
+  lock();
+  period(Duration::microseconds(481), Duration::microseconds(300));
+  EXPECT_EQ(genlock.state(), GenlockState::kLost);
+}
+
+TEST_F(AlignedGenlock, AHeadMovedByTheRig_IsNotTakenForOneThatCreepsOrJitters) {
+  lock();
+  for (int i = 0; i < 200; ++i) {
+    const Duration to = Duration::microseconds(i % 2 == 0 ? 400 : 20);
+    period(to, to - Duration::microseconds(i % 2 == 0 ? 20 : 400));
+    ASSERT_EQ(genlock.state(), GenlockState::kLocked) << i;
+  }
+}
+
+TEST_F(AlignedGenlock, AHeadDoesNotDoWhatItIsAsked_HoldoverForFiveSecondsWhileInStep) {
+  lock();
+  const Instant begun = clock.now();
+  while (genlock.state() == GenlockState::kLocked || genlock.state() == GenlockState::kHoldover) {
+    period(Duration::microseconds(20), {}, head_bit(1));
+    ASSERT_LT(clock.now() - begun, Duration::seconds(6));
+    if (clock.now() - begun < Genlock::kHoldover) {
+      ASSERT_EQ(genlock.state(), GenlockState::kHoldover);
+    }
+  }
+  EXPECT_EQ(genlock.state(), GenlockState::kLost);
+}
+
+TEST_F(AlignedGenlock, NoSetsAnyMore_IsLostWithinThreePeriods) {
+  lock();
+  clock.advance(settings.rate.period() * 3 + Duration::milliseconds(1));
+  genlock.step(clock.now());
+  EXPECT_EQ(genlock.state(), GenlockState::kLost);
+}
+
 TEST_F(GenlockTest, Stopped_IsOffWhateverComes) {
   lock();
   genlock.stop();
