@@ -217,6 +217,12 @@ void Swarm::check_recovery() {
   if (!first || (genlocked && !since)) return oracle_.fail("the rig does not make whole sets any more");
   // A rig that runs free is never all in step for good: a head whose clock is slow against the others' must miss a set
   // now and then. It is whole again when it is, and mostly; a genlocked one stays so.
+  const std::int64_t full = ((genlocked ? *oracle_.full_since() : *oracle_.first_full()) - faults_ended_).ns();
+  std::int64_t& slowest_full = replugged_ ? outcome_.tally.slowest_full_replug : outcome_.tally.slowest_full_recovery;
+  slowest_full = std::max(slowest_full, full);
+  if (full > (replugged_ ? kWithinReplug : kWithinFaults).ns()) {
+    return oracle_.fail("full sets again only " + std::to_string(full / 1'000'000) + " ms after the faults ended");
+  }
   const std::int64_t took = ((genlocked ? *since : *first) - faults_ended_).ns();
   Recovery& slowest = replugged_ ? outcome_.tally.slowest_replug : outcome_.tally.slowest_recovery;
   slowest.ns = std::max(slowest.ns, took);

@@ -77,9 +77,11 @@ void print_tally(const Tally& tally) {
               n(tally.frames), n(tally.sets), n(tally.full_sets), n(tally.locked_sets), n(tally.raymaps));
   std::printf("  %llu episodes, %llu of them storms, %llu processes killed, %llu answers, %llu calibrations uploaded\n",
               n(tally.episodes), n(tally.storms), n(tally.kills), n(tally.replies), n(tally.uploads));
-  std::printf("  worst spread of a locked set, in truth: %lld us; whole again %lld ms or %lld periods after a "
-              "replug, %lld ms or %lld after faults, at worst\n",
+  std::printf("  worst spread of a locked set, in truth: %lld us; full sets again %lld ms after a replug, %lld ms after "
+              "faults; locked again %lld ms or %lld periods, %lld ms or %lld, at worst\n",
               static_cast<long long>(tally.worst_locked_spread_ns / 1000),
+              static_cast<long long>(tally.slowest_full_replug / 1'000'000),
+              static_cast<long long>(tally.slowest_full_recovery / 1'000'000),
               static_cast<long long>(tally.slowest_replug.ns / 1'000'000),
               static_cast<long long>(tally.slowest_replug.periods),
               static_cast<long long>(tally.slowest_recovery.ns / 1'000'000),

@@ -35,7 +35,8 @@ void Tally::add(const Tally& other) {
                       &Tally::uploads, &Tally::never_came, &Tally::aligned_sets}) {
     this->*member += other.*member;
   }
-  for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment}) {
+  for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment, &Tally::slowest_full_replug,
+                      &Tally::slowest_full_recovery}) {
     this->*member = std::max(this->*member, other.*member);
   }
   for (auto member : {&Tally::slowest_replug, &Tally::slowest_recovery}) {
@@ -72,10 +73,13 @@ void Oracle::new_process() {
   remembered_.clear();
   first_exposed_.reset();
   ever_exposed_apart_ = false;
+  full_since_.reset();
   whole_since_.reset();
 }
 
 void Oracle::begin_to_watch() {
+  first_full_.reset();
+  full_since_.reset();
   first_whole_.reset();
   whole_since_.reset();
   first_in_step_.reset();
@@ -107,9 +111,13 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   const bool whole = full && (!world_.trigger().running() || locked);
   if (nature_.aligned && full && locked && !first_in_step_) first_in_step_ = world_.now();
   whole_sets_ += whole;
-  if (!whole) whole_since_.reset();
-  else if (!whole_since_) whole_since_ = world_.now();
-  if (whole && !first_whole_) first_whole_ = world_.now();
+  const auto since = [&](bool is, std::optional<Instant>& first, std::optional<Instant>& ever_since) {
+    if (!is) return ever_since.reset();
+    if (!ever_since) ever_since = world_.now();
+    if (!first) first = world_.now();
+  };
+  since(full, first_full_, full_since_);
+  since(whole, first_whole_, whole_since_);
   constexpr std::size_t kRemembered = 64;
   remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure, std::nullopt, exposed_alike(set)};
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());

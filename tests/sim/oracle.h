@@ -24,7 +24,8 @@ struct Tally {
   std::uint64_t episodes = 0, storms = 0, uploads = 0;
   std::uint64_t never_came = 0;  ///< frames that were exposed and lost before the rig could take them
   std::int64_t worst_locked_spread_ns = 0;  ///< begins, of aligned rigs middles, in truth
-  Recovery slowest_replug, slowest_recovery;
+  Recovery slowest_replug, slowest_recovery;  ///< whole again
+  std::int64_t slowest_full_replug = 0, slowest_full_recovery = 0;  ///< every head in the sets again, ns
   std::int64_t slowest_alignment = 0;       ///< in periods, after faults
   std::uint64_t aligned_sets = 0;           ///< of the locked ones, those without a trigger
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
@@ -55,8 +56,11 @@ class Oracle {
   std::uint64_t trace() const { return trace_; }
   void trace(std::uint64_t what) { trace_ = (trace_ ^ what) * 0x100000001B3ULL + (trace_ >> 47); }
 
-  // For recovery. A whole set has every head, and is locked when the trigger runs.
+  // For recovery. A full set has every head; a whole one also is locked, when the trigger runs.
   void begin_to_watch();
+  std::optional<Instant> first_full() const { return first_full_; }
+  /// Every set has been, since then.
+  std::optional<Instant> full_since() const { return full_since_; }
   std::optional<Instant> first_whole() const { return first_whole_; }
   /// Every set has been, since then.
   std::optional<Instant> whole_since() const { return whole_since_; }
@@ -100,7 +104,7 @@ class Oracle {
   std::map<std::uint64_t, Remembered> remembered_;
   std::optional<hal::HeadSettings> first_exposed_;  ///< of this process
   bool ever_exposed_apart_ = false;
-  std::optional<Instant> first_whole_, whole_since_, first_in_step_;
+  std::optional<Instant> first_full_, full_since_, first_whole_, whole_since_, first_in_step_;
   Instant last_set_at_;
   std::uint64_t sets_made_ = 0;
   std::uint64_t sets_ = 0, whole_sets_ = 0;

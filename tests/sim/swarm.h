@@ -38,7 +38,7 @@ class Swarm {
 
   static constexpr Duration kWithinReplug = Duration::seconds(2);
   static constexpr Duration kWithinFaults = Duration::seconds(3);
-  /// The same in periods, whichever is longer: to say of heads whose stamps jitter by 0.2 ms that they are within 0.5 ms
+  /// For locked sets the same in periods, whichever is longer: to say of heads whose stamps jitter by 0.2 ms that they are within 0.5 ms
   /// takes 16 exposures, and at 5 a second these alone are more than 3 s.
   static constexpr std::int64_t kPeriodsWithinReplug = 12, kPeriodsWithinFaults = 24;
   /// Without a trigger, heads that start anywhere in their periods are to be in step again.

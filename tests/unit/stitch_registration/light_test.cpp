@@ -67,8 +67,10 @@ TEST(Moved, AFallOffThatRunsAway_IsStoppedBeforeItsRimIsBlackOrBrighterThanItsMi
     const HeadState next = moved(head, slots, step);
     const double rim = 1 + next.vignetting[0] + next.vignetting[1];
     EXPECT_GE(rim, 0.05);
-    EXPECT_LE(rim, 1.3);
-    EXPECT_NE(rim, 1);
+    EXPECT_LE(rim, 1.01);
+    if (absurd < 0) {
+      EXPECT_LT(rim, 1) << "as far as it may go, not refused";
+    }
   }
 }
 

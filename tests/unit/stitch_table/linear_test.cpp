@@ -68,6 +68,7 @@ struct Case {
   Response response;
   /// How far a number may be off, of 65535: see the test.
   double bound;
+  friend void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
 };
 
 /// Of a head whose gain is not one, light is rounded when it is made of the sample, when the gain acts, and by the gain
