@@ -1,5 +1,5 @@
-// blend_bench [--quick] [--json FILE]: the blend, the best that OpenCV can do, and what memory allows, on the reference
-// workloads in one process: a frame of each variant in turn, over inputs that are more than the caches hold.
+// blend_bench [--quick] [--json FILE] [--plots DIR]: the blend, the best that OpenCV can do, and what memory allows, on the
+// reference workloads in one process: a frame of each variant in turn, over inputs that are more than the caches hold.
 #include <CLI/CLI.hpp>
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -11,6 +11,7 @@
 #include <turbojpeg.h>
 
 #include "frames.h"
+#include "growth.h"
 #include "measure.h"
 #include "opencv_list_peer.h"
 #include "opencv_peer.h"
@@ -118,13 +119,6 @@ class Course {
   const Outputs* best_out_ = nullptr;
 };
 
-table::TableOptions options_of(bool light) {
-  table::TableOptions options;
-  options.sharpen = 0;
-  options.undo_vignetting = options.undo_gain = light;
-  return options;
-}
-
 void Course::add_peers() {
   const Films& input = films(PixelFormat::kI420);
   const int width = work_.raymap.width, height = work_.raymap.height;
@@ -214,14 +208,7 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
     const std::vector<blend::ExposedHead> alike(heads_);
     *tone = blend::linear_tone(*table, table::compile_tone_table(work_.rig, format), alike);
   }
-  if (light) {
-    for (blend::HeadTone& head : tone->heads) {
-      auto& knots = head.curve[0].emplace().knots;  // costs what any curve does, and leaves samples as they are
-      for (std::size_t i = 0; i < knots.size(); ++i) {
-        knots[i] = static_cast<std::int16_t>(std::min<int>(static_cast<int>(i) << 10, blend::kMaxSample));
-      }
-    }
-  }
+  if (light) add_curves(*tone);
   auto out = std::make_shared<Outputs>(format, width, height);
   auto levels = std::make_shared<Levels>(*table);
   kept_.insert(kept_.end(), {table, tone, out, levels});
@@ -234,10 +221,7 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
     for (const int threads : {1, 2}) {
       const auto frame = [=, &input](std::size_t set, Pool& pool) {
         const blend::Pictures pictures = levels->make(input.at(set).heads, pool);
-        pool.run((height + kBandRows - 1) / kBandRows, [&](int band) {
-          blend::blend_rows_by(kernel, *table, pictures, *tone, out->at(set), band * kBandRows,
-                               std::min(height, (band + 1) * kBandRows));
-        });
+        blend_frame(kernel, *table, pictures, *tone, out->at(set), pool);
       };
       add(name, std::string(blend::kernel_name(kernel)), threads, pixels, table_bytes(*table), frame);
       variants_.back().found.psnr_db = judged.psnr_db;
@@ -337,11 +321,21 @@ int main(int argc, char** argv) {
   std::string only;
   app.add_flag("--quick", quick, "fewer frames, no accuracy");
   app.add_option("--json", json, "write the findings here, too");
-  app.add_option("--only", only, "one workload: r10 or r8");
+  std::string plots;
+  app.add_option("--plots", plots, "measure how cost grows, too, and draw it into this folder");
+  app.add_option("--only", only, "r10, r8 or growth (which needs --plots)")->check(CLI::IsMember({"r10", "r8", "growth"}));
   CLI11_PARSE(app, argc, argv);
+  if (only == "growth" && plots.empty()) {
+    std::fprintf(stderr, "blend_bench: --only growth needs --plots DIR, the folder to draw into\n");
+    return 1;
+  }
   std::vector<Finding> findings;
   for (Workload work : {r10(), r8()}) {
     if (only.empty() || only == work.name) Course(std::move(work), quick).run(findings);
+  }
+  if (!plots.empty() && (only.empty() || only == "growth") && !measure_growth(plots, quick, findings)) {
+    std::fprintf(stderr, "blend_bench: the plots could not be written to %s: name a folder that may be written\n", plots.c_str());
+    return 1;
   }
   print_table(findings);
   if (json.empty()) return 0;

@@ -1,6 +1,7 @@
 // What the blend's variants read and write, frame by frame: more of it than the caches hold.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -9,6 +10,7 @@
 #include "measure.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/prepare.h"
+#include "stitch/table/options.h"
 #include "tests/bench/workloads.h"
 
 namespace nodal::bench {
@@ -64,6 +66,33 @@ class Levels {
   std::vector<std::vector<std::uint8_t>> memory_;
   std::vector<ImageView> views_;
 };
+
+/// As every speed is measured: without sharpening, and `light` with tone curves and gains.
+inline table::TableOptions options_of(bool light) {
+  table::TableOptions options;
+  options.sharpen = 0;
+  options.undo_vignetting = options.undo_gain = light;
+  return options;
+}
+
+/// A curve for every head: costs what any does, and leaves samples as they are.
+inline void add_curves(blend::SetTone& tone) {
+  for (blend::HeadTone& head : tone.heads) {
+    auto& knots = head.curve[0].emplace().knots;
+    for (std::size_t i = 0; i < knots.size(); ++i) {
+      knots[i] = static_cast<std::int16_t>(std::min<int>(static_cast<int>(i) << 10, blend::kMaxSample));
+    }
+  }
+}
+
+/// A whole raymap, in bands.
+inline void blend_frame(blend::Kernel kernel, const blend::BlendTable& table, blend::Pictures pictures,
+                        const blend::SetTone& tone, const MutableImageView& raymap, Pool& pool) {
+  constexpr int kRows = 64;
+  pool.run((table.height + kRows - 1) / kRows, [&](int band) {
+    blend::blend_rows_by(kernel, table, pictures, tone, raymap, band * kRows, std::min(table.height, (band + 1) * kRows));
+  });
+}
 
 inline double table_bytes(const blend::BlendTable& table) {
   double bytes = 0;

@@ -28,6 +28,28 @@ HeadCalibration head_at(int index, int width, int height, LensModel lens, geomet
   return head;
 }
 
+/// Points on the sphere that push each other away, from a spiral on.
+std::vector<Eigen::Vector3d> spread_points(int count) {
+  std::vector<Eigen::Vector3d> points;
+  for (int k = 0; k < count; ++k) {
+    const double y = 1 - (2 * k + 1.0) / count, turn = k * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double level = std::sqrt(1 - y * y);
+    points.emplace_back(level * std::sin(turn), y, level * std::cos(turn));
+  }
+  for (int round = 0; round < 2000; ++round) {
+    const std::vector<Eigen::Vector3d> before = points;
+    for (Eigen::Vector3d& p : points) {
+      Eigen::Vector3d push = Eigen::Vector3d::Zero();
+      for (const Eigen::Vector3d& q : before) {
+        const double distance = (p - q).norm();
+        if (distance > 1e-6) push += (p - q) / (distance * distance * distance);
+      }
+      p = (p + 0.2 / count * push).normalized();
+    }
+  }
+  return points;
+}
+
 /// Between -100 and 100.
 double scene(const Eigen::Vector3d& d, int component, std::uint32_t seed) {
   const double shift = 0.37 * seed + component;
@@ -66,6 +88,26 @@ Workload r8() {
     if (h >= 6) pose = {0, h == 6 ? 90.0 : -90.0, 0};
     work.rig.heads.push_back(head_at(h, 1920, 1080, KannalaBrandtLens{focal, {-0.03, 0, 0, 0}}, pose));
     work.rig.heads.back().max_angle = 1.75;
+  }
+  return work;
+}
+
+Workload spread(int heads, double heads_a_ray, int width) {
+  Workload work{"spread", {}, {"equirectangular", width, width / 2, PixelFormat::kI420}};
+  work.rig.name = work.name;
+  const double half_angle = std::acos(1 - 2 * heads_a_ray / heads);
+  const double focal = width / (2 * std::numbers::pi);
+  const double radius = 2 * focal * std::sin(half_angle / 2);
+  const int side = static_cast<int>(std::ceil(2 * radius / 16)) * 16;
+  const KannalaBrandtLens lens{focal, {-1.0 / 24, 1.0 / 1920, -1.0 / 322560, 1.0 / 92897280}};  // 2 sin(a / 2)
+  for (const Eigen::Vector3d& axis : spread_points(heads)) {
+    const double yaw = std::atan2(axis.x(), axis.z()) / kDegree, pitch = -std::asin(axis.y()) / kDegree;
+    const int index = static_cast<int>(work.rig.heads.size());
+    work.rig.heads.push_back(head_at(index, side, side, lens, {yaw, pitch, 0}));
+    HeadCalibration& head = work.rig.heads.back();
+    head.max_angle = half_angle;
+    head.region = {side / 2.0 - radius, side / 2.0 - radius, side / 2.0 + radius, side / 2.0 + radius,
+                   Region::Circle{side / 2.0, side / 2.0, radius}};
   }
   return work;
 }

@@ -22,6 +22,10 @@ struct Workload {
 Workload r10();
 /// Eight fisheyes 1920x1080 (six upright, two at the poles) into 3840x1920 I420.
 Workload r8();
+/// `heads` alike, spread evenly over the sphere, of which `heads_a_ray` see a ray in the mean, into width x width / 2
+/// I420. Their lenses keep areas (2 f sin(a / 2)), and at their axes pixels are as fine as the raymap's at its equator:
+/// of how many heads they are, neither the heads' pixels altogether nor their overlap depend.
+Workload spread(int heads, double heads_a_ray, int width);
 
 /// width * height points of Hammersley's, evenly over the sphere: ray k of a row after the other is at the height
 /// y = (2 k + 1) / n - 1, turned by k's bits the other way round.
