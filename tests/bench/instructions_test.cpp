@@ -1,0 +1,33 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+
+#include "tests/support/process.h"
+
+namespace nodal {
+namespace {
+
+/// What `tests/bench/instructions` counted when this was written, on Debian 12: valgrind 3.19, and g++ 12.2 at -O3. It
+/// does not depend on the machine nor on what else it does, so it may be held where milliseconds may not. A change that
+/// makes the blend quicker lowers it; one that costs more has to say here what for.
+constexpr double kInstructionsAPixel = 27.89;
+constexpr double kMargin = 0.05;
+
+TEST(BlendInstructions, Avx2OnR10_NoMoreForAPixelThanWhenLastCounted) {
+  if (!std::filesystem::exists("/usr/bin/valgrind")) GTEST_SKIP() << "valgrind is not installed: no instructions are counted";
+  if (!std::filesystem::exists("/usr/include/valgrind/callgrind.h")) GTEST_SKIP() << "valgrind's headers are not installed";
+  if (__builtin_cpu_supports("avx2") == 0) GTEST_SKIP() << "no AVX2 here";
+  test::Process count({NODAL_SOURCE_DIR "/tests/bench/instructions", "--program", NODAL_BIN_DIR "/blend_once", "--kernel",
+                       "avx2", "--plain"});
+  const test::Finished counted = count.wait(std::chrono::seconds(280));
+  ASSERT_EQ(counted.code, 0) << counted.err;
+  const std::string start = "avx2    plain";
+  ASSERT_TRUE(counted.out.starts_with(start)) << counted.out;
+  const double instructions = std::stod(counted.out.substr(start.size()));
+  EXPECT_LT(instructions, kInstructionsAPixel * (1 + kMargin));
+  EXPECT_GT(instructions, kInstructionsAPixel / 2) << "this is not the whole blend";
+}
+
+}  // namespace
+}  // namespace nodal
