@@ -27,36 +27,40 @@ constexpr int kHeight = 16;
 
 Response response_of(Response::Curve curve, double gamma = 1) { return {curve, gamma, {}}; }
 
-/// Two cubes' worth of heads, so that every ray is seen by heads of either exposure, with one response.
-Calibration lit_by(const Response& response) {
-  Calibration rig = cube_rig(48);
-  for (HeadCalibration& head : rig.heads) head.response = response;
-  return rig;
-}
+/// Six heads of one response that see each other's rims, and their table, made once.
+struct LitRig {
+  explicit LitRig(const Response& response)
+      : rig(lit_by(response)),
+        table(table::compile_blend_table(rig, kSpec, std::vector<PixelFormat>(rig.heads.size(), PixelFormat::kGrey8)).value()),
+        tones(table::compile_tone_table(rig, kSpec.format)) {}
+  static Calibration lit_by(const Response& response) {
+    Calibration rig = cube_rig(48);
+    for (HeadCalibration& head : rig.heads) head.response = response;
+    return rig;
+  }
+  static inline const table::RaymapSpec kSpec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey16};
+  Calibration rig;
+  blend::BlendTable table;
+  blend::ToneTable tones;
+};
 
 struct Blended {
-  blend::BlendTable table;
   blend::LinearScale scale;
   std::vector<std::uint16_t> numbers;
-  std::vector<std::uint8_t> validity;
 };
 
 /// Of GREY heads; levels[h] fills head h's picture.
-Blended blend_flat(const Calibration& rig, const std::vector<std::uint8_t>& levels, const std::vector<ExposedHead>& exposed) {
-  const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kGrey8);
-  const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey16};
-  Blended blended{table::compile_blend_table(rig, spec, formats).value(), {}, {}, {}};
-  const blend::ToneTable tones = table::compile_tone_table(rig, spec.format);
-  const blend::SetTone tone = blend::linear_tone(blended.table, tones, exposed);
-  blended.scale = blend::linear_scale(tones, tone, exposed);
+Blended blend_flat(const LitRig& lit, const std::vector<std::uint8_t>& levels, const std::vector<ExposedHead>& exposed) {
+  const blend::SetTone tone = blend::linear_tone(lit.table, lit.tones, exposed);
+  Blended blended{blend::linear_scale(lit.tones, tone, exposed), {}};
   std::vector<Picture> pictures;
   std::vector<ImageView> views;
-  for (std::size_t h = 0; h < rig.heads.size(); ++h) {
-    pictures.emplace_back(PixelFormat::kGrey8, rig.heads[h].width, rig.heads[h].height, levels[h]);
+  for (std::size_t h = 0; h < lit.rig.heads.size(); ++h) {
+    pictures.emplace_back(PixelFormat::kGrey8, lit.rig.heads[h].width, lit.rig.heads[h].height, levels[h]);
   }
   for (const Picture& picture : pictures) views.push_back(picture.view());
-  Picture raymap(spec.format, kWidth, kHeight, 77);
-  blend::blend_rows(blended.table, PreparedHeads(blended.table, views).views(), tone, raymap.mutable_view(), 0, kHeight);
+  Picture raymap(LitRig::kSpec.format, kWidth, kHeight, 77);
+  blend::blend_rows(lit.table, PreparedHeads(lit.table, views).views(), tone, raymap.mutable_view(), 0, kHeight);
   for (std::size_t i = 0; i < raymap.bytes.size(); i += 2) {
     blended.numbers.push_back(static_cast<std::uint16_t>(raymap.bytes[i] | raymap.bytes[i + 1] << 8));
   }
@@ -78,7 +82,7 @@ struct Case {
 class Linear : public testing::TestWithParam<Case> {};
 
 TEST_P(Linear, EveryLevelByHeadsOfAnyExposure_IsItsLightWithinTheBound) {
-  const Calibration rig = lit_by(GetParam().response);
+  const LitRig lit(GetParam().response);
   double worst = 0;
   double worst_alone = 0;
   for (const int stops : {0, 1, 2, 4}) {
@@ -89,8 +93,8 @@ TEST_P(Linear, EveryLevelByHeadsOfAnyExposure_IsItsLightWithinTheBound) {
       exposed[0].exposure += stops * kStop;
       std::vector<std::uint8_t> levels(6, 0);
       levels[0] = static_cast<std::uint8_t>(level);
-      const Blended blended = blend_flat(rig, levels, exposed);
-      const double light = geometry::decode(rig.heads[0].response, level / 255.0) * std::exp2(-stops);
+      const Blended blended = blend_flat(lit, levels, exposed);
+      const double light = geometry::decode(lit.rig.heads[0].response, level / 255.0) * std::exp2(-stops);
       const double number = blended.numbers[kHeight / 2 * kWidth + kWidth / 2];
       const double off = std::abs(number - 65535 * light);
       worst = std::max(worst, off - (stops == 0 ? 0 : 0.00068 * 65535 * light));
@@ -113,9 +117,9 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(LinearScale, ExposedAlike_LevelsOfAnSrgbPictureComeBack) {
   for (const Response& response : {response_of(Response::Curve::kSrgb), response_of(Response::Curve::kLinear)}) {
-    const Calibration rig = lit_by(response);
+    const LitRig lit(response);
     const std::vector<ExposedHead> exposed(6, {10 * kStop, 0});
-    const Blended blended = blend_flat(rig, std::vector<std::uint8_t>(6, 0), exposed);
+    const Blended blended = blend_flat(lit, std::vector<std::uint8_t>(6, 0), exposed);
     for (int level = 1; level < 256; ++level) {
       const double v = (level - 0.5) / 255;  // IEC 61966-2-1
       const double light = v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
@@ -125,10 +129,10 @@ TEST(LinearScale, ExposedAlike_LevelsOfAnSrgbPictureComeBack) {
 }
 
 TEST(LinearScale, FourStopsApart_WhiteIsTheMeansAndMoreIsHeldBackBelowIt) {
-  const Calibration rig = lit_by(response_of(Response::Curve::kGamma, 2.2));
+  const LitRig lit(response_of(Response::Curve::kGamma, 2.2));
   std::vector<ExposedHead> exposed(6, {12 * kStop, 0});
   for (std::size_t h = 0; h < 3; ++h) exposed[h].exposure = 8 * kStop;
-  const Blended blended = blend_flat(rig, std::vector<std::uint8_t>(6, 0), exposed);
+  const Blended blended = blend_flat(lit, std::vector<std::uint8_t>(6, 0), exposed);
   const auto& from = blended.scale.shown_from;
   EXPECT_NEAR(*blended.scale.full, 8 * kStop, 1);
   // Half of white, as the mean of the exposures sees it, is sRGB 188, above 178 = 0.7 of 255 where holding back begins;
@@ -140,7 +144,7 @@ TEST(LinearScale, FourStopsApart_WhiteIsTheMeansAndMoreIsHeldBackBelowIt) {
 }
 
 TEST(LinearTone, AHeadSetToAnotherGamma_GivesTheSameLight) {
-  const Calibration rig = lit_by(response_of(Response::Curve::kGamma, 2.2));
+  const LitRig lit(response_of(Response::Curve::kGamma, 2.2));
   for (const double light : {0.01, 0.1, 0.5, 0.9}) {
     const auto as_calibrated = static_cast<std::uint8_t>(std::lround(255 * std::pow(light, 1 / 2.2)));
     const auto as_set = static_cast<std::uint8_t>(std::lround(255 * light));
@@ -148,13 +152,13 @@ TEST(LinearTone, AHeadSetToAnotherGamma_GivesTheSameLight) {
     exposed[0].gamma = 1000;
     std::vector<std::uint8_t> levels(6, as_calibrated);
     levels[0] = as_set;
-    const Blended blended = blend_flat(rig, levels, exposed);
+    const Blended blended = blend_flat(lit, levels, exposed);
     // Straight pieces do not follow x^(1 / 2.2) near its beginning: whoever sets heads so for good calibrates them so.
     const double bound = as_set < 8 ? 0.009 : 0.003;
     EXPECT_NEAR(blended.numbers[kHeight / 2 * kWidth + kWidth / 2], 65535 * as_set / 255.0, 65535 * bound) << light;
     exposed[0].gamma = 2200;
     levels[0] = as_calibrated;
-    const Blended same = blend_flat(rig, levels, exposed);
+    const Blended same = blend_flat(lit, levels, exposed);
     EXPECT_EQ(same.numbers[kHeight / 2 * kWidth + kWidth / 2], same.numbers[0]);
   }
 }
