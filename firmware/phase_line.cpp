@@ -6,6 +6,7 @@ namespace nodal::firmware {
 namespace {
 
 constexpr int kDoubts = 3;
+constexpr std::int64_t kGap = 16;  ///< periods without a moment after which the phase is not known
 
 std::int64_t nearest_multiple(Duration d, Duration of) {
   const std::int64_t shifted = (d + of / 2).ns();
@@ -27,10 +28,14 @@ void PhaseLine::add(Instant begin) {
     return;
   }
   const std::int64_t periods = nearest_multiple(begin - begin_, period_);
-  if (periods <= 0) return;  // the same once more
+  if (periods == 0) return;  // the same once more
+  if (periods > kGap) {      // a clock may have been set meanwhile by less than a leap
+    restart_phase();
+    return add(begin);
+  }
   const Instant expected = begin_ + period_ * periods + Duration::nanoseconds(drift_over(periods));
   const Duration off = begin - expected;
-  if (off > kLeap || off < -kLeap) {
+  if (periods < 0 || off > kLeap || off < -kLeap) {  // before the last: a clock was set back
     if (++doubted_ < kDoubts) return;
     restart_phase();
     return add(begin);
@@ -46,7 +51,7 @@ void PhaseLine::add(Instant begin) {
   jitter_ = jitter_ + (size - jitter_) / 32;
 }
 
-bool PhaseLine::known(Instant now) const { return moments_ >= 2 && now - begin_ < period_ * 16; }
+bool PhaseLine::known(Instant now) const { return moments_ >= 2 && now - begin_ < period_ * kGap; }
 
 Instant PhaseLine::nearest(Instant at) const {
   const std::int64_t periods = nearest_multiple(at - begin_, period_);

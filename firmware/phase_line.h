@@ -9,8 +9,8 @@
 namespace nodal::firmware {
 
 /// A straight line through the moments that came, by least squares whose memory grows to kMemory of them: a phase and a
-/// rate. A moment far off the line is not believed, and three of them in a row are a new phase. A head that is started
-/// anew has another phase and its old crystal: the rate stays.
+/// rate. A moment far off the line, or before the last, is not believed, and three of them in a row are a new phase, as is
+/// the first after a long gap. A head that is started anew has another phase and its old crystal: the rate stays.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.

@@ -56,6 +56,18 @@ TEST(PhaseLine, OneWildStamp_IsNotBelieved_ThreeAreANewPhaseOfTheSameCrystal) {
   EXPECT_NEAR(static_cast<double>((line.nearest(moved) - moved).ns()), 0, 5000) << "the rate was kept";
 }
 
+TEST(PhaseLine, ClockSetBackOrAheadByLessThanALeap_ThePhaseIsAnotherAtOnce) {
+  for (const Duration by : {Duration::seconds(-3), Duration::seconds(-3) + Duration::milliseconds(1),
+                            Duration::seconds(3) + Duration::milliseconds(1)}) {
+    PhaseLine line;
+    line.restart(kPeriod);
+    for (std::int64_t n = 0; n < 400; ++n) line.add(exposure(n, 40));
+    for (std::int64_t n = 400; n < 405; ++n) line.add(exposure(n, 40) + by);
+    const Instant next = exposure(405, 40) + by;
+    EXPECT_LE(std::abs((line.nearest(next) - next).ns()), 2000) << by.ms() << " ms";
+  }
+}
+
 TEST(PhaseLine, NothingCameForLong_ItIsNotKnown) {
   PhaseLine line;
   line.restart(kPeriod);
