@@ -26,9 +26,8 @@ struct FreeHead {
 ///
 /// The middles of exposures go to one reference. Heads that cannot be moved are it, where there are any: their median.
 /// Else it is the median of all, or the latest of those near it that can only wait: one that is far after it waits for
-/// the next. A head within the
-/// dead band of the reference is left alone; the band is narrow while they come into step, and, once they are, an
-/// eighth of what jitter leaves of the lock's limit.
+/// the next. A head within the dead band of the reference is left alone; the band is narrow while they come into step,
+/// and, once they are, an eighth of what jitter leaves of the lock's limit.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.

@@ -77,8 +77,8 @@ struct GenlockReport {
 /// A set is good when its frames began within kLockLimit of each other, counted from their pulse and their own delay,
 /// and as long after it as when they first locked: a latency that all heads share is no fault, one that creeps is.
 /// What is known of when they began jitters; so what the past of every head says is judged too, against a limit that
-/// leaves room for the jitter that was seen of the head that jitters most: a head that creeps away is noticed before it is kLockLimit away, not when
-/// jitter happens to show it.
+/// leaves room for the jitter that was seen of the head that jitters most: a head that creeps away is noticed before it is
+/// kLockLimit away, not when jitter happens to show it.
 ///
 /// In holdover no pulses are seen, and a set is as good as its heads are where they were against each other in lock.
 ///
