@@ -46,6 +46,7 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Fra
       tables_in_(1),  // so that a full ring says that the newest is not in force yet
       tables_out_(8),
       pixels_free_(kMaxBuffers),
+      pixels_unread_(kMaxBuffers),
       raymaps_out_(kRaymapsWaiting),
       light_out_(4) {
   NODAL_ASSERT(bands_ < kNoBands);
@@ -249,7 +250,9 @@ void Blender::measure() {
 bool Blender::take_pixels(std::size_t wanted) {
   for (std::size_t i = 0; i < wanted; ++i) {
     if (pixels_[i]) continue;  // taken for an earlier set, which then lacked another
-    if (auto free = pixels_free_.pop()) {
+    std::optional<Buffer> free = pixels_unread_.pop();
+    if (!free) free = pixels_free_.pop();
+    if (free) {
       pixels_[i] = std::move(*free);
     } else if (buffers_made_ < kMaxBuffers) {
       ++buffers_made_;  // only when clients hold more than ever before

@@ -27,7 +27,7 @@ namespace nodal::firmware {
 ///
 /// Threading: step() is thread-safe; the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
-/// Ownership: frame sets are lent and given back; pixels come from pixels_free() and go with the raymap.
+/// Ownership: frame sets are lent and given back; pixels go with the raymap and come back by two rings.
 /// Errors: none; sets that make no raymap are counted.
 class Blender {
  public:
@@ -42,7 +42,9 @@ class Blender {
   SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
   /// Calibrations that are no longer in force, to be freed off the frame path.
   SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
+  /// Where pixels come back to: from control when clients have read them, from the encoder when none will.
   SpscRing<Buffer>& pixels_free() { return pixels_free_; }
+  SpscRing<Buffer>& pixels_unread() { return pixels_unread_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   /// What the heads of each blended set saw. When nobody takes it, the newest are left out.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
@@ -100,6 +102,7 @@ class Blender {
   SpscRing<InstalledPtr> tables_in_;
   SpscRing<InstalledPtr> tables_out_;
   SpscRing<Buffer> pixels_free_;
+  SpscRing<Buffer> pixels_unread_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
   FrameTap tap_;

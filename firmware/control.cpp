@@ -43,7 +43,7 @@ bool Control::step(Instant now) {
   for (const auto& client : clients_) busy |= serve(*client, now);
   busy |= take_answers(now);
   remember_settings(now);
-  stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_));
+  stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_, now);
   busy |= frame_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);

@@ -2,10 +2,12 @@
 
 namespace nodal::firmware {
 
-EncodeStage::EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in)
+EncodeStage::EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in,
+                         SpscRing<Buffer>& pixels_unread)
     : config_(config),
       clock_(clock),
       raymaps_in_(raymaps_in),
+      pixels_unread_(pixels_unread),
       raymaps_out_(kRaymapsWaiting),
       jpegs_free_(kMaxBuffers),
       jpeg_(config) {}
@@ -28,6 +30,10 @@ bool EncodeStage::step() {
       }
       raymap->jpeg = std::move(buffer);
     }
+  }
+  if (!pixels_wanted_.load(std::memory_order_relaxed)) {
+    NODAL_ASSERT(pixels_unread_.push(std::move(raymap->pixels)));
+    raymap->pixels = nullptr;
   }
   raymaps_out_.push(std::move(*raymap));
   passed_.fetch_add(1, std::memory_order_relaxed);

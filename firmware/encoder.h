@@ -14,16 +14,21 @@ namespace nodal::firmware {
 /// Between blend and publish: makes a JPEG of a raymap when a client wants one, and passes it on.
 ///
 /// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread.
-/// Ownership: raymaps pass through; JPEG buffers come from jpegs_free().
+/// Ownership: raymaps pass through; JPEG buffers come from jpegs_free(). Pixels that nobody pulls go back to the blend
+///   at once: a raymap is the largest thing a board holds, and so it holds fewer.
 /// Errors: a raymap that could not be encoded goes on without its JPEG and is counted.
 class EncodeStage {
  public:
-  EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in);
+  EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in,
+              SpscRing<Buffer>& pixels_unread);
 
   /// True when it did something.
   bool step();
-  /// Whether any client pulls JPEGs.
-  void set_wanted(bool jpeg) { wanted_.store(jpeg, std::memory_order_relaxed); }
+  /// Whether any client pulls JPEGs, and whether any pulls pixels.
+  void set_wanted(bool jpeg, bool pixels) {
+    wanted_.store(jpeg, std::memory_order_relaxed);
+    pixels_wanted_.store(pixels, std::memory_order_relaxed);
+  }
   /// Of so many raymaps one is encoded; the others go on as shed.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
@@ -42,11 +47,13 @@ class EncodeStage {
   const RaymapConfig config_;
   hal::ClockPort& clock_;
   SpscRing<Raymap>& raymaps_in_;
+  SpscRing<Buffer>& pixels_unread_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<Buffer> jpegs_free_;
   JpegEncoder jpeg_;
   std::size_t buffers_made_ = 0;
   std::atomic<bool> wanted_{false};
+  std::atomic<bool> pixels_wanted_{true};
   std::atomic<std::uint32_t> every_{1};
   std::atomic<std::uint64_t> failed_{0};
   std::atomic<std::uint64_t> passed_{0};

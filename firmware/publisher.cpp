@@ -23,6 +23,13 @@ bool reclaim_from(std::vector<Buffer>& out, SpscRing<Buffer>& free) {
   return any;
 }
 
+bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
+  return std::any_of(clients.begin(), clients.end(), [&](const auto& client) {
+    return std::any_of(client->pulls.begin(), client->pulls.end(),
+                       [&](const auto& pull) { return pull.second.coding == coding && !pull.second.ended; });
+  });
+}
+
 }  // namespace
 
 Publisher::Publisher(const RaymapConfig& config, SpscRing<Raymap>& raymaps_in, SpscRing<Buffer>& pixels_free,
@@ -105,8 +112,8 @@ bool Publisher::offer(Client& client, const Raymap& raymap) {
   bool given = false;
   for (auto& [stream, pull] : client.pulls) {
     const bool jpeg = pull.coding == wire::PullRequest::JPEG;
-    const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : raymap.pixels != nullptr;
     const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
+    const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : evidence || raymap.pixels != nullptr;
     // It is a set's; its second field has no other.
     const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
     const bool shed = raymap.shed && !pull.lossless && !evidence;
@@ -171,12 +178,8 @@ std::uint64_t Publisher::dropped(const Client& client) {
   return all;
 }
 
-bool Publisher::jpeg_wanted(const Clients& clients) {
-  return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
-    return std::any_of(client->pulls.begin(), client->pulls.end(),
-                       [](const auto& pull) { return pull.second.coding == wire::PullRequest::JPEG && !pull.second.ended; });
-  });
-}
+bool Publisher::jpeg_wanted(const Clients& clients) { return wanted(clients, wire::PullRequest::JPEG); }
+bool Publisher::pixels_wanted(const Clients& clients) { return wanted(clients, wire::PullRequest::RAW); }
 
 bool Publisher::lossless_wanted(const Clients& clients) {
   return std::any_of(clients.begin(), clients.end(), [](const auto& client) {

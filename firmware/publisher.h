@@ -36,6 +36,8 @@ class Publisher {
   bool step(const Clients& clients, Instant now);
   /// Whether any client pulls JPEGs.
   static bool jpeg_wanted(const Clients& clients);
+  /// Whether any client pulls pixels.
+  static bool pixels_wanted(const Clients& clients);
   /// Whether any client pulls without loss: of what it is given, nothing may be shed.
   static bool lossless_wanted(const Clients& clients);
   /// Raymaps this client was not given, on all its streams.

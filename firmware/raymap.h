@@ -57,7 +57,8 @@ struct RaymapInfo {
   std::optional<blend::LinearScale> linear;  ///< of raymaps of 16 bits
 };
 
-/// A raymap on its way: `pixels` packed in the table's format, `jpeg` when somebody wants it so.
+/// A raymap on its way: `pixels` packed in the table's format, past the encoder only where somebody wants them; `jpeg` when
+/// somebody wants it so.
 struct Raymap {
   RaymapInfo info;
   bool shed = false;  ///< the board is overloaded: for lossless clients only

@@ -6,7 +6,8 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
     : clock_(ports.clock),
       capture_(config, ports.heads, ports.trigger),
       blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.sets_out(), capture_.sets_back()),
-      encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
+      encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out(),
+               blender_.pixels_unread()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       control_(config, software, Stages{capture_, blender_, encoder_, keeper_}, ports.listeners, ports.watchdog,
                ports.panel, ports.clock.now()) {

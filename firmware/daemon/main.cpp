@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "firmware/daemon/bridge.h"
+#include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
@@ -130,6 +131,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
 }
 
 int main(int argc, char** argv) {
+  keep_large_blocks_apart();
   const Parsed parsed = parse_options(argc, argv);
   if (parsed.exit) return *parsed.exit;
   const Options& options = parsed.options;

@@ -3,6 +3,9 @@
 #include <pthread.h>
 
 #include <chrono>
+#include <utility>
+
+#include "firmware/daemon/memory.h"
 
 namespace nodal::daemon {
 namespace {
@@ -83,12 +86,15 @@ void RigThreads::encode() {
 }
 
 void RigThreads::keep() {
+  std::uint64_t adopted = 0;
   while (!stop_.load()) {
     const auto heard = keeper_bell_.count();
     if (rig_.step_keeper()) {
       blend_bell_.ring();
       control_bell_.ring();
     } else {
+      const std::uint64_t now = rig_.blender().counts().adopted.load();
+      if (std::exchange(adopted, now) != now) give_back_memory();  // compiling is over, and the table before is gone
       keeper_bell_.wait(heard, kSleep);
     }
   }

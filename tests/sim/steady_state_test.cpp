@@ -110,7 +110,7 @@ class SteadyState : public testing::Test {
       if (!arrived && world.now() < look) continue;
       look = world.now() + Duration::milliseconds(5);
       if (world.queue().empty()) world.queue().plan(look, EventKind::kStep);
-      rig->encoder().set_wanted(true);  // as control does for a host that pulls JPEGs
+      rig->encoder().set_wanted(true, true);  // as control does for hosts that pull JPEGs and pixels
       step_frame_path();
       collect();
     }
