@@ -44,7 +44,7 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
   for (int y = std::max(row_begin, row * kTile); y < std::min(row_end, (row + 1) * kTile); ++y) {
     for (int x = column * kTile; x < std::min(grid.width, (column + 1) * kTile); ++x) {
       const auto i = static_cast<std::size_t>(x % kTile);
-      const std::uint32_t weight = there[pixel_place(i, static_cast<std::size_t>(y % kTile))];
+      const std::uint32_t weight = there[static_cast<std::size_t>(y % kTile) * kTile + i];
       const std::uint32_t share = weight * 255 >> kWeightBits;
       const bool part = weight > 0 && weight < 1U << kWeightBits;
       std::ptrdiff_t to_x = x;

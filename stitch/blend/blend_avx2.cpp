@@ -27,6 +27,7 @@ struct Rows {
 };
 
 inline V all(int value) { return _mm256_set1_epi16(static_cast<short>(value)); }
+inline V all(const Twice& value) { return _mm256_set1_epi32(value.both()); }
 inline V add(V a, V b) { return _mm256_add_epi16(a, b); }
 inline V mul(V a, V b) { return _mm256_mullo_epi16(a, b); }
 inline V row(const std::uint8_t* at) {
@@ -68,25 +69,16 @@ inline Rows bilinear_half(const std::int16_t* q, const Steps& s, std::size_t hal
 
 /// Two rows of a tile, by what their quarters have of them. Back again by the same way.
 inline V by_quarters(V rows) { return _mm256_permute4x64_epi64(rows, 0xd8); }
-/// 64 values by pixel_place(), of half a tile.
+/// 64 values by pixel, of half a tile.
 template <class Number>
 inline Rows listed_half(const Number* values, std::size_t half) {
-  const auto two = [&](std::size_t row) {
-    const auto at = [&](std::size_t j) {
-      return _mm_loadu_si128(reinterpret_cast<const __m128i*>(values + row_place(j) * kTile));
-    };
-    return by_quarters(_mm256_set_m128i(at(row + 1), at(row)));
-  };
-  return {two(4 * half), two(4 * half + 2)};
+  const Number* from = values + half * kTilePixels / 2;
+  return {by_quarters(load(from)), by_quarters(load(from + 2 * kTile))};
 }
 inline void list_half(Rows rows, std::size_t half, std::int16_t* values) {
-  const auto two = [&](V of, std::size_t row) {
-    const V apart = by_quarters(of);
-    _mm_storeu_si128(reinterpret_cast<__m128i*>(values + row_place(row) * kTile), _mm256_castsi256_si128(apart));
-    _mm_storeu_si128(reinterpret_cast<__m128i*>(values + row_place(row + 1) * kTile), _mm256_extracti128_si256(apart, 1));
-  };
-  two(rows.upper, 4 * half);
-  two(rows.lower, 4 * half + 2);
+  std::int16_t* to = values + half * kTilePixels / 2;
+  _mm256_storeu_si256(reinterpret_cast<V*>(to), by_quarters(rows.upper));
+  _mm256_storeu_si256(reinterpret_cast<V*>(to + 2 * kTile), by_quarters(rows.lower));
 }
 
 /// Where half a tile's pixels lie in a patch, ready for use.
@@ -326,7 +318,7 @@ struct Avx2 {
       return {_mm256_srai_epi16(add(shown.upper, all(64)), kSampleBits),
               _mm256_srai_epi16(add(shown.lower, all(64)), kSampleBits)};
     }
-    const V scale = all(negative ? -component.scale : component.scale);
+    const V scale = all(negative ? component.scale_of_dark : component.scale);
     const V black = all(component.black_level);
     return {add(_mm256_mulhrs_epi16(light.upper, scale), black), add(_mm256_mulhrs_epi16(light.lower, scale), black)};
   }

@@ -17,30 +17,75 @@ NODAL_TARGET_BEGIN("avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")
 namespace nodal::blend {
 namespace {
 
-/// Two registers of 32 numbers: the even rows of a tile, and its odd rows. A 128-bit lane is a row.
+/// Two registers of 32 numbers: the upper four rows of a tile, and its lower four. A 128-bit lane is a row.
 struct Rows {
-  V even;
-  V odd;
+  V upper;
+  V lower;
 };
 
-[[gnu::always_inline]] inline V all(int value) { return _mm512_set1_epi16(static_cast<short>(value)); }
-
-/// i, ii and j, jj, 2j + 1 of the even rows.
-struct Steps {
-  __m256i i, ii;
-  V j, jj, next;
+/// What is constant, in memory: the compiler would make it anew for every tile out of one number, by a shuffle each; as an
+/// instruction's operand it costs nothing.
+struct Constants {
+  using Shorts = std::array<std::int16_t, 32>;
+  using Bytes = std::array<std::uint8_t, 64>;
+  alignas(64) Shorts j, jj, next;       ///< of the upper rows, by lane: j, jj, 8j + 16
+  alignas(64) Bytes from[kPatch];       ///< what is added to an index's pair of bytes, by the row the patch begins with
+  alignas(64) Bytes nibble, seven;      ///< see twice_from: the bits 12 .. 15, and 5 .. 12
+  alignas(64) Bytes tops;               ///< picks the upper byte of each number, twice
+  alignas(64) Bytes order;              ///< picks rows by their numbers out of 0 4 1 5 2 6 3 7; of 64 bits each
+  alignas(64) Shorts upper_nibbles, low_bits, flips, across, share, row, half_level;
+  alignas(32) std::array<std::int16_t, 16> i, ii;
+  alignas(32) std::array<std::uint8_t, 32> term[6];  ///< picks number k of both halves
+  alignas(32) std::array<std::uint8_t, 32> pair[2];  ///< picks number k for the lower half, and number k + 2 for the upper
 };
-[[gnu::always_inline]] inline V lanes(short a, short b, short c, short d) {
-  V v = _mm512_castsi128_si512(_mm_set1_epi16(a));
-  v = _mm512_inserti32x4(v, _mm_set1_epi16(b), 1);
-  v = _mm512_inserti32x4(v, _mm_set1_epi16(c), 2);
-  return _mm512_inserti32x4(v, _mm_set1_epi16(d), 3);
+constexpr Constants constants() {
+  Constants c{};
+  for (std::size_t k = 0; k < 32; ++k) {
+    const auto lane = static_cast<std::int16_t>(k / 8);
+    c.j[k] = lane;
+    c.jj[k] = static_cast<std::int16_t>(lane * lane);
+    c.next[k] = static_cast<std::int16_t>(8 * lane + 16);
+    c.upper_nibbles[k] = static_cast<std::int16_t>(0xf0f0);
+    c.low_bits[k] = 0x7f7f;
+    c.flips[k] = static_cast<std::int16_t>(0xff00);
+    c.across[k] = 0x0180;
+    c.share[k] = 0x7ff8;
+    c.row[k] = 0x1010;
+    c.half_level[k] = 64;
+  }
+  for (std::size_t k = 0; k < 64; ++k) {
+    const std::size_t word = k % 8 / 2 * 16;
+    c.nibble[k] = static_cast<std::uint8_t>(word + 12);
+    c.seven[k] = static_cast<std::uint8_t>(word + 5);
+    c.tops[k] = static_cast<std::uint8_t>(k % 16 | 1);
+    c.order[k] = static_cast<std::uint8_t>(k % 8 == 0 ? k / 32 + k / 8 % 4 * 2 : 0);
+    for (std::size_t row = 0; row < kPatch; ++row) c.from[row][k] = static_cast<std::uint8_t>(k % 2 - 16 * row);
+  }
+  for (std::size_t k = 0; k < 16; ++k) {
+    c.i[k] = static_cast<std::int16_t>(k % 8);
+    c.ii[k] = static_cast<std::int16_t>(k % 8 * (k % 8));
+  }
+  for (std::size_t k = 0; k < 32; ++k) {
+    for (std::size_t t = 0; t < 6; ++t) c.term[t][k] = static_cast<std::uint8_t>(2 * t + k % 2);
+    for (std::size_t t = 0; t < 2; ++t) c.pair[t][k] = static_cast<std::uint8_t>(2 * t + k / 16 * 4 + k % 2);
+  }
+  return c;
 }
-[[gnu::always_inline]] inline Steps steps() {
-  const __m128i i = _mm_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7);
-  return {_mm256_broadcastsi128_si256(i), _mm256_broadcastsi128_si256(_mm_mullo_epi16(i, i)), lanes(0, 2, 4, 6),
-          lanes(0, 4, 16, 36), lanes(1, 5, 9, 13)};
+constexpr Constants kConstants = constants();
+
+/// Those, in such a way that the compiler does not look into them.
+[[gnu::always_inline]] inline const Constants& out_of_sight() {
+  const Constants* at = &kConstants;
+  asm("" : "+r"(at));
+  return *at;
 }
+[[gnu::always_inline]] inline V load(const Constants::Shorts& numbers) { return _mm512_load_si512(numbers.data()); }
+template <class Number>
+[[gnu::always_inline]] inline __m256i load_half(const std::array<Number, 32 / sizeof(Number)>& numbers) {
+  return _mm256_load_si256(reinterpret_cast<const __m256i*>(numbers.data()));
+}
+/// All over a register.
+[[gnu::always_inline]] inline V all(const Twice& number) { return _mm512_set1_epi32(number.both()); }
 
 /// Where a tile's pixels lie in a patch, ready for use.
 struct Places {
@@ -49,29 +94,30 @@ struct Places {
   Rows down;    ///< the lower row's share, of 2^15
 };
 
-/// In every 64 bits, twice the eight bits of each number that begin at `bit`.
-[[gnu::always_inline]] inline V twice_from(V numbers, int bit) {
-  const V two = all(bit | bit << 8);
-  const V places = _mm512_add_epi8(two, _mm512_set1_epi64(0x3030202010100000));
-  return _mm512_multishift_epi64_epi8(places, numbers);
+/// In every 64 bits, twice the eight bits of each number that begin at a bit.
+[[gnu::always_inline]] inline V twice_from(const Constants::Bytes& bit, V numbers) {
+  return _mm512_multishift_epi64_epi8(load(bit), numbers);
 }
 
-[[gnu::always_inline]] inline V index_of(V x, V y) {
-  const V upper = _mm512_broadcast_i32x4(_mm_setr_epi8(1, 1, 3, 3, 5, 5, 7, 7, 9, 9, 11, 11, 13, 13, 15, 15));
-  const V row = _mm512_set1_epi8(static_cast<char>(0xf0));
-  const V both = _mm512_ternarylogic_epi32(row, _mm512_shuffle_epi8(y, upper), twice_from(x, 12), 0xca);  // a ? b : c
-  return _mm512_add_epi8(both, all(0x0100));
+/// Counted from row `start` of the patch.
+[[gnu::always_inline]] inline V index_of(const Constants& k, V x, V y, int start) {
+  const V rows = _mm512_shuffle_epi8(y, load(k.tops));
+  const V both = _mm512_ternarylogic_epi32(rows, twice_from(k.nibble, x), load(k.upper_nibbles), 0xe4);  // c ? a : b
+  return _mm512_add_epi8(both, load(k.from[start]));
 }
-[[gnu::always_inline]] inline V across_of(V x) {  // f - 128, -f
-  const V flipped = _mm512_ternarylogic_epi32(twice_from(x, 5), _mm512_set1_epi8(127), all(0xff00), 0x6a);  // (a & b) ^ c
-  return _mm512_add_epi8(flipped, all(0x0180));
+[[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128, -f
+  const V flipped = _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
+  return _mm512_add_epi8(flipped, load(k.across));
 }
-[[gnu::always_inline]] inline V down_of(V y) { return _mm512_and_si512(_mm512_slli_epi16(y, 3), all(0x7ff8)); }
+[[gnu::always_inline]] inline V down_of(const Constants& k, V y) {
+  return _mm512_and_si512(_mm512_slli_epi16(y, 3), load(k.share));
+}
 
-[[gnu::always_inline]] inline Places places(Rows x, Rows y) {
-  return {{index_of(x.even, y.even), index_of(x.odd, y.odd)},
-          {across_of(x.even), across_of(x.odd)},
-          {down_of(y.even), down_of(y.odd)}};
+/// `start`: the rows of the patch that the indices of the upper and of the lower half are counted from.
+[[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y, std::array<int, 2> start) {
+  return {{index_of(k, x.upper, y.upper, start[0]), index_of(k, x.lower, y.lower, start[1])},
+          {across_of(k, x.upper), across_of(k, x.lower)},
+          {down_of(k, y.upper), down_of(k, y.lower)}};
 }
 
 /// In all four lanes.
@@ -81,68 +127,71 @@ struct Places {
   return _mm512_shuffle_i64x2(wide, wide, 0x55);
 }
 
-[[gnu::always_inline]] inline Places places_of(const GridTable& grid, const PatchRecord& record, const Steps& s) {
+[[gnu::always_inline]] inline Places places_of(const Constants& k, const GridTable& grid, const PatchRecord& record,
+                                                std::array<int, 2> start) {
   if (record.listed()) {
     const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
-    return places({_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
-                  {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)});
+    return places(k, {_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
+                  {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)}, start);
   }
   const __m256i both = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&record));  // x below, y above
-  const auto term = [&](int k) {
-    return _mm256_shuffle_epi8(both, _mm256_set1_epi16(static_cast<short>(2 * k | (2 * k + 1) << 8)));
-  };
-  const __m256i a = _mm256_add_epi16(_mm256_add_epi16(term(0), _mm256_mullo_epi16(term(1), s.i)),
-                                     _mm256_mullo_epi16(term(4), s.ii));
-  const __m256i b = _mm256_add_epi16(term(2), _mm256_mullo_epi16(term(3), s.i));
+  const auto term = [&](std::size_t t) { return _mm256_shuffle_epi8(both, load_half(k.term[t])); };
+  const __m256i a = _mm256_add_epi16(_mm256_add_epi16(term(0), _mm256_mullo_epi16(term(1), load_half(k.i))),
+                                     _mm256_mullo_epi16(term(4), load_half(k.ii)));
+  const __m256i b = _mm256_add_epi16(term(2), _mm256_mullo_epi16(term(3), load_half(k.i)));
   const __m256i c = term(5);
   const auto rows = [&](V a_, V b_, V c_) -> Rows {
-    const V even =
-        _mm512_add_epi16(_mm512_add_epi16(a_, _mm512_mullo_epi16(b_, s.j)), _mm512_mullo_epi16(c_, s.jj));
-    return {even, _mm512_add_epi16(even, _mm512_add_epi16(b_, _mm512_mullo_epi16(c_, s.next)))};
+    const V upper =
+        _mm512_add_epi16(_mm512_add_epi16(a_, _mm512_mullo_epi16(b_, load(k.j))), _mm512_mullo_epi16(c_, load(k.jj)));
+    const V four_rows = _mm512_add_epi16(_mm512_slli_epi16(b_, 2), _mm512_mullo_epi16(c_, load(k.next)));
+    return {upper, _mm512_add_epi16(upper, four_rows)};
   };
-  return places(rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c)));
+  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c)),
+                start);
 }
 
 /// Four coefficients of 1, i, j, ij over a tile.
-[[gnu::always_inline]] inline Rows bilinear(const std::int16_t* q, const Steps& s) {
+[[gnu::always_inline]] inline Rows bilinear(const Constants& k, const std::int16_t* q) {
   const __m256i terms = _mm256_broadcastq_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(q)));
-  const auto halves = [&](int lower, int upper) {  // coefficients
-    return _mm256_shuffle_epi8(terms, _mm256_set_m128i(_mm_set1_epi16(static_cast<short>(2 * upper | (2 * upper + 1) << 8)),
-                                                       _mm_set1_epi16(static_cast<short>(2 * lower | (2 * lower + 1) << 8))));
-  };
-  const __m256i both = _mm256_add_epi16(halves(0, 2), _mm256_mullo_epi16(halves(1, 3), s.i));
+  const auto halves = [&](std::size_t t) { return _mm256_shuffle_epi8(terms, load_half(k.pair[t])); };
+  const __m256i both = _mm256_add_epi16(halves(0), _mm256_mullo_epi16(halves(1), load_half(k.i)));
   const V b = upper_half(both);
-  const V even = _mm512_add_epi16(lower_half(both), _mm512_mullo_epi16(b, s.j));
-  return {even, _mm512_add_epi16(even, b)};
+  const V upper = _mm512_add_epi16(lower_half(both), _mm512_mullo_epi16(b, load(k.j)));
+  return {upper, _mm512_add_epi16(upper, _mm512_slli_epi16(b, 2))};
 }
 
-/// The bytes of a patch at 64 places. Those with the top bit set lie in its rows 8 .. 15.
-[[gnu::always_inline]] inline V pick(const Patch& patch, V index) {
+/// The bytes of a patch at 64 places of half a tile. A low patch has two registers for either half; of another, places with
+/// the top bit set lie in rows 8 .. 15.
+template <bool kLow>
+[[gnu::always_inline]] inline V pick(const Patch& patch, std::size_t half, V index) {
+  if constexpr (kLow) return _mm512_permutex2var_epi8(patch.rows[2 * half], index, patch.rows[2 * half + 1]);
   return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index), _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
 /// base - sample, base 128 times black.
-[[gnu::always_inline]] inline Rows mix(const Patch& patch, const Places& at, V base) {
-  const auto half = [&](V index, V across, V share) {
-    const V top = _mm512_maddubs_epi16(pick(patch, index), across);  // both negative
-    const V bottom = _mm512_maddubs_epi16(pick(patch, _mm512_add_epi8(index, _mm512_set1_epi8(16))), across);
+template <bool kLow>
+[[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at, V base) {
+  const auto mixed = [&](std::size_t half, V index, V across, V share) {
+    const V below = _mm512_add_epi8(index, load(k.row));
+    const V top = _mm512_maddubs_epi16(pick<kLow>(patch, half, index), across);  // both negative
+    const V bottom = _mm512_maddubs_epi16(pick<kLow>(patch, half, below), across);
     return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
   };
-  return {half(at.index.even, at.across.even, at.down.even), half(at.index.odd, at.across.odd, at.down.odd)};
+  return {mixed(0, at.index.upper, at.across.upper, at.down.upper), mixed(1, at.index.lower, at.across.lower, at.down.lower)};
 }
 
-/// base - curve(sample) for -sample.
-[[gnu::always_inline]] inline V curved(V negative, const Pieces<32>& curve, V base) {
+/// black - curve(sample) for -sample.
+[[gnu::always_inline]] inline V curved(V negative, const Pieces<32>& curve) {
   const V sample = _mm512_sub_epi16(_mm512_setzero_si512(), negative);
   const V piece = _mm512_srli_epi16(sample, 10);
   const V fraction = _mm512_slli_epi16(sample, 5);
-  const V knot = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.knot.data()));
+  const V knot = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.dark.data()));
   const V rise = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.rise.data()));
-  return _mm512_sub_epi16(base, _mm512_add_epi16(knot, _mm512_mulhrs_epi16(rise, fraction)));
+  return _mm512_sub_epi16(knot, _mm512_mulhrs_epi16(rise, fraction));
 }
 
-[[gnu::always_inline]] inline V developed(V light, const Pieces<64>& curve) {
+[[gnu::always_inline]] inline V developed(const Constants& k, V light, const Pieces<64>& curve) {
   const V at = _mm512_max_epi16(light, _mm512_setzero_si512());
   const V piece = _mm512_srli_epi16(at, 9);
   const V fraction = _mm512_slli_epi16(at, 6);
@@ -150,7 +199,7 @@ struct Places {
     return _mm512_permutex2var_epi16(_mm512_load_si512(of.data()), piece, _mm512_load_si512(of.data() + 32));
   };
   const V shown = _mm512_add_epi16(look_up(curve.knot), _mm512_mulhrs_epi16(look_up(curve.rise), fraction));
-  return _mm512_srai_epi16(_mm512_add_epi16(shown, all(64)), kSampleBits);
+  return _mm512_srai_epi16(_mm512_add_epi16(shown, load(k.half_level)), kSampleBits);
 }
 
 /// Bytes 64 k .. 64 k + 63 of R G B R G B ..: of R, and of G in the register after it.
@@ -174,61 +223,68 @@ constexpr Picks kPairBytes = pair_bytes();
 struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s,
-                                                    std::array<Rows, N>& dark) {
-    by_lie<N>(job.plane(job.grid->records[r]).lie, [&](auto lie) __attribute__((always_inline)) {
-      dark_of<N, decltype(lie)::value>(job, r, s, dark);
-    });
-  }
-  template <int N, Lie kLie>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s,
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Constants& k,
                                                     std::array<Rows, N>& dark) {
     const PatchRecord& record = job.grid->records[r];
-    const Places at = places_of(*job.grid, record, s);
+    by_lie<N>(job.plane(record).lie, [&](auto lie) __attribute__((always_inline)) {
+      constexpr Lie kLie = decltype(lie)::value;
+      if (record.low()) {
+        dark_of<N, kLie, true>(job, r, k, dark);
+      } else {
+        dark_of<N, kLie, false>(job, r, k, dark);
+      }
+    });
+  }
+  template <int N, Lie kLie, bool kLow>
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Constants& k,
+                                                    std::array<Rows, N>& dark) {
+    const PatchRecord& record = job.grid->records[r];
+    const Places at = places_of(k, *job.grid, record, starts_of<kLow>(record));
     std::array<Patch, N> patch;
-    load_patch<N, kLie>(job.plane(record), record, patch);
+    load_patch<N, kLie, kLow>(job.plane(record), record, patch);
     for (std::size_t c = 0; c < N; ++c) {
-      const V base = all(job.component[c].black);
       if (!job.curves) {
-        dark[c] = mix(patch[c], at, base);
+        dark[c] = mix<kLow>(k, patch[c], at, all(job.component[c].black));
         continue;
       }
-      const Rows negative = mix(patch[c], at, _mm512_setzero_si512());
+      const Rows negative = mix<kLow>(k, patch[c], at, _mm512_setzero_si512());
       const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
-      dark[c] = {curved(negative.even, curve, base), curved(negative.odd, curve, base)};
+      dark[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
     }
     if (!job.gains) return;
     const bool alone = job.grid->gains.empty();
-    const Rows vignetting = alone ? Rows{} : bilinear(job.grid->gains[r].data(), s);
+    const Rows vignetting = alone ? Rows{} : bilinear(k, job.grid->gains[r].data());
     for (std::size_t c = 0; c < N; ++c) {
       const V head = all(job.gain(record.head(), c));
-      const V even = alone ? head : _mm512_mulhrs_epi16(vignetting.even, head);
-      const V odd = alone ? head : _mm512_mulhrs_epi16(vignetting.odd, head);
-      dark[c] = {_mm512_mulhrs_epi16(dark[c].even, even), _mm512_mulhrs_epi16(dark[c].odd, odd)};
+      const V upper = alone ? head : _mm512_mulhrs_epi16(vignetting.upper, head);
+      const V lower = alone ? head : _mm512_mulhrs_epi16(vignetting.lower, head);
+      dark[c] = {_mm512_mulhrs_epi16(dark[c].upper, upper), _mm512_mulhrs_epi16(dark[c].lower, lower)};
     }
   }
 
   template <int N>
   [[gnu::always_inline]] static inline void finish(const BlendJob& job, const std::array<Rows, N>& light, bool negative,
                                                    std::uint8_t* out) {
+    const Constants& k = out_of_sight();
     for (std::size_t c = 0; c < N; ++c) {
       const JobComponent& component = job.component[c];
-      V even = light[c].even;
-      V odd = light[c].odd;
+      V upper = light[c].upper;
+      V lower = light[c].lower;
       if (component.output_curve) {
         if (negative) {
-          even = _mm512_sub_epi16(_mm512_setzero_si512(), even);
-          odd = _mm512_sub_epi16(_mm512_setzero_si512(), odd);
+          upper = _mm512_sub_epi16(_mm512_setzero_si512(), upper);
+          lower = _mm512_sub_epi16(_mm512_setzero_si512(), lower);
         }
-        even = developed(even, job.output[component.tone]);
-        odd = developed(odd, job.output[component.tone]);
+        upper = developed(k, upper, job.output[component.tone]);
+        lower = developed(k, lower, job.output[component.tone]);
       } else {
-        const V scale = all(negative ? -component.scale : component.scale);
+        const V scale = all(negative ? component.scale_of_dark : component.scale);
         const V black = all(component.black_level);
-        even = _mm512_add_epi16(_mm512_mulhrs_epi16(even, scale), black);
-        odd = _mm512_add_epi16(_mm512_mulhrs_epi16(odd, scale), black);
+        upper = _mm512_add_epi16(_mm512_mulhrs_epi16(upper, scale), black);
+        lower = _mm512_add_epi16(_mm512_mulhrs_epi16(lower, scale), black);
       }
-      _mm512_store_si512(out + c * kStrip, _mm512_packus_epi16(even, odd));
+      const V bytes = _mm512_packus_epi16(upper, lower);  // rows 0 4 1 5 2 6 3 7
+      _mm512_store_si512(out + c * kStrip, _mm512_permutexvar_epi64(load(k.order), bytes));
     }
   }
 
@@ -238,42 +294,42 @@ struct Avx512 {
                                                    std::int16_t* out) {
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
-      _mm512_store_si512(out + c * kStrip, negative ? _mm512_sub_epi16(zero, light[c].even) : light[c].even);
-      _mm512_store_si512(out + c * kStrip + 32, negative ? _mm512_sub_epi16(zero, light[c].odd) : light[c].odd);
+      _mm512_store_si512(out + c * kStrip, negative ? _mm512_sub_epi16(zero, light[c].upper) : light[c].upper);
+      _mm512_store_si512(out + c * kStrip + 32, negative ? _mm512_sub_epi16(zero, light[c].lower) : light[c].lower);
     }
   }
 
   template <int N, class Number>
   [[gnu::always_inline]] static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records,
                                                  Number* out) {
-    const Steps s = steps();
+    const Constants& k = out_of_sight();
     std::array<Rows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      dark_of<N>(job, tile.record, s, dark);
+      dark_of<N>(job, tile.record, k, dark);
       return finish<N>(job, dark, true, out);
     }
     std::array<Rows, N> light{};
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
     const Sharing how = tile.how();
-    Rows rest{all(-32768), all(-32768)};
+    Rows rest{_mm512_set1_epi16(-32768), _mm512_set1_epi16(-32768)};
     for (std::size_t r = 0; r < records; ++r) {
       prefetch<N>(job, tile.record + r);
       Rows weight = rest;
       if (r + 1 < records || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
-          weight = bilinear(weights, s);
+          weight = bilinear(k, weights);
           weights += 4;
         } else {
           weight = {_mm512_loadu_si512(weights), _mm512_loadu_si512(weights + 32)};
           weights += kTilePixels;
         }
-        rest = {_mm512_sub_epi16(rest.even, weight.even), _mm512_sub_epi16(rest.odd, weight.odd)};
+        rest = {_mm512_sub_epi16(rest.upper, weight.upper), _mm512_sub_epi16(rest.lower, weight.lower)};
       }
-      dark_of<N>(job, tile.record + r, s, dark);
+      dark_of<N>(job, tile.record + r, k, dark);
       for (std::size_t c = 0; c < N; ++c) {
-        light[c].even = _mm512_add_epi16(light[c].even, _mm512_mulhrs_epi16(dark[c].even, weight.even));
-        light[c].odd = _mm512_add_epi16(light[c].odd, _mm512_mulhrs_epi16(dark[c].odd, weight.odd));
+        light[c].upper = _mm512_add_epi16(light[c].upper, _mm512_mulhrs_epi16(dark[c].upper, weight.upper));
+        light[c].lower = _mm512_add_epi16(light[c].lower, _mm512_mulhrs_epi16(dark[c].lower, weight.lower));
       }
     }
     finish<N>(job, light, false, out);
@@ -283,13 +339,14 @@ struct Avx512 {
   static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
-    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value>(plane, record, patch); });
-    const Places at = places_of(*job.grid, record, steps());
+    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value, false>(plane, record, patch); });
+    const Constants& k = out_of_sight();
+    const Places at = places_of(k, *job.grid, record, {});
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
-      const Rows negative = mix(patch[c], at, zero);
-      _mm512_storeu_si512(samples[c].data(), _mm512_sub_epi16(zero, negative.even));
-      _mm512_storeu_si512(samples[c].data() + 32, _mm512_sub_epi16(zero, negative.odd));
+      const Rows negative = mix<false>(k, patch[c], at, zero);
+      _mm512_storeu_si512(samples[c].data(), _mm512_sub_epi16(zero, negative.upper));
+      _mm512_storeu_si512(samples[c].data() + 32, _mm512_sub_epi16(zero, negative.lower));
     }
   }
 

@@ -39,10 +39,10 @@ PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size
 }
 
 template <std::size_t kPieces, class Knots>
-void expand(const Knots& knots, Pieces<kPieces>& pieces) {
+void expand(const Knots& knots, std::int16_t black, Pieces<kPieces>& pieces) {
   static_assert(std::tuple_size_v<Knots> == kPieces + 1);
   for (std::size_t i = 0; i < kPieces; ++i) {
-    pieces.set(i, static_cast<std::int16_t>(knots[i]), static_cast<std::int16_t>(knots[i + 1] - knots[i]));
+    pieces.set(i, static_cast<std::int16_t>(knots[i]), static_cast<std::int16_t>(knots[i + 1] - knots[i]), black);
   }
 }
 
@@ -54,19 +54,26 @@ void expand_tone(const SetTone& tone, BlendJob& job) {
   ToneCurve same;
   for (std::size_t i = 0; i < same.knots.size(); ++i) same.knots[i] = static_cast<std::uint16_t>(i << 10);
   std::uint32_t classes = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(job.components); ++c) classes |= 1U << job.component[c].tone;
+  std::array<std::int16_t, kToneClasses> black{};
+  for (std::size_t c = 0; c < static_cast<std::size_t>(job.components); ++c) {
+    classes |= 1U << job.component[c].tone;
+    black[job.component[c].tone] = job.component[c].black;
+  }
   for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
-    for (std::size_t k = 0; k < kToneClasses; ++k) job.curves |= (classes >> k & 1) != 0 && tone.heads[h].curve[k];
+    for (std::size_t k = 0; k < kToneClasses; ++k) {
+      job.curves |= (classes >> k & 1) != 0 && tone.heads[h].curve[k];
+      job.gain_of[h][k] = tone.heads[h].gain[k];
+    }
   }
   if (job.curves) {
     for (std::size_t h = 0; h < job.table->sources.size(); ++h) {
       for (std::size_t k = 0; k < kToneClasses; ++k) {
-        expand<32>(tone.heads[h].curve[k].value_or(same).knots, job.curve[h][k]);
+        expand<32>(tone.heads[h].curve[k].value_or(same).knots, black[k], job.curve[h][k]);
       }
     }
   }
   for (std::size_t k = 0; k < kToneClasses; ++k) {
-    if (tone.output[k].curve) expand<64>(tone.output[k].curve->knots, job.output[k]);
+    if (tone.output[k].curve) expand<64>(tone.output[k].curve->knots, 0, job.output[k]);
   }
 }
 
@@ -85,8 +92,8 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
     if (rule.grid != g) continue;
     const OutputTone& output = tone.output[rule.tone];
     const auto slot = static_cast<std::size_t>(job.components++);
-    job.component[slot] = {c,         static_cast<std::int16_t>(rule.black << kSampleBits), rule.black,
-                           rule.tone, static_cast<std::int16_t>(output.scale),              output.curve.has_value()};
+    job.component[slot] = {c, rule.black << kSampleBits, rule.black, rule.tone, output.scale, -output.scale,
+                           output.curve.has_value()};
     job.out[slot] = raymap.planes[static_cast<std::size_t>(c)];
   }
   expand_tone(tone, job);

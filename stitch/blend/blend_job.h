@@ -28,18 +28,31 @@ struct PatchPlane {
   std::array<PlaneView, kMaxPlanes> views{};           ///< by component of the grid
 };
 
+/// A number of 16 bits, and the same beside it: filling a register with it is then no more than a load.
+class Twice {
+ public:
+  constexpr Twice(int number = 0) : both_(static_cast<std::uint32_t>(number & 0xffff) * 0x10001U) {}
+  constexpr operator std::int16_t() const { return static_cast<std::int16_t>(both_ & 0xffff); }
+  constexpr int both() const { return static_cast<int>(both_); }
+
+ private:
+  std::uint32_t both_;
+};
+
 /// A ToneCurve or OutputCurve as kernels look it up: value = knot[i] + mulr(rise[i], fraction). The lowest bit of the piece
 /// is let into the fraction, whose sign it becomes: odd pieces are counted from their end, so that `knot` is that.
 template <std::size_t kPieces>
 struct Pieces {
   alignas(64) std::array<std::int16_t, kPieces> knot;
   alignas(64) std::array<std::int16_t, kPieces> rise;
+  alignas(64) std::array<std::int16_t, kPieces> dark;  ///< black less the knot
   /// The same for kernels that look up bytes: lower and upper bytes of knot, then of rise.
   alignas(64) std::array<std::array<std::uint8_t, kPieces>, 4> bytes;
 
-  void set(std::size_t i, std::int16_t start, std::int16_t rise_i) {
+  void set(std::size_t i, std::int16_t start, std::int16_t rise_i, std::int16_t black) {
     const auto knot_i = static_cast<std::int16_t>(start + (i % 2 == 0 ? 0 : rise_i));
     knot[i] = knot_i;
+    dark[i] = static_cast<std::int16_t>(black - knot_i);
     rise[i] = rise_i;
     bytes[0][i] = static_cast<std::uint8_t>(knot_i & 255);
     bytes[1][i] = static_cast<std::uint8_t>(knot_i >> 8 & 255);
@@ -51,10 +64,11 @@ struct Pieces {
 /// Of a component of the grid.
 struct JobComponent {
   int component = 0;        ///< of the raymap's format
-  std::int16_t black = 0;   ///< 128 * ComponentRule::black
-  std::uint8_t black_level = 0;
+  Twice black;              ///< 128 * ComponentRule::black
+  Twice black_level;
   std::uint8_t tone = 0;
-  std::int16_t scale = kScaleOne;
+  Twice scale;              ///< of light
+  Twice scale_of_dark;      ///< -scale
   bool output_curve = false;
 };
 
@@ -74,6 +88,7 @@ struct BlendJob {
   /// Chroma samples to luma samples, per head: a chroma sample (x, y) has luma (x << right, y << down).
   std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
   std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;
+  std::array<std::array<Twice, kToneClasses>, kMaxHeads> gain_of{};
   std::array<Pieces<64>, kToneClasses> output;
   std::array<MutablePlaneView, kMaxPlanes> out{};  ///< by component of the grid
   int row_begin = 0;                               ///< of the grid
@@ -82,9 +97,7 @@ struct BlendJob {
   const PatchPlane& plane(const PatchRecord& record) const {
     return planes[static_cast<std::size_t>(record.pyramid_level())][record.head()];
   }
-  std::int16_t gain(HeadIndex head, std::size_t c) const {
-    return static_cast<std::int16_t>(tone->heads[head].gain[component[c].tone]);
-  }
+  Twice gain(HeadIndex head, std::size_t c) const { return gain_of[head][component[c].tone]; }
 };
 
 /// Leaves in `job` what grid g of the call needs.

@@ -12,10 +12,10 @@ namespace {
 
 using Row = int16x8_t;  ///< of a tile
 
-/// Row j of a tile, of something by pixel_place().
+/// Row j of a tile, of a list by pixel.
 template <class Number>
 inline Row listed_row(const Number* values, std::size_t j) {
-  return vld1q_s16(reinterpret_cast<const std::int16_t*>(values) + row_place(j) * kTile);
+  return vld1q_s16(reinterpret_cast<const std::int16_t*>(values) + j * kTile);
 }
 
 inline Row columns() {
@@ -231,7 +231,7 @@ struct Neon {
     const bool alone = job.grid->gains.empty();
     const TileRows vignetting = !job.gains || alone ? TileRows{} : bilinear_over_tile(job.grid->gains[r].data());
     for (std::size_t j = 0; j < kTile; j += 2) {
-      const int first = std::min(record.first_row(j / kQuarter, 0), record.first_row(j / kQuarter, 1));
+      const int first = record.first_row(j / kQuarter);
       const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {
         std::array<Row, 2> sample = mix(patch[c], places);
@@ -259,7 +259,7 @@ struct Neon {
           level = on_curve<9>(level, job.output[component.tone]);
           for (Row& row : level) row = vrshrq_n_s16(row, kSampleBits);
         } else {
-          const Row scale = vdupq_n_s16(static_cast<std::int16_t>(negative ? -component.scale : component.scale));
+          const Row scale = vdupq_n_s16(negative ? component.scale_of_dark : component.scale);
           for (Row& row : level) row = vaddq_s16(vqrdmulhq_s16(row, scale), vdupq_n_s16(component.black_level));
         }
         vst1q_u8(out + c * kStrip + j * kTile, vcombine_u8(vqmovun_s16(level[0]), vqmovun_s16(level[1])));
@@ -272,7 +272,7 @@ struct Neon {
   static inline void finish(const BlendJob&, const std::array<TileRows, N>& light, bool negative, std::int16_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
       for (std::size_t j = 0; j < kTile; ++j) {
-        vst1q_s16(out + c * kStrip + row_place(j) * kTile, negative ? vnegq_s16(light[c][j]) : light[c][j]);
+        vst1q_s16(out + c * kStrip + j * kTile, negative ? vnegq_s16(light[c][j]) : light[c][j]);
       }
     }
   }
@@ -321,11 +321,11 @@ struct Neon {
     find_patch<N>(job.plane(record), record, staged, patch);
     const Coordinates at = coordinates_of(*job.grid, record);
     for (std::size_t j = 0; j < kTile; j += 2) {
-      const int first = std::min(record.first_row(j / kQuarter, 0), record.first_row(j / kQuarter, 1));
+      const int first = record.first_row(j / kQuarter);
       const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {
         const std::array<Row, 2> sample = mix(patch[c], places);
-        for (std::size_t k = 0; k < 2; ++k) vst1q_s16(samples[c].data() + row_place(j + k) * kTile, sample[k]);
+        for (std::size_t k = 0; k < 2; ++k) vst1q_s16(samples[c].data() + (j + k) * kTile, sample[k]);
       }
     }
   }

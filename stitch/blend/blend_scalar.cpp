@@ -17,7 +17,7 @@ struct Scalar {
       for (std::size_t c = 0; c < N; ++c) {
         for (int j = 0; j < kTile; ++j) {
           for (int i = 0; i < kTile; ++i) {
-            const std::size_t p = pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+            const auto p = static_cast<std::size_t>(j * kTile + i);
             if (weights[p] == 0) continue;  // its sample and its gain are any number
             light[c][p] = wrap(light[c][p] + mulr(dark_of(job, r, c, dark[c][p], i, j), wrap(-weights[p])));
           }
@@ -33,7 +33,7 @@ struct Scalar {
     for (int j = 0; j < kTile; ++j) {
       for (int i = 0; i < kTile; ++i) {
         const Place at = place_of(*job.grid, record, i, j);
-        const std::size_t p = pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+        const auto p = static_cast<std::size_t>(j * kTile + i);
         for (std::size_t c = 0; c < N; ++c) samples[c][p] = wrap(sample_at(plane.views[c], record, at));
       }
     }

@@ -3,6 +3,7 @@
 // calibration and a layout, proven there, and only then run. Integers only.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -20,6 +21,7 @@ inline constexpr int kTilePixels = kTile * kTile;
 inline constexpr int kPatch = 16;         ///< samples a side of a patch
 inline constexpr int kQuarter = 4;        ///< pixels a side of a quarter of a tile
 inline constexpr int kLeastSpan = 6;      ///< patch rows that nearly every quarter finds its pixels in
+inline constexpr int kLowSpan = 7;        ///< patch rows that many halves of a tile find theirs in: eight with the next
 inline constexpr int kFractionBits = 12;  ///< of a coordinate in a patch, which has four bits before the point
 inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< of Source::gain
@@ -28,11 +30,6 @@ inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << k
 inline constexpr int kMaxSharpen = 16;
 inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< of BlendTable::linear
 inline constexpr int kMaxLevels = 5;      ///< of a head's pyramid: 1, 1/2, .. 1/16
-
-/// Where row j of a tile is kept in an array of 64 values by pixel: even rows first, as registers hold them.
-inline constexpr std::size_t row_place(std::size_t j) { return (j & 1) * 4 + j / 2; }
-/// Of pixel (i, j) in such an array.
-inline constexpr std::size_t pixel_place(std::size_t i, std::size_t j) { return row_place(j) * kTile + i; }
 
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
@@ -49,13 +46,16 @@ struct PatchRecord {
   /// listed in GridTable::coordinates and x[0], x[1] are the list's number, low half first.
   std::uint8_t source = 0;
   /// Of the patch's rows in which pixels with weight begin: the last one of all, and above it how many in a row those of
-  /// any quarter of the tile are, at least kLeastSpan.
+  /// any quarter of the tile are, at least kLeastSpan; or kLow.
   std::uint8_t rows = 14 | 15 << 4;
   /// Where those of each quarter start, by upper and lower half of the tile: the left quarter's row, and above it the
   /// right one's. Each pixel also needs the row after the one it begins in; with that all are in the patch.
   std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;
+  /// In place of kLeastSpan: the same, and the rows of either half of the tile are within kLowSpan from the first that its
+  /// quarters name.
+  static constexpr int kLow = 0;
   static constexpr std::uint8_t source_of(HeadIndex head, int level, bool listed) {
     return static_cast<std::uint8_t>(head | level << 4 | (listed ? kListed : 0));
   }
@@ -63,9 +63,11 @@ struct PatchRecord {
   int pyramid_level() const { return source >> 4 & 7; }
   HeadIndex head() const { return source & 15; }
   int last_row() const { return rows & 15; }
-  int span() const { return rows >> 4; }
+  int span() const { return low() ? kLeastSpan : rows >> 4; }
+  bool low() const { return rows >> 4 == kLow; }
   /// Of quarter `side`, 0 the left one, of half 0 or 1.
   int first_row(std::size_t half, std::size_t side) const { return first[half] >> (4 * side) & 15; }
+  int first_row(std::size_t half) const { return std::min(first_row(half, 0), first_row(half, 1)); }
   std::size_t list() const {
     return static_cast<std::uint16_t>(x[0]) | std::size_t{static_cast<std::uint16_t>(x[1])} << 16;
   }
@@ -77,7 +79,7 @@ static_assert(sizeof(PatchRecord) == 32);
 enum class Sharing : std::uint8_t {
   kAlone,     ///< at most one record; with one, every pixel is all its
   kBilinear,  ///< four coefficients (1, i, j, ij) a record; the last has none, and gets what the others leave of one
-  kListed,    ///< 64 weights a record by pixel_place(); the last has none, and gets what the others leave of one
+  kListed,    ///< 64 weights a record, row by row; the last has none, and gets what the others leave of one
   kOpen,      ///< 64 weights for every record; they sum to one, or to nothing where nobody looks
 };
 
@@ -102,7 +104,7 @@ struct GridTable {
   std::vector<Tile> tiles;                 ///< tile_count() of them, and one for the end of the last
   std::vector<PatchRecord> records;
   std::vector<std::int16_t> weights;
-  std::vector<std::uint16_t> coordinates;  ///< lists of 64 x, then 64 y, by pixel_place()
+  std::vector<std::uint16_t> coordinates;  ///< lists of 64 x, then 64 y, row by row
   /// By record, coefficients of 1, i, j, ij: undoes the vignetting, in 1 / (1 << 15) of BlendTable::vignetting_scale,
   /// 1 .. 32767 for pixels with weight. Empty where there is none to undo.
   std::vector<std::array<std::int16_t, 4>> gains;

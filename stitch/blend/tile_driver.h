@@ -3,7 +3,7 @@
 //
 //   template <int N, class Number> static void tile(const BlendJob&, const Tile&, std::size_t records, Number* out);
 //     N components of a tile none of whose heads is missing, each kStrip after the other: levels (std::uint8_t) row by
-//     row; light (std::int16_t), for raymaps of 16 bits, by pixel_place();
+//     row; light (std::int16_t), for raymaps of 16 bits, alike;
 //   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<Dark, N>&);
 //     the samples of a record's pixels with weight, before curve and gain;
 //   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
@@ -36,7 +36,7 @@ inline bool paired(const BlendJob& job) {
 /// A component's light of a tile as what strips hold.
 inline void finish_tile(const BlendJob& job, std::size_t c, const Dark& light, std::uint8_t* out) {
   for (std::size_t j = 0; j < kTile; ++j) {
-    for (std::size_t i = 0; i < kTile; ++i) out[j * kTile + i] = level_of(job, c, light[pixel_place(i, j)]);
+    for (std::size_t i = 0; i < kTile; ++i) out[j * kTile + i] = level_of(job, c, light[j * kTile + i]);
   }
 }
 inline void finish_tile(const BlendJob&, std::size_t, const Dark& light, std::int16_t* out) {
@@ -70,7 +70,7 @@ void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records,
         if (weight == 0) continue;
         const std::uint64_t share = ((std::uint64_t{weight} << kWeightBits) + sum[p] / 2) / sum[p];
         const int i = static_cast<int>(p % kTile);
-        const int j = static_cast<int>((p / kTile & 3) * 2 + p / (kTilePixels / 2));
+        const int j = static_cast<int>(p / kTile);
         for (std::size_t c = 0; c < N; ++c) {
           const std::int16_t dark = dark_of(job, r, c, samples[c][p], i, j);
           light[c][p] = wrap(light[c][p] + mulr(dark, wrap(-static_cast<int>(share))));
@@ -126,10 +126,10 @@ inline std::uint16_t linear_of(const BlendJob& job, std::int16_t light) {
   return job.table->linear[static_cast<std::size_t>(std::max<std::int16_t>(light, 0))];
 }
 
-/// Writes what the strip of a component holds of a tile's pixel p, counted row by row.
+/// Writes what the strip of a component holds of a tile's pixel p.
 inline void put_pixel(const BlendJob&, const std::uint8_t* strip, std::size_t p, std::uint8_t* to) { *to = strip[p]; }
 inline void put_pixel(const BlendJob& job, const std::int16_t* strip, std::size_t p, std::uint8_t* to) {
-  const std::uint16_t number = linear_of(job, strip[pixel_place(p % kTile, p / kTile)]);
+  const std::uint16_t number = linear_of(job, strip[p]);
   std::memcpy(to, &number, sizeof number);
 }
 
@@ -173,7 +173,7 @@ void write_strip(const BlendJob& job, int column, int row, const std::int16_t* s
   const int columns = std::min(8 * kTile, job.grid->width - x);
   alignas(64) std::array<std::uint16_t, N * 8 * kTile> numbers;
   for (int j = std::max(y, job.row_begin); j < std::min({y + kTile, job.row_end, job.grid->height}); ++j) {
-    const std::int16_t* from = strip + row_place(static_cast<std::size_t>(j - y)) * kTile;
+    const std::int16_t* from = strip + static_cast<std::size_t>(j - y) * kTile;
     for (std::size_t k = 0; k < 8; ++k) {
       for (std::size_t i = 0; i < kTile; ++i) {
         for (std::size_t c = 0; c < N; ++c) {

@@ -13,7 +13,7 @@
 namespace nodal::blend {
 namespace {
 
-/// By pixel_place(), of one component.
+/// Of a tile, row by row, of one component.
 using Dark = std::array<std::int16_t, kTilePixels>;
 using Weights = std::array<std::uint16_t, kTilePixels>;
 
@@ -43,7 +43,7 @@ struct Place {
 };
 inline Place place_of(const GridTable& grid, const PatchRecord& record, int i, int j) {
   if (!record.listed()) return {quadratic_at(record.x, i, j), quadratic_at(record.y, i, j)};
-  const std::size_t p = pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+  const auto p = static_cast<std::size_t>(j * kTile + i);
   const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
   return {list[p], list[kTilePixels + p]};
 }
@@ -91,7 +91,7 @@ class WeightReader {
     rest_.fill(1 << kWeightBits);
   }
 
-  /// Of the next record, by pixel_place(), 0 .. 1 << kWeightBits.
+  /// Of the next record, row by row, 0 .. 1 << kWeightBits.
   void next(Weights& weights) {
     --left_;
     if (how_ == Sharing::kAlone || (left_ == 0 && how_ != Sharing::kOpen)) {
@@ -99,7 +99,7 @@ class WeightReader {
       return;
     }
     for (std::size_t p = 0; p < kTilePixels; ++p) {
-      const int row = static_cast<int>((p / kTile & 3) * 2 + p / (kTilePixels / 2));
+      const auto row = static_cast<int>(p / kTile);
       const int negative = how_ == Sharing::kBilinear ? bilinear_at(at_, static_cast<int>(p % kTile), row) : at_[p];
       weights[p] = static_cast<std::uint16_t>(-negative);
       rest_[p] = static_cast<std::uint16_t>(rest_[p] + negative);
@@ -136,8 +136,8 @@ template <int N>
   }
 }
 
-/// How far a head is to be trusted at each pixel of a record. `samples` are the pixels' own, by component and
-/// pixel_place(), before any curve.
+/// How far a head is to be trusted at each pixel of a record. `samples` are the pixels' own, by component, before any
+/// curve.
 inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const Dark> samples,
                   std::array<std::uint8_t, kTilePixels>& trusted) {
   const auto& of_level = job.tone->confidence->of_level[record.head()];
@@ -145,7 +145,7 @@ inline void trust(const BlendJob& job, const PatchRecord& record, std::span<cons
   const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head()];
   for (std::size_t j = 0; j < kTile; ++j) {
     for (std::size_t i = 0; i < kTile; ++i) {
-      const std::size_t p = pixel_place(i, j);
+      const std::size_t p = j * kTile + i;
       int level = 0;
       if (chroma) {
         const Place at = place_of(*job.grid, record, static_cast<int>(i), static_cast<int>(j));

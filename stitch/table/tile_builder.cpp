@@ -26,8 +26,6 @@ void for_each(PixelMask mask, Each each) {
   for (; mask != 0; mask &= mask - 1) each(static_cast<std::size_t>(__builtin_ctzll(mask)));
 }
 
-std::size_t place_of(std::size_t pixel) { return blend::pixel_place(pixel % 8, pixel / 8); }
-
 struct Span {
   std::int32_t least = INT32_MAX;
   std::int32_t most = INT32_MIN;
@@ -90,7 +88,7 @@ void list_coordinate(const PixelValues& values, PixelMask mask, int start, int s
   const std::int32_t end = std::min(kPatch - 1, size - 1 - start) << kFractionBits;
   for_each(mask, [&](std::size_t p) {
     const std::int32_t local = values[p] - (start << kFractionBits) + bias;
-    list[at + place_of(p)] = static_cast<std::uint16_t>(std::clamp(local, 0, end - 1));
+    list[at + p] = static_cast<std::uint16_t>(std::clamp(local, 0, end - 1));
   });
 }
 
@@ -103,7 +101,7 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
     const auto i = static_cast<int>(p % 8);
     const auto j = static_cast<int>(p / 8);
     const blend::Quadratic& q = record.y;
-    const int y = record.listed() ? coordinates[record.list() * 128 + 64 + place_of(p)]
+    const int y = record.listed() ? coordinates[record.list() * 128 + 64 + p]
                                   : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j +
                                                                q[4] * i * i + q[5] * j * j);
     const auto quarter = static_cast<std::size_t>(j / blend::kQuarter * 2 + i / blend::kQuarter);
@@ -112,11 +110,17 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
   });
   int span = blend::kLeastSpan;
   for (std::size_t k = 0; k < 4; ++k) span = std::max(span, last[k] - first[k] + 1);
-  for (std::size_t k = 0; k < 4; ++k) {
-    const int start = std::min(first[k], kPatch - 1 - span);
-    record.first[k / 2] |= static_cast<std::uint8_t>(start << (k % 2 * 4));
+  bool low = span == blend::kLeastSpan;
+  for (std::size_t half = 0; half < 2; ++half) {
+    int* starts = first.data() + 2 * half;
+    for (std::size_t side = 0; side < 2; ++side) {
+      const int start = starts[side] == kPatch ? starts[1 - side] : starts[side];  // where nothing has weight
+      record.first[half] |= static_cast<std::uint8_t>(std::min(start, kPatch - 1 - span) << (side * 4));
+    }
+    low = low && std::max(last[2 * half], last[2 * half + 1]) < record.first_row(half) + blend::kLowSpan;
   }
-  record.rows = static_cast<std::uint8_t>(std::max(0, *std::ranges::max_element(last)) | span << 4);
+  record.rows = static_cast<std::uint8_t>(std::max(0, *std::ranges::max_element(last)) |
+                                          (low ? PatchRecord::kLow : span) << 4);
 }
 
 }  // namespace
@@ -355,7 +359,7 @@ void TileBuilder::share(const TileSamples& samples, TileRun& run) {
     run.weights.resize(at + blend::kTilePixels);
     const Part& part = parts_[made_[k].part];
     for_each(made_[k].mask, [&](std::size_t p) {
-      run.weights[at + place_of(p)] = static_cast<std::int16_t>(-part.weight[p]);
+      run.weights[at + p] = static_cast<std::int16_t>(-part.weight[p]);
     });
   }
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -69,7 +70,11 @@ Status check_components(const BlendTable& table) {
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(table.format)); ++c) {
     const blend::ComponentRule& rule = table.components[c];
     const std::size_t expected = chroma && c > 0 ? 1 : 0;
-    if (rule.grid != expected || rule.tone > 2) return invalid("rule of component " + std::to_string(c));
+    // A tone class has one black.
+    const bool other_black = std::ranges::any_of(
+        std::span(table.components).first(static_cast<std::size_t>(component_count(table.format))),
+        [&](const auto& other) { return other.tone == rule.tone && other.black != rule.black; });
+    if (rule.grid != expected || rule.tone > 2 || other_black) return invalid("rule of component " + std::to_string(c));
     const GridTable& grid = table.grids[expected];
     const int step = expected == 1 ? 2 : 1;
     if (grid.width != raymap.planes[c].width || grid.height != raymap.planes[c].height || grid.row_step != step) {
@@ -159,7 +164,7 @@ class GridProof {
         const int i = static_cast<int>(p % blend::kTile);
         const int j = static_cast<int>(p / blend::kTile);
         weights[p] = how == Sharing::kBilinear ? -(at[0] + at[1] * i + at[2] * j + at[3] * i * j)
-                                               : -at[blend::pixel_place(p % blend::kTile, p / blend::kTile)];
+                                               : -at[p];
       }
       if (const char* fault = fault_of_record(grid_.records[tile.record + k], tile.record + k, weights)) return fault;
       for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) rest[p] -= weights[p];
@@ -217,7 +222,7 @@ class GridProof {
     int x = 0;
     int y = 0;
     if (record.listed()) {
-      const std::size_t p = blend::pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+      const auto p = static_cast<std::size_t>(j * blend::kTile + i);
       x = grid_.coordinates[record.list() * 2 * blend::kTilePixels + p] >> blend::kFractionBits;
       y = grid_.coordinates[(record.list() * 2 + 1) * blend::kTilePixels + p] >> blend::kFractionBits;
     } else {
@@ -226,9 +231,12 @@ class GridProof {
     }
     if (x > blend::kPatch - 2 || y > blend::kPatch - 2) return "has a pixel at its patch's edge";
     if (record.left + x + 1 >= width || record.top + y + 1 >= height) return "reads outside its head's picture";
-    const int first =
-        record.first_row(static_cast<std::size_t>(j / blend::kQuarter), static_cast<std::size_t>(i / blend::kQuarter));
-    if (y < first || y >= first + record.span() || y > record.last_row()) return "has a pixel in a row that it does not name";
+    const auto half = static_cast<std::size_t>(j / blend::kQuarter);
+    const int first = record.first_row(half, static_cast<std::size_t>(i / blend::kQuarter));
+    if (y < first || y >= first + record.span() || y > record.last_row() ||
+        (record.low() && y >= record.first_row(half) + blend::kLowSpan)) {
+      return "has a pixel in a row that it does not name";
+    }
     if (grid_.gains.empty()) return nullptr;
     const auto& g = grid_.gains[r];
     const std::int32_t gain = g[0] + g[1] * i + g[2] * j + g[3] * i * j;

@@ -68,9 +68,6 @@ class Definition {
     for (std::size_t k = 0; k < q.size(); ++k) sum += q[k] * terms[k];
     return sum;
   }
-  static std::size_t place(int i, int j) {
-    return static_cast<std::size_t>(i + 8 * (j % 2 == 0 ? j / 2 : 4 + j / 2));
-  }
 
   /// What every record gives to a pixel, weights as they are after heads are missing or not to be trusted.
   std::vector<Share> shares_at(const GridTable& grid, int c, int x, int y) const {
@@ -84,7 +81,7 @@ class Definition {
     for (std::size_t k = 0; k < count; ++k) {
       const std::size_t r = tile.record + k;
       Share share{&grid.records[r]};
-      const std::size_t listed = tile.weights() + 64 * k + place(i, j);
+      const std::size_t listed = tile.weights() + 64 * k + static_cast<std::size_t>(8 * j + i);
       const bool last = k + 1 == count;
       switch (tile.how()) {
         case Sharing::kAlone: share.weight = left; break;
@@ -100,8 +97,8 @@ class Definition {
       }
       left -= share.weight;
       if (share.record->listed()) {
-        share.x = grid.coordinates[share.record->list() * 128 + place(i, j)];
-        share.y = grid.coordinates[share.record->list() * 128 + 64 + place(i, j)];
+        share.x = grid.coordinates[share.record->list() * 128 + static_cast<std::size_t>(8 * j + i)];
+        share.y = grid.coordinates[share.record->list() * 128 + 64 + static_cast<std::size_t>(8 * j + i)];
       } else {
         share.x = polynomial(share.record->x, i, j) & 0xffff;
         share.y = polynomial(share.record->y, i, j) & 0xffff;

@@ -27,7 +27,7 @@ std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g
   const std::size_t count = (&tile + 1)->record - tile.record;
   const int i = x % 8;
   const int j = y % 8;
-  const std::size_t p = blend::pixel_place(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
+  const auto p = static_cast<std::size_t>(j * 8 + i);
   const auto sum = [&](const auto& q) {
     const int terms[] = {1, i, j, i * j, i * i, j * j};
     int value = 0;
