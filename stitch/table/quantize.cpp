@@ -1,17 +1,8 @@
 #include "stitch/table/quantize.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace nodal::table {
-namespace {
-
-/// In steps of the rounding; far above the noise of double precision, far below what matters.
-constexpr double kTie = 1e-5;
-
-}  // namespace
-
-std::int64_t round_up_ties(double value) { return static_cast<std::int64_t>(std::floor(value + 0.5 + kTie)); }
 
 std::uint16_t quantize_gain(double gain) {
   return static_cast<std::uint16_t>(
@@ -25,10 +16,11 @@ std::int32_t quantize_coordinate(double at, int size) {
 
 void share_out(std::span<const RaySample> samples, std::array<std::uint16_t, kMaxHeads>& weights) {
   constexpr int kRemainderBits = 16;
+  constexpr auto kFine = static_cast<double>(std::int64_t{1} << (blend::kWeightBits + kRemainderBits));
   std::array<std::int64_t, kMaxHeads> fine{};
   std::int64_t left = 1 << blend::kWeightBits;
   for (std::size_t k = 0; k < samples.size(); ++k) {
-    fine[k] = round_up_ties(std::ldexp(samples[k].weight, blend::kWeightBits + kRemainderBits));
+    fine[k] = round_up_ties(samples[k].weight * kFine);
     weights[k] = static_cast<std::uint16_t>(fine[k] >> kRemainderBits);
     fine[k] -= std::int64_t{weights[k]} << kRemainderBits;
     left -= weights[k];

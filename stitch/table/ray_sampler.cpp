@@ -91,7 +91,7 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   Response response = head.calibration().response;
   if (is_linear16(raymap_format)) response = {Response::Curve::kGamma, power, {}};  // after the head's own was undone
   RaySampler::Optics optics{TabledLens(head.lens(), reach), R.row(0), R.row(1), R.row(2), std::cos(reach) - 1e-9,
-                            feather_px(head.calibration().region, options.feather),
+                            1 / feather_px(head.calibration().region, options.feather),
                             EncodedGain(response)};
   if (!options.undo_gain) return optics;
   const std::array<double, 3>& gain = head.calibration().gain;
@@ -116,7 +116,7 @@ struct Projected {
 
 std::optional<Projected> project(const geometry::Head& head, const TabledLens& lens, const Eigen::Vector3d& d) {
   const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
-  const std::optional<TabledLens::Radius> r = lens.radius(std::atan2(sine, d.z()));
+  const std::optional<TabledLens::Radius> r = lens.radius(sine, d.z());
   if (!r) return std::nullopt;
   const HeadCalibration& c = head.calibration();
   const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
@@ -272,7 +272,7 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
     const Eigen::Vector3d in_head(optics.right.dot(ray.direction()), optics.down.dot(ray.direction()), ahead);
     const std::optional<Projected> seen = project(heads[h], optics.lens, in_head);
     if (!seen || seen->inside < kEdge) continue;
-    const double weight = seen->density * feather(seen->inside / optics.feather_px);
+    const double weight = seen->density * feather(seen->inside * optics.feathers_per_px);
     if (!(weight > 0 && weight < kEndless)) continue;
     sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
     sum += weight;
@@ -285,7 +285,8 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
     kept_sum += sights[k].weight;
     sights[kept++] = sights[k];
   }
-  for (std::size_t k = 0; k < kept; ++k) sights[k].weight /= kept_sum;
+  const double share = 1 / kept_sum;
+  for (std::size_t k = 0; k < kept; ++k) sights[k].weight *= share;
   return static_cast<int>(kept);
 }
 

@@ -1,17 +1,10 @@
 #include "stitch/table/tabled_lens.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace nodal::table {
 namespace {
 
-constexpr int kPieces = 512;
-
-template <class P>
-double value_at(const P& piece, double t) {
-  return piece.c0 + t * (piece.c1 + t * (piece.c2 + t * piece.c3));
-}
+constexpr int kPieces = 1024;
+constexpr double kWidest = 3.1;  // rad, that is tabled: the tangent of half of pi has no end
 
 }  // namespace
 
@@ -21,18 +14,23 @@ TabledLens::Piece TabledLens::hermite(double at0, double at1, double slope0, dou
 }
 
 TabledLens::TabledLens(const geometry::Lens& lens, double reach)
-    : lens_(lens), max_angle_(reach), max_radius_(lens.radius(reach).value_or(lens.max_radius())) {
-  const double da = max_angle_ / kPieces;
+    : lens_(lens),
+      max_angle_(reach),
+      max_half_(std::tan(std::min(reach, kWidest) / 2)),
+      max_radius_(lens.radius(reach).value_or(lens.max_radius())) {
+  const double dh = max_half_ / kPieces;
   const double dr = max_radius_ / kPieces;
-  pieces_per_radian_ = 1 / da;
+  pieces_per_half_ = 1 / dh;
   pieces_per_px_ = 1 / dr;
-  const auto radius_at = [&](double k) { return lens.radius(std::min(k * da, max_angle_)).value_or(0); };
+  const auto at_half = [&](double k) { return std::min(2 * std::atan(k * dh), max_angle_); };
+  const auto radius_at = [&](double k) { return lens.radius(at_half(k)).value_or(0); };
   const auto angle_at = [&](double k) { return lens.angle(std::min(k * dr, max_radius_)).value_or(0); };
-  double r0 = 0, r0_slope = lens.slope(0, 0) * da;
+  double r0 = 0, r0_slope = lens.slope(0, 0) * 2 * dh;
   double a0 = 0, a0_slope = dr / lens.slope(0, 0);
   for (int k = 0; k < kPieces; ++k) {
     const double r1 = radius_at(k + 1);
-    const double r1_slope = lens.slope(std::min((k + 1) * da, max_angle_), r1) * da;
+    const double r1_half = (k + 1) * dh;
+    const double r1_slope = lens.slope(at_half(k + 1), r1) * 2 * dh / (1 + r1_half * r1_half);
     Piece radius = hermite(r0, r1, r0_slope, r1_slope);
     radius.exact = !(std::abs(value_at(radius, 0.5) - radius_at(k + 0.5)) < kTolerance);
     radius_.push_back(radius);
@@ -49,18 +47,11 @@ TabledLens::TabledLens(const geometry::Lens& lens, double reach)
   }
 }
 
-std::optional<TabledLens::Radius> TabledLens::radius(double angle) const {
-  if (!(angle >= 0 && angle <= max_angle_)) return std::nullopt;
-  const double at = angle * pieces_per_radian_;
-  const auto k = std::min(static_cast<std::size_t>(at), radius_.size() - 1);
-  const Piece& piece = radius_[k];
-  if (piece.exact) {
-    const std::optional<double> radius = lens_.radius(angle);
-    if (!radius) return std::nullopt;
-    return Radius{*radius, lens_.slope(angle, *radius)};
-  }
-  const double t = at - static_cast<double>(k);
-  return Radius{value_at(piece, t), (piece.c1 + t * (2 * piece.c2 + 3 * t * piece.c3)) * pieces_per_radian_};
+std::optional<TabledLens::Radius> TabledLens::exact_radius(double angle) const {
+  if (!(angle <= max_angle_)) return std::nullopt;
+  const std::optional<double> radius = lens_.radius(angle);
+  if (!radius) return std::nullopt;
+  return Radius{*radius, lens_.slope(angle, *radius)};
 }
 
 std::optional<double> TabledLens::angle(double radius) const {

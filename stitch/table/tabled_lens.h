@@ -1,6 +1,8 @@
 // A head's lens as tables of cubics: what the compiler asks a lens millions of times, it asks these.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -8,9 +10,10 @@
 
 namespace nodal::table {
 
-/// radius(angle) and angle(radius) of a lens, up to `reach` from its axis, by cubic Hermite pieces that are true to
+/// radius(direction) and angle(radius) of a lens, up to `reach` from its axis, by cubic Hermite pieces that are true to
 /// the lens to kTolerance px and to kTolerance / the largest radius in rad. Pieces that would not be (at a turning
-/// point the slope has no end) ask the lens itself. The table's places are in 1/4096 px.
+/// point the slope has no end) ask the lens itself. The table's places are in 1/4096 px. Radii are tabled by the tangent of
+/// half the angle, which a direction tells by one division, where the angle itself would take an arc tangent.
 ///
 /// Threading: immutable.
 class TabledLens {
@@ -24,8 +27,18 @@ class TabledLens {
     double radius = 0;  ///< px, the aspect taken out
     double slope = 0;   ///< px per radian
   };
-  /// Nothing beyond the reach.
-  std::optional<Radius> radius(double angle) const;
+  /// By the sine (0 or more) and the cosine of the angle from the axis; nothing beyond the reach.
+  std::optional<Radius> radius(double sine, double cosine) const {
+    const double half = sine / (1 + cosine);
+    if (!(half <= max_half_)) return exact_radius(std::atan2(sine, cosine));
+    const double at = half * pieces_per_half_;
+    const auto k = std::min(static_cast<std::size_t>(at), radius_.size() - 1);
+    const Piece& piece = radius_[k];
+    if (piece.exact) return exact_radius(std::atan2(sine, cosine));
+    const double t = at - static_cast<double>(k);
+    const double slope = piece.c1 + t * (2 * piece.c2 + 3 * t * piece.c3);
+    return Radius{value_at(piece, t), slope * pieces_per_half_ * 0.5 * (1 + half * half)};
+  }
   /// Nothing beyond the radius of the reach.
   std::optional<double> angle(double radius) const;
 
@@ -34,12 +47,17 @@ class TabledLens {
     double c0 = 0, c1 = 0, c2 = 0, c3 = 0;  ///< c0 + t (c1 + t (c2 + t c3)), t in 0..1 over the piece
     bool exact = true;
   };
+  static double value_at(const Piece& piece, double t) {
+    return piece.c0 + t * (piece.c1 + t * (piece.c2 + t * piece.c3));
+  }
+  std::optional<Radius> exact_radius(double angle) const;
   static Piece hermite(double at0, double at1, double slope0, double slope1);
 
   geometry::Lens lens_;
   double max_angle_ = 0;
+  double max_half_ = 0;  ///< tangent of half of that
   double max_radius_ = 0;
-  double pieces_per_radian_ = 0;
+  double pieces_per_half_ = 0;
   double pieces_per_px_ = 0;
   std::vector<Piece> radius_;
   std::vector<Piece> angle_;

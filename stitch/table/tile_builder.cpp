@@ -1,6 +1,7 @@
 #include "stitch/table/tile_builder.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -161,7 +162,7 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       sum += s.weight;
     }
     if (kept.empty() || !(sum > 0.5)) kept = all;  // where only slight heads meet, they are all there is
-    else for (RaySample& s : kept) s.weight /= sum;
+    else if (kept.size() < all.size()) for (RaySample& s : kept) s.weight /= sum;
     if (kept.empty()) return;
     share_out(kept, weights);
     for (std::size_t k = 0; k < kept.size(); ++k) {
@@ -194,21 +195,23 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
     const auto at_edge = [](std::int32_t at, int size) { return at == 0 || at >= ((size - 1) << kFractionBits) - 1; };
     return at_edge(part.x[p], plane.width) || at_edge(part.y[p], plane.height);
   };
-  double square[2] = {0, 0};
-  int count[2] = {0, 0};
-  for_each(part.mask, [&](std::size_t p) {
-    for (std::size_t way = 0; way < 2; ++way) {
-      const std::size_t next = p + (way == 0 ? 1 : 8);
-      if ((way == 0 && p % 8 == 7) || next > 63 || (part.mask >> next & 1) == 0 || moved(p) || moved(next)) continue;
-      const double dx = part.x[next] - part.x[p];
-      const double dy = part.y[next] - part.y[p];
-      square[way] += dx * dx + dy * dy;
-      ++count[way];
-    }
-  });
-  if (count[0] == 0 || count[1] == 0) return std::nullopt;
+  PixelMask still = 0;
+  for_each(part.mask, [&](std::size_t p) { still |= moved(p) ? 0 : PixelMask{1} << p; });
   constexpr double kOne = 1 << kFractionBits;
-  return std::max(square[0] / count[0], square[1] / count[1]) / (kOne * kOne);
+  double most = 0;
+  for (const std::size_t way : {1, 8}) {
+    constexpr PixelMask kLeftOfAnother = 0x7f7f7f7f7f7f7f7f;
+    const PixelMask pairs = still & still >> way & (way == 1 ? kLeftOfAnother : ~PixelMask{0});
+    if (pairs == 0) return std::nullopt;
+    double square = 0;
+    for_each(pairs, [&](std::size_t p) {
+      const double dx = part.x[p + way] - part.x[p];
+      const double dy = part.y[p + way] - part.y[p];
+      square += dx * dx + dy * dy;
+    });
+    most = std::max(most, square / std::popcount(pairs));
+  }
+  return most / (kOne * kOne);
 }
 
 /// Of rays that have no rows and columns: how many samples each has for its own, if they are even.

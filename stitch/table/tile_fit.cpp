@@ -1,7 +1,5 @@
 #include "stitch/table/tile_fit.h"
 
-#include <cmath>
-
 namespace nodal::table {
 namespace {
 
@@ -68,7 +66,11 @@ Terms<kTerms> least_squares(const PixelValues& values, PixelMask mask) {
   return solve<kTerms>(normal);
 }
 
-std::int32_t round(double value) { return static_cast<std::int32_t>(std::floor(value + 0.5)); }
+std::int32_t round(double value) {
+  const double up = value + 0.5;
+  const auto whole = static_cast<std::int32_t>(up);
+  return whole - (up < whole ? 1 : 0);
+}
 
 /// Coefficients of 1, i, j, ij, ii, jj from those of the centred terms.
 std::array<std::int32_t, 6> rounded(const std::array<double, 6>& fit) {
