@@ -13,27 +13,17 @@
 
 NODAL_TARGET_BEGIN("avx2")
 
+#include "stitch/blend/patch_avx2.h"
 #include "stitch/blend/tile_driver.h"
 
 namespace nodal::blend {
 namespace {
-
-using V = __m256i;
 
 /// Half a tile in two registers: its upper two rows, and its lower two. A 128-bit lane is a quarter's part of them.
 struct Rows {
   V upper;
   V lower;
 };
-
-inline V all(int value) { return _mm256_set1_epi16(static_cast<short>(value)); }
-inline V all(const Twice& value) { return _mm256_set1_epi32(value.both()); }
-inline V add(V a, V b) { return _mm256_add_epi16(a, b); }
-inline V mul(V a, V b) { return _mm256_mullo_epi16(a, b); }
-inline V row(const std::uint8_t* at) {
-  return _mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(at)));
-}
-inline V load(const void* at) { return _mm256_loadu_si256(static_cast<const V*>(at)); }
 
 /// i, and of each half of a tile j, jj, 4j + 4 of its upper rows.
 struct Steps {
@@ -125,58 +115,6 @@ class Coordinates {
   Polynomial y_{};
 };
 
-/// A patch: its first row, and how far apart its rows are.
-struct Patch {
-  const std::uint8_t* data = nullptr;
-  std::ptrdiff_t stride = 0;
-};
-using Staged = std::array<std::uint8_t, kPatch * kPatch>;
-
-/// Brings a component's samples side by side.
-inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t c, int rows, Staged& staged) {
-  const PlaneView& view = plane.views[c];
-  const int height = std::min(rows, view.height - record.top);
-  const int width = std::min(kPatch, view.width - record.left);
-  const std::uint8_t* from = view.data + record.top * view.row_stride + std::ptrdiff_t{record.left} * view.pixel_stride;
-  const V even = all(0xff);
-  for (int y = 0; y < height; ++y, from += view.row_stride) {
-    std::uint8_t* to = staged.data() + y * kPatch;
-    if (plane.lie == Lie::kPairs) {
-      const V both = load(from - plane.offset[c]);
-      const V mine = plane.offset[c] == 0 ? _mm256_and_si256(both, even) : _mm256_srli_epi16(both, 8);
-      const V packed = _mm256_permute4x64_epi64(_mm256_packus_epi16(mine, mine), 0x08);
-      _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(packed));
-    } else if (plane.lie == Lie::kQuads) {
-      const std::uint8_t* group = from - plane.offset[c];
-      const V shift = _mm256_set1_epi32(8 * plane.offset[c]);
-      const V byte = _mm256_set1_epi32(0xff);
-      const V a = _mm256_and_si256(_mm256_srlv_epi32(load(group), shift), byte);
-      const V b = _mm256_and_si256(_mm256_srlv_epi32(load(group + 32), shift), byte);
-      const V words = _mm256_packus_epi32(a, b);  // a0-3 b0-3 a4-7 b4-7
-      const V bytes = _mm256_packus_epi16(words, words);
-      const V order = _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5);
-      _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(bytes, order)));
-    } else {
-      for (int x = 0; x < width; ++x) to[x] = from[std::ptrdiff_t{x} * view.pixel_stride];
-    }
-  }
-}
-
-template <int N>
-inline void find_patch(const PatchPlane& plane, const PatchRecord& record, std::array<Staged, N>& staged,
-                       std::array<Patch, N>& patch) {
-  const int rows = record.last_row() + 2;
-  for (std::size_t c = 0; c < N; ++c) {
-    if (plane.lie == Lie::kPlanar) {
-      patch[c] = {plane.data[c] + record.top * plane.row_stride + record.left, plane.row_stride};
-    } else {
-      if (plane.lie == Lie::kAnyhow) staged[c].fill(0);
-      stage(plane, record, c, rows, staged[c]);
-      patch[c] = {staged[c].data(), kPatch};
-    }
-  }
-}
-
 /// The four samples of each pixel of half a tile.
 struct Samples {
   V p00, p10, p01, p11;
@@ -258,21 +196,6 @@ inline Rows on_curve(Rows at, const Pieces<kPieces>& curve) {
 inline Rows negated(Rows rows, V base) {
   return {_mm256_sub_epi16(base, rows.upper), _mm256_sub_epi16(base, rows.lower)};
 }
-
-/// Where the bytes of R G B R G B .. of 16 pixels come from: by 16 of them, and component.
-struct TriplePicks {
-  alignas(16) std::array<std::uint8_t, 16> of;
-};
-constexpr auto triple_picks() {
-  std::array<std::array<TriplePicks, 3>, 3> picks{};
-  for (std::size_t m = 0; m < 48; ++m) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      picks[m / 16][c].of[m % 16] = m % 3 == c ? static_cast<std::uint8_t>(m / 3) : std::uint8_t{0x80};
-    }
-  }
-  return picks;
-}
-constexpr auto kTriplePicks = triple_picks();
 
 struct Avx2 {
   template <int N>
@@ -429,7 +352,7 @@ struct Avx2 {
             __m128i bytes = _mm_setzero_si128();
             for (std::size_t c = 0; c < N; ++c) {
               const __m128i of = _mm_set_epi64x(eight(c, k + 1), eight(c, k));
-              bytes = _mm_or_si128(bytes, _mm_shuffle_epi8(of, _mm_load_si128(reinterpret_cast<const __m128i*>(picks[c].of.data()))));
+              bytes = _mm_or_si128(bytes, shuffled(of, picks[c]));
             }
             _mm_storeu_si128(reinterpret_cast<__m128i*>(to), bytes);
             to += 16;
