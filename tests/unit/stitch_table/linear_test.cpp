@@ -193,10 +193,12 @@ RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelO
   for (const HeadCalibration& head : rig.heads) {
     Picture& picture = pictures.emplace_back(formats[0], head.width, head.height);
     const double turn = static_cast<double>(random() % 628) / 100;
-    const int channels = rgb ? 3 : 1;
+    const std::size_t channels = rgb ? 3 : 1;
+    const auto width = static_cast<std::size_t>(head.width);
     for (std::size_t i = 0; i < picture.bytes.size(); ++i) {
-      const double x = static_cast<double>(i / static_cast<std::size_t>(channels)) / head.width;
-      picture.bytes[i] = static_cast<std::uint8_t>(120 + 30 * std::sin(turn + x + static_cast<double>(i % 3)));
+      // Smooth: a 32nd of a sample, which places may be off by, is to be far below a level.
+      const double along = static_cast<double>(i / channels % width + i / channels / width) / head.width;
+      picture.bytes[i] = static_cast<std::uint8_t>(120 + 30 * std::sin(turn + along + static_cast<double>(i % channels)));
     }
   }
   for (const Picture& picture : pictures) views.push_back(picture.view());
