@@ -37,9 +37,9 @@ class TileBuilder {
  public:
   /// In 1 / (1 << kFractionBits): 1/64 px.
   static constexpr int kFit = 64;
-  /// Of a weight, in 1 / (1 << kWeightBits): 1/256. A head with less everywhere in a tile is left out of it where
+  /// Of a weight, in 1 / (1 << kWeightBits): 1.5/256. A head with less everywhere in a tile is left out of it where
   /// others can take its share.
-  static constexpr int kWeightFit = 128;
+  static constexpr int kWeightFit = 192;
   /// Of a vignetting gain, in 1/32768 of the table's scale.
   static constexpr int kGainFit = 24;
   /// The same where rays were sorted into tiles, and lie only about where a picture's pixels would.

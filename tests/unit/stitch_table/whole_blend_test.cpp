@@ -86,7 +86,7 @@ RC_GTEST_PROP(WholeBlend, ConstantScene_IsExactlyThatConstantWhereAHeadLooksAndB
 }
 
 /// Waves of 60 levels and no more than 6 levels from sample to sample: what the table may be off by, 1/32 of a sample and
-/// 1/256 of a weight, is then well below a level.
+/// 1.5/256 of a weight, is then well below a level.
 Heads waves(const Calibration& rig, const std::vector<PixelFormat>& formats, std::mt19937& random) {
   Heads heads(rig, formats, [] { return std::uint8_t{0}; });
   for (Picture& picture : heads.pictures) {
