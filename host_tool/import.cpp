@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Args {
-  std::string file;
+  std::vector<std::string> files;
   std::string out = "calibration.json";
   std::string name;
   std::string rig_toml;
@@ -78,14 +78,14 @@ Result<std::string> rig_toml_of(const calibration::ImportResult& imported, const
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
       "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
       "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
-      fs::path(args.file).filename().string(), toml_string(imported.calibration.name));
-  const fs::path from = fs::absolute(args.file).parent_path();
+      fs::path(args.files.front()).filename().string(), toml_string(imported.calibration.name));
+  const fs::path from = fs::absolute(args.files.front()).parent_path();
   const fs::path to = fs::absolute(args.rig_toml).parent_path();
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     const std::string& head = imported.calibration.heads[i].name;
     if (imported.images[i].empty()) {
       return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
-                                                   "leave out --rig-toml", args.file, head));
+                                                   "leave out --rig-toml", args.files.front(), head));
     }
     const fs::path picture = (from / imported.images[i]).lexically_normal();
     const fs::path relative = picture.lexically_relative(to);
@@ -119,16 +119,29 @@ void tell(Console& console, const calibration::ImportResult& imported, const Cal
   console.line("wrote " + args.out + (args.rig_toml.empty() ? "" : " and " + args.rig_toml));
 }
 
+/// Errors name the file.
+Result<calibration::ImportResult> imported_from(const Args& args) {
+  std::vector<calibration::CameraFile> files;
+  for (const std::string& path : args.files) {
+    Result<std::string> text = read_file(path, calibration::kMaxProjectBytes);
+    if (!text) return fail(text.error());
+    files.push_back({path, std::move(*text)});
+  }
+  const std::string& first = args.files.front();
+  const std::string name = args.name.empty() ? fs::path(first).stem().string() : args.name;
+  if (files.size() > 1) return calibration::import_opencv_cameras(files, name);
+  Result<calibration::ImportResult> imported = calibration::import_project(files.front().text, name);
+  if (!imported) return fail(imported.error().in(first));
+  return imported;
+}
+
 Status run(Context& context, const Args& args) {
-  const Result<std::string> text = read_file(args.file, calibration::kMaxProjectBytes);
-  if (!text) return fail(text.error());
-  const std::string name = args.name.empty() ? fs::path(args.file).stem().string() : args.name;
-  const Result<calibration::ImportResult> imported = calibration::import_project(*text, name);
-  if (!imported) return fail(imported.error().in(args.file));
+  const Result<calibration::ImportResult> imported = imported_from(args);
+  if (!imported) return fail(imported.error());
   const Result<CalibrationReport> report = report_on(imported->calibration);
-  if (!report) return fail(report.error().in(args.file));
+  if (!report) return fail(report.error().in(args.files.front()));
   const Result<Residuals> residuals = residuals_of(*imported);
-  if (!residuals) return fail(residuals.error().in(args.file));
+  if (!residuals) return fail(residuals.error().in(args.files.front()));
 
   if (!args.rig_toml.empty()) {
     const Result<std::string> toml = rig_toml_of(*imported, args);
@@ -147,13 +160,16 @@ void add_import(CLI::App& app, CommandLine& line) {
                                   "  nodal import rig.pts -o calibration.json\n"
                                   "  nodal import hugin.pto --rig-toml rig.toml     and replay its pictures\n"
                                   "  nodal import camchain.yaml -o rig.json\n"
+                                  "  nodal import left.yaml right.yaml -o rig.json  OpenCV's cameras, one a file\n"
                                   "Knows Hugin's projects (.pto), PTGui's text ones (.pts), VideoStitch's (.ptv),\n"
                                   "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
                                   "what did not fit, and how well a project's control points agree.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("FILE", args->file, "The project: .pto, .pts, .ptv, .json or .yaml")->required()->type_name("");
+  command->add_option("FILE", args->files, "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
+      ->required()
+      ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration (calibration.json when not given)")->type_name("FILE");
-  command->add_option("--name", args->name, "The calibration's name; the project's file name when not given")
+  command->add_option("--name", args->name, "The calibration's name; the (first) file's when not given")
       ->type_name("NAME");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");

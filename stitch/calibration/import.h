@@ -2,6 +2,7 @@
 // JSON, OpenCV's and Kalibr's YAML.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,6 +41,14 @@ Result<ImportResult> import_videostitch(std::string_view text, std::string_view 
 Result<ImportResult> import_surround360(std::string_view text, std::string_view name);
 Result<ImportResult> import_opencv(std::string_view text, std::string_view name);
 Result<ImportResult> import_kalibr(std::string_view text, std::string_view name);
+
+struct CameraFile {
+  std::string path;
+  std::string text;
+};
+/// A rig of OpenCV cameras, one a file, in the order given. Their files do not say how they stand: all look forward, which
+/// a note says. Errors: those above with the file's path; kUnsupported for fewer or more files than a rig has heads.
+Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name);
 
 /// Whichever of them the text is, told by what is in it.
 Result<ImportResult> import_project(std::string_view text, std::string_view name);

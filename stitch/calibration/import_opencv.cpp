@@ -1,8 +1,11 @@
-// OpenCV's FileStorage YAML, as its calibration programs and ROS write it: one camera, no place in a rig.
+// OpenCV's FileStorage YAML, as its calibration programs and ROS write it: one camera a file, no place in a rig.
+#include <algorithm>
+
 #include "stitch/calibration/foreign_head.h"
 #include "stitch/calibration/import.h"
 #include "stitch/calibration/panotools_head.h"
 #include "stitch/calibration/pinhole_lens.h"
+#include "stitch/calibration/project.h"
 #include "stitch/calibration/yaml_fields.h"
 
 namespace nodal::calibration {
@@ -25,9 +28,9 @@ bool is_fisheye(const YamlFields& file) {
   return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
 }
 
-}  // namespace
-
-Result<ImportResult> import_opencv(std::string_view text, std::string_view name) {
+/// Adds the camera of a file to a rig: called by its own name or, where it has none or another head has it, as the file
+/// at `path`.
+Status add_camera(std::string_view text, std::string_view path, ImportResult& result) {
   const Result<YAML::Node> root = parse_foreign_yaml(text);
   if (!root) return fail(root.error());
   const YamlFields file(*root, "the camera");
@@ -42,20 +45,51 @@ Result<ImportResult> import_opencv(std::string_view text, std::string_view name)
       read_matrix(file, file.has("distortion_coefficients") ? "distortion_coefficients" : "dist_coeffs");
   if (!distortion) return fail(distortion.error());
 
-  ImportResult result;
-  result.calibration.name = std::string(name);
-  result.calibration.comment = "Imported from an OpenCV camera file.";
-  std::string camera(name);
-  if (const Result<std::string> named = file.text("camera_name")) camera = *named;
-  HeadCalibration head = blank_head(head_name(camera + ".", {}), *width, *height);
+  std::vector<std::string> taken;
+  for (const HeadCalibration& other : result.calibration.heads) taken.push_back(other.name);
+  std::string camera(path);
+  if (const Result<std::string> named = file.text("camera_name")) {
+    if (std::ranges::find(taken, head_name(*named + ".", {})) == taken.end()) camera = *named + ".";
+  }
+  HeadCalibration head = blank_head(head_name(camera, taken), *width, *height);
   const PinholeNumbers pinhole{(*K)[0], (*K)[4], (*K)[2], (*K)[5]};
   const Status set = is_fisheye(file) ? set_kannala_brandt(pinhole, *distortion, head)
                                       : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
   if (!set) return fail(set.error());
-  if ((*K)[1] != 0) result.notes.emplace_back("The camera matrix has a skew, which is left out: pixels have no shear.");
+  if ((*K)[1] != 0) {
+    result.notes.push_back("The camera matrix of head '" + head.name + "' has a skew, which is left out: pixels have no shear.");
+  }
   if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
+  return {};
+}
+
+}  // namespace
+
+Result<ImportResult> import_opencv(std::string_view text, std::string_view name) {
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from an OpenCV camera file.";
+  if (Status added = add_camera(text, std::string(name) + ".", result); !added) return fail(added.error());
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name) {
+  if (Status count = check_head_count(files.size()); !count) return fail(count.error());
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from OpenCV camera files, one a head.";
+  for (const CameraFile& file : files) {
+    if (!is_opencv(file.text)) {
+      const Error error{Errc::kBadFormat, "it is no OpenCV camera; several files make one rig only when each of them is"};
+      return fail(error.in(file.path));
+    }
+    if (Status added = add_camera(file.text, file.path, result); !added) return fail(added.error().in(file.path));
+  }
+  result.notes.emplace_back("OpenCV's files do not say how the cameras stand to each other: all look forward; place them "
+                            "with `nodal pairs`, then `nodal register`.");
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

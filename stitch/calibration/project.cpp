@@ -48,6 +48,10 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
   return {};
 }
 
+bool is_opencv(std::string_view text) {
+  return text.starts_with("%YAML") || text.find("camera_matrix") != std::string_view::npos;
+}
+
 Result<ImportResult> import_project(std::string_view text, std::string_view name) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   const auto says = [text](std::string_view word) { return text.find(word) != std::string_view::npos; };
@@ -59,7 +63,7 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
     if (says("\"inputs\"") || says("\"pano\"")) return import_videostitch(text, name);
     return fail(Errc::kBadFormat, kUnknown);
   }
-  if (text.starts_with("%YAML") || says("camera_matrix")) return import_opencv(text, name);
+  if (is_opencv(text)) return import_opencv(text, name);
   if (says("distortion_model") && says("cam0")) return import_kalibr(text, name);
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "protocol/base/result.h"
@@ -17,5 +18,8 @@ std::string short_number(double value);
 /// programs.
 /// Errors: kBadValue for a point that names an image that is not there.
 Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result);
+
+/// Whether a file is a camera as OpenCV writes it.
+bool is_opencv(std::string_view text);
 
 }  // namespace nodal::calibration

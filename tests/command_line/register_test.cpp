@@ -185,5 +185,30 @@ TEST_F(RegisterCommand, NominalRig_IsAsTheDataSheetHasItAndNeedsNoCalibration) {
   EXPECT_EQ(run({"--nominal", "3by190", path("frames")}).code, 2);
 }
 
+TEST(ImportCommand, OpenCvCamerasAFileEach_MakeOneRigAndABadOneIsNamed) {
+  const test::TemporaryFolder folder;
+  const auto camera = [&](const std::string& name, int width) {
+    std::ofstream(folder / name) << "%YAML:1.0\n---\nimage_width: " << width << "\nimage_height: 480\n"
+                                 << "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+                                 << "   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\n"
+                                 << "distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n"
+                                 << "   data: [ -0.1, 0.02, 0., 0. ]\n";
+    return (folder / name).string();
+  };
+  const std::string left = camera("left.yaml", 640), right = camera("right.yaml", 648), bad = camera("bad.yaml", 0);
+  const std::string out = (folder / "rig.json").string();
+  const Finished done = Process({NODAL_BIN_DIR "/nodal", "import", left, right, "-o", out}).wait();
+  ASSERT_EQ(done.code, 0) << done.err;
+  std::ifstream file(out);
+  const Result<Calibration> rig = parse_calibration(std::string{std::istreambuf_iterator<char>(file), {}});
+  ASSERT_TRUE(rig) << rig.error().text();
+  ASSERT_EQ(rig->heads.size(), 2u);
+  EXPECT_EQ(rig->heads[0].name, "left");
+  EXPECT_EQ(rig->heads[1].width, 648);
+  const Finished refused = Process({NODAL_BIN_DIR "/nodal", "import", left, bad, "-o", out}).wait();
+  EXPECT_NE(refused.code, 0);
+  EXPECT_NE(refused.err.find("bad.yaml: "), std::string::npos) << refused.err;
+}
+
 }  // namespace
 }  // namespace nodal::command_line

@@ -119,6 +119,51 @@ TEST(ImportOpenCv, BrokenFiles_AreRefusedWithTheField) {
   }
 }
 
+TEST(ImportOpenCvCameras, AFileEach_AreHeadsInTheOrderGivenEachWithItsOwnLens) {
+  const std::vector<CameraFile> files{{"rigs/left.yaml", opencv("-0.28, 0.09, 0., 0., -0.012")},
+                                      {"rigs/right.yaml", opencv("-0.1, 0.02, 0., 0., 0.")},
+                                      {"up.yaml", opencv("-0.01, 0.02, -0.005, 0.001", "fisheye_model: 1\n")}};
+  const auto import = import_opencv_cameras(files, "tripod");
+  ASSERT_TRUE(import) << import.error().text();
+  EXPECT_EQ(import->calibration.name, "tripod");
+  ASSERT_EQ(import->calibration.heads.size(), 3u);
+  EXPECT_EQ(import->images.size(), 3u);
+  const std::vector<std::vector<double>> k{{-0.28, 0.09, 0, 0, -0.012}, {-0.1, 0.02}};
+  for (std::size_t h = 0; h < 2; ++h) {
+    const Off off =
+        off_from(import->calibration.heads[h], 38, [&](const Vector3d& p) { return opencv_project(k[h], p); });
+    EXPECT_LT(off.most, 1e-9) << h;
+  }
+  EXPECT_TRUE(std::holds_alternative<KannalaBrandtLens>(import->calibration.heads[2].lens));
+  EXPECT_EQ(import->calibration.heads[0].name, "left");
+  EXPECT_EQ(import->calibration.heads[1].name, "right");
+  EXPECT_EQ(import->calibration.heads[2].name, "up");
+  ASSERT_EQ(import->notes.size(), 1u);
+  EXPECT_NE(import->notes[0].find("nodal pairs"), std::string::npos);
+}
+
+TEST(ImportOpenCvCameras, TwoOfOneName_TheSecondIsCalledAsItsFile) {
+  // ROS calls every camera so.
+  const std::string camera = opencv("-0.1, 0.02, 0., 0., 0.", "camera_name: narrow_stereo\n");
+  const auto import = import_opencv_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
+  ASSERT_TRUE(import) << import.error().text();
+  EXPECT_EQ(import->calibration.heads[0].name, "narrow_stereo");
+  EXPECT_EQ(import->calibration.heads[1].name, "back");
+}
+
+TEST(ImportOpenCvCameras, BadOnes_AreRefusedWithTheFile) {
+  const CameraFile good{"good.yaml", opencv("-0.1, 0.02, 0., 0., 0.")};
+  const std::vector<std::pair<std::vector<CameraFile>, std::string>> bad{
+      {{good, {"dir/short.yaml", opencv("0, 0, 0, 0, 0, 0, 0")}}, "dir/short.yaml: "},
+      {{good, {"rig.pto", "p f2 w100\ni w640 h480 f0 v50\n"}}, "rig.pto: it is no OpenCV camera"},
+      {std::vector<CameraFile>(17, good), "17 cameras"}};
+  for (const auto& [files, words] : bad) {
+    const auto refused = import_opencv_cameras(files, "r");
+    ASSERT_FALSE(refused) << words;
+    EXPECT_NE(refused.error().message.find(words), std::string::npos) << refused.error().text();
+  }
+}
+
 std::string kalibr_camera(int n, const std::string& model, const std::string& intrinsics, const std::string& distortion,
                           const std::string& coefficients, const std::string& T = "") {
   return "cam" + std::to_string(n) + ":\n" + T + "  camera_model: " + model + "\n  intrinsics: [" + intrinsics +
