@@ -27,7 +27,7 @@ struct Args {
   std::string nominal, circle, pairs, report;
   double roll = 0;
   std::string out = "calibration.json";
-  std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "shared", gauge;
+  std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "own", gauge;
   bool no_search = false;
   int sets = kLiveSets;
   bool trial = false;
@@ -242,8 +242,8 @@ void add_register(CLI::App& app, CommandLine& line) {
                                           "light alone, with the heads where they are")
       ->type_name("light|rotations|focals|lens")
       ->check(one_of(kFree));
-  command->add_option("--vignetting", args->vignetting, "Fall-off: shared by all heads (when not given), own, or fixed")
-      ->type_name("shared|own|fixed")
+  command->add_option("--vignetting", args->vignetting, "Fall-off: each head's own (when not given), shared by all, or fixed")
+      ->type_name("own|shared|fixed")
       ->check(one_of(kVignetting));
   command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")
       ->type_name("NAME");

@@ -28,6 +28,10 @@ struct Descended {
 /// value decomposition (§4.4).
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
 
+/// The step to the quadratic model's minimum among the plausible fall-offs; `damping` is a share of each curvature.
+Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads, const Normal& normal,
+                                Curvature curvature, double damping);
+
 /// Keeps the best heads so far. Errors: those of evaluating the start.
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought,
                           const Held& held, const DescentOptions& options);

@@ -73,8 +73,12 @@ Result<HeadState> HeadState::from(const HeadCalibration& head) {
   state.edge_angle = *angle;
   state.vignetting = head.vignetting.coefficients;
   if (state.vignetting == std::array<double, 3>{}) {
-    // No fall-off so far: its centre and radius mean nothing yet and are taken from the lens.
-    state.vignetting_radius = state.edge_radius;
+    // No fall-off so far: its centre and radius mean nothing yet. The centre is the lens's; the radius is the region's,
+    // so that heads of one kind that share a fall-off mean the same by it wherever their centres are.
+    const Region& region = head.region;
+    const double across = region.right - region.left, down = (region.bottom - region.top) / head.aspect;
+    state.vignetting_radius = std::hypot(across, down) / 2;
+    if (region.circle) state.vignetting_radius = std::min(state.vignetting_radius, region.circle->radius);
   } else {
     state.vignetting_x = head.vignetting.x - head.center_x;
     state.vignetting_y = head.vignetting.y - head.center_y;
@@ -93,19 +97,17 @@ HeadCalibration HeadState::into(HeadCalibration prior) const {
   return prior;
 }
 
-namespace {
-
-// Between a fall-off to a twentieth and no fall-off, all the way out. Lenses do not brighten their rims, and heads that
-// differ by more than light would be made alike by calling all that they share dark.
-bool plausible(const std::array<double, 3>& vignetting) {
-  for (const double s : {0.25, 0.5, 0.75, 1.0}) {
-    const double left = 1 + s * (vignetting[0] + s * (vignetting[1] + s * vignetting[2]));
-    if (left < 0.05 || left > 1.01) return false;
-  }
-  return true;
+double light_left(const std::array<double, 3>& vignetting, double s) {
+  return 1 + s * (vignetting[0] + s * (vignetting[1] + s * vignetting[2]));
 }
 
-}  // namespace
+bool plausible_fall_off(const std::array<double, 3>& vignetting) {
+  constexpr double kRounding = 1e-6;
+  return std::ranges::all_of(kFallOffPlaces, [&](double s) {
+    const double left = light_left(vignetting, s);
+    return left >= kLeastLight - kRounding && left <= kMostLight + kRounding;
+  });
+}
 
 HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd& step) {
   HeadState next = head;
@@ -134,7 +136,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
       for (std::size_t k = 0; k < kVignettingTerms; ++k) {
         next.vignetting[k] = head.vignetting[k] + share * step[slots.vignetting + static_cast<Eigen::Index>(k)];
       }
-      if (plausible(next.vignetting) || !plausible(head.vignetting)) break;
+      if (plausible_fall_off(next.vignetting) || !plausible_fall_off(head.vignetting)) break;
       next.vignetting = head.vignetting;
     }
   }

@@ -59,7 +59,14 @@ struct HeadState {
   Result<double> used_angle() const;
 };
 
-/// `step` holds slots.count numbers.
+/// What is left of the light at the places s = (radius / the fall-off's)^2 must be between these: lenses do not brighten
+/// their rims, and heads that differ by more than light would be made alike by calling all that they share dark.
+inline constexpr std::array<double, 4> kFallOffPlaces{0.25, 0.5, 0.75, 1.0};
+inline constexpr double kLeastLight = 0.05, kMostLight = 1.01;
+double light_left(const std::array<double, 3>& vignetting, double s);
+bool plausible_fall_off(const std::array<double, 3>& vignetting);
+
+/// `step` holds slots.count numbers. A fall-off goes only as far as it stays plausible.
 HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd& step);
 
 /// Px a radian on the axis.

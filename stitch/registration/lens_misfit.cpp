@@ -12,8 +12,8 @@ Result<double> promised_by(Objective& objective, const std::vector<HeadState>& h
   if (!here) return fail(here.error());
   if (here->cost <= 0) return 0.0;
   const Parameters parameters(heads, sought, held);
-  const Eigen::VectorXd gradient = parameters.gradient(*here);
-  return solve_symmetric(parameters.hessian(*here, Curvature::kOwn), gradient).dot(gradient) / here->cost;
+  const Eigen::VectorXd step = step_to_minimum(parameters, heads, *here, Curvature::kOwn, 0);
+  return -step.dot(parameters.gradient(*here)) / here->cost;
 }
 
 }  // namespace nodal::registration

@@ -18,34 +18,39 @@ double worst_sigma(const Eigen::Matrix3d& information) {
 
 }  // namespace
 
-double fall_off_seen(const std::vector<HeadState>& heads) {
+std::vector<double> fall_off_seen(const std::vector<HeadState>& heads) {
   constexpr int kRays = 4000;
   std::vector<geometry::Lens> lenses;
-  std::vector<double> reach;
+  std::vector<double> reach, spreads(heads.size());
   for (const HeadState& head : heads) {
     const Result<geometry::Lens> lens = geometry::Lens::make(head.lens, head.max_angle);
     const Result<double> angle = head.used_angle();
-    if (!lens || !angle) return 0;
+    if (!lens || !angle) return spreads;
     lenses.push_back(*lens);
     reach.push_back(*angle);
   }
-  std::vector<double> distances;
+  std::vector<std::vector<double>> distances(heads.size());
   for (int k = 0; k < kRays; ++k) {
     // Evenly over the sphere: equal steps down, the golden angle round.
     const double y = 1 - (2 * k + 1.0) / kRays, round = k * std::numbers::pi * (3 - std::sqrt(5.0)), r = std::sqrt(1 - y * y);
     const Eigen::Vector3d ray(r * std::cos(round), y, r * std::sin(round));
-    std::vector<double> seen;
+    std::vector<std::pair<std::size_t, double>> seen;
     for (std::size_t h = 0; h < heads.size(); ++h) {
       const Eigen::Vector3d own = heads[h].q_head_rig * ray;
       const double angle = std::atan2(std::hypot(own.x(), own.y()), own.z());
       if (angle > reach[h]) continue;
-      if (const auto radius = lenses[h].radius(angle)) seen.push_back(std::pow(*radius / heads[h].edge_radius, 2));
+      if (const auto radius = lenses[h].radius(angle)) seen.emplace_back(h, std::pow(*radius / heads[h].edge_radius, 2));
     }
-    if (seen.size() > 1) distances.insert(distances.end(), seen.begin(), seen.end());
+    if (seen.size() < 2) continue;
+    for (const auto& [h, distance] : seen) distances[h].push_back(distance);
   }
-  if (distances.empty()) return 0;
-  std::ranges::sort(distances);
-  return distances[distances.size() * 95 / 100] - distances[distances.size() * 5 / 100];
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    std::vector<double>& all = distances[h];
+    if (all.empty()) continue;
+    std::ranges::sort(all);
+    spreads[h] = all[all.size() * 95 / 100] - all[all.size() * 5 / 100];
+  }
+  return spreads;
 }
 
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,

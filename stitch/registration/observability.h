@@ -29,9 +29,10 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
                               const Options& options, const Workers& workers);
 
-/// How far apart in their heads' pictures the rays lie that heads share: the spread (5th to 95th percentile) of the
-/// distance from the lens's centre squared, 1 at a head's edge. Where it is small a fall-off cannot be told from a gain.
-double fall_off_seen(const std::vector<HeadState>& heads);
+/// Of each head, how far apart in its picture the rays lie that it shares: the spread (5th to 95th percentile) of the
+/// distance from the lens's centre squared, 1 at the head's edge; 0 where it shares none. Where it is small a fall-off
+/// cannot be told from a gain.
+std::vector<double> fall_off_seen(const std::vector<HeadState>& heads);
 
 /// Below this rms a head has no detail, levels.
 inline constexpr double kDullRms = 0.5;

@@ -42,6 +42,18 @@ void add_shared(Basis& basis, const std::vector<int>& rows) {
   for (const int row : rows) basis.set(row, column, 1);
 }
 
+// `own` have a column each, and the rest of `all` their mean; one column moves all where none is own.
+void add_vignetting(Basis& basis, const std::vector<int>& all, const std::vector<int>& own) {
+  if (own.empty()) return add_shared(basis, all);
+  for (const int row : own) {
+    const int column = basis.add();
+    for (const int each : all) {
+      if (each == row) basis.set(each, column, 1);
+      else if (std::ranges::find(own, each) == own.end()) basis.set(each, column, 1.0 / static_cast<double>(own.size()));
+    }
+  }
+}
+
 }  // namespace
 
 Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought, const Held& held) {
@@ -87,10 +99,12 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
       add_zero_sum(basis, all);
     }
   }
+  std::vector<bool> others = held.light;  // than those whose fall-off follows
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    others[h] = others[h] || held.own_vignetting.empty() || !held.own_vignetting[h];
+  }
   for (int k = 0; k < kVignettingTerms; ++k) {
-    const std::vector<int> all = rows(vignetting, k, held.light);
-    if (held.share_vignetting) add_shared(basis, all);
-    else for (const int row : all) basis.own(row);
+    add_vignetting(basis, rows(vignetting, k, held.light), rows(vignetting, k, others));
   }
   basis_ = basis.matrix();
 }

@@ -14,7 +14,9 @@ struct Held {
   std::vector<bool> light;     ///< of a head: its gain and fall-off stay, and are no part of the sum that is zero
   int first = 0;               ///< the head whose rotation holds the rig
   bool share_lens = false;     ///< all heads' lenses move alike
-  bool share_vignetting = true;
+  /// Of a head: its fall-off is its own. The others' moves with the mean of these, or with one another where there are
+  /// none. Empty: none.
+  std::vector<bool> own_vignetting;
   bool free_gains = false;     ///< no sum of log gains is held, since some heads' light is known
 };
 

@@ -25,10 +25,11 @@ enum class Free : std::uint8_t {
 enum class Norm : std::uint8_t { kSum, kMax };
 /// What is compared: luminance, or red, green and blue each with its own gain.
 enum class Colour : std::uint8_t { kLuminance, kRgb };
+/// Fall-off stays as the prior has it where all heads share only their rims.
 enum class VignettingModel : std::uint8_t {
   kFixed,   ///< as the prior has it
-  kShared,  ///< the same fall-off for every head, about its own lens centre; fixed when heads share only their rims
-  kOwn,
+  kShared,  ///< the same fall-off for every head, about its own lens centre
+  kOwn,     ///< a head that shares only its rim, which tells no fall-off, has the mean of those that share more
 };
 /// What holds the rig as a whole, which no overlap says anything about.
 enum class Gauge : std::uint8_t {
@@ -53,7 +54,7 @@ struct Options {
   Norm norm = Norm::kSum;
   Colour colour = Colour::kLuminance;
   bool gains = true;
-  VignettingModel vignetting = VignettingModel::kShared;
+  VignettingModel vignetting = VignettingModel::kOwn;
   Gauge gauge = Gauge::kFirstHead;
   /// The raymap that the objective is summed on; its result depends on it (§4.2).
   std::string layout = "equirectangular";

@@ -1,7 +1,9 @@
 #include "stitch/registration/run.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "stitch/registration/check_frames.h"
@@ -15,9 +17,8 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than this shows at its seams
-constexpr double kHuberShare = 1.0;     // of the rms difference where a level starts
 constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
-constexpr double kLeastPairAgreement = 0.2, kSmallOverlapSr = 0.02;
+constexpr double kLeastPairAgreement = 0.2;
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
 constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
 
@@ -33,7 +34,12 @@ Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
   loose_sigma_.resize(heads_.size());
   work_all_ = 0;
   for (const LevelPlan& plan : plans_) work_all_ += static_cast<double>(plan.width) * plan.width;
-  if (options_.vignetting != VignettingModel::kFixed && fall_off_seen(heads_) < kLeastFallOffSeen) {
+  const std::vector<double> seen = fall_off_seen(heads_);
+  std::vector<bool> tells;
+  for (const double spread : seen) tells.push_back(spread >= kLeastFallOffSeen);
+  own_vignetting_.assign(heads_.size(), false);
+  if (options_.vignetting == VignettingModel::kOwn) own_vignetting_ = tells;
+  if (options_.vignetting != VignettingModel::kFixed && std::ranges::none_of(tells, std::identity())) {
     // Only the rims' own shades, flare and dark edges would be fitted, and inwards it may come to anything.
     options_.vignetting = VignettingModel::kFixed;
     report_.warnings.push_back("the heads share only their rims, which do not tell a fall-off; it stays as it was");
@@ -67,7 +73,7 @@ Held Run::held(const LevelPlan& plan) const {
     if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
   }
   held.share_lens = plan.share_lens;
-  held.share_vignetting = options_.vignetting == VignettingModel::kShared;
+  held.own_vignetting = own_vignetting_;
   return held;
 }
 
@@ -107,7 +113,8 @@ Status Run::descend_level(const LevelPlan& plan) {
     work_done_ += static_cast<double>(plan.width) * plan.width;
     return {};
   }
-  objective.set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  const double huber_share = is_coarse(plan) ? kHuberShare : fine_huber_share_;
+  objective.set_huber(static_cast<float>(huber_share * std::sqrt(start->objective())));
   DescentOptions descent;
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
@@ -189,12 +196,16 @@ Status Run::light_unplaced_heads() {
   held.geometry.assign(heads_.size(), true);
   held.free_gains = true;
   for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start->shared[h] <= 0);
-  // Its fall-off is the others', when they all have one.
-  const auto placed = static_cast<std::size_t>(std::ranges::find(why_not_, std::string()) - why_not_.begin());
+  // Its fall-off changes as the others' do in the mean.
+  std::array<double, 3> change{};
+  const auto placed = static_cast<double>(std::ranges::count(why_not_, std::string()));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
-    if (options_.vignetting == VignettingModel::kShared && !why_not_[h].empty()) {
-      heads_[h].vignetting = heads_[placed].vignetting;
-    }
+    if (!why_not_[h].empty()) continue;
+    for (std::size_t k = 0; k < 3; ++k) change[k] += (heads_[h].vignetting[k] - start_[h].vignetting[k]) / placed;
+  }
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (why_not_[h].empty()) continue;
+    for (std::size_t k = 0; k < 3; ++k) heads_[h].vignetting[k] = start_[h].vignetting[k] + change[k];
   }
   Result<Descended> found = descend((*level)->objective(), heads_, gains, held, {});
   if (!found) return fail(found.error());
@@ -212,8 +223,8 @@ Status Run::check_lenses(Objective& objective) {
   const Result<double> by_focals = promised_by(objective, heads_, sought, held(plans_.back()), Free::kFocals);
   if (!by_focals) return fail(by_focals.error());
   const bool focals = options_.free == Free::kRotations && *by_focals > 0.7 * *by_lens;
-  if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
   focals_doubtful_ = options_.free == Free::kRotations;
+  if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
   report_.warnings.push_back(lens_misfit(focals, *by_lens));
   return {};
 }

@@ -14,16 +14,24 @@
 
 namespace nodal::registration {
 
+/// Huber's norm turns linear at so much of the rms difference that a level starts with.
+inline constexpr double kHuberShare = 1.0;
+/// Heads that share less are not asked whether they line up.
+inline constexpr double kSmallOverlapSr = 0.02;
+
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
 class Run {
  public:
-  Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
+  Run(const Calibration& prior, const Options& options, double fine_huber_share = kHuberShare)
+      : prior_(prior), options_(options), fine_huber_share_(fine_huber_share), workers_(options.threads) {}
 
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
   /// Heads that did not agree with the others when run() failed.
   const std::vector<std::size_t>& wrong() const { return wrong_; }
   /// The lenses that were held do not fit, by the focal lengths at least.
   bool focals_doubtful() const { return focals_doubtful_; }
+  /// At the end, also of a run() that then failed for its lenses; levels squared.
+  double objective_after() const { return report_.objective_after; }
 
  private:
   Status prepare(const std::vector<FrameSet>& frame_sets);
@@ -47,10 +55,12 @@ class Run {
 
   const Calibration& prior_;
   Options options_;
+  double fine_huber_share_;
   Workers workers_;
   std::vector<HeadPyramid> pyramids_;
   std::vector<HeadState> start_, heads_;
   std::vector<LevelPlan> plans_;
+  std::vector<bool> own_vignetting_;
   std::vector<std::string> why_not_;  // empty: placed
   std::vector<double> loose_sigma_;   // of heads that are not placed, rad
   std::vector<std::size_t> wrong_;

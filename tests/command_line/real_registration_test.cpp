@@ -53,7 +53,7 @@ json judged(const std::string& calibration, const std::vector<std::string>& pict
   return done.code == 0 ? json::parse(done.out) : json();
 }
 
-TEST(RealRegistration, ThreeFisheyesFromTheDataSheetAlone_AreNeverMadeAlikeByDarkening) {
+TEST(RealRegistration, ThreeFisheyesFromTheDataSheetAlone_EverySeamLinesUpBetterThanTheShippedCalibrations) {
   const fs::path rig = fs::path(NODAL_SHARED_DIR) / "data" / "stitchem_3cam";
   if (!fs::exists(rig / "input-00.jpg")) GTEST_SKIP() << rig << " is not there: no real rig is registered";
   const test::TemporaryFolder folder;
@@ -62,19 +62,16 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheetAlone_AreNeverMadeAlikeByDar
   ASSERT_EQ(test::Process({NODAL_BIN_DIR "/nodal", "import", rig / "3_Cam_-_Sample.pts", "-o", shipped})
                 .wait(std::chrono::seconds(20)).code, 0);
   const json by_maker = judged(shipped, pictures, (folder / "judged.json").string());
-  for (const std::string vignetting : {"shared", "own"}) {
-    std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "register", "--nominal", "3x230", "--circle", "1920,1080,1587", "--roll",
-                                   "90", "--free", "lens", "--vignetting", vignetting, "-o", found};
-    words.insert(words.end(), pictures.begin(), pictures.end());
-    const test::Finished done = test::Process(words).wait(std::chrono::seconds(240));
-    ASSERT_EQ(done.code, 0) << vignetting << ": " << done.err;
-    const json by_us = judged(found, pictures, (folder / "judged.json").string());
-    EXPECT_LT(by_us["objective_after"].get<double>(), by_maker["objective_after"].get<double>()) << vignetting;
-    if (vignetting != "own") continue;
-    for (std::size_t pair = 0; pair < 3; ++pair) {  // fine detail lines up at every seam, also of windows in rows
-      EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), 0.35);
-      EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), by_maker["pairs"][pair]["agreement"].get<double>());
-    }
+  std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "register", "--nominal", "3x230", "--circle", "1920,1080,1587", "--roll",
+                                 "90", "--free", "lens", "-o", found};
+  words.insert(words.end(), pictures.begin(), pictures.end());
+  const test::Finished done = test::Process(words).wait(std::chrono::seconds(360));
+  ASSERT_EQ(done.code, 0) << done.err;
+  const json by_us = judged(found, pictures, (folder / "judged.json").string());
+  EXPECT_LT(by_us["objective_after"].get<double>(), by_maker["objective_after"].get<double>());
+  for (std::size_t pair = 0; pair < 3; ++pair) {  // fine detail lines up at every seam, also of windows in rows
+    EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), 0.45);
+    EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), by_maker["pairs"][pair]["agreement"].get<double>());
   }
 }
 

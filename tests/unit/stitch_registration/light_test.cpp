@@ -32,8 +32,16 @@ std::vector<HeadState> states_of(const Calibration& rig) {
 
 TEST(FallOffSeen, RimsOnlyOrHalfTheView_IsTheSpreadOfTheRadiusSquared) {
   // Equidistant, 98 degrees out: shared is from 82 to 98 degrees, (82/98)^2 to 1, evenly over the sphere's band.
-  EXPECT_NEAR(fall_off_seen(states_of(back_to_back())), 0.9 * (1 - std::pow(82.0 / 98, 2)), 0.03);
-  EXPECT_GT(fall_off_seen(states_of(test::six_fisheyes(160))), 0.5);
+  for (const double seen : fall_off_seen(states_of(back_to_back()))) {
+    EXPECT_NEAR(seen, 0.9 * (1 - std::pow(82.0 / 98, 2)), 0.03);
+  }
+  for (const double seen : fall_off_seen(states_of(test::six_fisheyes(160)))) EXPECT_GT(seen, 0.5);
+  Calibration one_apart = back_to_back();  // and a third that looks where the first does
+  one_apart.heads.push_back(one_apart.heads.front());
+  const std::vector<double> seen = fall_off_seen(states_of(one_apart));
+  EXPECT_GT(seen[0], 0.85);
+  EXPECT_LT(seen[1], 0.3);
+  EXPECT_GT(seen[2], 0.85);
 }
 
 TEST(LightAlone, TwoFisheyesBackToBackOfUnlikeExposure_TheirGainsAreFoundAndTheyDoNotMove) {
@@ -55,6 +63,35 @@ TEST(LightAlone, TwoFisheyesBackToBackOfUnlikeExposure_TheirGainsAreFoundAndThey
   EXPECT_LT(report->objective_after, 0.1 * report->objective_before);
   ASSERT_EQ(report->warnings.size(), 1u);
   EXPECT_NE(report->warnings[0].find("share only their rims"), std::string::npos) << report->warnings[0];
+}
+
+TEST(Light, HeadsOfUnlikeFallOff_EachIsFoundAndTheHeadsArePlacedAsWell) {
+  Calibration truth = test::six_fisheyes(160);
+  for (std::size_t h = 0; h < 6; ++h) {
+    HeadCalibration& head = truth.heads[h];
+    head.vignetting.coefficients = {h % 2 == 0 ? -0.3 : -0.05, -0.02, 0};
+    head.gain = {0.7, 0.7, 0.7};  // nothing saturates
+  }
+  const auto rig = test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  const Calibration prior = test::turned(test::six_fisheyes(160), 1, 3, 3);
+  const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+  ASSERT_TRUE(report) << report.error().text();
+  const auto left = [](const HeadCalibration& head, double r) {
+    const double s = std::pow(r / head.vignetting.radius, 2);
+    return light_left(head.vignetting.coefficients, s);
+  };
+  for (std::size_t h = 0; h < 6; ++h) {
+    for (const double r : {40.0, 60.0, 78.0}) {
+      EXPECT_NEAR(left(report->calibration.heads[h], r), left(truth.heads[h], r), 0.02) << h << " at " << r;
+    }
+  }
+  Options shared;
+  shared.vignetting = VignettingModel::kShared;
+  const Result<Report> alike = register_heads(prior, {rig.frames()}, shared);
+  ASSERT_TRUE(alike) << alike.error().text();
+  EXPECT_LT(report->objective_after, 0.5 * alike->objective_after);
+  const double pixel_deg = 130.0 / 160;
+  EXPECT_LT(test::rotation_error(truth, report->calibration).rms_deg, 0.01 * pixel_deg);
 }
 
 TEST(Moved, AFallOffThatRunsAway_IsStoppedBeforeItsRimIsBlackOrBrighterThanItsMiddle) {

@@ -38,6 +38,62 @@ TEST(Parameters, AnyStep_LeavesTheFirstHeadsRotationAndTheSumOfLogGains) {
   }
 }
 
+TEST(Parameters, TwoFallOffsAreTheirOwn_TheOthersMoveWithTheMeanOfThem) {
+  const std::vector<HeadState> heads = states();
+  Sought light;
+  light.rotation = light.gain = false;
+  Held held = nothing_held();
+  held.own_vignetting = {false, true, false, false, true, false};
+  const Parameters parameters(heads, light, held);
+  ASSERT_EQ(parameters.free_count(), 2 * 2);
+  const Eigen::VectorXd step = Eigen::Vector4d(-0.1, -0.3, -0.02, 0.01);
+  const std::vector<HeadState> next = parameters.moved(heads, step);
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_NE(next[1].vignetting[k], next[4].vignetting[k]);
+    for (const std::size_t h : {0u, 2u, 3u, 5u}) {
+      EXPECT_NEAR(next[h].vignetting[k], (next[1].vignetting[k] + next[4].vignetting[k]) / 2, 1e-15);
+    }
+  }
+}
+
+TEST(StepToMinimum, AFallOffThatWouldBrighten_StopsAtTheBestPlaceThatIsPlausibleAndTheOtherHeadGoesAllTheWay) {
+  std::vector<HeadState> heads = states();
+  heads.resize(2);
+  Sought light;
+  light.rotation = light.gain = false;
+  Held held;
+  held.geometry = held.light = {false, false};
+  held.own_vignetting = {true, true};
+  const Parameters parameters(heads, light, held);
+  Normal normal(2, 2);
+  normal.cost = normal.measure = 1;
+  for (int h = 0; h < 2; ++h) {  // two bowls, oblong and askew
+    double* const block = normal.block(h, h);
+    block[0] = 3;
+    block[1] = block[2] = 1;
+    block[3] = 2;
+  }
+  const Eigen::Matrix2d bowl = normal.hessian(0, 0, Curvature::kOwn);
+  const Eigen::Vector4d goal(0.3, 0.2, -0.2, -0.05);
+  Eigen::Map<Eigen::Vector2d>(normal.gradient.data()) = -bowl * goal.head<2>();
+  Eigen::Map<Eigen::Vector2d>(normal.gradient.data() + 2) = -bowl * goal.tail<2>();
+  const Eigen::VectorXd step =
+      parameters.basis() * step_to_minimum(parameters, heads, normal, Curvature::kOwn, 0);
+  // The best of a fine grid of plausible fall-offs, tried one by one.
+  double best = 1e9;
+  for (double a = -0.3; a < 0.3; a += 0.001) {
+    for (double b = -0.5; b < 0.5; b += 0.001) {
+      const Eigen::Vector2d off = Eigen::Vector2d(a, b) - goal.head<2>();
+      if (plausible_fall_off({a, b, 0})) best = std::min(best, off.dot(bowl * off));
+    }
+  }
+  const Eigen::Vector2d off = step.head<2>() - goal.head<2>();
+  EXPECT_TRUE(plausible_fall_off({step[0], step[1], 0})) << step.transpose();
+  EXPECT_LE(off.dot(bowl * off), best + 1e-9);
+  EXPECT_NEAR(step[2], goal[2], 1e-12);
+  EXPECT_NEAR(step[3], goal[3], 1e-12);
+}
+
 TEST(Parameters, AHeadIsHeld_NothingOfItsGeometryMovesButItsGainDoes) {
   const std::vector<HeadState> heads = states();
   Sought lens;
