@@ -17,6 +17,42 @@ struct Range {
   Duration middle() const { return least ? *least + width() / 2 : Duration(); }
 };
 
+/// What the heads' jitter says of them together.
+class Noise {
+ public:
+  void add(Duration jitter, bool of_whole_past) {
+    if (of_whole_past) all_[count_++] = jitter;
+    else unsure_ = std::max(unsure_, jitter);
+  }
+  /// From here on they are known.
+  void sort() { std::sort(all_.begin(), all_.begin() + static_cast<std::ptrdiff_t>(count_)); }
+
+  /// What to expect of any of them: of many alike one seems to jitter more than it does, and their mean tells better.
+  Duration jitter() const {
+    if (count_ == 0) return unsure_ * 9 / 10;
+    Duration sum;
+    for (std::size_t i = 0; i < count_; ++i) sum = sum + all_[i];
+    const bool alike = count_ >= kMany && most() * 5 <= median() * 7;
+    const Duration loudest = most() * 9 / 10;
+    return std::max(alike ? std::min(loudest, sum / static_cast<std::int64_t>(count_)) : loudest, unsure_ * 9 / 10);
+  }
+  /// How far stamps are off where exposures are, too: which one head tells that jitters more than twice as much as most.
+  Duration of_stamps(Duration at_first) const {
+    if (count_ == 0 || most() <= at_first || most() <= median() * 2) return {};
+    return median();
+  }
+
+ private:
+  static constexpr std::size_t kMany = 8;
+
+  Duration most() const { return all_[count_ - 1]; }
+  Duration median() const { return all_[(count_ - 1) / 2]; }
+
+  std::array<Duration, kMaxHeads> all_{};
+  std::size_t count_ = 0;
+  Duration unsure_;
+};
+
 }  // namespace
 
 GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
@@ -126,12 +162,16 @@ void Genlock::step(Instant now) {
 void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now,
                      HeadMask unheeding) {
   if (!running() || failed_) return;
+  // As step() would have found, had it been called: sets may come late, many at once.
+  const Duration since = set.mid_exposure - newest_middle_;
+  if (newest_set_ && (since < Duration() || since > settings_.rate.period() * 3)) meet(GenlockCondition::kSetsOverdue, now);
   newest_set_ = now;
+  newest_middle_ = set.mid_exposure;
   if (every_present_head) report_.spread = set.sync.spread;
   if (skews.known != set.mask) {
     return meet(is_as_in_lock(set) ? GenlockCondition::kPulseUnseen : GenlockCondition::kOutOfStep, now);
   }
-  if (!follows_pulses(skews)) return meet(GenlockCondition::kOutOfStep, now);
+  if (!follows_pulses(skews, set.mid_exposure)) return meet(GenlockCondition::kOutOfStep, now);
   if ((unheeding & set.mask) != 0) return meet(GenlockCondition::kUnheeded, now);
   if (pulses_overdue(now)) return meet(GenlockCondition::kPulsesOverdue, now);
   if (++good_sets_ >= kSetsToLock) meet(GenlockCondition::kInStep, now);
@@ -140,9 +180,9 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
   report_.spread_worst = std::max(report_.spread_worst, set.sync.spread);
 }
 
-bool Genlock::follows_pulses(const Skews& skews) {
+bool Genlock::follows_pulses(const Skews& skews, Instant at) {
   Range raw, smooth;
-  Duration jitter;
+  Noise noise;
   std::int64_t least_known = kMean;
   for (std::size_t i = 0; i < habits_.size(); ++i) {
     if ((skews.known & head_bit(i)) == 0) continue;
@@ -150,6 +190,8 @@ bool Genlock::follows_pulses(const Skews& skews) {
     Habit& habit = habits_[i];
     habit.mean = habit.mean + skews.moved[i];
     habit.mean_of_means = habit.mean_of_means + skews.moved[i];
+    if (size_of(at - habit.newest) > kPastHolds) habit.skews = 0;
+    habit.newest = at;
     const Duration off = skews.of[i] - habit.skew();
     // A leap is not jitter: the head was started anew, or lost its trigger, or has it back.
     if (habit.skews == 0 || size_of(off) > std::min(kLockLimit, habit.jitter * 4 + kJitterAtFirst)) {
@@ -165,15 +207,17 @@ bool Genlock::follows_pulses(const Skews& skews) {
       if (habit.skews == kMean) habit.jitter = habit.jitter + (seen - habit.jitter) / kMean;
     }
     least_known = std::min(least_known, habit.skews);
-    jitter = std::max(jitter, habit.jitter);
+    noise.add(habit.jitter, habit.skews == kMean);
     smooth.add(habit.skew());
   }
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
   // The next set is off by twice the mean distance; what a whole past says, by half of it, and a short one by twice as
   // much again.
-  // Of many heads one seems to jitter a tenth more than it does.
-  const Duration room = kLockLimit - jitter * 9 / 10 * (9 * kMean - 4 * least_known) / (2 * kMean);
-  return raw.width() <= kLockLimit - kStampDoubt && smooth.width() <= room &&
+  noise.sort();
+  // A head that comes back from elsewhere seems to jitter for as long as its past lasts.
+  const Duration doubt = good_sets_ < kMean ? Duration() : noise.of_stamps(kJitterAtFirst) * 2;
+  const Duration room = kLockLimit - doubt - noise.jitter() * (9 * kMean - 4 * least_known) / (2 * kMean);
+  return raw.width() <= kLockLimit - kStampDoubt - doubt && smooth.width() <= room &&
          (aligned_ || size_of(raw.middle() - latency_) <= kLockLimit);
 }
 

@@ -77,8 +77,9 @@ struct GenlockReport {
 /// A set is good when its frames began within kLockLimit of each other, counted from their pulse and their own delay,
 /// and as long after it as when they first locked: a latency that all heads share is no fault, one that creeps is.
 /// What is known of when they began jitters; so what the past of every head says is judged too, against a limit that
-/// leaves room for the jitter that was seen of the head that jitters most: a head that creeps away is noticed before it is
-/// kLockLimit away, not when jitter happens to show it.
+/// leaves room for the jitter that was seen: a head that creeps away is noticed before it is kLockLimit away, not when
+/// jitter happens to show it. Heads that jitter alike may do so in truth, which every set then shows, or only by what is
+/// known of them, which the past evens out. Where one jitters unlike the others, it is both.
 ///
 /// In holdover no pulses are seen, and a set is as good as its heads are where they were against each other in lock.
 ///
@@ -119,12 +120,15 @@ class Genlock {
  private:
   /// Until it is known: the past is then trusted to 0.2 ms, twice this.
   static constexpr Duration kJitterAtFirst = Duration::microseconds(100);
+  /// After as long without an exposure a head's past says nothing: two that go by themselves are 0.1 ms elsewhere.
+  static constexpr Duration kPastHolds = Duration::seconds(1);
 
   struct Habit {  ///< of a head, while its exposures have pulses
     std::int64_t skews = 0;        ///< that went into it since the last leap, up to kMean
     Duration mean, mean_of_means;  ///< of its skews, running
     Duration jitter = kJitterAtFirst;  ///< running mean of a skew's distance from what its past says
     Duration offset;               ///< running mean of its mid-exposure after the set's
+    Instant newest;                ///< set's middle that it was in
 
     /// Brown's double exponential smoothing: what the mean says, without its lag behind a head that creeps.
     Duration skew() const { return mean * 2 - mean_of_means; }
@@ -133,7 +137,7 @@ class Genlock {
   void begin(Instant now);
   void meet(GenlockCondition condition, Instant now);
   bool pulses_overdue(Instant now) const;
-  bool follows_pulses(const Skews& skews);
+  bool follows_pulses(const Skews& skews, Instant at);
   void learn(const FrameSet& set, const Skews& skews);
   bool is_as_in_lock(const FrameSet& set) const;
 
@@ -147,6 +151,7 @@ class Genlock {
   static constexpr std::int64_t kMean = 16;  ///< running means take a sixteenth of what is new
 
   std::optional<Instant> newest_set_;
+  Instant newest_middle_;  ///< of it
   std::uint64_t next_number_ = 0;
   int good_sets_ = 0;
   bool was_locked_ = false;  ///< since start

@@ -34,7 +34,7 @@ std::optional<SetClock::Match> SetClock::match(std::size_t head, Instant mid_exp
                                                Duration trigger_delay) {
   if (!genlocked_) return match_grid(head, mid_exposure);
   const Instant begin = mid_exposure - exposure.duration() / 2 - trigger_delay;
-  if (begin < since_) return std::nullopt;
+  if (begin < since_ + kStampsOff) return std::nullopt;
   const hal::TriggerEdge* nearest = nullptr;
   bool too_old = edge_count_ > 0;
   for (std::size_t i = 0; i < std::min<std::uint64_t>(edge_count_, kEdges); ++i) {

@@ -49,6 +49,8 @@ class SetClock {
 
   static constexpr std::size_t kEdges = 32;
   static constexpr std::int64_t kReachTenths = 6;  ///< of a period
+  /// What was exposed just before the pulses began may seem to have been after it by this much; pulse 0 comes later.
+  static constexpr Duration kStampsOff = Duration::microseconds(500);
 
   struct Step {
     Slot slot = 0;

@@ -24,14 +24,14 @@ canary(buffer_given_back_early firmware/capture_head.cpp
 canary(wrapped_time_believed firmware/capture_sets.cpp
   "return age >= Duration() && age <=" "return age <=" )
 canary(old_train_matched firmware/set_clock.cpp
-  "if (begin < since_) return std::nullopt\;" "")
+  "if (begin < since_ + kStampsOff) return std::nullopt\;" "")
 canary(holdover_called_locked firmware/genlock.cpp
   "Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue"
   "Row{kOff, kLost, kLocked, kHoldover, kLost},")
 canary(creeping_head_unnoticed firmware/genlock.cpp
   "smooth.width() <= room &&" "room > Duration() &&")
 canary(jumping_head_unnoticed firmware/genlock.cpp
-  "return raw.width() <= kLockLimit - kStampDoubt && smooth.width() <= room &&" "return room > Duration() &&")
+  "return raw.width() <= kLockLimit - kStampDoubt - doubt && smooth.width() <= room &&" "return room > Duration() &&")
 canary(set_waits_for_ever firmware/capture_sets.cpp
   "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
 canary(head_not_looked_for firmware/capture_head.cpp

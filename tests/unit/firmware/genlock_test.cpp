@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -54,12 +55,23 @@ class GenlockTest : public testing::Test {
     set(skews, apart.value_or(Duration()));
     genlock.step(clock.now());
   }
+  /// The same of two heads that began so long after the pulse, or of the first alone.
+  void one_period(Duration first, std::optional<Duration> second) {
+    clock.advance(settings.rate.period());
+    while (genlock.take_edge(clock.now())) {
+    }
+    Skews skews;
+    skews.add(0, first);
+    if (second) skews.add(1, *second);
+    set(skews, second.value_or(first) - first, second ? 3 : 1);
+  }
   /// Two heads' frames, the second's so much later.
-  void set(const Skews& skews, Duration apart) {
+  void set(const Skews& skews, Duration apart, HeadMask heads = 3) {
     FrameSet closed;
-    closed.mask = 3;
+    closed.mask = heads;
     closed.sync.spread = Duration::microseconds(30);
     closed.sync.offset[1] = apart;
+    closed.mid_exposure = exposed.value_or(clock.now());
     genlock.on_set(closed, skews, true, clock.now());
   }
   void lock() {
@@ -69,6 +81,7 @@ class GenlockTest : public testing::Test {
   }
 
   hal::sim::SimClock clock;
+  std::optional<Instant> exposed;  ///< middle of the sets from now on; nothing: now
   hal::sim::SimTrigger trigger{clock, {}, 1};
   hal::TriggerSettings settings;
   Genlock genlock{&trigger};
@@ -188,6 +201,55 @@ TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLi
         ASSERT_NE(genlock.state(), GenlockState::kLocked) << creep_ns << " ns away, seed " << seed;
       }
     }
+  }
+}
+
+// Found by the swarm: after a suspend, sets exposed before it came all at once, locked, and the next, exposed after it, when
+// the heads had gone elsewhere, was called locked with them.
+TEST_F(GenlockTest, Locked_SetsAfterAGapAreJudgedAnewHoweverManyCameFromBeforeIt) {
+  lock();
+  const Instant before = clock.now();
+  clock.advance(Duration::seconds(10));
+  while (genlock.take_edge(clock.now())) {
+  }
+  Skews skews;
+  skews.add(0, Duration::microseconds(20));
+  skews.add(1, Duration::microseconds(40));
+  for (int i = 1; i <= 2 * Genlock::kSetsToLock; ++i) {
+    exposed = before + settings.rate.period() * i;
+    set(skews, Duration::microseconds(20));
+  }
+  ASSERT_EQ(genlock.state(), GenlockState::kLocked);
+  exposed = clock.now();
+  set(skews, Duration::microseconds(20));
+  EXPECT_NE(genlock.state(), GenlockState::kLocked);
+}
+
+TEST_F(GenlockTest, AHeadThatComesBackAfterASecond_IsJudgedByWhereItIsNow) {
+  for (const auto away : {Duration::milliseconds(500), Duration::milliseconds(1500)}) {
+    hal::sim::Random random(3, "jitter");
+    const auto seen = [&] { return random.around_zero(Duration::microseconds(200)); };
+    ASSERT_TRUE(genlock.start(settings, clock.now()));
+    for (int i = 0; i < 100; ++i) one_period(seen(), seen());
+    for (Duration gone; gone < away; gone = gone + settings.rate.period()) one_period(seen(), std::nullopt);
+    ASSERT_EQ(genlock.state(), GenlockState::kLocked);
+    one_period(Duration(), Duration::microseconds(250));  // jitter, if it is where it was
+    EXPECT_EQ(genlock.state() == GenlockState::kLocked, away < Duration::seconds(1));
+  }
+}
+
+// Found by the swarm: heads that went by themselves beside pulses that jittered, and stamps that did, too.
+TEST_F(GenlockTest, AHeadThatJittersUnlikeTheOthers_IsGivenLessRoomThanHeadsThatAllDo) {
+  for (const bool alike : {true, false}) {
+    hal::sim::Random random(7, "jitter");
+    ASSERT_TRUE(genlock.start(settings, clock.now()));
+    for (int i = 0; i < 300; ++i) {
+      one_period(random.around_zero(Duration::microseconds(alike ? 220 : 80)),
+                 random.around_zero(Duration::microseconds(220)));
+    }
+    ASSERT_EQ(genlock.state(), GenlockState::kLocked);
+    one_period(Duration::microseconds(-220), Duration::microseconds(220));
+    EXPECT_EQ(genlock.state() == GenlockState::kLocked, alike);
   }
 }
 

@@ -187,5 +187,20 @@ TEST(SetClock, Restarted_SlotsGoOnRising) {
   EXPECT_GT(after->slot, before->slot);
 }
 
+// Found by the swarm: a head that an older train's last pulse had exposed was stamped 0.1 ms after the new train began,
+// and taken for its pulse 0.
+TEST(SetClock, Genlocked_WhatWasExposedJustBeforeTheTrainBegan_IsNotOfItsFirstPulse) {
+  SetClock clock(kNtsc);
+  clock.restart(kNtsc, true, at_ms(2000));
+  clock.on_edge({0, at_ms(2001)});
+  const auto exposed = [&](Duration after) {
+    return clock.match(0, at_ms(2000) + after + Duration::microseconds(5), Exposure::microseconds(10), Duration());
+  };
+  EXPECT_FALSE(exposed(Duration::microseconds(400)));
+  const auto first = exposed(Duration::microseconds(900));  // a stamp may be 0.1 ms early
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->trigger, 0u);
+}
+
 }  // namespace
 }  // namespace nodal::firmware
