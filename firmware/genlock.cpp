@@ -190,7 +190,7 @@ bool Genlock::follows_pulses(const Skews& skews, Instant at) {
     Habit& habit = habits_[i];
     habit.mean = habit.mean + skews.moved[i];
     habit.mean_of_means = habit.mean_of_means + skews.moved[i];
-    if (size_of(at - habit.newest) > kPastHolds) habit.skews = 0;
+    if (aligned_ && size_of(at - habit.newest) > kPastHolds) habit.skews = 0;
     habit.newest = at;
     const Duration off = skews.of[i] - habit.skew();
     // A leap is not jitter: the head was started anew, or lost its trigger, or has it back.

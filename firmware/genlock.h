@@ -120,7 +120,7 @@ class Genlock {
  private:
   /// Until it is known: the past is then trusted to 0.2 ms, twice this.
   static constexpr Duration kJitterAtFirst = Duration::microseconds(100);
-  /// After as long without an exposure a head's past says nothing: two that go by themselves are 0.1 ms elsewhere.
+  /// After as long without an exposure the past of a head that runs free says nothing: two are then 0.1 ms elsewhere.
   static constexpr Duration kPastHolds = Duration::seconds(1);
 
   struct Habit {  ///< of a head, while its exposures have pulses
