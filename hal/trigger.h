@@ -33,6 +33,7 @@ struct TriggerEdge {
 class TriggerPort {
  public:
   virtual ~TriggerPort() = default;
+  /// Pulse 0 comes a millisecond later at the earliest: what began to be exposed before that is of no pulse.
   virtual Status start(const TriggerSettings& settings) = 0;
   /// Leaves the line at its inactive level. Safe in any state.
   virtual void stop() = 0;
