@@ -1,6 +1,9 @@
 #include "firmware/aligner.h"
 
 #include <algorithm>
+#include <span>
+
+#include "firmware/statistics.h"
 
 namespace nodal::firmware {
 namespace {
@@ -31,6 +34,7 @@ void Aligner::restart(Duration period) {
   heads_ = {};
   for (Head& head : heads_) head.clock.restart(period);
   reference_.reset();
+  beat_.reset();
   fixed_ = one_way_ = unheeding_ = 0;
 }
 
@@ -90,18 +94,15 @@ std::optional<Duration> Aligner::reference_place(const std::array<FreeHead, kMax
     if (!heads[i].limits.possible()) fixed[known_fixed++] = places[i];
   }
   if (known == 0) return std::nullopt;
-  auto& from = known_fixed > 0 ? fixed : all;
-  const auto count = static_cast<std::ptrdiff_t>(known_fixed > 0 ? known_fixed : known);
-  std::nth_element(from.begin(), from.begin() + count / 2, from.begin() + count);
-  const Duration median = from[static_cast<std::size_t>(count / 2)];
-  if (known_fixed > 0) return median;
+  if (known_fixed > 0) return median(std::span(fixed).first(known_fixed));
+  const Duration middle = median(std::span(all).first(known));
   Duration latest;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((placed & head_bit(i)) == 0 || heads[i].limits.shortest != Duration()) continue;
-    const Duration after = wrapped(places[i] - median, period_);
+    const Duration after = wrapped(places[i] - middle, period_);
     if (after <= near()) latest = std::max(latest, after);
   }
-  return median + latest;
+  return middle + latest;
 }
 
 Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now) {
@@ -142,14 +143,30 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
   return nudges;
 }
 
+/// The middle one of the heads' own periods.
+Duration Aligner::true_period() const {
+  std::array<std::int32_t, kMaxHeads> drifts{};
+  std::size_t known = 0;
+  for (const Head& head : heads_) {
+    if (const auto drift = head.clock.drift_ppb()) drifts[known++] = *drift;
+  }
+  if (known == 0) return period_;
+  return period_ + Duration::nanoseconds(period_.ns() / 1000 * median(std::span(drifts).first(known)) / 1'000'000);
+}
+
+/// The reference leaps when an exposure changes, and all that is asked of the heads with it; what their past is told by
+/// must not, so it is a beat that only goes on.
 Skews Aligner::skews(const FrameSet& set) {
+  if (!beat_) beat_ = newest_set_ = set.mid_exposure;
+  const Duration half = period_ / 2;
+  const Duration since = set.mid_exposure - newest_set_;
+  *beat_ = *beat_ + true_period() * ((since + (since < Duration() ? -half : half)).ns() / period_.ns());
+  newest_set_ = set.mid_exposure;
   Skews skews;
-  const Instant reference =
-      reference_ ? set.mid_exposure + wrapped(*reference_ - set.mid_exposure, period_) : set.mid_exposure;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (!set.has(i)) continue;
     const Duration place = place_of(set.frames[i]);
-    skews.add(i, set.frames[i].mid_exposure - reference, place - heads_[i].place_in_set);
+    skews.add(i, set.frames[i].mid_exposure - *beat_, place - heads_[i].place_in_set);
     heads_[i].place_in_set = place;
   }
   return skews;

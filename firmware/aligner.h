@@ -40,7 +40,7 @@ class Aligner {
   using Nudges = std::array<Duration, kMaxHeads>;
   /// What to ask each head now; it counts as asked.
   Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
-  /// Of a set's frames: middles after the reference, and what nudges and exposures moved them by since the head's last.
+  /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the head's last.
   Skews skews(const FrameSet& set);
 
   HeadMask fixed() const { return fixed_; }        ///< heads that cannot be moved
@@ -67,10 +67,13 @@ class Aligner {
   void follow(Head& head, const hal::FrameView& frame) const;
   Duration band(bool in_step) const;
   Duration near() const { return period_ / 8; }
+  Duration true_period() const;
 
   Duration period_;
   std::array<Head, kMaxHeads> heads_{};
   std::optional<Instant> reference_;  ///< a middle of it
+  std::optional<Instant> beat_;       ///< near the newest set, and
+  Instant newest_set_;                ///< its middle
   HeadMask fixed_ = 0, one_way_ = 0, unheeding_ = 0;
 };
 

@@ -1,9 +1,11 @@
 // The half of Capture that makes sets of frames.
 #include <algorithm>
 #include <array>
+#include <span>
 #include <utility>
 
 #include "firmware/capture.h"
+#include "firmware/statistics.h"
 
 namespace nodal::firmware {
 namespace {
@@ -186,9 +188,7 @@ std::optional<std::int32_t> Capture::drift_ppb() const {
     if (const auto drift = head_drift_[i].ppb()) drifts[known++] = *drift;
   }
   if (known == 0) return std::nullopt;
-  const auto middle = drifts.begin() + static_cast<std::ptrdiff_t>(known / 2);
-  std::nth_element(drifts.begin(), middle, drifts.begin() + static_cast<std::ptrdiff_t>(known));
-  return *middle;
+  return median(std::span(drifts).first(known));
 }
 
 void Capture::describe(const OpenSet& open) {

@@ -198,13 +198,16 @@ bool Genlock::follows_pulses(const Skews& skews, Instant at) {
       habit.mean = habit.mean_of_means = skews.of[i];
       habit.skews = 1;
       habit.jitter = kJitterAtFirst;
+      habit.lean = {};
     } else {
       habit.skews = std::min(habit.skews + 1, kMean);
       habit.mean = habit.mean + (skews.of[i] - habit.mean) / habit.skews;
       habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / habit.skews;
-      // A short past is off itself, and a head that comes back a little elsewhere is far off for a while: no jitter.
-      const Duration seen = std::min(size_of(off), habit.jitter * 2 + kStampDoubt);
+      // A short past is off itself, and a head that comes back a little elsewhere is off to one side for a while: no
+      // jitter. Taking the lean off adds its own seventh of the noise's power.
+      const Duration seen = std::min(size_of(off - habit.lean) * 15 / 16, habit.jitter * 2 + kStampDoubt);
       if (habit.skews == kMean) habit.jitter = habit.jitter + (seen - habit.jitter) / kMean;
+      habit.lean = habit.lean + (off - habit.lean) / 4;
     }
     least_known = std::min(least_known, habit.skews);
     noise.add(habit.jitter, habit.skews == kMean);

@@ -127,6 +127,7 @@ class Genlock {
     std::int64_t skews = 0;        ///< that went into it since the last leap, up to kMean
     Duration mean, mean_of_means;  ///< of its skews, running
     Duration jitter = kJitterAtFirst;  ///< running mean of a skew's distance from what its past says
+    Duration lean;                 ///< running mean of that distance with its sign, over four sets
     Duration offset;               ///< running mean of its mid-exposure after the set's
     Instant newest;                ///< set's middle that it was in
 

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "protocol/base/units.h"
 
@@ -13,6 +14,14 @@ namespace nodal::firmware {
 /// Thousandths of frames a second.
 constexpr std::uint32_t millihertz(FrameRate rate) {
   return static_cast<std::uint32_t>(std::uint64_t{rate.numerator} * 1000 / rate.denominator);
+}
+
+/// Of an even number the upper one. Reorders the values, of which there is one at least.
+template <typename T>
+T median(std::span<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 /// The median of the newest times a stage took.
@@ -33,9 +42,7 @@ class RecentTimes {
     if (kept == 0) return Duration();
     std::array<std::int64_t, kKept> sorted{};
     for (std::size_t i = 0; i < kept; ++i) sorted[i] = times_[i].load(std::memory_order_relaxed);
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(kept / 2);
-    std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(kept));
-    return Duration::nanoseconds(*middle);
+    return Duration::nanoseconds(firmware::median(std::span(sorted).first(kept)));
   }
 
  private:

@@ -27,7 +27,7 @@ class AlignerTest : public testing::Test {
   }
   /// Every head exposes once, then the aligner plans.
   Aligner::Nudges period(bool in_step = false) {
-    now = now + kPeriod;
+    now = now + their_period;
     for (std::size_t i = 0; i < heads.size(); ++i) {
       Physical& head = heads[i];
       head.done = head.done + head.pending.front();
@@ -37,7 +37,10 @@ class AlignerTest : public testing::Test {
       frame.in_effect.exposure = head.exposure;
       frame.mid_exposure = now + head.phase + head.done + head.exposure.duration() / 2;
       aligner.on_frame(i, 1, frame);
+      set.frames[i] = frame;
+      set.mask |= head_bit(i);
     }
+    set.mid_exposure = set.frames[0].mid_exposure;
     const Aligner::Nudges nudges = aligner.plan(free, in_step, now + kPeriod / 2);
     for (std::size_t i = 0; i < heads.size(); ++i) heads[i].pending.push_back(heads[i].stuck ? Duration() : nudges[i]);
     return nudges;
@@ -51,6 +54,8 @@ class AlignerTest : public testing::Test {
   Aligner aligner;
   std::array<FreeHead, kMaxHeads> free{};
   std::vector<Physical> heads;
+  FrameSet set;                     ///< of what they exposed last
+  Duration their_period = kPeriod;
   Instant now = Instant::from_ns(5'000'000'000);
 };
 
@@ -143,6 +148,37 @@ TEST_F(AlignerTest, InStep_OffsWithinTheBandAreLeftAlone) {
   for (int i = 0; i < 400; ++i) moved = moved + period(true)[1];
   EXPECT_LT(moved, Duration());
   EXPECT_LE(place(1) - place(0), Aligner::kBandMost + kEitherWay.step);
+}
+
+// Found by the swarm: what all heads seemed to have gone was taken for jitter of some and a leap of one.
+TEST_F(AlignerTest, TheReferencesExposureChanges_NoHeadSeemsToHaveGoneWhatNobodyMovedIt) {
+  add(Duration::milliseconds(1));
+  add(Duration::milliseconds(4));
+  add(Duration::milliseconds(7));
+  periods(10);
+  Skews before = aligner.skews(set);
+  for (int i = 0; i < 20; ++i) {
+    if (i == 4) heads[1].exposure = free[1].exposure = Exposure::microseconds(9000);
+    if (i == 12) heads[0].exposure = free[0].exposure = heads[2].exposure = free[2].exposure = heads[1].exposure;
+    period(true);
+    const Skews seen = aligner.skews(set);
+    for (std::size_t h = 0; h < heads.size(); ++h) EXPECT_EQ(seen.of[h], before.of[h] + seen.moved[h]) << i << ", head " << h;
+    before = seen;
+  }
+}
+
+TEST_F(AlignerTest, AllHeadsClocksAreSlow_NoneSeemsToCreep) {
+  their_period = kPeriod + kPeriod / 10'000;
+  add({});
+  add({});
+  periods(PhaseLine::kMomentsForRate + 200);
+  const Skews before = aligner.skews(set);
+  for (int i = 0; i < 100; ++i) {
+    period(true);
+    const Duration crept = aligner.skews(set).of[1] - before.of[1];
+    EXPECT_LT(crept, Duration::microseconds(1 + i / 10)) << "of the 3.3 us a period that it is slow";
+    EXPECT_GT(crept, Duration::microseconds(-1 - i / 10));
+  }
 }
 
 TEST_F(AlignerTest, AHeadThatDoesNothing_IsNamedAndAskedAgainAndForgivenWhenItMoves) {

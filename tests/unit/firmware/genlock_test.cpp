@@ -253,6 +253,24 @@ TEST_F(GenlockTest, AHeadThatJittersUnlikeTheOthers_IsGivenLessRoomThanHeadsThat
   }
 }
 
+// Found by the swarm: the way back was taken for jitter, and left them no room for as long as the past lasts. Twelve
+// periods are what the swarm allows a head that was plugged in again.
+TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepWithinTwelvePeriods) {
+  for (int seed = 1; seed <= 20; ++seed) {
+    hal::sim::Random random(static_cast<std::uint64_t>(seed), "jitter");
+    const auto seen = [&](int place_us) {
+      return Duration::microseconds(place_us) + random.around_zero(Duration::microseconds(120));
+    };
+    ASSERT_TRUE(genlock.start(settings, clock.now()));
+    for (int i = 0; i < 100; ++i) one_period(seen(0), seen(0));
+    ASSERT_EQ(genlock.state(), GenlockState::kLocked);
+    for (int i = 0; i < 20; ++i) one_period(seen(-300), seen(300));
+    ASSERT_EQ(genlock.state(), GenlockState::kLost);
+    for (int i = 0; i < 12; ++i) one_period(seen(0), seen(0));
+    EXPECT_EQ(genlock.state(), GenlockState::kLocked) << "seed " << seed;
+  }
+}
+
 /// The table of genlock.h as it is written there.
 TEST(GenlockTable, EveryStateAndCondition_IsAsItsHeaderSays) {
   const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/genlock.h");
