@@ -30,11 +30,11 @@ class Noise {
   /// What to expect of any of them: of many alike one seems to jitter more than it does, and their mean tells better.
   Duration jitter() const {
     if (count_ == 0) return unsure_ * 9 / 10;
+    const Duration loudest = most() * 9 / 10;
     Duration sum;
     for (std::size_t i = 0; i < count_; ++i) sum = sum + all_[i];
-    const bool alike = count_ >= kMany && most() * 5 <= median() * 7;
-    const Duration loudest = most() * 9 / 10;
-    return std::max(alike ? std::min(loudest, sum / static_cast<std::int64_t>(count_)) : loudest, unsure_ * 9 / 10);
+    const Duration mean = std::min(loudest, sum / static_cast<std::int64_t>(count_));
+    return std::max(mean + (loudest - mean) * unlike() / kWhole, unsure_ * 9 / 10);
   }
   /// How far stamps are off where exposures are, too: which one head tells that jitters more than twice as much as most.
   Duration of_stamps(Duration at_first) const {
@@ -44,7 +44,15 @@ class Noise {
 
  private:
   static constexpr std::size_t kMany = 8;
+  static constexpr std::int64_t kWhole = 16;
 
+  /// 0: they jitter alike; kWhole: one does otherwise, or they are too few to tell. By chance one of sixteen seems to
+  /// jitter 1.4 times as much as most, and little by little more: what that leaves of the room must not come all at once.
+  std::int64_t unlike() const {
+    if (count_ < kMany || most() * 5 > median() * 8) return kWhole;
+    const Duration beyond = most() * 5 - median() * 7;
+    return beyond <= Duration() ? 0 : beyond.ns() * kWhole / median().ns();
+  }
   Duration most() const { return all_[count_ - 1]; }
   Duration median() const { return all_[(count_ - 1) / 2]; }
 
@@ -203,9 +211,10 @@ bool Genlock::follows_pulses(const Skews& skews, Instant at) {
       habit.skews = std::min(habit.skews + 1, kMean);
       habit.mean = habit.mean + (skews.of[i] - habit.mean) / habit.skews;
       habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / habit.skews;
-      // A short past is off itself, and a head that comes back a little elsewhere is off to one side for a while: no
-      // jitter. Taking the lean off adds its own seventh of the noise's power.
-      const Duration seen = std::min(size_of(off - habit.lean) * 15 / 16, habit.jitter * 2 + kStampDoubt);
+      // A short past is off itself, and a head that comes back a little elsewhere is far off to one side for a while: no
+      // jitter, as far as it leans more than jitter alone lets it.
+      const Duration way = habit.lean - std::clamp(habit.lean, -habit.jitter, habit.jitter);
+      const Duration seen = std::min(size_of(off - way), habit.jitter * 2 + kStampDoubt);
       if (habit.skews == kMean) habit.jitter = habit.jitter + (seen - habit.jitter) / kMean;
       habit.lean = habit.lean + (off - habit.lean) / 4;
     }

@@ -253,6 +253,23 @@ TEST_F(GenlockTest, AHeadThatJittersUnlikeTheOthers_IsGivenLessRoomThanHeadsThat
   }
 }
 
+// Found by the swarm: of so many, one sometimes seems to jitter half as much again as the others.
+TEST_F(GenlockTest, SixteenHeadsThatAllJitter_StayLocked) {
+  hal::sim::Random random(5, "jitter");
+  ASSERT_TRUE(genlock.start(settings, clock.now()));
+  for (int i = 0; i < 30'000; ++i) {
+    clock.advance(settings.rate.period());
+    while (genlock.take_edge(clock.now())) {
+    }
+    Skews skews;
+    for (std::size_t head = 0; head < kMaxHeads; ++head) skews.add(head, random.around_zero(Duration::microseconds(200)));
+    set(skews, {}, (1 << kMaxHeads) - 1);
+    genlock.step(clock.now());
+  }
+  EXPECT_EQ(genlock.state(), GenlockState::kLocked);
+  EXPECT_EQ(genlock.report().losses, 0);
+}
+
 // Found by the swarm: the way back was taken for jitter, and left them no room for as long as the past lasts. Twelve
 // periods are what the swarm allows a head that was plugged in again.
 TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepWithinTwelvePeriods) {
@@ -264,7 +281,7 @@ TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepWithinTwelvePeriods
     ASSERT_TRUE(genlock.start(settings, clock.now()));
     for (int i = 0; i < 100; ++i) one_period(seen(0), seen(0));
     ASSERT_EQ(genlock.state(), GenlockState::kLocked);
-    for (int i = 0; i < 20; ++i) one_period(seen(-300), seen(300));
+    for (int i = 0; i < 12; ++i) one_period(seen(-300), seen(300));
     ASSERT_EQ(genlock.state(), GenlockState::kLost);
     for (int i = 0; i < 12; ++i) one_period(seen(0), seen(0));
     EXPECT_EQ(genlock.state(), GenlockState::kLocked) << "seed " << seed;
