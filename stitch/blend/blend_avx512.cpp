@@ -29,7 +29,7 @@ struct Constants {
   using Shorts = std::array<std::int16_t, 32>;
   using Bytes = std::array<std::uint8_t, 64>;
   alignas(64) Shorts j, jj, next;       ///< of the upper rows, by lane: j, jj, 8j + 16
-  alignas(64) Bytes from[kPatch];       ///< what is added to an index's pair of bytes, by the row the patch begins with
+  alignas(64) Bytes pair_of;            ///< what makes an index of a byte the pair of it and the next
   alignas(64) Bytes nibble, seven;      ///< see twice_from: the bits 12 .. 15, and 5 .. 12
   alignas(64) Bytes tops;               ///< picks the upper byte of each number, twice
   alignas(64) Bytes order;              ///< picks rows by their numbers out of 0 4 1 5 2 6 3 7; of 64 bits each
@@ -59,7 +59,7 @@ constexpr Constants constants() {
     c.seven[k] = static_cast<std::uint8_t>(word + 5);
     c.tops[k] = static_cast<std::uint8_t>(k % 16 | 1);
     c.order[k] = static_cast<std::uint8_t>(k % 8 == 0 ? k / 32 + k / 8 % 4 * 2 : 0);
-    for (std::size_t row = 0; row < kPatch; ++row) c.from[row][k] = static_cast<std::uint8_t>(k % 2 - 16 * row);
+    c.pair_of[k] = static_cast<std::uint8_t>(k % 2);
   }
   for (std::size_t k = 0; k < 16; ++k) {
     c.i[k] = static_cast<std::int16_t>(k % 8);
@@ -99,11 +99,10 @@ struct Places {
   return _mm512_multishift_epi64_epi8(load(bit), numbers);
 }
 
-/// Counted from row `start` of the patch.
-[[gnu::always_inline]] inline V index_of(const Constants& k, V x, V y, int start) {
+[[gnu::always_inline]] inline V index_of(const Constants& k, V x, V y) {
   const V rows = _mm512_shuffle_epi8(y, load(k.tops));
   const V both = _mm512_ternarylogic_epi32(rows, twice_from(k.nibble, x), load(k.upper_nibbles), 0xe4);  // c ? a : b
-  return _mm512_add_epi8(both, load(k.from[start]));
+  return _mm512_add_epi8(both, load(k.pair_of));
 }
 [[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128, -f
   const V flipped = _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
@@ -113,9 +112,8 @@ struct Places {
   return _mm512_and_si512(_mm512_slli_epi16(y, 3), load(k.share));
 }
 
-/// `start`: the rows of the patch that the indices of the upper and of the lower half are counted from.
-[[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y, std::array<int, 2> start) {
-  return {{index_of(k, x.upper, y.upper, start[0]), index_of(k, x.lower, y.lower, start[1])},
+[[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y) {
+  return {{index_of(k, x.upper, y.upper), index_of(k, x.lower, y.lower)},
           {across_of(k, x.upper), across_of(k, x.lower)},
           {down_of(k, y.upper), down_of(k, y.lower)}};
 }
@@ -127,12 +125,11 @@ struct Places {
   return _mm512_shuffle_i64x2(wide, wide, 0x55);
 }
 
-[[gnu::always_inline]] inline Places places_of(const Constants& k, const GridTable& grid, const PatchRecord& record,
-                                                std::array<int, 2> start) {
+[[gnu::always_inline]] inline Places places_of(const Constants& k, const GridTable& grid, const PatchRecord& record) {
   if (record.listed()) {
     const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
     return places(k, {_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
-                  {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)}, start);
+                  {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)});
   }
   const __m256i both = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&record));  // x below, y above
   const auto term = [&](std::size_t t) { return _mm256_shuffle_epi8(both, load_half(k.term[t])); };
@@ -146,8 +143,7 @@ struct Places {
     const V four_rows = _mm512_add_epi16(_mm512_slli_epi16(b_, 2), _mm512_mullo_epi16(c_, load(k.next)));
     return {upper, _mm512_add_epi16(upper, four_rows)};
   };
-  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c)),
-                start);
+  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c)));
 }
 
 /// Four coefficients of 1, i, j, ij over a tile.
@@ -160,25 +156,21 @@ struct Places {
   return {upper, _mm512_add_epi16(upper, _mm512_slli_epi16(b, 2))};
 }
 
-/// The bytes of a patch at 64 places of half a tile. A low patch has two registers for either half; of another, places with
-/// the top bit set lie in rows 8 .. 15.
-template <bool kLow>
-[[gnu::always_inline]] inline V pick(const Patch& patch, std::size_t half, V index) {
-  if constexpr (kLow) return _mm512_permutex2var_epi8(patch.rows[2 * half], index, patch.rows[2 * half + 1]);
+/// The bytes of a patch at 64 places; those with the top bit set lie in rows 8 .. 15.
+[[gnu::always_inline]] inline V pick(const Patch& patch, V index) {
   return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index), _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
 /// base - sample, base 128 times black.
-template <bool kLow>
 [[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at, V base) {
-  const auto mixed = [&](std::size_t half, V index, V across, V share) {
+  const auto mixed = [&](V index, V across, V share) {
     const V below = _mm512_add_epi8(index, load(k.row));
-    const V top = _mm512_maddubs_epi16(pick<kLow>(patch, half, index), across);  // both negative
-    const V bottom = _mm512_maddubs_epi16(pick<kLow>(patch, half, below), across);
+    const V top = _mm512_maddubs_epi16(pick(patch, index), across);  // both negative
+    const V bottom = _mm512_maddubs_epi16(pick(patch, below), across);
     return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
   };
-  return {mixed(0, at.index.upper, at.across.upper, at.down.upper), mixed(1, at.index.lower, at.across.lower, at.down.lower)};
+  return {mixed(at.index.upper, at.across.upper, at.down.upper), mixed(at.index.lower, at.across.lower, at.down.lower)};
 }
 
 /// black - curve(sample) for -sample.
@@ -227,27 +219,22 @@ struct Avx512 {
                                                     std::array<Rows, N>& dark) {
     const PatchRecord& record = job.grid->records[r];
     by_lie<N>(job.plane(record).lie, [&](auto lie) __attribute__((always_inline)) {
-      constexpr Lie kLie = decltype(lie)::value;
-      if (record.low()) {
-        dark_of<N, kLie, true>(job, r, k, dark);
-      } else {
-        dark_of<N, kLie, false>(job, r, k, dark);
-      }
+      dark_of<N, decltype(lie)::value>(job, r, k, dark);
     });
   }
-  template <int N, Lie kLie, bool kLow>
+  template <int N, Lie kLie>
   [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Constants& k,
                                                     std::array<Rows, N>& dark) {
     const PatchRecord& record = job.grid->records[r];
-    const Places at = places_of(k, *job.grid, record, starts_of<kLow>(record));
+    const Places at = places_of(k, *job.grid, record);
     std::array<Patch, N> patch;
-    load_patch<N, kLie, kLow>(job.plane(record), record, patch);
+    load_patch<N, kLie>(job.plane(record), record, patch);
     for (std::size_t c = 0; c < N; ++c) {
       if (!job.curves) {
-        dark[c] = mix<kLow>(k, patch[c], at, all(job.component[c].black));
+        dark[c] = mix(k, patch[c], at, all(job.component[c].black));
         continue;
       }
-      const Rows negative = mix<kLow>(k, patch[c], at, _mm512_setzero_si512());
+      const Rows negative = mix(k, patch[c], at, _mm512_setzero_si512());
       const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
       dark[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
     }
@@ -339,12 +326,12 @@ struct Avx512 {
   static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
-    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value, false>(plane, record, patch); });
+    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value>(plane, record, patch); });
     const Constants& k = out_of_sight();
-    const Places at = places_of(k, *job.grid, record, {});
+    const Places at = places_of(k, *job.grid, record);
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
-      const Rows negative = mix<false>(k, patch[c], at, zero);
+      const Rows negative = mix(k, patch[c], at, zero);
       _mm512_storeu_si512(samples[c].data(), _mm512_sub_epi16(zero, negative.upper));
       _mm512_storeu_si512(samples[c].data() + 32, _mm512_sub_epi16(zero, negative.lower));
     }

@@ -21,7 +21,6 @@ inline constexpr int kTilePixels = kTile * kTile;
 inline constexpr int kPatch = 16;         ///< samples a side of a patch
 inline constexpr int kQuarter = 4;        ///< pixels a side of a quarter of a tile
 inline constexpr int kLeastSpan = 6;      ///< patch rows that nearly every quarter finds its pixels in
-inline constexpr int kLowSpan = 7;        ///< patch rows that many halves of a tile find theirs in: eight with the next
 inline constexpr int kFractionBits = 12;  ///< of a coordinate in a patch, which has four bits before the point
 inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< of Source::gain
@@ -46,16 +45,13 @@ struct PatchRecord {
   /// listed in GridTable::coordinates and x[0], x[1] are the list's number, low half first.
   std::uint8_t source = 0;
   /// Of the patch's rows in which pixels with weight begin: the last one of all, and above it how many in a row those of
-  /// any quarter of the tile are, at least kLeastSpan; or kLow.
+  /// any quarter of the tile are, at least kLeastSpan.
   std::uint8_t rows = 14 | 15 << 4;
   /// Where those of each quarter start, by upper and lower half of the tile: the left quarter's row, and above it the
   /// right one's. Each pixel also needs the row after the one it begins in; with that all are in the patch.
   std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;
-  /// In place of kLeastSpan: the same, and the rows of either half of the tile are within kLowSpan from the first that its
-  /// quarters name.
-  static constexpr int kLow = 0;
   static constexpr std::uint8_t source_of(HeadIndex head, int level, bool listed) {
     return static_cast<std::uint8_t>(head | level << 4 | (listed ? kListed : 0));
   }
@@ -63,8 +59,7 @@ struct PatchRecord {
   int pyramid_level() const { return source >> 4 & 7; }
   HeadIndex head() const { return source & 15; }
   int last_row() const { return rows & 15; }
-  int span() const { return low() ? kLeastSpan : rows >> 4; }
-  bool low() const { return rows >> 4 == kLow; }
+  int span() const { return rows >> 4; }
   /// Of quarter `side`, 0 the left one, of half 0 or 1.
   int first_row(std::size_t half, std::size_t side) const { return first[half] >> (4 * side) & 15; }
   int first_row(std::size_t half) const { return std::min(first_row(half, 0), first_row(half, 1)); }

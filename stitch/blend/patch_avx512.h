@@ -16,8 +16,7 @@ namespace {
 
 using V = __m512i;
 
-/// Of a patch, one component: rows 0 .. 3, 4 .. 7, and so on; or of a low one (PatchRecord::low()) the eight rows that the
-/// upper half of the tile needs, and the eight that the lower half does.
+/// Of a patch, one component: rows 0 .. 3, 4 .. 7, and so on.
 struct Patch {
   V rows[4];
 };
@@ -91,15 +90,6 @@ using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
   }
 }
 
-/// The row of the patch that what either half of the tile needs begins with: of a low one such that none of the eight is
-/// after the last row's next.
-template <bool kLow>
-[[gnu::always_inline]] inline std::array<int, 2> starts_of(const PatchRecord& record) {
-  if constexpr (!kLow) return {};
-  const int last = std::max(0, record.last_row() + 1 - kLowSpan);
-  return {std::min(record.first_row(0), last), std::min(record.first_row(1), last)};
-}
-
 /// rows[k] of the patches of all components, from `down` bytes after where the patch begins: from[c], or in groups from[0].
 template <int N, Lie kLie>
 [[gnu::always_inline]] inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from,
@@ -134,7 +124,7 @@ template <int N, Lie kLie>
   }
 }
 
-template <int N, Lie kLie, bool kLow>
+template <int N, Lie kLie>
 [[gnu::always_inline]] inline void load_patch(const PatchPlane& plane, const PatchRecord& record,
                                               std::array<Patch, N>& patch) {
   std::ptrdiff_t stride = plane.row_stride;
@@ -148,16 +138,10 @@ template <int N, Lie kLie, bool kLow>
     const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
     for (std::size_t c = 0; c < (kLie == Lie::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
   }
-  const std::array<int, 2> starts = starts_of<kLow>(record);
   for (std::size_t k = 0; k < 4; ++k) {
-    int row = static_cast<int>(4 * k);
-    if constexpr (kLow) {
-      row = starts[k / 2] + static_cast<int>(k % 2 * 4);
-    } else if (k == 3) {
-      // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four
-      // before are read in their place.
-      row = 8 + (record.last_row() + 5) / 16 * 4;
-    }
+    // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four
+    // before are read in their place.
+    const int row = k == 3 ? 8 + (record.last_row() + 5) / 16 * 4 : static_cast<int>(4 * k);
     load_rows<N, kLie>(plane, from, stride, row * stride, k, patch);
   }
 }

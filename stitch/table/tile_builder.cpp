@@ -111,17 +111,14 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
   });
   int span = blend::kLeastSpan;
   for (std::size_t k = 0; k < 4; ++k) span = std::max(span, last[k] - first[k] + 1);
-  bool low = span == blend::kLeastSpan;
   for (std::size_t half = 0; half < 2; ++half) {
     int* starts = first.data() + 2 * half;
     for (std::size_t side = 0; side < 2; ++side) {
       const int start = starts[side] == kPatch ? starts[1 - side] : starts[side];  // where nothing has weight
       record.first[half] |= static_cast<std::uint8_t>(std::min(start, kPatch - 1 - span) << (side * 4));
     }
-    low = low && std::max(last[2 * half], last[2 * half + 1]) < record.first_row(half) + blend::kLowSpan;
   }
-  record.rows = static_cast<std::uint8_t>(std::max(0, *std::ranges::max_element(last)) |
-                                          (low ? PatchRecord::kLow : span) << 4);
+  record.rows = static_cast<std::uint8_t>(std::max(0, *std::ranges::max_element(last)) | span << 4);
 }
 
 }  // namespace

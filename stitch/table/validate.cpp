@@ -233,8 +233,7 @@ class GridProof {
     if (record.left + x + 1 >= width || record.top + y + 1 >= height) return "reads outside its head's picture";
     const auto half = static_cast<std::size_t>(j / blend::kQuarter);
     const int first = record.first_row(half, static_cast<std::size_t>(i / blend::kQuarter));
-    if (y < first || y >= first + record.span() || y > record.last_row() ||
-        (record.low() && y >= record.first_row(half) + blend::kLowSpan)) {
+    if (y < first || y >= first + record.span() || y > record.last_row()) {
       return "has a pixel in a row that it does not name";
     }
     if (grid_.gains.empty()) return nullptr;

@@ -201,10 +201,10 @@ class RandomTables {
     grid.records.push_back(record);
   }
 
-  /// Spans as short as they may be, or longer; low where they are.
+  /// Spans as short as they may be, or longer.
   void name_rows(PatchRecord& record) {
     std::array<int, 4> first{kPatch, kPatch, kPatch, kPatch};
-    std::array<int, 2> last_of_half{};
+    int lowest = 0;
     int span = kLeastSpan + below(3);
     for (int quarter = 0; quarter < 4; ++quarter) {
       int last = 0;
@@ -215,15 +215,12 @@ class RandomTables {
         last = std::max(last, y);
       }
       span = std::max(span, last - first[static_cast<std::size_t>(quarter)] + 1);
-      int& lowest = last_of_half[static_cast<std::size_t>(quarter / 2)];
       lowest = std::max(lowest, last);
     }
     for (std::size_t k = 0; k < 4; ++k) {
       record.first[k / 2] |= static_cast<std::uint8_t>(std::min(first[k], kPatch - 1 - span) << (k % 2 * 4));
     }
-    const bool low = span == kLeastSpan && last_of_half[0] < record.first_row(0) + kLowSpan &&
-                     last_of_half[1] < record.first_row(1) + kLowSpan;
-    record.rows = static_cast<std::uint8_t>(std::max(last_of_half[0], last_of_half[1]) | (low ? PatchRecord::kLow : span) << 4);
+    record.rows = static_cast<std::uint8_t>(lowest | span << 4);
   }
 
   static int at(const Quadratic& q, int i, int j) {

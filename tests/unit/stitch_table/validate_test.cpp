@@ -108,11 +108,6 @@ std::vector<Fault> faults() {
          plain_record(t).first = {0x99, 0x99};
        }},
       {"RowBelowTheLast", "does not name", [](BlendTable& t) { plain_record(t).rows = 0 | 15 << 4; plain_record(t).first = {}; }},
-      {"RowBelowALowHalf", "does not name", [](BlendTable& t) {
-         plain_record(t).rows = 14 | blend::PatchRecord::kLow << 4;
-         plain_record(t).first = {0x06, 0x06};
-         plain_record(t).y = {-(11 << 11), -(3 << 11), 0, 0, 0, 0};  // rows 10 9 7 6, 4 3 1 0
-       }},
       {"BlackOfItsOwn", "rule of component 1", [](BlendTable& t) { t.components[2].black = 127; }},
       {"ListNotThere", "names a list", [](BlendTable& t) {
          t.grids[0].records[0].source |= blend::PatchRecord::kListed;
