@@ -119,7 +119,7 @@ class WeightReader {
 /// one that does nothing, and leaves its calls out.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {
-  constexpr std::size_t kAhead = 512;
+  constexpr std::size_t kAhead = 224;  // some 300 KiB: more would be pushed out of a second cache of 1 MiB again
   constexpr int kRows = 14;
   constexpr int kNear = 2;  // the second cache: what is asked for would push out of the first what is at work
   const auto& records = job.grid->records;
