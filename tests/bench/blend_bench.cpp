@@ -13,7 +13,6 @@
 #include "frames.h"
 #include "growth.h"
 #include "measure.h"
-#include "opencv_list_peer.h"
 #include "opencv_peer.h"
 #include "report.h"
 #include "stitch/blend/blend.h"
@@ -156,7 +155,7 @@ void Course::add_peers() {
   }
   const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
   const auto sampler = table::RaySampler::make(work_.rig, *layout_, PixelFormat::kI420, formats, options_of(false)).value();
-  auto peer = std::make_shared<OpenCvPeer>(sampler);
+  auto peer = std::make_shared<OpenCvPeer>(sampler, RaysAre::kInOrder);
   kept_.push_back(peer);
   opencv_frame_ = [&input, out, peer](std::size_t set, Pool& pool) {
     pool.run(peer->bands(), [&](int band) { peer->band(input.at(set).heads, out->at(set), band); });
@@ -186,7 +185,7 @@ void Course::add_list_peer(const geometry::RaymapLayout& layout) {
   const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
   const auto sampler = table::RaySampler::make(work_.rig, layout, PixelFormat::kI420, formats, options_of(false)).value();
   auto out = std::make_shared<Outputs>(PixelFormat::kI420, layout.width(), layout.height());
-  auto peer = std::make_shared<OpenCvListPeer>(sampler);
+  auto peer = std::make_shared<OpenCvPeer>(sampler, RaysAre::kInNoOrder);
   kept_.insert(kept_.end(), {out, peer});
   for (const int threads : {1, 2}) {
     add("OpenCV remap of the list", "native", threads, static_cast<double>(layout.width()) * layout.height(),
