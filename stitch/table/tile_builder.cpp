@@ -196,7 +196,7 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
   for_each(part.mask, [&](std::size_t p) { still |= moved(p) ? 0 : PixelMask{1} << p; });
   constexpr double kOne = 1 << kFractionBits;
   double most = 0;
-  for (const std::size_t way : {1, 8}) {
+  for (const std::size_t way : {std::size_t{1}, std::size_t{8}}) {
     constexpr PixelMask kLeftOfAnother = 0x7f7f7f7f7f7f7f7f;
     const PixelMask pairs = still & still >> way & (way == 1 ? kLeftOfAnother : ~PixelMask{0});
     if (pairs == 0) return std::nullopt;

@@ -67,7 +67,7 @@ TEST(PreparePicture, Levels_AreMeansOfFourEachOfTheOneBefore) {
 RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std::uint32_t seed)) {
   std::mt19937 random(seed);
   const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
-  BlendTable::Source source{kFormats[random() % 6], 8 + below(40), 8 + below(20)};
+  BlendTable::Source source{kFormats[random() % 6], 8 + below(300), 8 + below(20)};
   source.sharpen = static_cast<std::uint8_t>(1 + below(kMaxSharpen));
   source.levels = static_cast<std::uint8_t>(1 + below(3));
   const Picture picture = noise(random, source.format, source.width, source.height);
