@@ -38,21 +38,28 @@ class Axes {
   double x(std::uint64_t set) const { return kLeft + kWide * (static_cast<double>(set) - first_) / wide_; }
   double y(double us) const { return kTop + kHigh / 2 * (1 - bent(us) / bent(std::pow(10.0, decades_))); }
 
+  /// Lines at 1, 2, 5, 10 .. microseconds, with words where there is room: the scale is bent, and must look so.
   std::string grid() const {
     std::string svg = line(0, "0");
-    for (int k = 1; k <= decades_; ++k) {  // a microsecond is too near to zero for a word
-      constexpr std::array<std::string_view, 7> kNames{"1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"};
-      const std::string name(kNames[std::min<std::size_t>(static_cast<std::size_t>(k), kNames.size() - 1)]);
-      svg += line(std::pow(10.0, k), "+" + name) + line(-std::pow(10.0, k), "−" + name);
+    double worded = y(0);
+    for (int k = 0; k <= decades_; ++k) {
+      for (const int step : {1, 2, 5}) {
+        if (k == decades_ && step > 1) break;
+        const double us = step * std::pow(10.0, k);
+        const bool room = worded - y(us) >= 16 && (k == decades_ || y(us) - kTop >= 16);
+        const std::string name = room ? time(std::llround(us * 1000)) : "";
+        if (room) worded = y(us);
+        svg += line(us, room ? "+" + name : "") + line(-us, room ? "−" + name : "");
+      }
     }
     return svg;
   }
 
  private:
   std::string line(double us, const std::string& name) const {
-    return fmt::format("<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ccc\"/>\n"
+    return fmt::format("<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#{}\"/>\n"
                        "<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>\n",
-                       kLeft, kLeft + kWide, y(us), y(us), kLeft - 8, y(us) + 4, name);
+                       kLeft, kLeft + kWide, y(us), y(us), name.empty() ? "e4e4e4" : "ccc", kLeft - 8, y(us) + 4, name);
   }
 
   double first_, wide_;

@@ -65,6 +65,18 @@ TEST(SyncReport, LostSetsPulsesAndHeads_AreEachCounted) {
   EXPECT_NE(text.find("2 lost, 1 of them on the way"), std::string::npos) << text;
 }
 
+TEST(SyncReport, ASkewOfFiveMicroseconds_IsDrawnOnTheLineThatSaysSo) {
+  SyncReport report({"left", "right"});
+  for (std::uint64_t i = 0; i < 2; ++i) report.add(set(i, 3, 0, 5000));
+  const std::string svg = report.svg();
+  const std::size_t word = svg.find(">+5 µs<");
+  ASSERT_NE(word, std::string::npos) << svg;
+  const std::string y = "y2=\"";
+  const std::size_t line = svg.rfind(y, word) + y.size();  // of the line before its word
+  const std::string height = svg.substr(line, svg.find('"', line) - line);
+  EXPECT_NE(svg.find("points=\"80.0," + height + " 840.0," + height), std::string::npos) << svg;
+}
+
 TEST(SyncReport, AHeadGoesAndComes_ItsCurveHasAGapAndItsNameIsEscaped) {
   SyncReport report({"<left>", "right"});
   for (std::uint64_t i = 0; i < 9; ++i) report.add(set(i, i >= 3 && i < 6 ? 2 : 3, 1000, 2000));
