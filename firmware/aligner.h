@@ -40,7 +40,8 @@ class Aligner {
   using Nudges = std::array<Duration, kMaxHeads>;
   /// What to ask each head now; it counts as asked.
   Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
-  /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the head's last.
+  /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the
+  /// head's last.
   Skews skews(const FrameSet& set);
 
   HeadMask fixed() const { return fixed_; }        ///< heads that cannot be moved

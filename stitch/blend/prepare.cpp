@@ -17,15 +17,17 @@ namespace {
 constexpr int kOne = 1 << kSharpenBits;
 
 /// In 16 bits throughout, which no step leaves: (64 + 4 * 16) * 255 + 32 < 2^15.
-[[gnu::always_inline]] inline std::uint8_t sharper(std::int16_t own, std::int16_t around, std::int16_t own_share, std::int16_t sharpen) {
+[[gnu::always_inline]] inline std::uint8_t sharper(std::int16_t own, std::int16_t around, std::int16_t own_share,
+                                                   std::int16_t sharpen) {
   const auto sum = static_cast<std::int16_t>(own * own_share - around * sharpen + kOne / 2);
   return static_cast<std::uint8_t>(std::clamp<std::int16_t>(static_cast<std::int16_t>(sum >> kSharpenBits), 0, 255));
 }
 
 /// The inner samples of a row; kStride is the pixel stride.
 template <int kStride>
-[[gnu::always_inline]] inline void sharpen_inside(const std::uint8_t* own, const std::uint8_t* above, const std::uint8_t* below, std::uint8_t* out,
-                    int width, std::int16_t sharpen) {
+[[gnu::always_inline]] inline void sharpen_inside(const std::uint8_t* own, const std::uint8_t* above,
+                                                  const std::uint8_t* below, std::uint8_t* out, int width,
+                                                  std::int16_t sharpen) {
   const auto own_share = static_cast<std::int16_t>(kOne + 4 * sharpen);
   for (int x = 1; x < width - 1; ++x) {
     const int at = x * kStride;
@@ -73,7 +75,8 @@ template <int kStride>
 /// One row after the other: pictures come from memory, which is twice as quick at giving bytes in the order in which
 /// they lie as from two rows in turn.
 template <int kStride>
-[[gnu::always_inline]] inline void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_t* to, int width) {
+[[gnu::always_inline]] inline void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_t* to,
+                                             int width) {
   std::array<std::uint16_t, 4096> sum;
   for (int begin = 0; begin < width; begin += static_cast<int>(sum.size())) {
     const int count = std::min(width - begin, static_cast<int>(sum.size()));
