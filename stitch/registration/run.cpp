@@ -148,6 +148,7 @@ Status Run::find_dull_heads() {
 // are near and each sees them from its own place.
 Status Run::check_agreement() {
   std::optional<Detail> best;
+  std::vector<double> pairs;
   for (const LevelPlan& plan : plans_) {
     if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
     Result<Detail> detail = measure_detail(plan, pyramids_, heads_, used(), options_, workers_);
@@ -155,8 +156,15 @@ Status Run::check_agreement() {
     for (std::size_t h = 0; best && h < heads_.size(); ++h) {
       detail->heads[h].agreement = std::max(detail->heads[h].agreement, best->heads[h].agreement);
     }
+    pairs.resize(detail->pairs.size(), -1);
+    for (std::size_t p = 0; p < pairs.size(); ++p) {
+      const PairSums& pair = detail->pairs[p];
+      const bool tells = pair.solid_angle > kSmallOverlapSr * channels() && pair.least_rms() >= kDullRms;
+      pairs[p] = std::max(pairs[p], tells ? pair.correlation() : 1);
+    }
     best = std::move(*detail);
   }
+  apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kLeastPairAgreement; });
   wrong_ = disagreeing(*best, why_not_);
   return registration::check_agreement(prior_, wrong_,
                                        static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
@@ -288,7 +296,8 @@ Result<Report> Run::report() {
   return std::move(report_);
 }
 
-// Coarse levels from the prior; when heads then do not agree, from where a search puts them.
+// Coarse levels from the prior; from where a search puts the heads, when they then do not agree. Heads may agree with most
+// of their neighbours and still stand in two groups: pairs tell.
 Status Run::descend_coarse() {
   const auto descend_all = [&]() -> Status {
     for (const LevelPlan& plan : plans_) {
@@ -299,15 +308,18 @@ Status Run::descend_coarse() {
   };
   Status done = descend_all();
   if (!options_.search) return done;
-  if (done) {
-    if (check_agreement()) return {};
-  }
-  heads_ = start_;
+  const bool agreed = done && check_agreement();
+  if (agreed && apart_ == 0) return {};
+  const std::vector<HeadState> unsearched = heads_;
+  const std::ptrdiff_t apart = apart_;
   work_done_ = 0;
   Result<std::vector<HeadState>> found = search_rotations(pyramids_, start_, used(), workers_);
   if (!found) return fail(found.error());
   heads_ = std::move(*found);
-  return descend_all();
+  Status again = descend_all();
+  if (!agreed || (again && check_agreement() && apart_ < apart)) return again;
+  heads_ = unsearched;
+  return {};
 }
 
 Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {

@@ -63,7 +63,8 @@ class Run {
   std::vector<bool> own_vignetting_;
   std::vector<std::string> why_not_;  // empty: placed
   std::vector<double> loose_sigma_;   // of heads that are not placed, rad
-  std::vector<std::size_t> wrong_;
+  std::vector<std::size_t> wrong_;    // of the latest check_agreement()
+  std::ptrdiff_t apart_ = 0;          // pairs that have detail in common and do not agree on it, then
   bool focals_doubtful_ = false;
   int loose_heads_ = 0;               // that have detail, which does not hold them
   std::optional<Normal> last_;        // at the end of the latest level

@@ -424,6 +424,8 @@ void gradient_weight(const TileHead& a, const TileRays& rays, float* weight) {
 
 double PairSums::rms() const { return measure > 0 ? std::sqrt(difference / measure) : 0; }
 
+double PairSums::least_rms() const { return measure > 0 ? std::sqrt(std::min(aa, bb) / measure) : 0; }
+
 double PairSums::correlation() const { return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0; }
 
 void PairSums::add(const PairSums& other) {

@@ -107,6 +107,8 @@ struct PairSums {
   double aa = 0, ab = 0, bb = 0;  ///< ... l_a^2, l_a l_b, l_b^2
   /// In levels.
   double rms() const;
+  /// Of what the duller of the two says, levels.
+  double least_rms() const;
   /// Correlation about zero: 1 when the two are the same up to a factor. 0 when nothing is shared.
   double correlation() const;
   void add(const PairSums& other);
