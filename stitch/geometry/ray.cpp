@@ -13,12 +13,6 @@ Ray Ray::towards(const Eigen::Vector3d& v) {
   return Ray(v / length);
 }
 
-Ray Ray::at(Angles angles) {
-  const double level = std::cos(angles.phi);
-  return Ray(
-      Eigen::Vector3d(std::sin(angles.theta) * level, std::sin(angles.phi), std::cos(angles.theta) * level));
-}
-
 Angles Ray::angles() const {
   return {std::atan2(x(), z()), std::atan2(y(), std::hypot(x(), z()))};
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 namespace nodal::geometry {
 
@@ -20,6 +21,13 @@ struct Angles {
   friend bool operator==(const Angles&, const Angles&) = default;
 };
 
+/// An angle by its sine and cosine.
+struct SinCos {
+  double sin = 0;
+  double cos = 1;
+  static SinCos of(double angle) { return {std::sin(angle), std::cos(angle)}; }
+};
+
 /// A unit direction from the nodal point.
 class Ray {
  public:
@@ -27,7 +35,10 @@ class Ray {
   /// The ray along `v`, of any length but 0.
   static Ray towards(const Eigen::Vector3d& v);
   static Ray towards(double x, double y, double z) { return towards(Eigen::Vector3d(x, y, z)); }
-  static Ray at(Angles angles);
+  static Ray at(Angles angles) { return at(SinCos::of(angles.theta), SinCos::of(angles.phi)); }
+  static Ray at(SinCos theta, SinCos phi) {
+    return Ray(Eigen::Vector3d(theta.sin * phi.cos, phi.sin, theta.cos * phi.cos));
+  }
 
   const Eigen::Vector3d& direction() const { return direction_; }
   double x() const { return direction_.x(); }

@@ -86,10 +86,11 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
   if (wrong.empty()) return {};
   std::string names;
   for (const std::size_t h : wrong) names += (names.empty() ? "'" : ", '") + prior.heads[h].name + "'";
-  if (wrong.size() == placed) {
+  if (2 * wrong.size() > placed) {
     return fail(Errc::kHeadMismatch,
-                "the heads' pictures have nothing in common where they should overlap; check that they are of one scene "
-                "and in the calibration's order, that the lens model is right, and start nearer (point pairs)");
+                (wrong.size() == placed ? std::string("the heads' pictures") : "most heads' pictures (" + names + ")") +
+                    " have nothing in common where they should overlap; check that they are of one scene and in the "
+                    "calibration's order, that the lens model is right, and start nearer (point pairs)");
   }
   return fail(Errc::kHeadMismatch,
               std::string(wrong.size() == 1 ? "head " : "heads ") + names +

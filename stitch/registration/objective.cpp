@@ -144,12 +144,17 @@ void Objective::sum_tiles(const std::vector<HeadSight>& sights, const std::vecto
   Workspace work;
   work.heads.resize(sights.size());
   std::vector<TileHead*> seen;
+  std::vector<std::size_t> near;
   const std::size_t planes = sights.front().planes.size();
   for (std::size_t k = first; k < last; ++k) {
     const Tile& tile = tiles_[k];
-    seen.clear();
+    near.clear();
     for (std::size_t h = 0; h < sights.size(); ++h) {
-      if (!used_[h] || !may_see(sights[h], tile)) continue;
+      if (used_[h] && may_see(sights[h], tile)) near.push_back(h);
+    }
+    if (near.size() < 2) continue;
+    seen.clear();
+    for (const std::size_t h : near) {
       TileHead& head = work.heads[seen.size()];
       head.head = static_cast<int>(h);
       if (project(sights[h], tile, head)) seen.push_back(&head);

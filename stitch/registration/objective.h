@@ -9,7 +9,7 @@
 #include "stitch/registration/head_state.h"
 #include "stitch/registration/parallel.h"
 #include "stitch/registration/pyramid.h"
-#include "stitch/registration/tile_kernel.h"
+#include "stitch/registration/tile_sums.h"
 
 namespace nodal::registration {
 

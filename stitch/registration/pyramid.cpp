@@ -6,6 +6,7 @@
 
 #include "stitch/geometry/lens.h"
 #include "stitch/geometry/response.h"
+#include "stitch/registration/wide.h"
 
 namespace nodal::registration {
 namespace {
@@ -79,22 +80,35 @@ void fill_outside(Plane& plane, const Region& region) {
   }
 }
 
-// One pass of an odd, symmetric filter along x, transposed on the way out; twice is both ways.
-void filter_transposed(const Plane& in, const std::vector<float>& taps, Plane& out) {
+// Adds tap * (a + b), number by number.
+NODAL_WIDE
+void add_tapped(float tap, const float* a, const float* b, int count, float* sum) {
+  for (int i = 0; i < count; ++i) sum[i] += tap * (a[i] + b[i]);
+}
+
+// A symmetric filter: the middle tap, then those on either side. What lies beyond the edge is as at the edge.
+void filter_across(const Plane& in, const std::vector<float>& taps, Plane& out) {
   const int radius = static_cast<int>(taps.size()) - 1;
-  std::vector<float> row(static_cast<std::size_t>(in.width + 2 * radius)), result(static_cast<std::size_t>(in.width));
+  std::vector<float> row(static_cast<std::size_t>(in.width + 2 * radius));
   for (int j = 0; j < in.height; ++j) {
-    const float* source = &in.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(in.width)];
+    const float* source = in.values.data() + std::ptrdiff_t{j} * in.width;
+    float* const target = out.values.data() + std::ptrdiff_t{j} * in.width;
     float* const middle = row.data() + radius;
     for (int i = -radius; i < in.width + radius; ++i) middle[i] = source[std::clamp(i, 0, in.width - 1)];
-    for (int i = 0; i < in.width; ++i) result[static_cast<std::size_t>(i)] = taps[0] * middle[i];
+    for (int i = 0; i < in.width; ++i) target[i] = taps[0] * middle[i];
     for (int k = 1; k <= radius; ++k) {
-      const float tap = taps[static_cast<std::size_t>(k)];
-      for (int i = 0; i < in.width; ++i) result[static_cast<std::size_t>(i)] += tap * (middle[i - k] + middle[i + k]);
+      add_tapped(taps[static_cast<std::size_t>(k)], middle - k, middle + k, in.width, target);
     }
-    for (int i = 0; i < in.width; ++i) {
-      out.values[static_cast<std::size_t>(i) * static_cast<std::size_t>(in.height) + static_cast<std::size_t>(j)] =
-          result[static_cast<std::size_t>(i)];
+  }
+}
+
+void filter_down(const Plane& in, const std::vector<float>& taps, Plane& out) {
+  const auto row = [&](int j) { return in.values.data() + std::ptrdiff_t{std::clamp(j, 0, in.height - 1)} * in.width; };
+  for (int j = 0; j < in.height; ++j) {
+    float* const target = out.values.data() + std::ptrdiff_t{j} * in.width;
+    for (int i = 0; i < in.width; ++i) target[i] = taps[0] * row(j)[i];
+    for (int k = 1; k < static_cast<int>(taps.size()); ++k) {
+      add_tapped(taps[static_cast<std::size_t>(k)], row(j - k), row(j + k), in.width, target);
     }
   }
 }
@@ -163,9 +177,9 @@ Plane blurred(const Plane& plane, double sigma) {
     sum += k == 0 ? tap : 2 * tap;
   }
   for (float& tap : taps) tap = static_cast<float>(tap / sum);
-  Plane turned = make_plane(plane.height, plane.width), out = make_plane(plane.width, plane.height);
-  filter_transposed(plane, taps, turned);
-  filter_transposed(turned, taps, out);
+  Plane across = make_plane(plane.width, plane.height), out = make_plane(plane.width, plane.height);
+  filter_across(plane, taps, across);
+  filter_down(across, taps, out);
   return out;
 }
 
@@ -177,33 +191,59 @@ double level_variance(int level) {
 
 namespace {
 
-// A picture's px a radian squared, along the radius and across it, by radius: what one cone of rays is on it.
+// A picture's px a radian squared, by how far from the lens's centre: what one cone of rays is on it.
 class Stretch {
  public:
-  explicit Stretch(const HeadState& head) : edge_(head.edge_radius) {
+  static constexpr int kSteps = 256;  // of the radius squared
+
+  explicit Stretch(const HeadState& head) : per_step_(kSteps / (head.edge_radius * head.edge_radius)) {
     const Result<geometry::Lens> lens = geometry::Lens::make(head.lens, head.max_angle);
-    for (int k = 0; k <= kSteps; ++k) {
-      const double r = lens ? std::min(edge_ * std::max(k, 1) / kSteps, lens->max_radius()) : 1;
+    double radii = 0;
+    for (int k = 0; k < kSteps; ++k) {
+      const double at = std::sqrt((k + 0.5) / per_step_), r = lens ? std::min(at, lens->max_radius()) : 1;
       const double a = lens ? lens->angle(r).value_or(head.edge_angle) : 1, q = r / std::sin(a);
       const double slope = lens ? lens->slope(a, r) : 1;
-      along_.push_back(slope * slope);
       across_.push_back(q * q);
+      extra_.push_back((slope * slope - q * q) / (at * at));
+      // As if the steps were of the radius.
+      mean_ += (slope * slope + q * q) / 2 / at;
+      radii += 1 / at;
     }
+    mean_ /= radii;
   }
-  double along(double r) const { return along_[index(r)]; }
-  double across(double r) const { return across_[index(r)]; }
-  double mean() const {
-    double sum = 0;
-    for (std::size_t k = 0; k < along_.size(); ++k) sum += along_[k] + across_[k];
-    return sum / 2 / static_cast<double>(along_.size());
-  }
+  /// Across the radius.
+  const std::vector<double>& across() const { return across_; }
+  /// What is more along it, by the radius squared.
+  const std::vector<double>& extra() const { return extra_; }
+  double per_step() const { return per_step_; }
+  double mean() const { return mean_; }
 
  private:
-  static constexpr int kSteps = 256;
-  std::size_t index(double r) const { return static_cast<std::size_t>(std::min(r / edge_, 1.0) * kSteps); }
-  double edge_;
-  std::vector<double> along_, across_;
+  double per_step_;
+  std::vector<double> across_, extra_;
+  double mean_ = 0;
 };
+
+// What a row's pixels lack in second moments, as factors of second derivatives.
+struct Lack {
+  std::array<float, Stretch::kSteps> across, extra;
+  float per_step, aspect, already;
+};
+
+// x: of the row's first pixel from the centre, full-size px; the next ones are `scale` apart. y: aspect taken out.
+NODAL_WIDE
+void put_right(const Lack& lack, const float* p, std::ptrdiff_t w, int count, float x0, float scale, float y, float* out) {
+  const float aspect = lack.aspect, aspect2 = aspect * aspect, y2 = y * y;
+  for (int i = 0; i < count; ++i) {
+    const float x = x0 + scale * static_cast<float>(i), x2 = x * x, step = (x2 + y2) * lack.per_step;
+    const int k = static_cast<int>(std::min(step, static_cast<float>(Stretch::kSteps - 1)));
+    const float across = lack.across[static_cast<std::size_t>(k)], extra = lack.extra[static_cast<std::size_t>(k)];
+    const float cxx = across + extra * x2 - lack.already, cyy = (across + extra * y2) * aspect2 - lack.already;
+    const float xx = p[i + 1] - 2 * p[i] + p[i - 1], yy = p[i + w] - 2 * p[i] + p[i - w];
+    const float xy = p[i + w + 1] - p[i + w - 1] - p[i + 1 - w] + p[i - w - 1];
+    out[i] += cxx * xx + cyy * yy + extra * x * y * aspect * 0.5F * xy;
+  }
+}
 
 }  // namespace
 
@@ -213,21 +253,20 @@ Plane blurred_in_angle(const Plane& plane, int level, const HeadState& head, dou
   const Stretch stretch(head);
   const double base = std::max(sigma2 * stretch.mean() - there, 0.16), already = there + base;
   const Plane smooth = blurred(plane, std::sqrt(base));
+  Lack lack;  // halves, since a Gaussian's second moment acts on half the second derivative
+  for (std::size_t k = 0; k < lack.across.size(); ++k) {
+    lack.across[k] = static_cast<float>(sigma2 * stretch.across()[k] / 2);
+    lack.extra[k] = static_cast<float>(sigma2 * stretch.extra()[k] / 2);
+  }
+  lack.per_step = static_cast<float>(stretch.per_step());
+  lack.aspect = static_cast<float>(head.aspect);
+  lack.already = static_cast<float>(already / 2);
   Plane out = smooth;
   const std::ptrdiff_t w = plane.width;
   for (int j = 1; j + 1 < plane.height; ++j) {
     const double y = ((j + 0.5) * scale - head.center_y) / head.aspect;
-    const float* p = smooth.values.data() + j * w + 1;
-    float* target = out.values.data() + j * w + 1;
-    for (int i = 1; i + 1 < plane.width; ++i, ++p, ++target) {
-      const double x = (i + 0.5) * scale - head.center_x, r2 = x * x + y * y + 1e-9;
-      const double r = std::sqrt(r2), across = stretch.across(r), extra = (stretch.along(r) - across) / r2;
-      const double cxx = sigma2 * (across + extra * x * x) - already, cxy = sigma2 * extra * x * y * head.aspect,
-                   cyy = sigma2 * (across + extra * y * y) * head.aspect * head.aspect - already;
-      const float xx = p[1] - 2 * p[0] + p[-1], yy = p[w] - 2 * p[0] + p[-w];
-      const float xy = (p[w + 1] - p[w - 1] - p[1 - w] + p[-w - 1]) / 4;
-      *target += static_cast<float>(cxx) / 2 * xx + static_cast<float>(cxy) * xy + static_cast<float>(cyy) / 2 * yy;
-    }
+    put_right(lack, smooth.values.data() + j * w + 1, w, plane.width - 2, static_cast<float>(1.5 * scale - head.center_x),
+              static_cast<float>(scale), static_cast<float>(y), out.values.data() + j * w + 1);
   }
   return out;
 }

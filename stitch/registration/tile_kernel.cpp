@@ -3,31 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-// Each loop is compiled once per width of registers and chosen when the program starts. Sanitizers and coverage run
-// before that choice can be made, so they get the plain code; the arithmetic is the same, lane for lane.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__) && !defined(NODAL_COVERAGE)
-#define NODAL_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define NODAL_WIDE
-#endif
+#include "stitch/registration/wide.h"
 
 #define NODAL_INLINE [[gnu::always_inline]] inline
 
 namespace nodal::registration {
 namespace {
-
-constexpr int kLanes = 16;
-
-// Lane sums in a fixed tree, so that every register width adds in the same order.
-inline double sum_lanes(const float* lanes) {
-  float s[kLanes];
-  for (int i = 0; i < kLanes; ++i) s[i] = lanes[i];
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) s[i] += s[i + width];
-  }
-  return static_cast<double>(s[0]);
-}
 
 NODAL_INLINE bool any(const float* __restrict values) {
   alignas(64) float most[kLanes] = {};
@@ -376,105 +357,6 @@ void differentiate_by_others(const std::vector<HeadSight>& sights, const std::ve
     const int radiometry = slots[i].gain >= 0 ? slots[i].gain : slots[i].vignetting;
     for (int k = radiometry; k >= 0 && k < slots[i].count; ++k) std::ranges::copy(heads[h]->J[k], heads[h]->J_others[k]);
   }
-}
-
-NODAL_WIDE
-void add_block(Rows A, int Ka, Rows B, int Kb, const float* weight, int stride, double* block) {
-  alignas(64) float weighted[kTile];
-  for (int k = 0; k < Ka; ++k) {
-    for (int i = 0; i < kTile; ++i) weighted[i] = weight[i] * A[k][i];
-    for (int m = 0; m < Kb; ++m) {
-      alignas(64) float lanes[kLanes] = {};
-      for (int i = 0; i < kTile; i += kLanes) {
-        for (int l = 0; l < kLanes; ++l) lanes[l] += weighted[i + l] * B[m][i + l];
-      }
-      block[k * stride + m] += sum_lanes(lanes);
-    }
-  }
-}
-
-NODAL_WIDE
-void add_gradient(const TileHead& a, const float* weight, int K, double* gradient) {
-  for (int k = 0; k < K; ++k) {
-    alignas(64) float lanes[kLanes] = {};
-    for (int i = 0; i < kTile; i += kLanes) {
-      for (int l = 0; l < kLanes; ++l) lanes[l] += weight[i + l] * a.J[k][i + l];
-    }
-    gradient[k] += sum_lanes(lanes);
-  }
-}
-
-NODAL_WIDE
-void pair_weight(const TileHead& a, const TileHead& b, bool same, const TileRays& rays, float* weight) {
-  const float own = same ? 1.0F : 0.0F;
-  for (int i = 0; i < kTile; ++i) {
-    const float pa = a.share[i], pb = b.share[i];
-    weight[i] = rays.measure[i] * rays.robust[i] *
-                (own * a.active[i] - pb * a.active[i] - pa * b.active[i] + pa * pb * rays.active_total[i]);
-  }
-}
-
-NODAL_WIDE
-void gradient_weight(const TileHead& a, const TileRays& rays, float* weight) {
-  for (int i = 0; i < kTile; ++i) {
-    weight[i] = rays.measure[i] * rays.robust[i] *
-                (a.active[i] * a.error[i] - a.share[i] * rays.active_error[i]);
-  }
-}
-
-double PairSums::rms() const { return measure > 0 ? std::sqrt(difference / measure) : 0; }
-
-double PairSums::least_rms() const { return measure > 0 ? std::sqrt(std::min(aa, bb) / measure) : 0; }
-
-double PairSums::correlation() const { return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0; }
-
-void PairSums::add(const PairSums& other) {
-  measure += other.measure;
-  solid_angle += other.solid_angle;
-  difference += other.difference;
-  aa += other.aa;
-  ab += other.ab;
-  bb += other.bb;
-}
-
-NODAL_WIDE
-void add_pair(const TileHead& a, const TileHead& b, const TileRays& rays, PairSums& sums) {
-  alignas(64) float measure[kLanes] = {}, angle[kLanes] = {}, difference[kLanes] = {}, aa[kLanes] = {}, ab[kLanes] = {}, bb[kLanes] = {};
-  for (int i = 0; i < kTile; i += kLanes) {
-    for (int l = 0; l < kLanes; ++l) {
-      const int k = i + l;
-      const float w = rays.measure[k] * a.share[k] * b.weight[k], la = a.light[k], lb = b.light[k], d = la - lb;
-      measure[l] += w;
-      angle[l] += w > 0 ? rays.measure[k] : 0.0F;
-      difference[l] += w * d * d;
-      aa[l] += w * la * la;
-      ab[l] += w * la * lb;
-      bb[l] += w * lb * lb;
-    }
-  }
-  sums.add({sum_lanes(measure), sum_lanes(angle), sum_lanes(difference), sum_lanes(aa), sum_lanes(ab), sum_lanes(bb)});
-}
-
-NODAL_WIDE
-double shared_solid_angle(const TileHead& head, const TileRays& rays) {
-  alignas(64) float angle[kLanes] = {};
-  for (int i = 0; i < kTile; i += kLanes) {
-    for (int l = 0; l < kLanes; ++l) angle[l] += head.weight[i + l] > 0 ? rays.measure[i + l] : 0.0F;
-  }
-  return sum_lanes(angle);
-}
-
-NODAL_WIDE
-void add_cost(const TileRays& rays, double* cost, double* weight) {
-  alignas(64) float costs[kLanes] = {}, weights[kLanes] = {};
-  for (int i = 0; i < kTile; i += kLanes) {
-    for (int l = 0; l < kLanes; ++l) {
-      costs[l] += rays.measure[i + l] * rays.cost[i + l];
-      weights[l] += rays.measure[i + l] * rays.total[i + l];
-    }
-  }
-  *cost += sum_lanes(costs);
-  *weight += sum_lanes(weights);
 }
 
 }  // namespace nodal::registration

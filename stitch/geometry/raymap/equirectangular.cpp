@@ -8,7 +8,24 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
+double theta_at(double x, int width) { return 2 * kPi * (x / width - 0.5); }
+double phi_at(double y, int height) { return kPi * (y / height - 0.5); }
+
+/// Of a place on an axis, by the table of its half pixels where it is one.
+template <class Angle>
+SinCos look_up(const std::vector<SinCos>& halves, double at, const Angle& angle) {
+  const auto half = static_cast<std::size_t>(2 * at);
+  return static_cast<double>(half) == 2 * at ? halves[half] : SinCos::of(angle());
+}
+
 }  // namespace
+
+// sin b - sin a = 2 cos((a + b) / 2) sin((b - a) / 2), without the cancellation.
+Equirectangular::Equirectangular(int width, int height)
+    : RaymapLayout(width, height), at_horizon_(4 * kPi / width * std::sin(0.5 * kPi / height)) {
+  for (int k = 0; k <= 2 * width; ++k) theta_.push_back(SinCos::of(theta_at(k / 2.0, width)));
+  for (int k = 0; k <= 2 * height; ++k) phi_.push_back(SinCos::of(phi_at(k / 2.0, height)));
+}
 
 Result<std::unique_ptr<RaymapLayout>> Equirectangular::make(int width, int height) {
   return std::unique_ptr<RaymapLayout>(new Equirectangular(width, height));
@@ -16,13 +33,12 @@ Result<std::unique_ptr<RaymapLayout>> Equirectangular::make(int width, int heigh
 
 std::optional<Ray> Equirectangular::ray(double x, double y) const {
   if (!(x >= 0 && x <= width() && y >= 0 && y <= height())) return std::nullopt;
-  return Ray::at({2 * kPi * (x / width() - 0.5), kPi * (y / height() - 0.5)});
+  return Ray::at(look_up(theta_, x, [&] { return theta_at(x, width()); }),
+                 look_up(phi_, y, [&] { return phi_at(y, height()); }));
 }
 
 double Equirectangular::solid_angle(int, int j) const {
-  // sin b - sin a = 2 cos((a + b) / 2) sin((b - a) / 2), without the cancellation.
-  const double middle = kPi * ((j + 0.5) / height() - 0.5);
-  return 4 * kPi / width() * std::cos(middle) * std::sin(0.5 * kPi / height());
+  return at_horizon_ * phi_[static_cast<std::size_t>(2 * j + 1)].cos;
 }
 
 std::optional<Pixel> Equirectangular::pixel(const Ray& ray) const {

@@ -17,7 +17,12 @@ class Equirectangular final : public RaymapLayout {
   std::optional<Pixel> pixel(const Ray& ray) const override;
 
  private:
-  using RaymapLayout::RaymapLayout;
+  Equirectangular(int width, int height);
+
+  /// Every half pixel's angle: what is asked for are nearly always centres of pixels, or of pairs of them.
+  std::vector<SinCos> theta_;
+  std::vector<SinCos> phi_;
+  double at_horizon_;  ///< a pixel's solid angle if its middle were there, sr
 };
 
 }  // namespace nodal::geometry
