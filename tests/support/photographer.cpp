@@ -30,62 +30,89 @@ Matrix times(const Matrix& A, const Matrix& B) {
   return C;
 }
 
-void blur_rows(std::vector<float>& image, int width, int height, double sigma) {
-  const int reach = static_cast<int>(std::ceil(4 * sigma));
+/// Weights of the places from `first` on, counted from a pixel's first: a Gaussian, spread over the pixel.
+struct Footprint {
+  int first = 0;
   std::vector<double> taps;
+};
+
+Footprint footprint(double sigma) {
+  const int reach = static_cast<int>(std::ceil(4 * sigma));
+  Footprint pixel{-reach, std::vector<double>(static_cast<std::size_t>(2 * reach + kSub))};
   double sum = 0;
   for (int k = -reach; k <= reach; ++k) {
-    taps.push_back(std::exp(-0.5 * k * k / (sigma * sigma)));
-    sum += taps.back();
+    const double weight = k == 0 ? 1 : std::exp(-0.5 * k * k / (sigma * sigma));
+    for (int a = 0; a < kSub; ++a) pixel.taps[static_cast<std::size_t>(k + reach + a)] += weight;
+    sum += weight * kSub;
   }
-  std::vector<float> line(static_cast<std::size_t>(width));
-  for (int j = 0; j < height; ++j) {
-    float* row = image.data() + static_cast<std::size_t>(j) * static_cast<std::size_t>(width);
-    for (int i = 0; i < width; ++i) {
-      double value = 0;
-      for (int k = -reach; k <= reach; ++k) {
-        value += taps[static_cast<std::size_t>(k + reach)] * static_cast<double>(row[std::clamp(i + k, 0, width - 1)]);
-      }
-      line[static_cast<std::size_t>(i)] = static_cast<float>(value / sum);
-    }
-    std::copy(line.begin(), line.end(), row);
-  }
+  for (double& tap : pixel.taps) tap /= sum;
+  return pixel;
 }
 
-std::vector<float> transposed(const std::vector<float>& image, int width, int height) {
-  std::vector<float> out(image.size());
+/// What the pixels take in of the light at their places, row by row; past the edge the edge is repeated.
+std::vector<double> through_pixels(const std::vector<float>& fine, int width, int height, const Footprint& pixel) {
+  const int fine_width = width * kSub, taps = static_cast<int>(pixel.taps.size());
+  std::vector<double> line(static_cast<std::size_t>(fine_width)), light;
+  light.reserve(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int j = 0; j < height; ++j) {
+    std::ranges::fill(line, 0.0);
+    for (int k = 0; k < taps; ++k) {
+      const int from = std::clamp(j * kSub + pixel.first + k, 0, height * kSub - 1);
+      const float* row = fine.data() + static_cast<std::size_t>(from) * line.size();
+      const double tap = pixel.taps[static_cast<std::size_t>(k)];
+      for (std::size_t i = 0; i < line.size(); ++i) line[i] += tap * static_cast<double>(row[i]);
+    }
     for (int i = 0; i < width; ++i) {
-      out[static_cast<std::size_t>(i) * static_cast<std::size_t>(height) + static_cast<std::size_t>(j)] =
-          image[static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i)];
+      double sum = 0;
+      for (int k = 0; k < taps; ++k) {
+        const int from = std::clamp(i * kSub + pixel.first + k, 0, fine_width - 1);
+        sum += pixel.taps[static_cast<std::size_t>(k)] * line[static_cast<std::size_t>(from)];
+      }
+      light.push_back(sum);
     }
   }
-  return out;
+  return light;
+}
+
+/// A fisheye's angle from the axis at a radius: Newton's steps, halving where they would leave what is left to search;
+/// negative where there is none.
+double fisheye_angle(const Lens& lens, double r) {
+  const auto& k = lens.k;
+  double low = 0, high = 2.2;
+  double a = std::min(r / lens.f, high);
+  const auto radius = [&](double b) {
+    const double s = b * b;
+    return lens.f * b * (1 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))));
+  };
+  if (radius(high) < r) return -1;
+  for (int n = 0; n < 60; ++n) {
+    const double s = a * a, off = radius(a) - r;
+    (off < 0 ? low : high) = a;
+    const double next = a - off / (lens.f * (1 + s * (3 * k[0] + s * (5 * k[1] + s * (7 * k[2] + s * 9 * k[3])))));
+    if (std::abs(next - a) < 1e-9) return next;  // what is left is about that squared
+    a = next > low && next < high ? next : (low + high) / 2;
+  }
+  return a;
 }
 
 }  // namespace
 
-double Lens::angle(double r) const {
-  if (kind == Kind::kTsai) return std::atan(r * (1 + r * r * (k[0] + r * r * k[1])) / f);
-  const auto radius = [&](double a) {
-    const double s = a * a;
-    return f * a * (1 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))));
-  };
-  double low = 0;
-  double high = 2.2;
-  if (radius(high) < r) return -1;
-  for (int n = 0; n < 60; ++n) (radius((low + high) / 2) < r ? low : high) = (low + high) / 2;
-  return (low + high) / 2;
-}
-
 std::array<double, 3> Lens::ray(double u, double v) const {
   const double x = u - cx;
   const double y = (v - cy) / aspect;
-  const double r = std::hypot(x, y);
+  const double s = x * x + y * y;
+  if (kind == Kind::kTsai) {
+    const double stretch = 1 + s * (k[0] + s * k[1]);
+    if (stretch < 0) return {0, 0, 0};
+    const double length = std::sqrt(stretch * stretch * s + f * f);
+    return {stretch * x / length, stretch * y / length, f / length};
+  }
+  const double r = std::sqrt(s);
   if (r < 1e-9) return {0, 0, 1};
-  const double a = angle(r);
+  const double a = fisheye_angle(*this, r);
   if (a < 0) return {0, 0, 0};
-  return {std::sin(a) * x / r, std::sin(a) * y / r, std::cos(a)};
+  const double across = std::sin(a) / r;
+  return {across * x, across * y, std::cos(a)};
 }
 
 Photo take(const Scene& scene, const Lens& lens, const Shot& shot) {
@@ -115,28 +142,16 @@ Photo take(const Scene& scene, const Lens& lens, const Shot& shot) {
           static_cast<float>(light);
     }
   }
-  if (shot.blur_px > 0) {
-    blur_rows(fine, width, height, shot.blur_px * kSub);
-    fine = transposed(fine, width, height);
-    blur_rows(fine, height, width, shot.blur_px * kSub);
-    fine = transposed(fine, height, width);
-  }
+  const std::vector<double> seen = through_pixels(fine, lens.width, lens.height, footprint(shot.blur_px * kSub));
   std::mt19937_64 engine(shot.seed);
   std::normal_distribution<double> noise(0, std::max(shot.noise, 1e-9));
   Photo photo{lens.width, lens.height, {}};
   for (int j = 0; j < lens.height; ++j) {
     for (int i = 0; i < lens.width; ++i) {
-      double light = 0;
-      for (int b = 0; b < kSub; ++b) {
-        for (int a = 0; a < kSub; ++a) {
-          light += static_cast<double>(fine[static_cast<std::size_t>(j * kSub + b) * static_cast<std::size_t>(width) +
-                                            static_cast<std::size_t>(i * kSub + a)]);
-        }
-      }
       const double r = std::hypot(i + 0.5 - lens.cx, (j + 0.5 - lens.cy) / lens.aspect) / half_diagonal;
       const double s = r * r;
       const auto& v = shot.vignetting;
-      light *= shot.exposure / (kSub * kSub) * (1 + s * (v[0] + s * (v[1] + s * v[2])));
+      const double light = seen[photo.grey.size()] * shot.exposure * (1 + s * (v[0] + s * (v[1] + s * v[2])));
       const double encoded = 255 * std::pow(std::clamp(light, 0.0, 1.0), 1 / shot.gamma) + noise(engine);
       photo.grey.push_back(static_cast<std::uint8_t>(std::clamp(std::lround(encoded), 0L, 255L)));
     }
@@ -151,8 +166,8 @@ Scene print_of(int width, int height, const std::vector<std::uint8_t>& grey) {
     light[v] = e <= 0.04045 ? e / 12.92 : std::pow((e + 0.055) / 1.055, 2.4);
   }
   return [=](double X, double Y) {
-    const double i = std::floor(X * width + width / 2.0);
-    const double j = std::floor(Y * width + height / 2.0);
+    const double i = X * width + width / 2.0;
+    const double j = Y * width + height / 2.0;
     if (i < 0 || j < 0 || i >= width || j >= height) return -1.0;
     return light[grey[static_cast<std::size_t>(j) * static_cast<std::size_t>(width) + static_cast<std::size_t>(i)]];
   };

@@ -19,8 +19,6 @@ struct Lens {
   std::array<double, 4> k{};
   /// The ray of a place, of length 1; all zeros where the lens sees nothing.
   std::array<double, 3> ray(double u, double v) const;
-  /// The angle from the axis at a radius; negative where there is none.
-  double angle(double r) const;
 };
 
 /// One photograph: how the scene stood, how it was lit, what the sensor added.
