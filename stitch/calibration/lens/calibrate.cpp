@@ -18,12 +18,12 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kLeastExplained = 0.6;     // of a photograph's variance
 constexpr double kLeastTilt = 4 * kDegree;
 constexpr double kMostFocalDeviation = 0.003;
+constexpr double kHopeless = 0.03;          // from a few pixels; all of them make it five times surer, not ten times
 constexpr std::size_t kLeastViews = 2;
 constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less are one view
 constexpr double kAlikeMove = 0.03;         // of the pattern's distance
 constexpr double kWellCovered = 0.95;
-constexpr long kCalmShare = 4;             // about one pixel in so many is calm enough
-constexpr long kLightSamples = 8'000;       // a photograph
+constexpr std::size_t kLightSamples = 8'000;  // a photograph, at least
 
 std::string text(double value, const char* format = "%.3g") {
   char buffer[48];
@@ -158,24 +158,18 @@ void fill_head(const DenseState& state, const Region& region, const LensOptions&
   head.region = region;
 }
 
-void fill_photometry(const DenseAlignment& dense, const DenseState& state, const std::vector<DenseFit>& fits,
-                     const ForEach& for_each, LensCalibration& out) {
-  std::vector<std::vector<LightSample>> views(fits.size());
-  for_each(static_cast<int>(fits.size()), [&](int view) {
-    const auto v = static_cast<std::size_t>(view);
-    const int stride = static_cast<int>(std::max(1L, fits[v].pixels / (kLightSamples * kCalmShare)));
-    dense.each_calm_pixel(view, state, stride, [&](double x, double y, double light, double value) {
-      views[v].push_back({view, x, y, light, value});
-    });
-  });
+void fill_photometry(const std::vector<std::vector<LightSample>>& calm, LensCalibration& out) {
   std::vector<LightSample> samples;
-  for (const auto& view : views) samples.insert(samples.end(), view.begin(), view.end());
+  for (const std::vector<LightSample>& view : calm) {
+    const std::size_t stride = std::max<std::size_t>(1, view.size() / kLightSamples);
+    for (std::size_t i = 0; i < view.size(); i += stride) samples.push_back(view[i]);
+  }
   HeadCalibration& head = out.head;
   const double radius = std::hypot(head.width, head.height / head.aspect) / 2;
-  const Photometry photometry = fit_photometry(samples, static_cast<int>(fits.size()), head, radius);
+  const Photometry photometry = fit_photometry(samples, static_cast<int>(calm.size()), head, radius);
   head.response = photometry.response;
   head.vignetting = {head.center_x, head.center_y, radius, photometry.vignetting};
-  for (std::size_t v = 0; v < fits.size(); ++v) out.report.views[v].gain = photometry.gains[v];
+  for (std::size_t v = 0; v < calm.size(); ++v) out.report.views[v].gain = photometry.gains[v];
   if (check_head(head)) return;
   // A fall-off that turns over where no pixel of the pattern was seen is no fall-off to ship.
   head.vignetting.coefficients = {};
@@ -249,26 +243,31 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   DenseState state{std::move(*start), std::vector<double>(photographs.size(), std::log(0.8))};
   std::vector<bool> fixed(static_cast<std::size_t>(state.arrangement.lens.count), false);
   fixed[kAspect] = options.aspect_known;
-  for (int level = dense.coarsest(); level >= 0; --level) {
-    tell("aligning pixels at 1/" + std::to_string(1 << level), level == 0 ? 0.4 : 0.25);
-    dense.run(level, DenseAlignment::kFewPixels, fixed, state);
+  for (int level = dense.coarsest(); level > 0; --level) {
+    tell("aligning pixels at 1/" + std::to_string(1 << level), 0.25);
+    dense.run(level, kQuick, fixed, state);
   }
-  tell("aligning every pixel", 0.5);
-  dense.run(0, DenseAlignment::kMostPixels, fixed, state);
+  const LensParameters& lens = state.arrangement.lens;
+  tell("aligning pixels", 0.4);
+  Evaluation end = dense.run(0, kQuick, fixed, state);
+  const double variance = covariance(end, fixed)(kFirstCoefficient, kFirstCoefficient);
+  if (variance <= std::pow(kHopeless * lens[kFirstCoefficient], 2)) {
+    tell("aligning every pixel", 0.5);
+    end = dense.run(0, kThorough, fixed, state);
+  }
   tell("light and uncertainties", 0.9);
-  const std::vector<DenseFit> fits = dense.fits(state);
-  if (Status checked = check_fits(photographs, fits); !checked) return fail(checked.error());
+  DenseSurvey survey = dense.survey(state);
+  if (Status checked = check_fits(photographs, survey.fits); !checked) return fail(checked.error());
 
   LensCalibration out;
-  const LensParameters& lens = state.arrangement.lens;
-  const Eigen::MatrixXd C = dense.covariance(state, fixed);
+  const Eigen::MatrixXd C = covariance(end, fixed);
   const auto measured = [&](int k) { return Measured{lens[k], std::sqrt(std::max(0.0, C(k, k)))}; };
   out.report.center_x = measured(kCenterX);
   out.report.center_y = measured(kCenterY);
   out.report.aspect = measured(kAspect);
   out.report.focal = measured(kFirstCoefficient);
   out.report.mapping_deviation_px = mapping_deviation(lens, C, region);
-  out.report.covered = dense.covered(state);
+  out.report.covered = survey.covered;
   if (Status checked = check_determined(state.arrangement, out.report); !checked) return fail(checked.error());
   for (std::size_t v = 0; v < photographs.size(); ++v) {
     const Pose& pose = state.arrangement.poses[v];
@@ -278,15 +277,15 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
     view.tilt_deg = tilt_of(pose) / kDegree;
     view.distance = pose.t.dot(pose.R.col(2)) / pose.R(2, 2);
     view.blur_px = std::exp(state.log_blur[v]);
-    view.covered = fits[v].covered;
-    view.explained = fits[v].explained;
-    view.rms = 255 * fits[v].rms;
+    view.covered = survey.fits[v].covered;
+    view.explained = survey.fits[v].explained;
+    view.rms = 255 * survey.fits[v].rms;
     out.report.views.push_back(view);
-    out.report.residuals.push_back(dense.residual_map(static_cast<int>(v), state));
   }
+  out.report.residuals = std::move(survey.residuals);
   fill_head(state, region, options, lumas[0].width, lumas[0].height, out.head);
   if (Status cut = cut_at_turning_point(lens, out); !cut) return fail(cut.error());
-  fill_photometry(dense, state, fits, options.for_each, out);
+  fill_photometry(survey.calm, out);
   add_notes(options, out.report);
   if (Status checked = check_head(out.head); !checked) return fail(checked.error());
   tell("done", 1);

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace nodal::calibration {
 namespace {
@@ -15,7 +16,6 @@ constexpr int kSmallestSide = 90;      // px, of the coarsest photograph
 constexpr int kMostTaps = 9;
 constexpr double kCalm = 0.05;         // of the pattern's light, for a doubling of the blur
 constexpr int kRounds = 12;
-constexpr double kStillPx = 2e-4;      // a round that moves the picture less is the last
 
 double binomial(int n, int k) {
   double value = 1;
@@ -36,7 +36,8 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
                                      const Eigen::Matrix2d& footprint, double sigma) {
   const Eigen::Matrix2d S = footprint * footprint.transpose();
   const double half = (S(0, 0) + S(1, 1)) / 2;
-  const double root = std::hypot((S(0, 0) - S(1, 1)) / 2, S(0, 1));
+  const double skew = (S(0, 0) - S(1, 1)) / 2;
+  const double root = std::sqrt(skew * skew + S(0, 1) * S(0, 1));
   const double long2 = half + root;
   const double short2 = std::max(half - root, 1e-6 * long2);
   const double narrow = sigma * std::sqrt(short2);
@@ -63,6 +64,25 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
 void one_by_one(int count, const std::function<void(int)>& work) {
   for (int i = 0; i < count; ++i) work(i);
 }
+
+/// A photograph's pose and blur, frozen for many pixels.
+struct DenseAlignment::Look {
+  PlaneFinder plane;
+  double sigma;         // of all blur there is, px of the level
+  double by_log_blur;   // d(doublings of it) / d(log_blur)
+
+  Look(const Pose& pose, double log_blur, int level) : plane(pose) {
+    // Halving blurs too: s^2 of a level, in its own pixels.
+    double own = std::exp(2 * log_blur);
+    double variance = own + kPixelVariance;
+    for (int l = 0; l < level; ++l) {
+      variance = (variance + 3 * kLevelSigma * kLevelSigma) / 4;
+      own /= 4;
+    }
+    sigma = std::sqrt(variance);
+    by_log_blur = own / variance / std::numbers::ln2;
+  }
+};
 
 /// One pixel of one photograph with the pattern behind it.
 struct DenseAlignment::Seen {
@@ -97,32 +117,22 @@ void DenseAlignment::set_level(int level, long most_pixels) {
   stride_ = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / static_cast<double>(most_pixels)))));
 }
 
-bool DenseAlignment::see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight,
-                         Seen& seen) const {
-  const auto point = plane.at(sight.ray);
+bool DenseAlignment::see(const Look& look, const Sight& sight, Seen& seen) const {
+  const auto point = look.plane.at(sight.ray);
   if (!point) return false;
   const GreyImage& base = pattern_.level(0);
   const double width = base.width;
   const double px = std::ldexp(1.0, level_);  // of the full photograph in a pixel of this level
-  // Halving blurs too: s^2 of a level, in its own pixels.
-  const double own_blur = std::exp(state.log_blur[view]);
-  double variance = own_blur * own_blur + kPixelVariance;
-  double own_share = own_blur * own_blur;
-  for (int l = 0; l < level_; ++l) {
-    variance = (variance + 3 * kLevelSigma * kLevelSigma) / 4;
-    own_share /= 4;
-  }
-  const double sigma = std::sqrt(variance);
   const Eigen::Matrix2d footprint = width * px * point->distance * point->by_move * sight.by_pixel;
   const Eigen::Vector2d at(point->at.x() * width + width / 2, point->at.y() * width + base.height / 2.0);
-  const Eigen::Vector2d reach = 2.5 * sigma * footprint.rowwise().norm();
+  const Eigen::Vector2d reach = 2.5 * look.sigma * footprint.rowwise().norm();
   if (at.x() < reach.x() || at.y() < reach.y() || at.x() > width - reach.x() || at.y() > base.height - reach.y()) {
     return false;
   }
-  seen.pattern = through_footprint(pattern_, at, footprint, sigma);
+  seen.pattern = through_footprint(pattern_, at, footprint, look.sigma);
   seen.point = *point;
   seen.sight = &sight;
-  seen.dlog_blur = seen.pattern.dscale / std::log(2.0) * own_share / variance;
+  seen.dlog_blur = seen.pattern.dscale * look.by_log_blur;
   return true;
 }
 
@@ -136,10 +146,12 @@ bool DenseAlignment::in_region(const geometry::Pixel& pixel, double margin) cons
 }
 
 void DenseAlignment::gather(const DenseState& state, int band,
-                            const std::function<void(std::size_t view, const Seen&)>& take, int only, int every) const {
+                            const std::function<void(std::size_t view, const Seen&)>& take, int every) const {
   const SightFinder lens(state.arrangement.lens);
-  std::vector<PlaneFinder> planes;
-  for (const Pose& pose : state.arrangement.poses) planes.emplace_back(pose);
+  std::vector<Look> looks;
+  for (std::size_t v = 0; v < pyramids_.size(); ++v) {
+    looks.emplace_back(state.arrangement.poses[v], state.log_blur[v], level_);
+  }
   const auto level = static_cast<std::size_t>(level_);
   const GreyImage& first = pyramids_[0][level];
   const double px = std::ldexp(1.0, level_);
@@ -157,8 +169,7 @@ void DenseAlignment::gather(const DenseState& state, int band,
       seen.x = 2 * seen.pixel.x / (px * first.width) - 1;
       seen.y = 2 * seen.pixel.y / (px * first.height) - 1;
       for (std::size_t v = 0; v < pyramids_.size(); ++v) {
-        if (only >= 0 && v != static_cast<std::size_t>(only)) continue;
-        if (!see(state, v, planes[v], *sight, seen)) continue;
+        if (!see(looks[v], *sight, seen)) continue;
         seen.value = static_cast<double>(pyramids_[v][level].row(j)[i]);
         take(v, seen);
       }
@@ -175,7 +186,7 @@ void DenseAlignment::fit_shading(const DenseState& state) {
                                                           static_cast<float>(s.pattern.value),
                                                           static_cast<float>(s.value)});
     };
-    gather(state, band, keep, -1, kShadeStride);
+    gather(state, band, keep, kShadeStride);
   });
   std::vector<std::vector<ShadeSample>> samples(views);
   for (std::size_t v = 0; v < views; ++v) {
@@ -220,8 +231,8 @@ Evaluation DenseAlignment::evaluate(const DenseState& state) const {
   return total;
 }
 
-void DenseAlignment::run(int level, long most_pixels, const std::vector<bool>& fixed_lens, DenseState& state) {
-  set_level(level, most_pixels);
+Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state) {
+  set_level(level, care.most_pixels);
   std::vector<bool> fixed = fixed_lens;
   fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
   const auto step = [](const DenseState& from, const Eigen::VectorXd& d) {
@@ -233,11 +244,11 @@ void DenseAlignment::run(int level, long most_pixels, const std::vector<bool>& f
     }
     return next;
   };
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 1;; ++round) {
     fit_shading(state);
-    const Descent<DenseState> descent = descend(
+    Descent<DenseState> descent = descend(
         state, [this](const DenseState& s) { return evaluate(s); }, step, fixed,
-        {.most_steps = round == 0 ? 6 : 3, .enough = 1e-6, .first_damping = 1e-4});
+        {.most_steps = round == 1 ? 6 : 3, .enough = 0, .sure = care.sure, .first_damping = 1e-4});
     const double before = state.arrangement.lens[kFirstCoefficient];
     const double cx = state.arrangement.lens[kCenterX];
     state = descent.state;
@@ -245,61 +256,68 @@ void DenseAlignment::run(int level, long most_pixels, const std::vector<bool>& f
     // movement.
     const double movement = std::max(std::abs(state.arrangement.lens[kFirstCoefficient] - before),
                                      std::abs(state.arrangement.lens[kCenterX] - cx));
-    if (round > 0 && movement < kStillPx * std::ldexp(1.0, level) * (level == 0 ? 1 : 5)) break;
+    const bool still = round > 1 && movement < std::ldexp(care.still_px, level);
+    if (still || round == kRounds) return std::move(descent.at);
   }
 }
 
-std::vector<DenseFit> DenseAlignment::fits(const DenseState& state) const {
+DenseSurvey DenseAlignment::survey(const DenseState& state) const {
   struct Sums {
     double n = 0, value = 0, square = 0, left = 0;
   };
-  std::vector<std::vector<Sums>> bands(kBands, std::vector<Sums>(pyramids_.size()));
-  for_each_(kBands, [&](int band) {
-    gather(state, band, [&](std::size_t v, const Seen& s) {
-      const double left = shadings_.at(v, s.x, s.y, s.pattern.value).value - s.value;
-      Sums& sum = bands[static_cast<std::size_t>(band)][v];
-      sum.n += 1;
-      sum.value += s.value;
-      sum.square += s.value * s.value;
-      sum.left += left * left;
-    });
-  });
-  std::vector<Sums> sums(pyramids_.size());
-  for (const auto& band : bands) {
-    for (std::size_t v = 0; v < sums.size(); ++v) {
-      sums[v].n += band[v].n;
-      sums[v].value += band[v].value;
-      sums[v].square += band[v].square;
-      sums[v].left += band[v].left;
-    }
-  }
-  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
-  const double all = static_cast<double>(image.width) * image.height / (stride_ * stride_);
-  std::vector<DenseFit> fits;
-  for (const Sums& s : sums) {
-    DenseFit fit;
-    fit.pixels = static_cast<long>(s.n);
-    if (s.n > 0) {
-      const double variance = s.square / s.n - (s.value / s.n) * (s.value / s.n);
-      fit.rms = std::sqrt(s.left / s.n);
-      fit.explained = variance > 0 ? 1 - s.left / s.n / variance : 0;
-      fit.covered = s.n / all;
-    }
-    fits.push_back(fit);
-  }
-  return fits;
-}
-
-double DenseAlignment::covered(const DenseState& state) const {
+  struct Band {
+    std::vector<Sums> sums;
+    std::vector<std::vector<LightSample>> calm;
+    std::vector<bool> cells;
+  };
   constexpr int kGrid = 64;
-  std::vector<bool> cells(kGrid * kGrid, false);
+  const std::size_t views = pyramids_.size();
   const GreyImage& full = pyramids_[0][0];
+  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
+  const double px = std::ldexp(1.0, level_) * stride_;
   const auto cell = [&](const geometry::Pixel& p) {
     return static_cast<std::size_t>(static_cast<int>(p.y * kGrid / full.height) * kGrid +
                                     static_cast<int>(p.x * kGrid / full.width));
   };
-  for (int band = 0; band < kBands; ++band) {
-    gather(state, band, [&](std::size_t, const Seen& s) { cells[cell(s.pixel)] = true; });
+  DenseSurvey survey;
+  survey.residuals.resize(views, GreyImage(image.width / stride_ + 1, image.height / stride_ + 1));
+  survey.calm.resize(views);
+  std::vector<Band> bands(kBands, Band{std::vector<Sums>(views), survey.calm, std::vector<bool>(kGrid * kGrid)});
+  for_each_(kBands, [&](int n) {
+    Band& band = bands[static_cast<std::size_t>(n)];
+    gather(state, n, [&](std::size_t v, const Seen& s) {
+      const double left = s.value - shadings_.at(v, s.x, s.y, s.pattern.value).value;
+      Sums& sum = band.sums[v];
+      sum.n += 1;
+      sum.value += s.value;
+      sum.square += s.value * s.value;
+      sum.left += left * left;
+      band.cells[cell(s.pixel)] = true;
+      // Each band has rows of its own.
+      survey.residuals[v].row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
+          static_cast<float>(left);
+      if (std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
+      band.calm[v].push_back({static_cast<int>(v), s.pixel.x, s.pixel.y, s.pattern.value, s.value});
+    });
+  });
+  const double all = static_cast<double>(image.width) * image.height / (stride_ * stride_);
+  for (std::size_t v = 0; v < views; ++v) {
+    Sums sum;
+    for (const Band& band : bands) {
+      sum.n += band.sums[v].n;
+      sum.value += band.sums[v].value;
+      sum.square += band.sums[v].square;
+      sum.left += band.sums[v].left;
+      survey.calm[v].insert(survey.calm[v].end(), band.calm[v].begin(), band.calm[v].end());
+    }
+    DenseFit fit;
+    if (sum.n > 0) {
+      const double variance = sum.square / sum.n - (sum.value / sum.n) * (sum.value / sum.n);
+      fit.rms = std::sqrt(sum.left / sum.n);
+      fit.explained = variance > 0 ? 1 - sum.left / sum.n / variance : 0;
+      fit.covered = sum.n / all;
+    }
+    survey.fits.push_back(fit);
   }
   int inside = 0;
   int seen = 0;
@@ -308,51 +326,20 @@ double DenseAlignment::covered(const DenseState& state) const {
       const geometry::Pixel p{(i + 0.5) / kGrid * full.width, (j + 0.5) / kGrid * full.height};
       if (!in_region(p, 0)) continue;
       ++inside;
-      seen += cells[cell(p)] ? 1 : 0;
+      seen += std::ranges::any_of(bands, [&](const Band& band) { return band.cells[cell(p)]; }) ? 1 : 0;
     }
   }
-  return static_cast<double>(seen) / std::max(inside, 1);
+  survey.covered = static_cast<double>(seen) / std::max(inside, 1);
+  return survey;
 }
 
-Eigen::MatrixXd DenseAlignment::covariance(const DenseState& state, const std::vector<bool>& fixed_lens) const {
-  std::vector<bool> fixed = fixed_lens;
-  fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
-  const Evaluation at = evaluate(state);
+Eigen::MatrixXd covariance(const Evaluation& end, std::vector<bool> fixed_lens) {
+  fixed_lens.resize(static_cast<std::size_t>(end.equations.size()), false);
   // Residuals are in scatters already; what the model does not know (print, blur) is alike over a few
   // neighbours.
   constexpr double kAlike = 9;
-  const double unit = at.equations.cost() / static_cast<double>(std::max(at.equations.count(), 1L));
-  return at.equations.covariance(fixed) * unit * kAlike;
-}
-
-GreyImage DenseAlignment::residual_map(int view, const DenseState& state) const {
-  const GreyImage& image = pyramids_[0][static_cast<std::size_t>(level_)];
-  GreyImage map(image.width / stride_ + 1, image.height / stride_ + 1);
-  const double px = std::ldexp(1.0, level_) * stride_;
-  for_each_(kBands, [&](int band) {  // each writes rows of its own
-    gather(
-        state, band,
-        [&](std::size_t v, const Seen& s) {
-          map.row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
-              static_cast<float>(s.value - shadings_.at(v, s.x, s.y, s.pattern.value).value);
-        },
-        view);
-  });
-  return map;
-}
-
-void DenseAlignment::each_calm_pixel(int view, const DenseState& state, int stride,
-                                const std::function<void(double, double, double, double)>& tell) const {
-  int n = 0;
-  for (int band = 0; band < kBands; ++band) {
-    gather(
-        state, band,
-        [&](std::size_t, const Seen& s) {
-          if (std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
-          if (n++ % stride == 0) tell(s.pixel.x, s.pixel.y, s.pattern.value, s.value);
-        },
-        view);
-  }
+  const double unit = end.equations.cost() / static_cast<double>(std::max(end.equations.count(), 1L));
+  return end.equations.covariance(fixed_lens) * unit * kAlike;
 }
 
 }  // namespace nodal::calibration

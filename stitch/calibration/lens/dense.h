@@ -8,6 +8,7 @@
 
 #include "protocol/calibration.h"
 #include "stitch/calibration/lens/levenberg_marquardt.h"
+#include "stitch/calibration/lens/photometry.h"
 #include "stitch/calibration/lens/scale_space.h"
 #include "stitch/calibration/lens/shading.h"
 #include "stitch/calibration/lens/start.h"
@@ -25,12 +26,30 @@ struct DenseState {
   std::vector<double> log_blur;  ///< ln of the Gaussian's sigma, px of the photograph
 };
 
+/// How much trouble a descent takes.
+struct Care {
+  long most_pixels;  ///< of all photographs together, spread evenly
+  double sure;       ///< part of the cost below which a step is taken unseen, as the round's last
+  double still_px;   ///< a round that moves the picture less is the last, px of the pyramid's level
+};
+inline constexpr Care kQuick{40'000, 2e-3, 0.02};       // comes within a few hundredths of a pixel
+inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not make it better
+
 /// How well a photograph is explained.
 struct DenseFit {
   double explained = 0;  ///< part of the photograph's variance, where it shows the pattern
   double rms = 0;        ///< of what is left, of a range of 1
   double covered = 0;    ///< part of the region's pixels that show the pattern
-  long pixels = 0;       ///< that took part
+};
+
+/// What a state makes of the photographs.
+struct DenseSurvey {
+  std::vector<DenseFit> fits;
+  std::vector<GreyImage> residuals;  ///< what is left unexplained, px for px; 0 where the pattern is not seen
+  /// Light the photographs show. Only where the pattern is calm over a pixel or two, so that how blur is modelled does
+  /// not colour it.
+  std::vector<std::vector<LightSample>> calm;
+  double covered = 0;  ///< the part of the region that at least one photograph shows the pattern in
 };
 
 /// Threading: thread-bound; `for_each` may spread the work.
@@ -39,39 +58,27 @@ class DenseAlignment {
  public:
   DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region, ForEach for_each);
 
-  /// Descends at one pyramid level (0: full size) on about so many pixels of all photographs together, spread evenly;
-  /// shading refitted as it goes. `fixed_lens` marks lens parameters that stay.
-  void run(int level, long most_pixels, const std::vector<bool>& fixed_lens, DenseState& state);
+  /// Descends at one pyramid level (0: full size), shading refitted as it goes; says what it ends with.
+  /// `fixed_lens` marks lens parameters that stay.
+  Evaluation run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state);
   /// Coarsest level worth using.
   int coarsest() const { return static_cast<int>(pyramids_[0].size()) - 1; }
 
-  /// How each photograph is explained at the last state.
-  std::vector<DenseFit> fits(const DenseState& state) const;
-  /// The part of the region that at least one photograph shows the pattern in.
-  double covered(const DenseState& state) const;
-  /// The covariance of the unknowns at the last state, from what is left unexplained; lens parameters first.
-  Eigen::MatrixXd covariance(const DenseState& state, const std::vector<bool>& fixed_lens) const;
-  /// What the model leaves unexplained of photograph `view`, px for px; 0 where the pattern is not seen.
-  GreyImage residual_map(int view, const DenseState& state) const;
-  /// What photograph `view` shows of the pattern: calls back with the pixel, the pattern's light and the
-  /// photograph's value. Only where the pattern is calm over a pixel or two, so that how blur is modelled does
-  /// not colour the light.
-  void each_calm_pixel(int view, const DenseState& state, int stride,
-                  const std::function<void(double x, double y, double light, double value)>& tell) const;
+  /// Of the last run's pixels and shading.
+  DenseSurvey survey(const DenseState& state) const;
 
   static constexpr int kOwn = 7;  // six of the pose, one of the blur
-  static constexpr long kMostPixels = 700'000;  // more do not make it better
-  static constexpr long kFewPixels = 120'000;   // enough to come within a hundredth of a pixel
 
  private:
+  struct Look;
   struct Seen;
-  bool see(const DenseState& state, std::size_t view, const PlaneFinder& plane, const Sight& sight, Seen& seen) const;
+  bool see(const Look& look, const Sight& sight, Seen& seen) const;
   void fit_shading(const DenseState& state);
   Evaluation evaluate(const DenseState& state) const;
-  /// Calls back with every pixel of a band that shows the pattern (of a row only `every` so many-th), in all photographs
-  /// or in `only` one.
+  /// Calls back with every pixel of a band that shows the pattern (of a row only `every` so many-th), photograph by
+  /// photograph.
   void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take,
-              int only = -1, int every = 1) const;
+              int every = 1) const;
   void set_level(int level, long most_pixels);
   bool in_region(const geometry::Pixel& pixel, double margin) const;
 
@@ -83,5 +90,8 @@ class DenseAlignment {
   int level_ = 0;
   int stride_ = 1;
 };
+
+/// The covariance of the unknowns where a run ended, from what is left unexplained; lens parameters first.
+Eigen::MatrixXd covariance(const Evaluation& end, std::vector<bool> fixed_lens);
 
 }  // namespace nodal::calibration

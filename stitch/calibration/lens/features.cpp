@@ -18,8 +18,9 @@ constexpr float kLeastContrast = 0.006F;
 constexpr int kBorder = 8;              // px of the octave
 constexpr int kBins = 36;               // of directions
 constexpr int kCells = 4;
-constexpr int kCellBins = 8;
+constexpr std::size_t kCellBins = 8;
 constexpr double kCellSide = 3.0;       // sigmas
+constexpr int kProbes = 3 * (kCells + 1);
 constexpr float kLargestEntry = 0.2F;
 constexpr float kRatio = 0.85F;         // best distance over second best, squared below
 
@@ -91,14 +92,17 @@ std::vector<double> directions(const GreyImage& image, double x, double y, doubl
   const int radius = static_cast<int>(std::ceil(3 * reach));
   const int ci = static_cast<int>(x);
   const int cj = static_cast<int>(y);
+  const auto weight = [reach](double d) { return std::exp(-d * d / (2 * reach * reach)); };
+  const int first = std::max(1, ci - radius), last = std::min(image.width - 2, ci + radius);
+  std::vector<double> across;
+  for (int i = first; i <= last; ++i) across.push_back(weight(i + 0.5 - x));
   for (int j = std::max(1, cj - radius); j <= std::min(image.height - 2, cj + radius); ++j) {
-    for (int i = std::max(1, ci - radius); i <= std::min(image.width - 2, ci + radius); ++i) {
-      const double dx = i + 0.5 - x;
-      const double dy = j + 0.5 - y;
+    const double down = weight(j + 0.5 - y);
+    for (int i = first; i <= last; ++i) {
       const Gradient g = gradient(image, i, j);
-      const double weight = std::exp(-(dx * dx + dy * dy) / (2 * reach * reach)) * static_cast<double>(g.size);
       const double bin = (static_cast<double>(g.angle) / (2 * kPi) + 1) * kBins;
-      bins[static_cast<std::size_t>(bin) % kBins] += weight;
+      bins[static_cast<std::size_t>(bin) % kBins] +=
+          down * across[static_cast<std::size_t>(i - first)] * static_cast<double>(g.size);
     }
   }
   for (int pass = 0; pass < 4; ++pass) {
@@ -119,46 +123,55 @@ std::vector<double> directions(const GreyImage& image, double x, double y, doubl
   return found;
 }
 
-/// Adds one gradient to the 2 x 2 x 2 bins about it.
-void spread(double u, double v, double direction, float size, std::array<float, kDescriptorSize>& bins) {
-  const int iu = static_cast<int>(std::floor(u));
-  const int iv = static_cast<int>(std::floor(v));
-  const int ib = static_cast<int>(std::floor(direction));
-  for (int dv = 0; dv <= 1; ++dv) {
-    if (iv + dv < 0 || iv + dv >= kCells) continue;
-    const double wv = dv == 0 ? 1 - (v - iv) : v - iv;
-    for (int du = 0; du <= 1; ++du) {
-      if (iu + du < 0 || iu + du >= kCells) continue;
-      const double wu = du == 0 ? 1 - (u - iu) : u - iu;
-      for (int db = 0; db <= 1; ++db) {
-        const double wb = db == 0 ? 1 - (direction - ib) : direction - ib;
-        const int bin = ((iv + dv) * kCells + iu + du) * kCellBins + (ib + db) % kCellBins;
-        bins[static_cast<std::size_t>(bin)] += size * static_cast<float>(wu * wv * wb);
+/// A place a descriptor looks at, in cells from its middle, and what of a gradient there belongs to which cell.
+struct Probe {
+  double u, v;
+  struct Share {
+    std::size_t cell;
+    float weight;
+  };
+  std::vector<Share> shares;
+};
+
+/// Places a third of a cell apart: that is how much a blob is blurred, and between them is little new.
+std::vector<Probe> make_probes() {
+  std::vector<Probe> probes;
+  const auto share = [](double place, int cell) {
+    return std::max(0.0, 1 - std::abs(place - (cell - 0.5 * (kCells - 1))));
+  };
+  for (int row = 0; row < kProbes; ++row) {
+    for (int column = 0; column < kProbes; ++column) {
+      const double u = (column - 0.5 * (kProbes - 1)) / 3, v = (row - 0.5 * (kProbes - 1)) / 3;
+      Probe probe{u, v, {}};
+      const double middle = std::exp(-(u * u + v * v) / (0.5 * kCells * kCells));
+      for (int cell = 0; cell < kCells * kCells; ++cell) {
+        const double weight = middle * share(u, cell % kCells) * share(v, cell / kCells);
+        if (weight > 0) probe.shares.push_back({static_cast<std::size_t>(cell), static_cast<float>(weight)});
       }
+      probes.push_back(std::move(probe));
     }
   }
+  return probes;
 }
 
 std::array<float, kDescriptorSize> describe(const GreyImage& image, double x, double y, double sigma, double angle) {
+  static const std::vector<Probe> probes = make_probes();
   std::array<float, kDescriptorSize> bins{};
-  const double side = kCellSide * sigma;
-  const int radius = static_cast<int>(std::ceil(side * (kCells + 1) * 0.7071));
-  const double c = std::cos(angle);
-  const double s = std::sin(angle);
-  const int ci = static_cast<int>(x);
-  const int cj = static_cast<int>(y);
-  for (int j = std::max(1, cj - radius); j <= std::min(image.height - 2, cj + radius); ++j) {
-    for (int i = std::max(1, ci - radius); i <= std::min(image.width - 2, ci + radius); ++i) {
-      const double dx = (i + 0.5 - x) / side;
-      const double dy = (j + 0.5 - y) / side;
-      const double u = c * dx + s * dy;
-      const double v = -s * dx + c * dy;
-      if (std::max(std::abs(u), std::abs(v)) >= 0.5 * (kCells + 1)) continue;
-      const Gradient g = gradient(image, i, j);
-      double direction = (static_cast<double>(g.angle) - angle) / (2 * kPi);
-      direction = (direction - std::floor(direction)) * kCellBins;
-      const double weight = std::exp(-(u * u + v * v) / (0.5 * kCells * kCells));
-      spread(u + 0.5 * (kCells - 1), v + 0.5 * (kCells - 1), direction, g.size * static_cast<float>(weight), bins);
+  const double c = kCellSide * sigma * std::cos(angle);
+  const double s = kCellSide * sigma * std::sin(angle);
+  for (const Probe& probe : probes) {
+    const double px = x + c * probe.u - s * probe.v;
+    const double py = y + s * probe.u + c * probe.v;
+    if (px < 1 || py < 1 || px >= image.width - 1 || py >= image.height - 1) continue;
+    const Gradient g = gradient(image, static_cast<int>(px), static_cast<int>(py));
+    double direction = (static_cast<double>(g.angle) - angle) / (2 * kPi);
+    direction = (direction - std::floor(direction)) * kCellBins;
+    const auto below = static_cast<std::size_t>(direction);
+    const auto above = static_cast<float>(direction - static_cast<double>(below));
+    for (const Probe::Share& share : probe.shares) {
+      float* cell = bins.data() + share.cell * kCellBins;
+      cell[below % kCellBins] += g.size * share.weight * (1 - above);
+      cell[(below + 1) % kCellBins] += g.size * share.weight * above;
     }
   }
   Eigen::Map<Eigen::Matrix<float, kDescriptorSize, 1>> vector(bins.data());

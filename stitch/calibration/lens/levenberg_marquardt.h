@@ -16,14 +16,15 @@ struct Evaluation {
 struct DescentOptions {
   int most_steps = 50;
   double enough = 1e-6;        ///< ends when a step lowers the cost, or promises to, by less than this part of it
+  double sure = 0;             ///< a step that promises less than this part of the cost is taken unseen, as the last
   double first_damping = 1e-4; ///< the paper's lambda
 };
 
 template <class State>
 struct Descent {
   State state;
-  Evaluation at;   ///< the evaluation of `state`
-  int steps = 0;   ///< those that lowered the cost
+  Evaluation at;   ///< the evaluation of `state`, or of the one before a step taken unseen
+  int steps = 0;   ///< those seen to lower the cost
   bool settled = false;
 };
 
@@ -37,9 +38,15 @@ Descent<State> descend(State start, Evaluate&& evaluate, Move&& moved, const std
   double damping = options.first_damping;
   for (int n = 0; n < options.most_steps; ++n) {
     const Eigen::VectorXd step = best.at.equations.step(damping, fixed);
-    best.settled = best.at.equations.promised_by(step) < options.enough;
+    const double promised = best.at.equations.promised_by(step);
+    best.settled = promised < options.enough;
     if (best.settled) break;
     State next = moved(best.state, step);
+    if (promised < options.sure) {
+      best.state = std::move(next);
+      best.settled = true;
+      break;
+    }
     Evaluation evaluation = evaluate(next);
     if (!(evaluation.cost < best.at.cost)) {
       damping = damping * 10 + 1e-9;

@@ -1,8 +1,8 @@
 #include "stitch/calibration/lens/scale_space.h"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace nodal::calibration {
 namespace {
@@ -42,11 +42,10 @@ GreyImage filter_rows(const GreyImage& in, const Kernel& kernel, int step) {
       padded[static_cast<std::size_t>(i + count)] = row[std::clamp(i, 0, last)];
     }
     float* to = out.row(j);
-    for (int i = 0; i < out.width; ++i) {
-      const float* from = padded.data() + (i * step + kernel.first + count);
-      float sum = 0;
-      for (int k = 0; k < count; ++k) sum += kernel.taps[static_cast<std::size_t>(k)] * from[k];
-      to[i] = sum;
+    for (int k = 0; k < count; ++k) {
+      const float tap = kernel.taps[static_cast<std::size_t>(k)];
+      const float* from = padded.data() + (kernel.first + k + count);
+      for (int i = 0; i < out.width; ++i) to[i] += tap * from[i * step];
     }
   }
   return out;
@@ -66,48 +65,51 @@ GreyImage filter_columns(const GreyImage& in, const Kernel& kernel, int step) {
   return out;
 }
 
+using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
+
+float sum_of(Four f) { return (f[0] + f[1]) + (f[2] + f[3]); }
+
 /// Catmull-Rom: weights of the four samples about a place that is t past the second, and their derivatives.
 struct Cubic {
-  Eigen::Array4f weight;
-  Eigen::Array4f slope;
+  Four weight;
+  Four slope;
   explicit Cubic(float t) {
-    const float t2 = t * t;
-    const float t3 = t2 * t;
-    weight << -0.5F * t3 + t2 - 0.5F * t, 1.5F * t3 - 2.5F * t2 + 1, -1.5F * t3 + 2 * t2 + 0.5F * t,
-        0.5F * t3 - 0.5F * t2;
-    slope << -1.5F * t2 + 2 * t - 0.5F, 4.5F * t2 - 5 * t, -4.5F * t2 + 4 * t + 0.5F, 1.5F * t2 - t;
+    constexpr Four c0{0, 1, 0, 0}, c1{-0.5F, 0, 0.5F, 0}, c2{1, -2.5F, 2, -0.5F}, c3{-0.5F, 1.5F, -1.5F, 0.5F};
+    weight = c0 + t * (c1 + t * (c2 + t * c3));
+    slope = c1 + t * (2 * c2 + t * (3 * c3));
   }
 };
 
-/// Value and slopes from the columns (each one's four samples) already weighed down the rows.
+/// Value and slopes, each still in four columns.
 struct Point {
-  float value, dx, dy;
+  Four value, dx, dy;
 };
 
 Point sample_level(const GreyImage& image, double x, double y) {
-  const double u = std::clamp(x - 0.5, -4.0, image.width + 4.0);
-  const double v = std::clamp(y - 0.5, -4.0, image.height + 4.0);
-  const double floor_u = std::floor(u);
-  const double floor_v = std::floor(v);
-  const Cubic across(static_cast<float>(u - floor_u));
-  const Cubic down(static_cast<float>(v - floor_v));
-  const int i0 = static_cast<int>(floor_u) - 1;
-  const int j0 = static_cast<int>(floor_v) - 1;
+  // From the first of the four samples on; what is more than four samples off the picture is as far as four.
+  constexpr int kOff = 5;
+  const double u = std::clamp(x - 0.5, -4.0, image.width + 4.0) + (kOff - 1);
+  const double v = std::clamp(y - 0.5, -4.0, image.height + 4.0) + (kOff - 1);
+  const int below_u = static_cast<int>(u), below_v = static_cast<int>(v);
+  const Cubic across(static_cast<float>(u - below_u));
+  const Cubic down(static_cast<float>(v - below_v));
+  const int i0 = below_u - kOff;
+  const int j0 = below_v - kOff;
   const bool inside = i0 >= 0 && i0 + 4 <= image.width;
-  Eigen::Array4f values = Eigen::Array4f::Zero();
-  Eigen::Array4f slopes = Eigen::Array4f::Zero();
+  Four values{};
+  Four slopes{};
   for (int k = 0; k < 4; ++k) {
     const float* row = image.row(std::clamp(j0 + k, 0, image.height - 1));
-    Eigen::Array4f samples;
+    Four samples;
     if (inside) {
-      samples = Eigen::Map<const Eigen::Array4f>(row + i0);
+      std::memcpy(&samples, row + i0, sizeof samples);
     } else {
       for (int n = 0; n < 4; ++n) samples[n] = row[std::clamp(i0 + n, 0, image.width - 1)];
     }
     values += down.weight[k] * samples;
     slopes += down.slope[k] * samples;
   }
-  return {(across.weight * values).sum(), (across.slope * values).sum(), (across.weight * slopes).sum()};
+  return {across.weight * values, across.slope * values, across.weight * slopes};
 }
 
 }  // namespace
@@ -135,19 +137,17 @@ ScaleSpace::Sample ScaleSpace::at(double x, double y, double sigma) const {
   const double scale = std::clamp(std::log2(sigma / kLevelSigma), 0.0, static_cast<double>(levels_.size() - 1));
   const auto fine = std::min(static_cast<std::size_t>(scale), levels_.size() - 1);
   const std::size_t coarse = std::min(fine + 1, levels_.size() - 1);
-  const double share = scale - static_cast<double>(fine);
+  const auto share = static_cast<float>(scale - static_cast<double>(fine));
   const double fine_px = 1.0 / static_cast<double>(std::size_t{1} << fine);
   const double coarse_px = 1.0 / static_cast<double>(std::size_t{1} << coarse);
   const Point a = sample_level(levels_[fine], x * fine_px, y * fine_px);
   const Point b = sample_level(levels_[coarse], x * coarse_px, y * coarse_px);
-  const auto between = [share](float from, float to) {
-    return (1 - share) * static_cast<double>(from) + share * static_cast<double>(to);
-  };
+  const float of_fine = (1 - share) * static_cast<float>(fine_px), of_coarse = share * static_cast<float>(coarse_px);
   Sample s;
-  s.value = between(a.value, b.value);
-  s.dx = between(a.dx * static_cast<float>(fine_px), b.dx * static_cast<float>(coarse_px));
-  s.dy = between(a.dy * static_cast<float>(fine_px), b.dy * static_cast<float>(coarse_px));
-  s.dscale = static_cast<double>(b.value) - static_cast<double>(a.value);
+  s.value = static_cast<double>(sum_of((1 - share) * a.value + share * b.value));
+  s.dx = static_cast<double>(sum_of(of_fine * a.dx + of_coarse * b.dx));
+  s.dy = static_cast<double>(sum_of(of_fine * a.dy + of_coarse * b.dy));
+  s.dscale = static_cast<double>(sum_of(b.value - a.value));
   return s;
 }
 
