@@ -27,6 +27,7 @@ inline constexpr int kGainBits = 12;      ///< of Source::gain
 inline constexpr int kMaxGain = 32767;    ///< of Source::gain: just below 8
 inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
 inline constexpr int kMaxSharpen = 16;
+inline constexpr int kSharpenReach = 2;   ///< samples to the neighbours that Source::sharpen takes away from
 inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< of BlendTable::linear
 inline constexpr int kMaxLevels = 5;      ///< of a head's pyramid: 1, 1/2, .. 1/16
 
@@ -148,7 +149,7 @@ struct BlendTable {
     int height = 0;
     /// Undoes the head's own gain when it is exposed as it was calibrated, by tone class, 1 .. kMaxGain.
     std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
-    /// How much of a sample's difference from each of its four neighbours is added to it before it is mixed, 0 ..
+    /// How much of a sample's difference from each of four others, kSharpenReach to its sides, is added to it before it is mixed, 0 ..
     /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are, as does
     /// whoever makes smaller levels of them; so it is 0 where records name only those.
     std::uint8_t sharpen = 0;

@@ -29,9 +29,10 @@ template <int kStride>
                                                   const std::uint8_t* below, std::uint8_t* out, int width,
                                                   std::int16_t sharpen) {
   const auto own_share = static_cast<std::int16_t>(kOne + 4 * sharpen);
-  for (int x = 1; x < width - 1; ++x) {
+  constexpr int kReach = kSharpenReach * kStride;
+  for (int x = kSharpenReach; x < width - kSharpenReach; ++x) {
     const int at = x * kStride;
-    const auto around = static_cast<std::int16_t>(own[at - kStride] + own[at + kStride] + above[at] + below[at]);
+    const auto around = static_cast<std::int16_t>(own[at - kReach] + own[at + kReach] + above[at] + below[at]);
     out[x] = sharper(own[at], around, own_share, sharpen);
   }
 }
@@ -40,22 +41,24 @@ NODAL_CLONES void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::ptrd
   const int last = in.width - 1;
   for (int y = 0; y < in.height; ++y, to += stride) {
     const std::uint8_t* own = in.data + y * in.row_stride;
-    const std::uint8_t* above = y > 0 ? own - in.row_stride : own;
-    const std::uint8_t* below = y + 1 < in.height ? own + in.row_stride : own;
-    const auto edge = [&](int x, int left, int right) {
-      const int s = in.pixel_stride;
+    const std::uint8_t* above = in.data + std::max(y - kSharpenReach, 0) * in.row_stride;
+    const std::uint8_t* below = in.data + std::min(y + kSharpenReach, in.height - 1) * in.row_stride;
+    const auto anywhere = [&](int x) {
+      const int s = in.pixel_stride, left = std::max(x - kSharpenReach, 0), right = std::min(x + kSharpenReach, last);
       const auto around = static_cast<std::int16_t>(own[left * s] + own[right * s] + above[x * s] + below[x * s]);
       to[x] = sharper(own[x * s], around, static_cast<std::int16_t>(kOne + 4 * sharpen), sharpen);
     };
-    edge(0, 0, std::min(1, last));
-    edge(last, std::max(0, last - 1), last);
+    for (int x = 0; x < std::min(kSharpenReach, in.width); ++x) {
+      anywhere(x);
+      anywhere(last - x);
+    }
     switch (in.pixel_stride) {
       case 1: sharpen_inside<1>(own, above, below, to, in.width, sharpen); break;
       case 2: sharpen_inside<2>(own, above, below, to, in.width, sharpen); break;
       case 3: sharpen_inside<3>(own, above, below, to, in.width, sharpen); break;
       case 4: sharpen_inside<4>(own, above, below, to, in.width, sharpen); break;
       default:
-        for (int x = 1; x < last; ++x) edge(x, x - 1, x + 1);
+        for (int x = kSharpenReach; x < in.width - kSharpenReach; ++x) anywhere(x);
     }
   }
 }

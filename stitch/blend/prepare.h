@@ -16,7 +16,7 @@ std::size_t prepared_size(const BlendTable::Source& source);
 /// Leaves in views[0 .. source.levels) what the blend is given of a head (Pictures), made in `memory` where the picture
 /// itself will not do; each component in rows of its own, which begin at multiples of 64 bytes:
 ///
-///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - its four neighbours) / 64
+///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - the four kSharpenReach to its sides) / 64
 ///   level l + 1:                               the mean of the 2x2 samples of level l, not sharpened; what is left over
 ///                                              of odd sizes falls away
 ///

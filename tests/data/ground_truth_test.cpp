@@ -117,10 +117,10 @@ TEST_F(GroundTruth, RaymapOnBoard_IsAsNearToTheTrueSphereAsBilinearMixingAllows)
   const Picture raymap = on_board(one_nodal_point());
   const Score got = score_of(raymap);
   RecordProperty("psnr_db", std::to_string(got.psnr_db));
-  // Measured 36.54. Hugin with the true rig and its vignetting optimizer gets 31.6, 4x4 Catmull-Rom 36.9: less
+  // Measured 36.65. Hugin with the true rig and its vignetting optimizer gets 31.6, 4x4 Catmull-Rom 36.9: less
   // is a fault, and so would be more that nobody can explain.
-  EXPECT_GE(got.psnr_db, 36.5);
-  EXPECT_LE(got.psnr_db, 36.7);
+  EXPECT_GE(got.psnr_db, 36.6);
+  EXPECT_LE(got.psnr_db, 36.75);
 }
 
 TEST_F(GroundTruth, FixedPoint_IsWithinAFiftiethOfADecibelOfTheDoubleBlendAndNowhereMoreThanALevelOff) {
@@ -171,7 +171,7 @@ TEST_F(GroundTruth, EachStepLeftOut_CostsWhatItIsWorth) {
   const double whole = score_of(on_board(one_nodal_point())).psnr_db;
   for (const Step& step : {Step{"vignetting", 4, 7, [](table::TableOptions& o) { o.undo_vignetting = false; }},
                            Step{"gain", 4, 8, [](table::TableOptions& o) { o.undo_gain = false; }},
-                           Step{"sharpening", 0.3, 0.4, [](table::TableOptions& o) { o.sharpen = 0; }},
+                           Step{"sharpening", 0.4, 0.5, [](table::TableOptions& o) { o.sharpen = 0; }},
                            Step{"narrow feather", 0.1, 0.2, [](table::TableOptions& o) { o.feather = 0.5; }},
                            Step{"ray interpolation", -0.001, 0.001, [](table::TableOptions& o) {
                                   o.interpolation = table::Interpolation::kPixel;

@@ -25,7 +25,7 @@ RealSource sharpened(const PlaneView& plane, int sharpen) {
   RealSource source{plane.width, plane.height, {}};
   for (int y = 0; y < plane.height; ++y) {
     for (int x = 0; x < plane.width; ++x) {
-      const double detail = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
+      const double detail = 4 * at(x, y) - at(x - 2, y) - at(x + 2, y) - at(x, y - 2) - at(x, y + 2);
       source.values.push_back(std::clamp(at(x, y) + sharpen * detail / 64, 0.0, 255.0));
     }
   }

@@ -31,16 +31,17 @@ std::vector<std::uint8_t> bytes_of(const PlaneView& plane) {
 }
 
 TEST(PreparePicture, OneBrightSample_StandsOutMoreAndItsNeighboursLess) {
-  Picture picture(PixelFormat::kGrey8, 4, 3, 100);
-  picture.bytes[5] = 140;  // at (1, 1)
-  BlendTable::Source source{PixelFormat::kGrey8, 4, 3};
-  source.sharpen = 4;  // itself 140 + 4 * 160 / 64; beside it 100 - 4 * 40 / 64 = 97.5, halves up
+  Picture picture(PixelFormat::kGrey8, 5, 4, 100);
+  picture.bytes[7] = 140;  // at (2, 1)
+  BlendTable::Source source{PixelFormat::kGrey8, 5, 4};
+  source.sharpen = 4;  // itself 140 + 4 * 160 / 64; two to its sides 100 - 4 * 40 / 64 = 97.5, halves up
   EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0]),
-            (std::vector<std::uint8_t>{100, 98, 100, 100, 98, 150, 98, 100, 100, 98, 100, 100}));
-  picture.bytes[5] = 255;
+            (std::vector<std::uint8_t>{100, 100, 100, 100, 100, 98,  100, 150, 100, 98,  //
+                                       100, 100, 100, 100, 100, 100, 100, 98,  100, 100}));
+  picture.bytes[7] = 255;
   source.sharpen = 16;
-  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[5], 255);  // 255 + 155 is more than white
-  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[4], 61);   // 100 - 155 / 4 = 61.25
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[7], 255);  // 255 + 155 is more than white
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[5], 61);   // 100 - 155 / 4 = 61.25
 }
 
 TEST(PreparePicture, NothingToDo_TakesNoMemoryAndIsThePictureItself) {
@@ -83,7 +84,7 @@ RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std:
     const PlaneView& out = prepared.views[0].planes[c];
     for (int y = 0; y < plane.height; ++y) {
       for (int x = 0; x < plane.width; ++x) {
-        const int detail = 4 * at(x, y) - at(x - 1, y) - at(x + 1, y) - at(x, y - 1) - at(x, y + 1);
+        const int detail = 4 * at(x, y) - at(x - 2, y) - at(x + 2, y) - at(x, y - 2) - at(x, y + 2);
         const double exact = at(x, y) + source.sharpen * detail / 64.0;  // sixty-fourths are exact in a double
         RC_ASSERT(out.data[y * out.row_stride + x] == std::clamp(std::floor(exact + 0.5), 0.0, 255.0));
       }
