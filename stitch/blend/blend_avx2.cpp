@@ -1,6 +1,7 @@
-// The blend by AVX2: the rows of a patch that a quarter of a tile needs are gone through one by one, beside those of the
-// quarter on its right, and every row gives, by a shuffle of its 16 bytes, the samples of the pixels that lie in it. A
-// quarter is as wide as it is high, so that six rows nearly always do, however the head is turned.
+// The blend by AVX2: the rows of a patch that a quarter of a tile needs are gone through one by one, beside those of
+// the quarter on its right, and every row gives, by a shuffle of its 16 bytes, the samples of the pixels that lie in
+// it. A quarter is as wide as it is high, so that seven rows nearly always do, however the head is turned. One of the
+// two rows that a pixel mixes is even, one odd: kept by that, no row is shuffled both as an upper and as a lower one.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -14,158 +15,65 @@
 NODAL_TARGET_BEGIN("avx2")
 
 #include "stitch/blend/patch_avx2.h"
+#include "stitch/blend/places_avx2.h"
 #include "stitch/blend/tile_driver.h"
 
 namespace nodal::blend {
 namespace {
 
-/// Half a tile in two registers: its upper two rows, and its lower two. A 128-bit lane is a quarter's part of them.
-struct Rows {
-  V upper;
-  V lower;
+/// Samples that lie side by side, by pixel.
+struct Pair {
+  V left, right;
 };
-
-/// i, and of each half of a tile j, jj, 4j + 4 of its upper rows.
-struct Steps {
-  V i, ii;
-  V j[2], jj[2], next[2];
-};
-inline Steps steps() {
-  const V i = _mm256_setr_epi16(0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7);
-  const auto rows = [&](short a, short b) { return _mm256_broadcastsi128_si256(_mm_setr_epi16(a, a, a, a, b, b, b, b)); };
-  return {i, mul(i, i), {rows(0, 1), rows(4, 5)}, {rows(0, 1), rows(16, 25)}, {rows(4, 8), rows(20, 24)}};
-}
-
-/// A polynomial over a tile, before its rows are told apart.
-struct Polynomial {
-  V constant;  ///< with what goes with i
-  V by_j;
-  V by_2j;
-  V by_jj;
-};
-inline Polynomial quadratic(const Quadratic& q, const Steps& s) {
-  const V by_j = add(all(q[2]), mul(all(q[3]), s.i));
-  return {add(add(all(q[0]), mul(all(q[1]), s.i)), mul(all(q[4]), s.ii)), by_j, add(by_j, by_j), all(q[5])};
-}
-inline Rows at_half(const Polynomial& p, const Steps& s, std::size_t half) {
-  const V upper = add(add(p.constant, mul(p.by_j, s.j[half])), mul(p.by_jj, s.jj[half]));
-  return {upper, add(upper, add(p.by_2j, mul(p.by_jj, s.next[half])))};
-}
-inline Rows bilinear_half(const std::int16_t* q, const Steps& s, std::size_t half) {
-  const V by_j = add(all(q[2]), mul(all(q[3]), s.i));
-  const V upper = add(add(all(q[0]), mul(all(q[1]), s.i)), mul(by_j, s.j[half]));
-  return {upper, add(upper, add(by_j, by_j))};
-}
-
-/// Two rows of a tile, by what their quarters have of them. Back again by the same way.
-inline V by_quarters(V rows) { return _mm256_permute4x64_epi64(rows, 0xd8); }
-/// 64 values by pixel, of half a tile.
-template <class Number>
-inline Rows listed_half(const Number* values, std::size_t half) {
-  const Number* from = values + half * kTilePixels / 2;
-  return {by_quarters(load(from)), by_quarters(load(from + 2 * kTile))};
-}
-inline void list_half(Rows rows, std::size_t half, std::int16_t* values) {
-  std::int16_t* to = values + half * kTilePixels / 2;
-  _mm256_storeu_si256(reinterpret_cast<V*>(to), by_quarters(rows.upper));
-  _mm256_storeu_si256(reinterpret_cast<V*>(to + 2 * kTile), by_quarters(rows.lower));
-}
-
-/// Where half a tile's pixels lie in a patch, ready for use.
-struct Places {
-  V place;      ///< bytes, by pixel: row * 16 + column of the upper left sample
-  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
-  Rows down;    ///< the lower row's share, of 2^15
-};
-
-inline V place_in_patch(V x, V y) {
-  return _mm256_or_si256(_mm256_and_si256(_mm256_srli_epi16(y, 8), all(0xf0)), _mm256_srli_epi16(x, 12));
-}
-inline V shares_across(V x) {
-  const V f = _mm256_and_si256(_mm256_srli_epi16(x, 5), all(127));
-  return _mm256_sub_epi16(add(f, all(128)), _mm256_slli_epi16(f, 8));
-}
-inline V share_down(V y) { return _mm256_and_si256(_mm256_slli_epi16(y, 3), all(0x7ff8)); }
-
-inline Places places(Rows x, Rows y) {
-  return {_mm256_packus_epi16(place_in_patch(x.upper, y.upper), place_in_patch(x.lower, y.lower)),
-          {shares_across(x.upper), shares_across(x.lower)},
-          {share_down(y.upper), share_down(y.lower)}};
-}
-
-/// Both coordinates of a record's pixels.
-class Coordinates {
- public:
-  Coordinates(const GridTable& grid, const PatchRecord& record, const Steps& s) {
-    if (record.listed()) {
-      list_ = grid.coordinates.data() + record.list() * 2 * kTilePixels;
-    } else {
-      x_ = quadratic(record.x, s);
-      y_ = quadratic(record.y, s);
-    }
-  }
-  Places half(const Steps& s, std::size_t half) const {
-    if (list_ != nullptr) return places(listed_half(list_, half), listed_half(list_ + kTilePixels, half));
-    return places(at_half(x_, s, half), at_half(y_, s, half));
-  }
-
- private:
-  const std::uint16_t* list_ = nullptr;
-  Polynomial x_{};
-  Polynomial y_{};
-};
-
-/// The four samples of each pixel of half a tile.
+/// The four samples of each pixel of half a tile: of its even row and of its odd one, counted from where its quarter's
+/// pixels begin. Either may be the upper one.
 struct Samples {
-  V p00, p10, p01, p11;
+  Pair even, odd;
 };
 
-/// Takes up what lies in the `span` rows of the patch from where each quarter's pixels begin.
+/// Takes up what lies in `span` rows of the patch and the one after them. A row is taken for the pixels whose lower row
+/// it is and for all beyond, whose own come later.
 template <class Span>
-inline Samples picked(const Patch& patch, V place, const PatchRecord& record, std::size_t half, Span span) {
+[[gnu::always_inline]] inline Samples picked(const Constants& k, const Patch& patch, const Places& at,
+                                             const PatchRecord& record, std::size_t half, Span span) {
   const std::uint8_t* left_at = patch.data + record.first_row(half, 0) * patch.stride;
   const std::uint8_t* right_at = patch.data + record.first_row(half, 1) * patch.stride;
-  const auto row_at = [&] {
-    return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(left_at))),
-                                   _mm_loadu_si128(reinterpret_cast<const __m128i*>(right_at)), 1);
+  const V right = _mm256_add_epi8(at.column, load(&k.one));
+  const auto row = [&](int y) __attribute__((always_inline)) -> Pair {
+    const auto* lower = reinterpret_cast<const __m128i*>(left_at + y * patch.stride);
+    const auto* upper = reinterpret_cast<const __m128i*>(right_at + y * patch.stride);
+    const V both = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(lower)), _mm_loadu_si128(upper), 1);
+    return {_mm256_shuffle_epi8(both, at.column), _mm256_shuffle_epi8(both, right)};
   };
-  // A byte picks when its upper half is 7: its pixel's row less the row at hand is nothing. Else its top bit is set.
-  const V mine = _mm256_set1_epi8(0x70);
-  const V next = _mm256_set1_epi8(0x71);
-  const V step = _mm256_set1_epi8(0x10);
-  const V both = _mm256_set1_epi8(static_cast<char>(record.first[half]));
-  const V first = _mm256_sllv_epi32(both, _mm256_setr_epi32(4, 4, 4, 4, 0, 0, 0, 0));
-  place = _mm256_sub_epi8(place, _mm256_and_si256(first, _mm256_set1_epi8(static_cast<char>(0xf0))));
-  V upper = row_at();
-  Samples samples{};
-  for (int y = 0; y < span; ++y) {
-    left_at += patch.stride;
-    right_at += patch.stride;
-    const V lower = row_at();
-    const V left = _mm256_adds_epu8(place, mine);
-    const V right = _mm256_adds_epu8(place, next);
-    samples.p00 = _mm256_or_si256(samples.p00, _mm256_shuffle_epi8(upper, left));
-    samples.p10 = _mm256_or_si256(samples.p10, _mm256_shuffle_epi8(upper, right));
-    samples.p01 = _mm256_or_si256(samples.p01, _mm256_shuffle_epi8(lower, left));
-    samples.p11 = _mm256_or_si256(samples.p11, _mm256_shuffle_epi8(lower, right));
-    place = _mm256_sub_epi8(place, step);
-    upper = lower;
+  Samples samples{row(0), row(1)};
+  const auto take = [&](Pair& taken, int y) __attribute__((always_inline)) {
+    const V reached = _mm256_cmpgt_epi8(at.row, load(&k.before[static_cast<std::size_t>(y)]));
+    const Pair of = row(y);
+    taken = {_mm256_blendv_epi8(taken.left, of.left, reached), _mm256_blendv_epi8(taken.right, of.right, reached)};
+  };
+  for (int y = 2; y < span; y += 2) {
+    take(samples.even, y);
+    take(samples.odd, y + 1);
   }
+  if (span % 2 == 0) take(samples.even, span);
   return samples;
 }
 
-/// base - sample, base 128 times black, of half a tile.
-inline Rows mix(const Patch& patch, const Places& at, const PatchRecord& record, std::size_t half, V base) {
+/// -sample of half a tile.
+[[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at,
+                                       const PatchRecord& record, std::size_t half) {
   using Least = std::integral_constant<int, kLeastSpan>;
-  const Samples s = record.span() == kLeastSpan ? picked(patch, at.place, record, half, Least())
-                                                : picked(patch, at.place, record, half, record.span());
-  const auto down = [&](V top, V bottom, V share) {  // both negative
-    return add(_mm256_mulhrs_epi16(_mm256_sub_epi16(bottom, top), share), add(base, top));
+  const Samples s = record.span() == kLeastSpan ? picked(k, patch, at, record, half, Least())
+                                                : picked(k, patch, at, record, half, record.span());
+  // Always from the even row on: where that is the lower one, the other's share is one less the lower row's, and what
+  // comes of it is the same to the bit. `share` is then negative, see Places, and the difference's sign changes, too.
+  const auto down = [&](V even, V odd, V share) {  // both negative
+    return add(_mm256_mulhrs_epi16(_mm256_sign_epi16(_mm256_sub_epi16(odd, even), share), share), even);
   };
-  return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.p00, s.p10), at.across.upper),
-               _mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.p01, s.p11), at.across.upper), at.down.upper),
-          down(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.p00, s.p10), at.across.lower),
-               _mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.p01, s.p11), at.across.lower), at.down.lower)};
+  return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.even.left, s.even.right), at.across.upper),
+               _mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.odd.left, s.odd.right), at.across.upper), at.down.upper),
+          down(_mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.even.left, s.even.right), at.across.lower),
+               _mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.odd.left, s.odd.right), at.across.lower), at.down.lower)};
 }
 
 /// Bytes of a table, by bytes that are less than its length.
@@ -198,48 +106,55 @@ inline Rows negated(Rows rows, V base) {
 }
 
 struct Avx2 {
-  template <int N>
-  using Halves = std::array<std::array<Rows, 2>, N>;
-
-  /// Light of all components by one record, negative.
-  template <int N>
-  static inline void dark_of(const BlendJob& job, std::size_t r, const Steps& s, Halves<N>& dark) {
+  /// What a record gives to a tile: take(half, light of all components, negative), half after half.
+  template <int N, class Take>
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, Take take) {
     const PatchRecord& record = job.grid->records[r];
-    const Coordinates coordinates(*job.grid, record, s);
+    Coordinates coordinates(out_of_sight(), *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
     const bool alone = job.grid->gains.empty();
+    Bilinear vignetting{};
+    if (job.gains && !alone) vignetting.set(out_of_sight(), job.grid->gains[r].data());
+#pragma GCC unroll 2  // what the second half goes on from is then kept in registers
     for (std::size_t half = 0; half < 2; ++half) {
-      const Places at = coordinates.half(s, half);
-      const Rows vignetting = !job.gains || alone ? Rows{} : bilinear_half(job.grid->gains[r].data(), s, half);
+      const Constants& k = out_of_sight();  // of each half: what both use would be kept on the stack
+      const Places at = coordinates.half(k, half);
+      std::array<Rows, N> dark;
       for (std::size_t c = 0; c < N; ++c) {
         const V base = all(job.component[c].black);
-        Rows value = mix(patch[c], at, record, half, job.curves ? _mm256_setzero_si256() : base);
+        Rows value = mix(k, patch[c], at, record, half);
         if (job.curves) {
           const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
           value = negated(on_curve<10>(negated(value, _mm256_setzero_si256()), curve), base);
+        } else {
+          value = {add(value.upper, base), add(value.lower, base)};
         }
-        if (job.gains) {
-          const V head = all(job.gain(record.head(), c));
-          const V upper = alone ? head : _mm256_mulhrs_epi16(vignetting.upper, head);
-          const V lower = alone ? head : _mm256_mulhrs_epi16(vignetting.lower, head);
-          value = {_mm256_mulhrs_epi16(value.upper, upper), _mm256_mulhrs_epi16(value.lower, lower)};
-        }
-        dark[c][half] = value;
+        dark[c] = value;
       }
+      if (job.gains) {
+        const Rows gains = vignetting.half();
+        for (std::size_t c = 0; c < N; ++c) {
+          const V head = all(job.gain(record.head(), c));
+          const V upper = alone ? head : _mm256_mulhrs_epi16(gains.upper, head);
+          const V lower = alone ? head : _mm256_mulhrs_epi16(gains.lower, head);
+          dark[c] = {_mm256_mulhrs_epi16(dark[c].upper, upper), _mm256_mulhrs_epi16(dark[c].lower, lower)};
+        }
+      }
+      take(half, dark);
     }
   }
 
-  static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
+  static inline Rows level_of(const Constants& k, const BlendJob& job, std::size_t c, Rows light, bool negative) {
     const JobComponent& component = job.component[c];
     const V zero = _mm256_setzero_si256();
     if (component.output_curve) {
       if (negative) light = negated(light, zero);
       const Rows shown =
           on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)}, job.output[component.tone]);
-      return {_mm256_srai_epi16(add(shown.upper, all(64)), kSampleBits),
-              _mm256_srai_epi16(add(shown.lower, all(64)), kSampleBits)};
+      return {_mm256_srai_epi16(add(shown.upper, load(&k.half_level)), kSampleBits),
+              _mm256_srai_epi16(add(shown.lower, load(&k.half_level)), kSampleBits)};
     }
     const V scale = all(negative ? component.scale_of_dark : component.scale);
     const V black = all(component.black_level);
@@ -247,75 +162,77 @@ struct Avx2 {
   }
 
   template <int N>
-  static inline void finish(const BlendJob& job, const Halves<N>& light, bool negative, std::uint8_t* out) {
+  [[gnu::always_inline]] static inline void finish(const Constants& k, const BlendJob& job, std::size_t half,
+                                                   const std::array<Rows, N>& light, bool negative, std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
-      for (std::size_t half = 0; half < 2; ++half) {
-        const Rows level = level_of(job, c, light[c][half], negative);
-        const V bytes = _mm256_packus_epi16(level.upper, level.lower);  // by quarters
-        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half),
-                           _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
-      }
+      const Rows level = level_of(k, job, c, light[c], negative);
+      const V bytes = _mm256_packus_epi16(level.upper, level.lower);  // by quarters
+      _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half),
+                         _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
     }
   }
 
   /// Light as it is.
   template <int N>
-  static inline void finish(const BlendJob&, const Halves<N>& light, bool negative, std::int16_t* out) {
+  [[gnu::always_inline]] static inline void finish(const Constants&, const BlendJob&, std::size_t half,
+                                                   const std::array<Rows, N>& light, bool negative, std::int16_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
-      for (std::size_t half = 0; half < 2; ++half) {
-        const Rows rows = negative ? negated(light[c][half], _mm256_setzero_si256()) : light[c][half];
-        list_half(rows, half, out + c * kStrip);
-      }
+      list_half(negative ? negated(light[c], _mm256_setzero_si256()) : light[c], half, out + c * kStrip);
     }
   }
 
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-    const Steps s = steps();
-    Halves<N> dark;
+    const Constants& k = out_of_sight();
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      dark_of<N>(job, tile.record, s, dark);
-      return finish<N>(job, dark, true, out);
+      const auto take = [&](std::size_t half, const std::array<Rows, N>& dark) __attribute__((always_inline)) {
+        finish<N>(k, job, half, dark, true, out);
+      };
+      return dark_of<N>(job, tile.record, take);
     }
-    Halves<N> light{};
+    std::array<std::array<Rows, N>, 2> light;
+    std::array<Rows, 2> rest;
+    for (std::size_t half = 0; half < 2; ++half) {
+      light[half].fill({_mm256_setzero_si256(), _mm256_setzero_si256()});
+      rest[half] = {all(-32768), all(-32768)};
+    }
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
     const Sharing how = tile.how();
-    std::array<Rows, 2> rest;
-    rest.fill({all(-32768), all(-32768)});
     for (std::size_t r = 0; r < records; ++r) {
       prefetch<N>(job, tile.record + r);
-      dark_of<N>(job, tile.record + r, s, dark);
       const bool given = r + 1 < records || how == Sharing::kOpen;
-      for (std::size_t half = 0; half < 2; ++half) {
+      Bilinear bilinear{};
+      if (given && how == Sharing::kBilinear) bilinear.set(k, weights);
+      const auto take = [&](std::size_t half, const std::array<Rows, N>& dark) __attribute__((always_inline)) {
         Rows weight = rest[half];
         if (given) {
-          weight = how == Sharing::kBilinear ? bilinear_half(weights, s, half) : listed_half(weights, half);
-          rest[half] = {_mm256_sub_epi16(rest[half].upper, weight.upper), _mm256_sub_epi16(rest[half].lower, weight.lower)};
+          weight = how == Sharing::kBilinear ? bilinear.half() : listed_half(weights, half);
+          rest[half] = {_mm256_sub_epi16(rest[half].upper, weight.upper),
+                        _mm256_sub_epi16(rest[half].lower, weight.lower)};
         }
         for (std::size_t c = 0; c < N; ++c) {
-          light[c][half].upper = add(light[c][half].upper, _mm256_mulhrs_epi16(dark[c][half].upper, weight.upper));
-          light[c][half].lower = add(light[c][half].lower, _mm256_mulhrs_epi16(dark[c][half].lower, weight.lower));
+          light[half][c].upper = add(light[half][c].upper, _mm256_mulhrs_epi16(dark[c].upper, weight.upper));
+          light[half][c].lower = add(light[half][c].lower, _mm256_mulhrs_epi16(dark[c].lower, weight.lower));
         }
-      }
+      };
+      dark_of<N>(job, tile.record + r, take);
       weights += how == Sharing::kBilinear ? 4 : kTilePixels;
     }
-    finish<N>(job, light, false, out);
+    for (std::size_t half = 0; half < 2; ++half) finish<N>(k, job, half, light[half], false, out);
   }
 
   template <int N>
   static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
-    const Steps s = steps();
-    const Coordinates coordinates(*job.grid, record, s);
+    const Constants& k = out_of_sight();
+    Coordinates coordinates(k, *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
-    const V zero = _mm256_setzero_si256();
     for (std::size_t half = 0; half < 2; ++half) {
-      const Places at = coordinates.half(s, half);
+      const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
-        const Rows negative = mix(patch[c], at, record, half, zero);
-        list_half(negated(negative, zero), half, samples[c].data());
+        list_half(negated(mix(k, patch[c], at, record, half), _mm256_setzero_si256()), half, samples[c].data());
       }
     }
   }
