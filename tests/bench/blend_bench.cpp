@@ -56,6 +56,7 @@ class Course {
     const geometry::RaymapLayout& own = *layout_;
     add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, own, false);
     add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
+    add_blends("the same, sharpened", PixelFormat::kI420, PixelFormat::kI420, own, true, table::TableOptions().sharpen);
     add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
     add_blends("NV12 read in place", PixelFormat::kNv12, PixelFormat::kI420, own, false);
     add_blends("NV12 raymap", PixelFormat::kI420, PixelFormat::kNv12, own, false);
@@ -95,7 +96,7 @@ class Course {
   void add_peers();
   void add_list_peer(const geometry::RaymapLayout& layout);
   void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
-                  const geometry::RaymapLayout& layout, bool light);
+                  const geometry::RaymapLayout& layout, bool light, int sharpen = 0);
   void add_jpeg();
   std::shared_ptr<blend::BlendTable> compile(const std::string& name, const geometry::RaymapLayout& layout,
                                              PixelFormat format, std::span<const PixelFormat> formats,
@@ -197,9 +198,10 @@ void Course::add_list_peer(const geometry::RaymapLayout& layout) {
 }
 
 void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
-                        const geometry::RaymapLayout& layout, bool light) {
+                        const geometry::RaymapLayout& layout, bool light, int sharpen) {
   const int width = layout.width(), height = layout.height();
-  const table::TableOptions options = options_of(light);
+  table::TableOptions options = options_of(light);
+  options.sharpen = sharpen;
   const std::vector<PixelFormat> formats(heads_, head_format);
   const auto table = compile(name, layout, format, formats, options);
   auto tone = std::make_shared<blend::SetTone>(blend::calibrated_tone(*table));
@@ -214,7 +216,7 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   const Films& input = films(head_format);
   const double pixels = static_cast<double>(width) * height;
   Finding judged;
-  if (!quick_ && (name == "plain" || layout.scattered() || light)) judge(*table, layout, input, options, judged);
+  if (!quick_ && sharpen == 0 && (name == "plain" || layout.scattered() || light)) judge(*table, layout, input, options, judged);
   for (const blend::Kernel kernel : blend::kernels()) {
     if (kernel == blend::Kernel::kScalar && name != "plain") continue;
     for (const int threads : {1, 2}) {

@@ -45,7 +45,7 @@ class Outputs {
   std::vector<MutableImageView> images_;
 };
 
-/// Smaller levels of the heads' pictures, for tables that ask for them, in memory that is kept from frame to frame.
+/// Sharpened pictures of the heads and smaller ones, for tables that ask for them, in memory that is kept from frame to frame.
 class Levels {
  public:
   explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
@@ -67,7 +67,7 @@ class Levels {
   std::vector<ImageView> views_;
 };
 
-/// As every speed is measured: without sharpening, and `light` with tone curves and gains.
+/// As speed is measured unless said otherwise: without sharpening, and `light` with tone curves and gains.
 inline table::TableOptions options_of(bool light) {
   table::TableOptions options;
   options.sharpen = 0;
