@@ -90,6 +90,23 @@ TEST(Descend, WhereNoStepPromisesAnything_IsSettledWithoutAnotherEvaluation) {
   EXPECT_EQ(evaluations, 1);
 }
 
+TEST(Descend, StepThatPromisesLessThanIsSure_IsTakenWithoutAnotherEvaluation) {
+  int evaluations = 0;
+  const auto evaluate = [&](const double& x) {
+    ++evaluations;
+    Evaluation e{NormalEquations(1, 1, 1)};
+    const double one = 1, none = 0;
+    for (const double at : {-1.0, 1.2}) e.equations.add(0, &one, &none, x - at, 1);  // lowest at 0.1, a hundredth less
+    e.cost = (x + 1) * (x + 1) + (x - 1.2) * (x - 1.2);
+    return e;
+  };
+  const auto moved = [](const double& x, const Eigen::VectorXd& d) { return x + d[0]; };
+  const auto end = descend(0.0, evaluate, moved, {false, false}, {.sure = 0.05});
+  EXPECT_TRUE(end.settled);
+  EXPECT_NEAR(end.state, 0.1, 1e-4);
+  EXPECT_EQ(evaluations, 1);
+}
+
 TEST(Descend, CostThatOnlyRises_KeepsTheStart) {
   const auto evaluate = [](const double& x) {
     Evaluation e{NormalEquations(1, 1, 1)};
