@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
 constexpr int kMostRefusals = 4;
+constexpr double kGrain = 2e-4;  // of the objective: what rays that come and go at the rims make of it, up or down
 constexpr double kLeastPivot = 1e-9;
 
 // row . step <= room keeps a head's fall-off plausible at one place.
@@ -133,7 +134,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
     if (!better) {
       damping *= 10;
       ++refusals;
-      if (still) break;
+      if (still || promised < kGrain) break;
       step = step_from(best.heads, best.normal, damping).first;
       continue;
     }

@@ -33,7 +33,10 @@ Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
   work_all_ = 0;
-  for (const LevelPlan& plan : plans_) work_all_ += static_cast<double>(plan.width) * plan.width;
+  for (const LevelPlan& plan : plans_) {
+    const bool twice = lenses_far_off() && !is_coarse(plan) && &plan != &plans_.back();
+    work_all_ += (twice ? 2.0 : 1.0) * plan.width * plan.width;
+  }
   const std::vector<double> seen = fall_off_seen(heads_);
   std::vector<bool> tells;
   for (const double spread : seen) tells.push_back(spread >= kLeastFallOffSeen);
@@ -113,8 +116,7 @@ Status Run::descend_level(const LevelPlan& plan) {
     work_done_ += static_cast<double>(plan.width) * plan.width;
     return {};
   }
-  const double huber_share = is_coarse(plan) ? kHuberShare : fine_huber_share_;
-  objective.set_huber(static_cast<float>(huber_share * std::sqrt(start->objective())));
+  objective.set_huber(static_cast<float>(huber_share_ * std::sqrt(start->objective())));
   DescentOptions descent;
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
@@ -332,11 +334,7 @@ Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
   }
   if (Status found = find_dull_heads(); !found) return fail(found.error());
   if (Status coarse = descend_coarse(); !coarse) return fail(coarse.error());
-  for (const LevelPlan& plan : plans_) {
-    if (!is_coarse(plan)) {
-      if (Status done = descend_level(plan); !done) return fail(done.error());
-    }
-  }
+  if (Status fine = descend_fine(); !fine) return fail(fine.error());
   bool changed = false;
   for (std::size_t round = 0; round < heads_.size(); ++round) {
     if (Status placed = check_placed(changed); !placed) return fail(placed.error());

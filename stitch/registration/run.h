@@ -22,8 +22,8 @@ inline constexpr double kSmallOverlapSr = 0.02;
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
 class Run {
  public:
-  Run(const Calibration& prior, const Options& options, double fine_huber_share = kHuberShare)
-      : prior_(prior), options_(options), fine_huber_share_(fine_huber_share), workers_(options.threads) {}
+  Run(const Calibration& prior, const Options& options)
+      : prior_(prior), options_(options), workers_(options.threads) {}
 
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
   /// Heads that did not agree with the others when run() failed.
@@ -39,6 +39,9 @@ class Run {
   Status check_agreement();
   Status descend_level(const LevelPlan& plan);
   Status descend_coarse();
+  Status descend_fine();
+  Status choose_valley(std::size_t first, std::size_t last);
+  Result<double> least_agreement() const;
   Status check_placed(bool& changed);
   Status light_unplaced_heads();
   Status check_lenses(Objective& objective);
@@ -50,12 +53,13 @@ class Run {
   static bool is_coarse(const LevelPlan& plan) { return plan.level >= 2; }
   int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
   Sought sought_of(const LevelPlan& plan) const;
+  bool lenses_far_off() const { return options_.lens_far_off && options_.free == Free::kLens && options_.geometry; }
   const LevelPlan& detail_plan() const { return plans_[plans_.size() > 1 ? plans_.size() - 2 : 0]; }
   void tell(const LevelPlan& plan, int iteration, double objective, double turn);
 
   const Calibration& prior_;
   Options options_;
-  double fine_huber_share_;
+  double huber_share_ = kHuberShare;
   Workers workers_;
   std::vector<HeadPyramid> pyramids_;
   std::vector<HeadState> start_, heads_;
