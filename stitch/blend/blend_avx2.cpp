@@ -250,48 +250,60 @@ struct Avx2 {
     std::memcpy(to, from, bytes);
   }
 
+  /// Four rows of four tiles of a strip, side by side.
+  static inline void rows_of(const std::uint8_t* tiles, V rows[4]) {
+    const V a = load(tiles), b = load(tiles + kTilePixels);
+    const V c = load(tiles + 2 * kTilePixels), d = load(tiles + 3 * kTilePixels);
+    const V ab_even = _mm256_unpacklo_epi64(a, b), ab_odd = _mm256_unpackhi_epi64(a, b);
+    const V cd_even = _mm256_unpacklo_epi64(c, d), cd_odd = _mm256_unpackhi_epi64(c, d);
+    rows[0] = _mm256_permute2x128_si256(ab_even, cd_even, 0x20);
+    rows[1] = _mm256_permute2x128_si256(ab_odd, cd_odd, 0x20);
+    rows[2] = _mm256_permute2x128_si256(ab_even, cd_even, 0x31);
+    rows[3] = _mm256_permute2x128_si256(ab_odd, cd_odd, 0x31);
+  }
+
   template <int N>
   static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
     const bool triples = N == 3 && interleaved(job);
     const bool pairs = N == 2 && paired(job);
     if (!triples && !pairs && job.out[0].pixel_stride != 1) return false;
-    for (std::size_t j = 0; j < kTile; ++j) {
-      const auto eight = [&](std::size_t c, std::size_t tile) {
-        std::int64_t bytes;
-        std::memcpy(&bytes, strip + c * kStrip + tile * kTilePixels + j * kTile, sizeof bytes);
-        return bytes;
-      };
-      const std::ptrdiff_t row = y + static_cast<std::ptrdiff_t>(j);
-      if (triples) {
-        std::uint8_t* to = job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3;
-        for (std::size_t k = 0; k < 8; k += 2) {
-          for (const auto& picks : kTriplePicks) {
-            __m128i bytes = _mm_setzero_si128();
-            for (std::size_t c = 0; c < N; ++c) {
-              const __m128i of = _mm_set_epi64x(eight(c, k + 1), eight(c, k));
-              bytes = _mm_or_si128(bytes, shuffled(of, picks[c]));
+    std::array<std::uint8_t*, N> to;
+    std::array<std::ptrdiff_t, N> stride;
+    for (std::size_t c = 0; c < N; ++c) {
+      stride[c] = job.out[c].row_stride;
+      to[c] = job.out[c].data + y * stride[c] + std::ptrdiff_t{x} * job.out[c].pixel_stride;
+    }
+    for (std::size_t half = 0; half < 2; ++half) {
+      V rows[N][2][4];
+      for (std::size_t c = 0; c < N; ++c) {
+        for (std::size_t side = 0; side < 2; ++side) {
+          rows_of(strip + c * kStrip + 4 * side * kTilePixels + half * kTilePixels / 2, rows[c][side]);
+        }
+      }
+#pragma GCC unroll 4
+      for (std::size_t j = 0; j < kTile / 2; ++j) {
+#pragma GCC unroll 2
+        for (std::size_t side = 0; side < 2; ++side) {
+          if (triples) {
+            for (std::size_t k = 0; k < 6; ++k) {
+              __m128i bytes = _mm_setzero_si128();
+              for (std::size_t c = 0; c < N; ++c) {
+                const V of = rows[c][side][j];
+                const __m128i two = k < 3 ? _mm256_castsi256_si128(of) : _mm256_extracti128_si256(of, 1);
+                bytes = _mm_or_si128(bytes, shuffled(two, kTriplePicks[k % 3][c]));
+              }
+              _mm_storeu_si128(reinterpret_cast<__m128i*>(to[0] + 96 * side + 16 * k), bytes);
             }
-            _mm_storeu_si128(reinterpret_cast<__m128i*>(to), bytes);
-            to += 16;
+          } else if (pairs) {
+            const V u = rows[0][side][j], v = rows[N - 1][side][j];
+            const V low = _mm256_unpacklo_epi8(u, v), high = _mm256_unpackhi_epi8(u, v);
+            put(to[0] + 64 * side, _mm256_permute2x128_si256(low, high, 0x20));
+            put(to[0] + 64 * side + 32, _mm256_permute2x128_si256(low, high, 0x31));
+          } else {
+            for (std::size_t c = 0; c < N; ++c) put(to[c] + 32 * side, rows[c][side][j]);
           }
         }
-        continue;
-      }
-      if (pairs) {
-        std::uint8_t* to = job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2;
-        for (std::size_t k = 0; k < 8; k += 2, to += 32) {
-          const __m128i u = _mm_set_epi64x(eight(0, k + 1), eight(0, k));
-          const __m128i v = _mm_set_epi64x(eight(N - 1, k + 1), eight(N - 1, k));
-          put(to, _mm256_set_m128i(_mm_unpackhi_epi8(u, v), _mm_unpacklo_epi8(u, v)));
-        }
-        continue;
-      }
-      for (std::size_t c = 0; c < N; ++c) {
-        std::uint8_t* to = job.out[c].data + row * job.out[c].row_stride + x;
-        for (std::size_t k = 0; k < 8; k += 4, to += 32) {
-          const V four = _mm256_setr_epi64x(eight(c, k), eight(c, k + 1), eight(c, k + 2), eight(c, k + 3));
-          put(to, four);
-        }
+        for (std::size_t c = 0; c < N; ++c) to[c] += stride[c];
       }
     }
     return true;
