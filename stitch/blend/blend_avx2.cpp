@@ -59,16 +59,16 @@ template <class Span>
   return samples;
 }
 
-/// -sample of half a tile.
+/// base - sample, base 128 times black, of half a tile.
 [[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at,
-                                       const PatchRecord& record, std::size_t half) {
+                                       const PatchRecord& record, std::size_t half, V base) {
   using Least = std::integral_constant<int, kLeastSpan>;
   const Samples s = record.span() == kLeastSpan ? picked(k, patch, at, record, half, Least())
                                                 : picked(k, patch, at, record, half, record.span());
   // Always from the even row on: where that is the lower one, the other's share is one less the lower row's, and what
   // comes of it is the same to the bit. `share` is then negative, see Places, and the difference's sign changes, too.
   const auto down = [&](V even, V odd, V share) {  // both negative
-    return add(_mm256_mulhrs_epi16(_mm256_sign_epi16(_mm256_sub_epi16(odd, even), share), share), even);
+    return add(_mm256_mulhrs_epi16(_mm256_sign_epi16(_mm256_sub_epi16(odd, even), share), share), add(base, even));
   };
   return {down(_mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.even.left, s.even.right), at.across.upper),
                _mm256_maddubs_epi16(_mm256_unpacklo_epi8(s.odd.left, s.odd.right), at.across.upper), at.down.upper),
@@ -106,55 +106,67 @@ inline Rows negated(Rows rows, V base) {
 }
 
 struct Avx2 {
-  /// What a record gives to a tile: take(half, light of all components, negative), half after half.
-  template <int N, class Take>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, Take take) {
+  /// By component, and half. To be used where it lies: GCC copies Rows by halves of registers, and loads of whole ones
+  /// then wait until both have been stored.
+  template <int N>
+  using Light = std::array<std::array<Rows, 2>, N>;
+
+  /// Puts what was mixed for a record through its head's curves and gains.
+  template <int N>
+  [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& dark) {
+    const HeadIndex head = job.grid->records[r].head();
+    if (job.curves) {
+      for (std::size_t c = 0; c < N; ++c) {
+        const Pieces<32>& curve = job.curve[head][job.component[c].tone];
+        const V base = all(job.component[c].black);
+        for (Rows& rows : dark[c]) rows = negated(on_curve<10>(negated(rows, base), curve), base);
+      }
+    }
+    if (!job.gains) return;
+    const bool alone = job.grid->gains.empty();
+    Bilinear vignetting{};
+    if (!alone) vignetting.set(out_of_sight(), job.grid->gains[r].data());
+    for (std::size_t half = 0; half < 2; ++half) {
+      const Rows gains = vignetting.half();
+      for (std::size_t c = 0; c < N; ++c) {
+        const V of_head = all(job.gain(head, c));
+        const V upper = alone ? of_head : _mm256_mulhrs_epi16(gains.upper, of_head);
+        const V lower = alone ? of_head : _mm256_mulhrs_epi16(gains.lower, of_head);
+        Rows& rows = dark[c][half];
+        rows = {_mm256_mulhrs_epi16(rows.upper, upper), _mm256_mulhrs_epi16(rows.lower, lower)};
+      }
+    }
+  }
+
+  /// What a record gives to a tile, negative.
+  template <int N>
+  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, Light<N>& dark) {
     const PatchRecord& record = job.grid->records[r];
     Coordinates coordinates(out_of_sight(), *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
-    const bool alone = job.grid->gains.empty();
-    Bilinear vignetting{};
-    if (job.gains && !alone) vignetting.set(out_of_sight(), job.grid->gains[r].data());
 #pragma GCC unroll 2  // what the second half goes on from is then kept in registers
     for (std::size_t half = 0; half < 2; ++half) {
       const Constants& k = out_of_sight();  // of each half: what both use would be kept on the stack
       const Places at = coordinates.half(k, half);
-      std::array<Rows, N> dark;
       for (std::size_t c = 0; c < N; ++c) {
-        const V base = all(job.component[c].black);
-        Rows value = mix(k, patch[c], at, record, half);
-        if (job.curves) {
-          const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
-          value = negated(on_curve<10>(negated(value, _mm256_setzero_si256()), curve), base);
-        } else {
-          value = {add(value.upper, base), add(value.lower, base)};
-        }
-        dark[c] = value;
+        dark[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
       }
-      if (job.gains) {
-        const Rows gains = vignetting.half();
-        for (std::size_t c = 0; c < N; ++c) {
-          const V head = all(job.gain(record.head(), c));
-          const V upper = alone ? head : _mm256_mulhrs_epi16(gains.upper, head);
-          const V lower = alone ? head : _mm256_mulhrs_epi16(gains.lower, head);
-          dark[c] = {_mm256_mulhrs_epi16(dark[c].upper, upper), _mm256_mulhrs_epi16(dark[c].lower, lower)};
-        }
-      }
-      take(half, dark);
     }
+    if (job.curves || job.gains) tone<N>(job, r, dark);
   }
 
-  static inline Rows level_of(const Constants& k, const BlendJob& job, std::size_t c, Rows light, bool negative) {
+  static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
     const JobComponent& component = job.component[c];
     const V zero = _mm256_setzero_si256();
     if (component.output_curve) {
       if (negative) light = negated(light, zero);
       const Rows shown =
           on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)}, job.output[component.tone]);
-      return {_mm256_srai_epi16(add(shown.upper, load(&k.half_level)), kSampleBits),
-              _mm256_srai_epi16(add(shown.lower, load(&k.half_level)), kSampleBits)};
+      const V rounding = load(&out_of_sight().half_level);
+      return {_mm256_srai_epi16(add(shown.upper, rounding), kSampleBits),
+              _mm256_srai_epi16(add(shown.lower, rounding), kSampleBits)};
     }
     const V scale = all(negative ? component.scale_of_dark : component.scale);
     const V black = all(component.black_level);
@@ -162,64 +174,73 @@ struct Avx2 {
   }
 
   template <int N>
-  [[gnu::always_inline]] static inline void finish(const Constants& k, const BlendJob& job, std::size_t half,
-                                                   const std::array<Rows, N>& light, bool negative, std::uint8_t* out) {
+  [[gnu::always_inline]] static inline void finish(const BlendJob& job, const Light<N>& light, bool negative,
+                                                   std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
-      const Rows level = level_of(k, job, c, light[c], negative);
-      const V bytes = _mm256_packus_epi16(level.upper, level.lower);  // by quarters
-      _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half),
-                         _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
+      for (std::size_t half = 0; half < 2; ++half) {
+        const Rows level = level_of(job, c, light[c][half], negative);
+        const V bytes = _mm256_packus_epi16(level.upper, level.lower);  // by quarters
+        _mm256_store_si256(reinterpret_cast<V*>(out + c * kStrip + 32 * half),
+                           _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
+      }
     }
   }
 
   /// Light as it is.
   template <int N>
-  [[gnu::always_inline]] static inline void finish(const Constants&, const BlendJob&, std::size_t half,
-                                                   const std::array<Rows, N>& light, bool negative, std::int16_t* out) {
+  [[gnu::always_inline]] static inline void finish(const BlendJob&, const Light<N>& light, bool negative,
+                                                   std::int16_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
-      list_half(negative ? negated(light[c], _mm256_setzero_si256()) : light[c], half, out + c * kStrip);
+      for (std::size_t half = 0; half < 2; ++half) {
+        const Rows& of = light[c][half];
+        const auto positive = [&](V v) { return negative ? _mm256_sub_epi16(_mm256_setzero_si256(), v) : v; };
+        list_half({positive(of.upper), positive(of.lower)}, half, out + c * kStrip);
+      }
     }
   }
 
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-    const Constants& k = out_of_sight();
+    Light<N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      const auto take = [&](std::size_t half, const std::array<Rows, N>& dark) __attribute__((always_inline)) {
-        finish<N>(k, job, half, dark, true, out);
-      };
-      return dark_of<N>(job, tile.record, take);
+      dark_of<N>(job, tile.record, dark);
+      return finish<N>(job, dark, true, out);
     }
-    std::array<std::array<Rows, N>, 2> light;
+    Light<N> light;
+    for (auto& of : light) of.fill({_mm256_setzero_si256(), _mm256_setzero_si256()});
     std::array<Rows, 2> rest;
-    for (std::size_t half = 0; half < 2; ++half) {
-      light[half].fill({_mm256_setzero_si256(), _mm256_setzero_si256()});
-      rest[half] = {all(-32768), all(-32768)};
-    }
+    rest.fill({all(-32768), all(-32768)});
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
     const Sharing how = tile.how();
     for (std::size_t r = 0; r < records; ++r) {
       prefetch<N>(job, tile.record + r);
-      const bool given = r + 1 < records || how == Sharing::kOpen;
-      Bilinear bilinear{};
-      if (given && how == Sharing::kBilinear) bilinear.set(k, weights);
-      const auto take = [&](std::size_t half, const std::array<Rows, N>& dark) __attribute__((always_inline)) {
-        Rows weight = rest[half];
-        if (given) {
-          weight = how == Sharing::kBilinear ? bilinear.half() : listed_half(weights, half);
-          rest[half] = {_mm256_sub_epi16(rest[half].upper, weight.upper),
-                        _mm256_sub_epi16(rest[half].lower, weight.lower)};
+      dark_of<N>(job, tile.record + r, dark);
+      std::array<Rows, 2> weight = rest;
+      if (r + 1 < records || how == Sharing::kOpen) {
+        if (how == Sharing::kBilinear) {
+          Bilinear bilinear;
+          bilinear.set(out_of_sight(), weights);
+          weight = {bilinear.half(), bilinear.half()};
+          weights += 4;
+        } else {
+          weight = {listed_half(weights, 0), listed_half(weights, 1)};
+          weights += kTilePixels;
         }
-        for (std::size_t c = 0; c < N; ++c) {
-          light[half][c].upper = add(light[half][c].upper, _mm256_mulhrs_epi16(dark[c].upper, weight.upper));
-          light[half][c].lower = add(light[half][c].lower, _mm256_mulhrs_epi16(dark[c].lower, weight.lower));
+        for (std::size_t half = 0; half < 2; ++half) {
+          rest[half] = {_mm256_sub_epi16(rest[half].upper, weight[half].upper),
+                        _mm256_sub_epi16(rest[half].lower, weight[half].lower)};
         }
-      };
-      dark_of<N>(job, tile.record + r, take);
-      weights += how == Sharing::kBilinear ? 4 : kTilePixels;
+      }
+      for (std::size_t c = 0; c < N; ++c) {
+        for (std::size_t half = 0; half < 2; ++half) {
+          const Rows& of = dark[c][half];
+          light[c][half].upper = add(light[c][half].upper, _mm256_mulhrs_epi16(of.upper, weight[half].upper));
+          light[c][half].lower = add(light[c][half].lower, _mm256_mulhrs_epi16(of.lower, weight[half].lower));
+        }
+      }
     }
-    for (std::size_t half = 0; half < 2; ++half) finish<N>(k, job, half, light[half], false, out);
+    finish<N>(job, light, false, out);
   }
 
   template <int N>
@@ -229,10 +250,11 @@ struct Avx2 {
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
+    const V zero = _mm256_setzero_si256();
     for (std::size_t half = 0; half < 2; ++half) {
       const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
-        list_half(negated(mix(k, patch[c], at, record, half), _mm256_setzero_si256()), half, samples[c].data());
+        list_half(negated(mix(k, patch[c], at, record, half, zero), zero), half, samples[c].data());
       }
     }
   }
