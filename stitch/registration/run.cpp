@@ -16,7 +16,7 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kLooseSigmaPx = 0.5;  // a head that is held more loosely than this shows at its seams
+constexpr double kLooseSigmaPx = 0.5;  // of the picture, or the raymap where that is coarser: more shows at the seams
 constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
 constexpr double kLeastPairAgreement = 0.2;
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
@@ -177,12 +177,14 @@ Status Run::check_placed(bool& changed) {
   const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
   if (Status agree = check_agreement(); !agree) return agree;
-  const double per_radian = pixels_per_radian(heads_);
+  double per_radian = pixels_per_radian(heads_);
+  if (options_.width > 0) per_radian = std::min(per_radian, options_.width / (2 * std::numbers::pi));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail->heads[h].sigma_rad;
     if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
-    unplace(h, "the detail it shares with other heads does not hold it in every direction");
+    unplace(h, std::string("the detail it shares with other heads does not hold it in every direction") +
+                   (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
     ++loose_heads_;
     changed = true;
   }

@@ -54,7 +54,10 @@ class Run {
   int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
   Sought sought_of(const LevelPlan& plan) const;
   bool lenses_far_off() const { return options_.lens_far_off && options_.free == Free::kLens && options_.geometry; }
-  const LevelPlan& detail_plan() const { return plans_[plans_.size() > 1 ? plans_.size() - 2 : 0]; }
+  /// The finest is noisy where it is of full-size pictures.
+  const LevelPlan& detail_plan() const {
+    return plans_[plans_.back().level == 0 && plans_.size() > 1 ? plans_.size() - 2 : plans_.size() - 1];
+  }
   void tell(const LevelPlan& plan, int iteration, double objective, double turn);
 
   const Calibration& prior_;

@@ -100,6 +100,19 @@ TEST(Register, EveryLayoutAndNorm_FindsTheRigAndTheResultDependsOnTheLayoutABit)
   EXPECT_GT(test::rotation_error(found[0], found[2]).max_deg, 1e-6);
 }
 
+TEST(Register, ARaymapNarrowerThanThePictures_PlacesTheHeadsAsWellAsItShows) {
+  const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 6);
+  for (const int width : {96, 128, 160}) {
+    Options options;
+    options.width = width;
+    const Result<Report> report = register_heads(prior, {town().frames()}, options);
+    EXPECT_TRUE(report) << width << ": " << report.error().text();
+    if (!report) continue;
+    EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.1 * 360 / width) << width;
+    for (const HeadReport& head : report->heads) EXPECT_TRUE(head.placed) << width << ": " << head.why_not;
+  }
+}
+
 TEST(Register, FirstHeadHoldsTheRig_ItStaysAsThePriorHasIt) {
   const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 5);
   const Result<Report> report = register_heads(prior, {town().frames()}, {});
