@@ -116,8 +116,9 @@ class WeightReader {
 
 /// Asks for the patch of the record that comes a while after r, as many of its rows as most tiles need: a count of its
 /// own would cost more in guesses gone wrong than it saves. Where a row lies across two lines, the first has nearly
-/// always been asked for by the patch on its left, and only the second is here. Always inlined: GCC 12 takes a function
-/// that does nothing else for one that does nothing, and leaves its calls out.
+/// always been asked for by the patch on its left, and only the second is here; of samples in threes or fours, whose rows
+/// are nearly as long as a line, both are. Always inlined: GCC 12 takes a function that does nothing else for one that does
+/// nothing, and leaves its calls out.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {
   constexpr std::size_t kAhead = 224;  // some 300 KiB: more would be pushed out of a second cache of 1 MiB again
@@ -126,10 +127,15 @@ template <int N>
   const auto& records = job.grid->records;
   const PatchRecord& record = records[std::min(r + kAhead, records.size() - 1)];
   const PatchPlane& plane = job.plane(record);
-  const std::ptrdiff_t end = record.top * plane.row_stride + (std::ptrdiff_t{record.left} + kPatch) * plane.group - 1;
-  for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
-    const std::uint8_t* from = plane.data[c] + end;
+  const std::ptrdiff_t begin = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
+  const std::ptrdiff_t end = begin + kPatch * plane.group - 1;
+  const auto ask_for = [&](const std::uint8_t* from) __attribute__((always_inline)) {
     for (int y = 0; y < kRows; ++y, from += plane.row_stride) __builtin_prefetch(from, 0, kNear);
+  };
+  const bool both = plane.group > 2;
+  for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
+    ask_for(plane.data[c] + end);
+    if (both) ask_for(plane.data[c] + begin);
   }
 }
 
