@@ -125,7 +125,7 @@ struct Avx2 {
     if (!job.gains) return;
     const bool alone = job.grid->gains.empty();
     Bilinear vignetting{};
-    if (!alone) vignetting.set(out_of_sight(), job.grid->gains[r].data());
+    if (!alone) vignetting.set(out_of_sight(kConstants), job.grid->gains[r].data());
     for (std::size_t half = 0; half < 2; ++half) {
       const Rows gains = vignetting.half();
       for (std::size_t c = 0; c < N; ++c) {
@@ -142,13 +142,13 @@ struct Avx2 {
   template <int N>
   [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, Light<N>& dark) {
     const PatchRecord& record = job.grid->records[r];
-    Coordinates coordinates(out_of_sight(), *job.grid, record);
+    Coordinates coordinates(out_of_sight(kConstants), *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
 #pragma GCC unroll 2  // what the second half goes on from is then kept in registers
     for (std::size_t half = 0; half < 2; ++half) {
-      const Constants& k = out_of_sight();  // of each half: what both use would be kept on the stack
+      const Constants& k = out_of_sight(kConstants);  // of each half: what both use would be kept on the stack
       const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
         dark[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
@@ -164,7 +164,7 @@ struct Avx2 {
       if (negative) light = negated(light, zero);
       const Rows shown =
           on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)}, job.output[component.tone]);
-      const V rounding = load(&out_of_sight().half_level);
+      const V rounding = load(&out_of_sight(kConstants).half_level);
       return {_mm256_srai_epi16(add(shown.upper, rounding), kSampleBits),
               _mm256_srai_epi16(add(shown.lower, rounding), kSampleBits)};
     }
@@ -220,7 +220,7 @@ struct Avx2 {
       if (r + 1 < records || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
           Bilinear bilinear;
-          bilinear.set(out_of_sight(), weights);
+          bilinear.set(out_of_sight(kConstants), weights);
           weight = {bilinear.half(), bilinear.half()};
           weights += 4;
         } else {
@@ -245,7 +245,7 @@ struct Avx2 {
 
   template <int N>
   static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
-    const Constants& k = out_of_sight();
+    const Constants& k = out_of_sight(kConstants);
     Coordinates coordinates(k, *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;

@@ -73,12 +73,6 @@ constexpr Constants constants() {
 }
 constexpr Constants kConstants = constants();
 
-/// Those, in such a way that the compiler does not look into them.
-[[gnu::always_inline]] inline const Constants& out_of_sight() {
-  const Constants* at = &kConstants;
-  asm("" : "+r"(at));
-  return *at;
-}
 [[gnu::always_inline]] inline V load(const Constants::Shorts& numbers) { return _mm512_load_si512(numbers.data()); }
 template <class Number>
 [[gnu::always_inline]] inline __m256i load_half(const std::array<Number, 32 / sizeof(Number)>& numbers) {
@@ -252,7 +246,7 @@ struct Avx512 {
   template <int N>
   [[gnu::always_inline]] static inline void finish(const BlendJob& job, const std::array<Rows, N>& light, bool negative,
                                                    std::uint8_t* out) {
-    const Constants& k = out_of_sight();
+    const Constants& k = out_of_sight(kConstants);
     for (std::size_t c = 0; c < N; ++c) {
       const JobComponent& component = job.component[c];
       V upper = light[c].upper;
@@ -289,7 +283,7 @@ struct Avx512 {
   template <int N, class Number>
   [[gnu::always_inline]] static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records,
                                                  Number* out) {
-    const Constants& k = out_of_sight();
+    const Constants& k = out_of_sight(kConstants);
     std::array<Rows, N> dark;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
@@ -327,7 +321,7 @@ struct Avx512 {
     const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
     by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value>(plane, record, patch); });
-    const Constants& k = out_of_sight();
+    const Constants& k = out_of_sight(kConstants);
     const Places at = places_of(k, *job.grid, record);
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {

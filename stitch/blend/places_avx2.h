@@ -54,13 +54,6 @@ constexpr Constants constants() {
 }
 constexpr Constants kConstants = constants();
 
-/// Those, in such a way that the compiler does not look into them.
-[[gnu::always_inline]] inline const Constants& out_of_sight() {
-  const Constants* at = &kConstants;
-  asm("" : "+r"(at));
-  return *at;
-}
-
 /// Half a tile in two registers: its upper two rows, and its lower two. A 128-bit lane is a quarter's part of them.
 struct Rows {
   V upper;
