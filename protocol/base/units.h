@@ -4,6 +4,8 @@
 
 #include <compare>
 #include <cstdint>
+#include <numeric>
+#include <optional>
 
 namespace nodal {
 
@@ -49,20 +51,46 @@ class Instant {
   std::int64_t ns_ = 0;
 };
 
-/// Frames a second as a fraction, since NTSC's 30000/1001 is not a decimal.
+/// Frames a second as a fraction, since NTSC's 30000/1001 is not a decimal. Whatever comes from a host, a file or a
+/// command line goes through make(), which keeps the arithmetic below within 64 bits.
 struct FrameRate {
   std::uint32_t numerator = 30000;
   std::uint32_t denominator = 1001;
 
+  static constexpr std::uint32_t kMaxTerm = 1'000'000;  ///< of the reduced fraction
+  static constexpr std::uint32_t kFastest = 1000;       ///< frames a second; the slowest is one frame in so many seconds
+  /// The farthest that start_of() reaches: 146 years. It and the clock's present together still fit into 64 bits.
+  static constexpr std::int64_t kFarthestNs = INT64_MAX / 2;
+
+  /// The reduced fraction, or nothing when a term is 0 or above kMaxTerm after reduction, or when the rate is not
+  /// between 1/kFastest and kFastest.
+  static constexpr std::optional<FrameRate> make(std::uint64_t numerator, std::uint64_t denominator) {
+    if (numerator == 0 || denominator == 0) return std::nullopt;
+    const std::uint64_t common = std::gcd(numerator, denominator);
+    const std::uint64_t n = numerator / common;
+    const std::uint64_t d = denominator / common;
+    if (n > kMaxTerm || d > kMaxTerm || n > kFastest * d || d > kFastest * n) return std::nullopt;
+    return FrameRate{static_cast<std::uint32_t>(n), static_cast<std::uint32_t>(d)};
+  }
+  constexpr bool valid() const { return make(numerator, denominator).has_value(); }
+
   constexpr Duration period() const {
     return Duration::nanoseconds(static_cast<std::int64_t>(1'000'000'000) * denominator / numerator);
   }
-  /// When frame n begins, counted from frame 0, without the rounding of n periods adding up.
+  /// When frame n begins, counted from frame 0, without the rounding of n periods adding up: n·d/numerator seconds,
+  /// rounded down to a nanosecond, and never more than kFarthestNs.
   constexpr Duration start_of(std::uint64_t n) const {
-    const std::uint64_t whole = n / numerator;
-    const std::uint64_t rest = n % numerator;
-    return Duration::seconds(static_cast<std::int64_t>(whole * denominator)) +
-           Duration::nanoseconds(static_cast<std::int64_t>(rest * denominator * 1'000'000'000ULL / numerator));
+    // 64 + 32 + 30 bits: the product fits into 128.
+    const unsigned __int128 ns = static_cast<unsigned __int128>(n) * denominator * 1'000'000'000U / numerator;
+    return Duration::nanoseconds(ns < static_cast<unsigned __int128>(kFarthestNs) ? static_cast<std::int64_t>(ns) : kFarthestNs);
+  }
+  /// The first frame that begins after `at`, counted as start_of() does; 0 when `at` is before frame 0.
+  constexpr std::uint64_t first_after(Duration at) const {
+    if (at.ns() < 0) return 0;
+    // Frame k begins after `at` when floor(k·d·1e9 / n) >= at + 1, which is k >= (at + 1)·n / (d·1e9), rounded up.
+    const unsigned __int128 scaled = (static_cast<unsigned __int128>(at.ns()) + 1) * numerator;
+    const unsigned __int128 second = static_cast<unsigned __int128>(denominator) * 1'000'000'000U;
+    return static_cast<std::uint64_t>((scaled + second - 1) / second);
   }
   friend constexpr bool operator==(FrameRate, FrameRate) = default;
 };
