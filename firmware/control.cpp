@@ -30,13 +30,15 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
       supervisor_(watchdog),
-      panel_(panel) {}
+      panel_(panel),
+      news_(now) {}
 
 Control::~Control() = default;
 
 bool Control::step(Instant now) {
   capture_ = &stages_.capture.snapshot().read();
   keeper_ = &stages_.keeper.snapshot().read();
+  news_.step(now);
   watch_trial();
   restore_settings();
   bool busy = end_asked_.load(std::memory_order_acquire) ? false : accept(now);
@@ -68,7 +70,7 @@ void Control::end(Instant now) {
   if (clients_.empty() || now - *ending_since_ > kFarewell) ended_.store(true, std::memory_order_release);
 }
 
-std::vector<std::string> Control::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> Control::take_news() { return news_.take(); }
 
 wire::Hello Control::hello() const {
   wire::Hello hello = make_hello(software_);
@@ -94,7 +96,7 @@ bool Control::accept(Instant now) {
                                             " hosts already; end one of them first"}, now);
       continue;
     }
-    news_.push_back(client.name() + " came");
+    news_.say(NewsKind::kHosts, client.name() + " came");
   }
   return any;
 }
@@ -103,7 +105,7 @@ void Control::drop_finished() {
   std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
     if (!client->finished()) return false;
     const bool left = client->why().code == Errc::kLinkClosed;
-    news_.push_back(client->name() + (left ? " left" : " was dropped: " + client->why().text()));
+    news_.say(NewsKind::kHosts, client->name() + (left ? " left" : " was dropped: " + client->why().text()));
     return true;
   });
 }
@@ -166,8 +168,8 @@ bool Control::take_answers(Instant now) {
 void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   const auto [client, open] = close(answer.ticket);
   if (!answer.status) {
-    if (open.client == kPanel) news_.push_back("the button did nothing: " + answer.status.error().message);
-    if (open.client == kNobody) news_.push_back("a remembered setting is not made: " + answer.status.error().message);
+    if (open.client == kPanel) news_.say(NewsKind::kRig, "the button did nothing: " + answer.status.error().message);
+    if (open.client == kNobody) news_.say(NewsKind::kRig, "a remembered setting is not made: " + answer.status.error().message);
     if (client) refuse(*client, open.request.id(), answer.status.error(), now);
     return;
   }
@@ -187,11 +189,11 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
 
 void Control::take_answer(KeeperAnswer answer, Instant now) {
   if (answer.ticket == kRememberTicket) {
-    if (!answer.result) news_.push_back("settings will not come back after a restart: " + answer.result.error().text());
+    if (!answer.result) news_.say(NewsKind::kRig, "settings will not come back after a restart: " + answer.result.error().text());
     return;
   }
   const auto [client, open] = close(answer.ticket);
-  if (!answer.result) news_.push_back("calibration refused: " + answer.result.error().text());
+  if (!answer.result) news_.say(NewsKind::kHosts, "calibration refused: " + answer.result.error().text());
   if (!client) return;
   if (!answer.result) return refuse(*client, open.request.id(), answer.result.error(), now);
   wire::Reply message;
@@ -211,10 +213,10 @@ void Control::watch_trial() {
   if (keeper_->trial.has_value() == on_trial_.has_value()) return;
   if (keeper_->trial) {
     on_trial_ = keeper_->trial->id;
-    news_.push_back("calibration '" + keeper_->name + "' is on trial");
+    news_.say(NewsKind::kRig, "calibration '" + keeper_->name + "' is on trial");
     return;
   }
-  news_.push_back(keeper_->in_force == on_trial_ ? "the trial's calibration is kept"
+  news_.say(NewsKind::kRig, keeper_->in_force == on_trial_ ? "the trial's calibration is kept"
                                                  : "the trial is over; back to calibration '" + keeper_->name + "'");
   on_trial_.reset();
 }
@@ -223,22 +225,22 @@ void Control::step_panel(Instant now) {
   const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.acts().end;
   const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
   if (action) act(*action, now);
-  while (auto problem = panel_.take_problem()) news_.push_back(std::move(*problem));
+  while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));
 }
 
 void Control::act(PanelAction action, Instant now) {
   if (action == PanelAction::kMark) {
     marks_.push_back({capture_->sets == 0 ? 0 : capture_->sets - 1, now});
     if (marks_.size() > kMarksKept) marks_.pop_front();
-    news_.push_back("marked set " + std::to_string(marks_.back().set));
+    news_.say(NewsKind::kRig, "marked set " + std::to_string(marks_.back().set));
     return;
   }
   wire::Request request;
   const bool start = action == PanelAction::kStart;
   request.mutable_genlock()->set_action(start ? wire::GenlockRequest::START : wire::GenlockRequest::STOP);
-  news_.push_back(start ? "the button starts the genlock" : "the button stops the genlock");
+  news_.say(NewsKind::kRig, start ? "the button starts the genlock" : "the button stops the genlock");
   if (const Status asked = set(kPanel, request); !asked) {
-    news_.push_back("the button did nothing: " + asked.error().message);
+    news_.say(NewsKind::kRig, "the button did nothing: " + asked.error().message);
   }
 }
 
@@ -252,17 +254,17 @@ void Control::restore_settings() {
     auto settings = Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()),
                                      config_.text_id);
     if (!settings) {
-      news_.push_back(settings.error().message);
+      news_.say(NewsKind::kRig, settings.error().message);
       return;
     }
     settings_ = std::move(*settings);
     for (wire::Request& request : settings_.requests()) restoring_->push_back(std::move(request));
-    news_.push_back("settings are as hosts left them");
+    news_.say(NewsKind::kRig, "settings are as hosts left them");
   }
   while (!restoring_->empty()) {
     const Status asked = set(kNobody, restoring_->front());
     if (!asked && asked.error().code == Errc::kBusy) return;
-    if (!asked) news_.push_back("a remembered setting is not made: " + asked.error().message);
+    if (!asked) news_.say(NewsKind::kRig, "a remembered setting is not made: " + asked.error().message);
     restoring_->pop_front();
   }
 }
@@ -333,7 +335,7 @@ void Control::watch(Instant now) {
                     {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended || held_up}},
                    found, now);
   if (health().state != before) {
-    news_.push_back("the rig is " + std::string(health().state) +
+    news_.say(NewsKind::kRig, "the rig is " + std::string(health().state) +
                     (health().problem.empty() ? "" : ": " + health().problem));
   }
 }

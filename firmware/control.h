@@ -17,6 +17,7 @@
 #include "firmware/encoder.h"
 #include "firmware/frame_sender.h"
 #include "firmware/health.h"
+#include "firmware/news.h"
 #include "firmware/panel.h"
 #include "firmware/publisher.h"
 #include "firmware/settings.h"
@@ -148,7 +149,7 @@ class Control {
   std::atomic<bool> ended_{false};
   Panel panel_;
   std::deque<Mark> marks_;
-  std::vector<std::string> news_;
+  News news_;
   std::atomic<std::uint64_t> resident_bytes_{0};
 };
 

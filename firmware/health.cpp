@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "protocol/base/text.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -171,7 +173,8 @@ void Supervisor::tell(const Acts& acts, Instant now) {
   std::string line(health_.state);
   if (!health_.problem.empty()) line += ": " + health_.problem;
   if (line == told_) return;
-  watchdog_->status(line);
+  constexpr std::size_t kLongest = 512;  // bytes
+  watchdog_->status(printable(line, kLongest));
   told_ = std::move(line);
 }
 

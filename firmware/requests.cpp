@@ -253,7 +253,7 @@ wire::RigStatus Control::status(Instant now) {
   wire::RigStatus status;
   status.set_rig_name(config_.name);
   status.set_state(std::string(health().state));
-  status.set_problem(health().problem);
+  status.set_problem(shown(health().problem));
   status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
   fill_capture(config_, *capture_, status);
 
@@ -275,10 +275,10 @@ wire::RigStatus Control::status(Instant now) {
 
   if (keeper_->in_force) {
     status.set_calibration_id(sha256_to_wire(*keeper_->in_force));
-    status.set_calibration_name(keeper_->name);
+    status.set_calibration_name(shown(keeper_->name));
   }
   if (keeper_->trial) fill_trial(*keeper_->trial, now, *status.mutable_trial());
-  status.set_activity(keeper_->activity);
+  status.set_activity(shown(keeper_->activity));
   status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
   status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
   status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/base/text.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -25,10 +26,15 @@ std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(durat
 
 }  // namespace
 
+std::string shown(std::string_view text) {
+  constexpr std::size_t kLongest = 1000;  // bytes; the rest is cut off
+  return printable(text, kLongest);
+}
+
 wire::Error to_wire(const Error& error) {
   wire::Error message;
   message.set_code(static_cast<std::uint32_t>(error.code));
-  message.set_message(error.message);
+  message.set_message(shown(error.message));
   return message;
 }
 
@@ -96,9 +102,9 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     wire::HeadState& state = *into.add_heads();
     state.set_index(static_cast<std::uint32_t>(i));
     state.set_name(config.heads[i].name);
-    state.set_path(head.path);
-    state.set_model(head.model);
-    state.set_serial(head.serial);
+    state.set_path(shown(head.path));
+    state.set_model(shown(head.model));
+    state.set_serial(shown(head.serial));
     state.set_present(head.present);
     if (head.format) {
       state.set_format(std::string(pixel_format_name(head.format->pixels)) + " " + std::to_string(head.format->width) +
@@ -112,7 +118,7 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     state.set_frames(head.counts.frames);
     fill_losses(head.counts, *state.mutable_losses());
     state.set_skew_ns(head.skew.ns());
-    state.set_problem(head.problem.empty() ? head.ignores : head.problem);
+    state.set_problem(shown(head.problem.empty() ? head.ignores : head.problem));
     state.set_missing_sets(head.missing_sets);
     state.set_opened(head.opened);
     if (head.drift_ppb) state.set_drift_ppb(*head.drift_ppb);
@@ -150,7 +156,7 @@ void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& i
   const auto add = [&](const CalibrationStore::Entry& entry) -> wire::CalibrationEntry& {
     wire::CalibrationEntry& added = *into.add_entries();
     added.set_id(sha256_to_wire(entry.id));
-    added.set_name(entry.name);
+    added.set_name(shown(entry.name));
     added.set_heads(static_cast<std::uint32_t>(entry.heads));
     added.set_generation(entry.generation);
     added.set_in_force(listed.in_force == entry.id);
@@ -164,7 +170,7 @@ void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& i
 
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into) {
   into.set_id(sha256_to_wire(trial.id));
-  into.set_name(trial.name);
+  into.set_name(shown(trial.name));
   into.set_before(sha256_to_wire(trial.before));
   into.set_left_ns(static_cast<std::uint64_t>(std::max(trial.until - now, Duration()).ns()));
 }

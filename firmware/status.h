@@ -9,6 +9,8 @@
 
 namespace nodal::firmware {
 
+/// Text of devices, files and hosts, as it goes into a message.
+std::string shown(std::string_view text);
 wire::Error to_wire(const Error& error);
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
 void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into);

@@ -5,6 +5,8 @@
 #include <sstream>
 #include <vector>
 
+#include "protocol/base/text.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -38,11 +40,10 @@ std::string shown(double value) {
   return out.str();
 }
 
-/// Keys come from the file: only what prints, and not all of a megabyte of it.
-std::string printable(std::string_view text) {
-  std::string clean;
-  for (const char c : text.substr(0, 64)) clean += c >= 0x20 && c < 0x7f ? c : '?';
-  return text.size() > 64 ? clean + "..." : clean;
+/// Keys and values come from the file: only what prints, and not all of a megabyte of it.
+std::string excerpt(std::string_view text) {
+  constexpr std::size_t kLongest = 64;
+  return printable(text, kLongest) + (text.size() > kLongest ? "..." : "");
 }
 
 }  // namespace
@@ -82,7 +83,7 @@ TomlReader::TomlReader(const toml::table& table, std::string name, std::initiali
     if (!first_unknown || key.source().begin < first_unknown->source().begin) first_unknown = &key;
   }
   if (!first_unknown) return;
-  std::string message = "there is no key '" + field(printable(first_unknown->str())) + "'; ";
+  std::string message = "there is no key '" + field(excerpt(first_unknown->str())) + "'; ";
   const std::string_view near = nearest_word(first_unknown->str(), known);
   message += near.empty() ? "known here are " + listed(known) : "did you mean '" + std::string(near) + "'?";
   error_.set(Errc::kUnknownField, first_unknown->source(), message);
@@ -152,7 +153,7 @@ std::size_t TomlReader::choice(std::string_view key, std::initializer_list<std::
   const std::string value = text(key, "");
   const auto found = std::find(allowed.begin(), allowed.end(), value);
   if (found != allowed.end()) return static_cast<std::size_t>(found - allowed.begin());
-  refuse(key, "is \"" + printable(value) + "\"; allowed is one of " + listed(allowed));
+  refuse(key, "is \"" + excerpt(value) + "\"; allowed is one of " + listed(allowed));
   return fallback;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "protocol/base/polynomial.h"
+#include "protocol/base/text.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
 #include "protocol/lens_range.h"
@@ -250,6 +251,11 @@ Status check_head(const HeadCalibration& head) {
 Status check_calibration(const Calibration& calibration) {
   if (calibration.name.size() > kMaxTextBytes || calibration.comment.size() > kMaxTextBytes) {
     return fail(Errc::kTooLarge, "name and comment may have 65536 bytes each");
+  }
+  // Names are shown in logs and terminals; the error does not repeat the name for the same reason.
+  if (!is_printable(calibration.name)) {
+    return fail(Errc::kBadValue, "the calibration's name holds a control character, a line break or a bidirectional "
+                                 "control; use letters, digits, spaces and punctuation only");
   }
   if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxHeads) {
     return fail(Errc::kBadValue, "the calibration has " + std::to_string(calibration.heads.size()) +

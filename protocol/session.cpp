@@ -342,7 +342,7 @@ Status Session::send(const wire::Reply& reply) {
   if (!reply.has_error()) return send_message(FrameType::kReply, reply);
   // Error messages name files and devices, which are called what they like.
   wire::Reply clean = reply;
-  clean.mutable_error()->set_message(valid_utf8(reply.error().message()));
+  clean.mutable_error()->set_message(printable(reply.error().message(), kLongestMessage));
   return send_message(FrameType::kReply, clean);
 }
 

@@ -13,9 +13,12 @@
 
 #include "firmware/daemon/options.h"
 #include "hal/linux/link/socket_link.h"
+#include "protocol/base/text.h"
 
 namespace nodal::daemon {
 namespace {
+
+constexpr std::size_t kLongestMessage = 1000;
 
 /// One direction: what was read and is not written yet.
 struct Flow {
@@ -52,12 +55,12 @@ void wait_for(const Flow& flow, std::vector<pollfd>& waits) {
 int run_bridge(const std::string& path) {
   auto rig = hal::connect_link("unix:" + path);
   if (!rig) {
-    std::fprintf(stderr, "nodald --bridge: %s\n", rig.error().text().c_str());
+    std::fprintf(stderr, "nodald --bridge: %s\n", printable(rig.error().text(), kLongestMessage).c_str());
     return kExitCannotStart;
   }
   auto host = hal::descriptor_link(STDIN_FILENO, STDOUT_FILENO, "standard input and output");
   if (!host) {
-    std::fprintf(stderr, "nodald --bridge: %s\n", host.error().text().c_str());
+    std::fprintf(stderr, "nodald --bridge: %s\n", printable(host.error().text(), kLongestMessage).c_str());
     return kExitCannotStart;
   }
   Flow to_rig{**host, **rig};

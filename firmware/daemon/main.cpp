@@ -1,8 +1,5 @@
 // nodald: reads rig.toml, makes the ports, starts the threads, waits for a signal.
-#include <poll.h>
-#include <spdlog/async.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cinttypes>
@@ -13,6 +10,7 @@
 #include <thread>
 
 #include "firmware/daemon/bridge.h"
+#include "firmware/daemon/log.h"
 #include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
 #include "firmware/daemon/threads.h"
@@ -22,29 +20,8 @@
 namespace nodal::daemon {
 namespace {
 
-/// Lines are written by a thread of their own: a journal that stalls, or a pipe that nobody reads, must not hold up the
-/// rig. What then does not fit is left out, oldest first.
-void start_log(const std::string& level) {
-  constexpr std::size_t kLines = 512;
-  spdlog::init_thread_pool(kLines, 1);
-  auto logger = spdlog::create_async_nb<spdlog::sinks::stderr_color_sink_mt>("nodald");
-  // Under systemd the journal keeps the time.
-  logger->set_pattern(std::getenv("JOURNAL_STREAM") ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
-  logger->set_level(spdlog::level::from_str(level));
-  logger->flush_on(spdlog::level::debug);
-  spdlog::set_default_logger(std::move(logger));
-}
-
-/// Waits until every line is written; not on a reader who has stopped reading.
-void end_log(int exit_code) {
-  constexpr int kPatience = 1000;  // ms
-  pollfd out{STDERR_FILENO, POLLOUT, 0};
-  if (::poll(&out, 1, kPatience) == 0) ::_exit(exit_code);
-  spdlog::shutdown();
-}
-
 int give_up(const Error& error, int exit_code) {
-  spdlog::error("{}", error.text());
+  log_line(LogLevel::kError, error.text());
   return exit_code;
 }
 
@@ -82,7 +59,7 @@ void wait_for_signal(firmware::Rig& rig) {
     const int signal = ::sigtimedwait(&signals, nullptr, &second);
     if (signal < 0) continue;
     const char* name = signal == SIGTERM ? "SIGTERM" : "SIGINT";
-    spdlog::info("{}: stopping", name);
+    log_line(LogLevel::kInfo, std::string(name) + ": stopping");
     rig.control().ask_to_end(name);
     const timespec moment{0, 5'000'000};
     for (int i = 0; i < 200 && !rig.control().ended(); ++i) ::nanosleep(&moment, nullptr);
@@ -97,7 +74,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
     return kExitFine;
   }
-  spdlog::info("{}: {}", kSoftware, describe(config));
+  log_line(LogLevel::kInfo, std::string(kSoftware) + ": " + describe(config));
   (*world)->prepare();
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
@@ -106,10 +83,10 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     return give_up(listening.error(), kExitCannotStart);
   }
   firmware::Rig rig(config, (*world)->ports(), kSoftware);
-  for (const std::string& address : (*world)->addresses()) spdlog::info("hosts can connect at {}", address);
+  for (const std::string& address : (*world)->addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
 
   RigThreads::Hooks hooks;
-  hooks.log = [](const std::string& sentence) { spdlog::info("{}", sentence); };
+  hooks.log = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
   if ((*world)->has_virtual_time()) {
     hooks.idle_capture = [&world = **world, &rig] {
       // Before there is anything to blend, virtual time goes no faster than the real one.
@@ -125,8 +102,9 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   }
   rig.close();
   const firmware::CaptureReport& capture = rig.capture().report();
-  spdlog::info("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps", capture.frames.frames,
-               capture.frames.in_sets, capture.frames.lost(), capture.sets, rig.blender().counts().blended.load());
+  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
+                                        capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
+                                        capture.sets, rig.blender().counts().blended.load()));
   return kExitFine;
 }
 

@@ -34,6 +34,29 @@ std::size_t character_bytes(std::string_view text) {
 
 constexpr std::string_view kReplacement = "\xEF\xBF\xBD";
 
+/// The code point of one well-formed character.
+std::uint32_t decode(std::string_view character) {
+  const std::uint8_t first = byte_at(character, 0);
+  if (character.size() == 1) return first;
+  std::uint32_t code = first & (0x7FU >> character.size());
+  for (std::size_t i = 1; i < character.size(); ++i) code = code << 6 | (byte_at(character, i) & 0x3FU);
+  return code;
+}
+
+bool is_control(std::uint32_t code) { return code < 0x20 || (code >= 0x7F && code <= 0x9F); }
+
+bool is_separator(std::uint32_t code) { return code == 0x2028 || code == 0x2029; }
+
+bool is_bidirectional_control(std::uint32_t code) {
+  return code == 0x061C || code == 0x200E || code == 0x200F || (code >= 0x202A && code <= 0x202E) ||
+         (code >= 0x2066 && code <= 0x2069);
+}
+
+bool may_be_shown(std::string_view character) {
+  const std::uint32_t code = decode(character);
+  return !is_control(code) && !is_separator(code) && !is_bidirectional_control(code);
+}
+
 }  // namespace
 
 std::string valid_utf8(std::string_view text) {
@@ -52,13 +75,21 @@ std::string printable(std::string_view text, std::size_t limit) {
   while (!text.empty()) {
     const std::size_t n = character_bytes(text);
     std::string_view next = n > 0 ? text.substr(0, n) : kReplacement;
-    if (n == 1 && (byte_at(text, 0) < 0x20 || byte_at(text, 0) == 0x7F)) next = "?";
-    if (n == 2 && byte_at(text, 0) == 0xC2 && byte_at(text, 1) < 0xA0) next = "?";  // C1: U+0080 to U+009F
+    if (n > 0 && !may_be_shown(next)) next = "?";
     if (clean.size() + next.size() > limit) break;
     clean += next;
     text.remove_prefix(n > 0 ? n : 1);
   }
   return clean;
+}
+
+bool is_printable(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t n = character_bytes(text);
+    if (n == 0 || !may_be_shown(text.substr(0, n))) return false;
+    text.remove_prefix(n);
+  }
+  return true;
 }
 
 }  // namespace nodal

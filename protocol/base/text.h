@@ -11,8 +11,14 @@ namespace nodal {
 /// and files say goes through this before it goes into a message, whose strings must be UTF-8.
 std::string valid_utf8(std::string_view text);
 
-/// The same, without control characters ('?' stands for each), and at most `limit` bytes, cut between
-/// characters: fit for an error message or a log, where it must not move a cursor or fill a page.
+/// The one function every text from a peer, a file or a device passes before it reaches a log or a terminal. Well-formed
+/// UTF-8 of at most `limit` bytes, cut between characters, in which '?' stands for every character that is_printable()
+/// refuses.
 std::string printable(std::string_view text, std::size_t limit);
+
+/// Whether `text` is well-formed UTF-8 without characters that move a cursor, end a line or hide the order of what is
+/// shown: control characters (U+0000 to U+001F, U+007F to U+009F), line and paragraph separators (U+2028, U+2029) and
+/// bidirectional controls (U+061C, U+200E, U+200F, U+202A to U+202E, U+2066 to U+2069; Unicode UAX #9).
+bool is_printable(std::string_view text);
 
 }  // namespace nodal

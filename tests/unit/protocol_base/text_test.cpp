@@ -38,6 +38,27 @@ TEST(Printable, ControlCharacters_CannotMoveACursor) {
   EXPECT_EQ(printable("gr\xC3\xBC\xC3\x9F", 100), "gr\xC3\xBC\xC3\x9F");
 }
 
+TEST(Printable, LineSeparatorsAndBidirectionalControls_AreReplaced) {
+  // U+2028, U+2029; then every bidirectional control of UAX #9, table 3 and section 2.
+  for (const char* hidden : {"\xE2\x80\xA8", "\xE2\x80\xA9", "\xD8\x9C", "\xE2\x80\x8E", "\xE2\x80\x8F", "\xE2\x80\xAA",
+                             "\xE2\x80\xAB", "\xE2\x80\xAC", "\xE2\x80\xAD", "\xE2\x80\xAE", "\xE2\x81\xA6",
+                             "\xE2\x81\xA7", "\xE2\x81\xA8", "\xE2\x81\xA9", "\xC2\x80", "\xC2\x9F"}) {
+    EXPECT_EQ(printable(std::string("a") + hidden + "b", 100), "a?b");
+    EXPECT_FALSE(is_printable(std::string("a") + hidden + "b"));
+  }
+}
+
+TEST(Printable, CharactersBesideTheControls_AreShown) {
+  // U+00A0, U+061B, U+061D, U+2010, U+2027, U+202F, U+2065 (unassigned), U+206A, U+1F600.
+  for (const char* shown : {" ", "~", "\xC2\xA0", "\xD8\x9B", "\xD8\x9D", "\xE2\x80\x90", "\xE2\x80\xA7", "\xE2\x80\xAF",
+                            "\xE2\x81\xA5", "\xE2\x81\xAA", "\xF0\x9F\x98\x80"}) {
+    EXPECT_EQ(printable(shown, 100), shown);
+    EXPECT_TRUE(is_printable(shown));
+  }
+  EXPECT_FALSE(is_printable("a\nb"));
+  EXPECT_FALSE(is_printable("a\xFFz"));
+}
+
 TEST(Printable, TooLong_CutBetweenCharacters) {
   EXPECT_EQ(printable("abcdef", 3), "abc");
   EXPECT_EQ(printable("ab\xC3\xBC", 3), "ab");

@@ -1,0 +1,50 @@
+#include "firmware/news.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "protocol/base/text.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::array<std::string_view, kNewsKinds> kAbout = {"hosts", "the rig", "changes"};
+
+}  // namespace
+
+News::News(Instant now) {
+  for (Bucket& bucket : buckets_) bucket.filled = bucket.summed_up = now;
+}
+
+void News::step(Instant now) {
+  for (std::size_t kind = 0; kind < kNewsKinds; ++kind) {
+    Bucket& bucket = buckets_[kind];
+    const auto due = static_cast<std::uint64_t>((now - bucket.filled).ns() / kEvery.ns());
+    bucket.tokens = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBurst, bucket.tokens + due));
+    bucket.filled = bucket.filled + kEvery * static_cast<std::int64_t>(due);
+    if (bucket.left_out == 0) {
+      bucket.summed_up = now;
+      continue;
+    }
+    const Duration since = now - bucket.summed_up;
+    if (since < kSummaryEvery) continue;
+    sentences_.push_back(std::to_string(bucket.left_out) + " messages about " + std::string(kAbout[kind]) +
+                         " left out in the last " + std::to_string(since.ms() / 1000) + " s");
+    bucket.left_out = 0;
+    bucket.summed_up = now;
+  }
+}
+
+void News::say(NewsKind kind, std::string_view sentence) {
+  Bucket& bucket = buckets_[static_cast<std::size_t>(kind)];
+  if (bucket.tokens == 0) {
+    ++bucket.left_out;
+    return;
+  }
+  --bucket.tokens;
+  sentences_.push_back(printable(sentence, kLongestSentence));
+}
+
+std::vector<std::string> News::take() { return std::exchange(sentences_, {}); }
+
+}  // namespace nodal::firmware

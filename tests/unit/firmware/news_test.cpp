@@ -1,0 +1,75 @@
+// The log's sentences: none forges a line, none floods a disk, and what is left out is counted.
+#include "firmware/news.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace nodal::firmware {
+namespace {
+
+constexpr Instant kStart;
+
+Instant after(std::int64_t seconds) { return kStart + Duration::seconds(seconds); }
+
+/// The sum of the numbers that summaries of what was left out begin with.
+std::uint64_t left_out(const std::vector<std::string>& sentences) {
+  std::uint64_t sum = 0;
+  for (const std::string& sentence : sentences) {
+    if (sentence.find(" left out in the last ") != std::string::npos) sum += std::strtoull(sentence.c_str(), nullptr, 10);
+  }
+  return sum;
+}
+
+TEST(News, TextWithControlsAndBidirectionalOverrides_IsOneHarmlessLine) {
+  News news(kStart);
+  news.say(NewsKind::kRig, "a\nnodald: forged\x1B[2J\xE2\x80\xAE");
+  EXPECT_EQ(news.take(), std::vector<std::string>{"a?nodald: forged?[2J?"});
+}
+
+TEST(News, ALongSentence_IsCutOff) {
+  News news(kStart);
+  news.say(NewsKind::kRig, std::string(100'000, 'x'));
+  EXPECT_EQ(news.take().front().size(), News::kLongestSentence);
+}
+
+TEST(News, AFloodOfOneKind_IsCutToBurstAndRateAndTheRestIsCounted) {
+  News news(kStart);
+  constexpr std::int64_t kSeconds = 60;
+  constexpr std::uint64_t kEachSecond = 15'000;
+  std::vector<std::string> all;
+  for (std::int64_t second = 0; second < kSeconds; ++second) {
+    news.step(after(second));
+    for (std::uint64_t i = 0; i < kEachSecond; ++i) news.say(NewsKind::kHosts, "flood");
+    const std::vector<std::string> some = news.take();
+    all.insert(all.end(), some.begin(), some.end());
+  }
+  news.step(after(kSeconds + 10));
+  const std::vector<std::string> rest = news.take();
+  all.insert(all.end(), rest.begin(), rest.end());
+  const auto said = static_cast<std::uint64_t>(std::count(all.begin(), all.end(), "flood"));
+  EXPECT_EQ(said, News::kBurst + kSeconds - 1);
+  EXPECT_EQ(said + left_out(all), kSeconds * kEachSecond) << "every sentence is said or counted";
+  EXPECT_LE(all.size(), said + kSeconds / 10 + 1) << "summaries are rate-limited, too";
+}
+
+TEST(News, AFloodOfOneKind_HidesNoOtherKind) {
+  News news(kStart);
+  for (int i = 0; i < 1000; ++i) news.say(NewsKind::kHosts, "flood");
+  news.say(NewsKind::kChanges, "a change");
+  const std::vector<std::string> all = news.take();
+  EXPECT_EQ(all.back(), "a change");
+}
+
+TEST(News, AfterAFlood_TheAllowanceReturns) {
+  News news(kStart);
+  for (int i = 0; i < 1000; ++i) news.say(NewsKind::kRig, "flood");
+  news.take();
+  news.step(after(2));
+  for (int i = 0; i < 5; ++i) news.say(NewsKind::kRig, "two of these");
+  EXPECT_EQ(news.take(), (std::vector<std::string>{"two of these", "two of these"}));
+}
+
+}  // namespace
+}  // namespace nodal::firmware
