@@ -22,6 +22,7 @@ nodal_pkgconfig_package(crypto libcrypto)
 nodal_pkgconfig_package(fmt fmt)
 nodal_pkgconfig_package(spdlog spdlog)
 nodal_pkgconfig_package(protobuf protobuf-lite)
+nodal_pkgconfig_package(seccomp libseccomp)
 nodal_pkgconfig_package(zlib zlib)
 # Debian has yaml-cpp's development files for one architecture at a time: the headers serve all, and a cross build
 # links the library itself.

@@ -17,8 +17,9 @@ namespace nodal::hal::linux_os {
 
 namespace {
 
-constexpr mode_t kFileMode = 0644;
-constexpr mode_t kFolderMode = 0755;
+// For owner and group to read; the umask takes more away.
+constexpr mode_t kFileMode = 0640;
+constexpr mode_t kFolderMode = 0750;
 
 /// A descriptor that closes itself.
 class Descriptor {
