@@ -74,6 +74,9 @@ bool CalibrationKeeper::step(Instant now) {
 void CalibrationKeeper::read_settings() {
   const auto file = disk_.read(kSettingsFile, kMaxSettingsBytes);
   report_.settings = file ? std::string(file->begin(), file->end()) : std::string();
+  if (!file && file.error().code != Errc::kNotFound) {
+    report_.settings_problem = file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
+  }
 }
 
 void CalibrationKeeper::load_at_start() {

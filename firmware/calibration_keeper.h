@@ -81,6 +81,7 @@ struct KeeperReport {
   std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
   std::string problem;             ///< what stays wrong until somebody acts
   std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
+  std::string settings_problem;         ///< why what was remembered cannot be read
 };
 
 /// The calibration's heads in the rig's order, or which head does not fit: kHeadMismatch, naming it.

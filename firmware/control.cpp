@@ -8,7 +8,6 @@ namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
-constexpr Duration kKeepSettingsEvery = Duration::seconds(1);  ///< somebody may be turning a knob
 constexpr std::uint64_t kRememberTicket = 0;
 constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
@@ -45,6 +44,7 @@ bool Control::step(Instant now) {
   for (const auto& client : clients_) busy |= serve(*client, now);
   busy |= take_answers(now);
   remember_settings(now);
+  answer_settings(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_, now);
   busy |= frame_sender_.step(clients_, now);
@@ -173,7 +173,7 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
     if (client) refuse(*client, open.request.id(), answer.status.error(), now);
     return;
   }
-  if (open.client != kNobody) settings_changed_ |= settings_.remember(open.request, config_.heads.size());
+  if (open.client != kNobody && settings_.remember(open.request, config_.heads.size())) settings_writer_.changed();
   if (!client) return;
   wire::Reply message;
   message.set_id(open.request.id());
@@ -184,12 +184,15 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   } else {
     message.mutable_done();
   }
-  reply(*client, message, now);
+  ++client->requests_open;
+  unanswered_.push_back({client->number(), std::move(message)});
 }
 
 void Control::take_answer(KeeperAnswer answer, Instant now) {
   if (answer.ticket == kRememberTicket) {
-    if (!answer.result) news_.say(NewsKind::kRig, "settings will not come back after a restart: " + answer.result.error().text());
+    const Status stored = answer.result ? Status() : fail(answer.result.error());
+    if (!settings_writer_.ended(stored)) return;
+    news_.say(NewsKind::kRig, stored ? "settings are stored again" : settings_writer_.problem());
     return;
   }
   const auto [client, open] = close(answer.ticket);
@@ -249,12 +252,18 @@ void Control::restore_settings() {
   if (!restoring_) {
     if (!keeper_->settings) return;
     restoring_.emplace();
+    if (!keeper_->settings_problem.empty()) {
+      news_.say(NewsKind::kRig, keeper_->settings_problem);
+      settings_writer_.unreadable(keeper_->settings_problem);
+    }
     if (keeper_->settings->empty()) return;
     const std::string& file = *keeper_->settings;
     auto settings = Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()),
                                      config_.text_id);
     if (!settings) {
       news_.say(NewsKind::kRig, settings.error().message);
+      // Another rig.toml is what somebody wanted; a file that cannot be read is not.
+      if (settings.error().code != Errc::kWrongState) settings_writer_.unreadable(settings.error().message);
       return;
     }
     settings_ = std::move(*settings);
@@ -270,13 +279,23 @@ void Control::restore_settings() {
 }
 
 void Control::remember_settings(Instant now) {
-  if (!settings_changed_ || (settings_kept_ && now - *settings_kept_ < kKeepSettingsEvery)) return;
-  if (!stages_.keeper.requests().push(
+  if (!settings_writer_.due(now)) return;
+  if (stages_.keeper.requests().push(
           KeeperRequest{kRememberTicket, KeeperRequest::Remember{settings_.encode(config_.text_id)}, {}})) {
-    return;
+    settings_writer_.begun(now);
   }
-  settings_changed_ = false;
-  settings_kept_ = now;
+}
+
+/// A host that sets something is told whether it was stored, unless that takes long or the next write is not due yet.
+void Control::answer_settings(Instant now) {
+  if (unanswered_.empty() || settings_writer_.worth_waiting(now)) return;
+  for (Unanswered& waiting : std::exchange(unanswered_, {})) {
+    Client* const client = find(waiting.client);
+    if (!client) continue;
+    --client->requests_open;
+    if (!settings_writer_.problem().empty()) waiting.reply.set_not_stored(settings_writer_.problem());
+    reply(*client, waiting.reply, now);
+  }
 }
 
 Client* Control::find(std::uint64_t number) {
@@ -326,7 +345,8 @@ void Control::watch(Instant now) {
                                                  stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
                                                  now - newest_set_,
                                                  now - steady_since_,
-                                                 shedding_.level()});
+                                                 shedding_.level(),
+                                                 settings_writer_.problem()});
   // While a lossless client holds the rig up, the stages before it may rest.
   const bool held_up = publisher_.held_up();
   const std::string_view before = health().state;

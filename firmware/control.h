@@ -21,6 +21,7 @@
 #include "firmware/panel.h"
 #include "firmware/publisher.h"
 #include "firmware/settings.h"
+#include "firmware/settings_writer.h"
 #include "firmware/shedding.h"
 #include "firmware/statistics.h"
 #include "hal/link.h"
@@ -79,6 +80,11 @@ class Control {
     std::uint64_t client = kNobody;
     wire::Request request;
   };
+  /// The reply to a setting that is in effect and being written.
+  struct Unanswered {
+    std::uint64_t client = kNobody;
+    wire::Reply reply;
+  };
   static constexpr std::size_t kMarksKept = 32;
   static constexpr std::uint64_t kNobody = 0;  ///< a setting that is made again after a start
   static constexpr std::uint64_t kPanel = ~std::uint64_t{0};
@@ -106,6 +112,7 @@ class Control {
   void watch_trial();
   void restore_settings();
   void remember_settings(Instant now);
+  void answer_settings(Instant now);
   Client* find(std::uint64_t number);
   HeadShapes head_shapes() const;
   void watch(Instant now);
@@ -128,8 +135,8 @@ class Control {
   UploadReceiver uploads_;
   Settings settings_;
   std::optional<std::deque<wire::Request>> restoring_;  ///< once they were read
-  bool settings_changed_ = false;
-  std::optional<Instant> settings_kept_;  ///< last
+  SettingsWriter settings_writer_;
+  std::vector<Unanswered> unanswered_;  ///< each counts as one of its client's requests_open
   Publisher publisher_;
   FrameSender frame_sender_;
 

@@ -115,6 +115,7 @@ Finding find_condition(const RigConfig& config, const Signs& signs) {
     return found(Condition::kUnfitFrames, "frames come that are not of the size or format the calibration is for");
   }
   if (!signs.keeper.problem.empty()) return found(Condition::kStoreTrouble, signs.keeper.problem);
+  if (!signs.settings_problem.empty()) return found(Condition::kStoreTrouble, signs.settings_problem);
   if (std::string problem = first_head_problem(config, signs.capture); !problem.empty()) {
     return found(Condition::kHeadTrouble, std::move(problem));
   }

@@ -62,6 +62,7 @@ struct Signs {
   Duration since_last_set;  ///< or since start
   Duration blending;        ///< without a pause or a change of calibration
   ShedLevel shed;
+  const std::string& settings_problem;  ///< SettingsWriter::problem()
 };
 
 /// The first condition that holds of those from kStoreUnread on, and a sentence about it; empty for kWell.

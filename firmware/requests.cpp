@@ -116,6 +116,10 @@ Status Control::ask_keeper(Client& client, const wire::Request& request, decltyp
 }
 
 Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) const {
+  if (wish.heads_size() > kMaxHeads) {
+    return fail(Errc::kBadValue, std::to_string(wish.heads_size()) + " heads are named; a rig has at most " +
+                                     std::to_string(kMaxHeads));
+  }
   HeadChange change;
   for (const std::uint32_t head : wish.heads()) {
     if (head >= config_.heads.size()) {

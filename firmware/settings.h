@@ -14,8 +14,9 @@
 
 namespace nodal::firmware {
 
-/// The requests that made the settings, the newest of each: one a head, one for the genlock, one for the exposure program. Making the same
-/// requests again makes the same settings.
+/// The requests that made the settings, the newest of each: one a head, one for the genlock, one for the exposure
+/// program. Making the same requests again makes the same settings. Only fields that this program knows are kept, of at
+/// most kMaxHeads heads, so no sequence of requests makes a file larger than kMaxSettingsBytes.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none.

@@ -8,9 +8,12 @@
 
 #include "host_tool/interrupt.h"
 #include "host_tool/quantities.h"
+#include "protocol/base/text.h"
 
 namespace nodal::host {
 namespace {
+
+constexpr std::size_t kLongestReason = 500;  ///< bytes of a rig's sentence
 
 std::string environment(const char* name, std::string_view otherwise) {
   const char* value = std::getenv(name);
@@ -48,6 +51,13 @@ Result<wire::Reply> Context::ask(const wire::Request& request) {
   Result<std::unique_ptr<RigConnection>> rig_connection = connect();
   if (!rig_connection) return fail(rig_connection.error());
   return (*rig_connection)->ask(request);
+}
+
+void show_setting(Console& console, Json document, const wire::Reply& reply) {
+  const std::string reason = printable(reply.not_stored(), kLongestReason);
+  if (!reason.empty()) document["not_stored"] = reason;
+  console.document(document);
+  if (!reason.empty()) console.note("nodal: in effect, but not stored on the rig: " + reason);
 }
 
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,

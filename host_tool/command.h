@@ -88,6 +88,9 @@ void add_calibration_diff(CLI::App& group, CommandLine& line);
 void add_calibrate_light(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
+/// The document of a setting that the rig confirmed, with a warning when the setting will not survive a restart.
+void show_setting(Console& console, Json document, const wire::Reply& reply);
+
 /// A command with the help text's examples below its options.
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
                       const std::string& examples);

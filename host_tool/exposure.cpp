@@ -61,7 +61,7 @@ Status ask_and_show(Context& context, RigConnection& rig, const wire::Request& r
   names.mutable_heads();
   const Result<wire::Reply> heads = rig.ask(names);
   if (!heads) return fail(heads.error());
-  context.console().document(to_json(reply->exposure()));
+  show_setting(context.console(), to_json(reply->exposure()), *reply);
   show(context.console(), reply->exposure(), heads->heads());
   return {};
 }

@@ -30,7 +30,7 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   const Result<wire::Reply> reply = context.ask(request);
   if (!reply) return fail(reply.error());
   const wire::Genlock& now = reply->genlock();
-  context.console().document(to_json(now));
+  show_setting(context.console(), to_json(now), *reply);
   const std::string by = now.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", now.triggers());
   context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
                                      now.rate_numerator(), now.rate_denominator(), by,

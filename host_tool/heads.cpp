@@ -134,7 +134,7 @@ Status run_set(Context& context, const SetArgs& args) {
   if (!reply) return fail(reply.error());
   const std::string whom = all ? fmt::format("all {} heads", heads->heads_size()) : names;
   context.console().line(whom + ": set; frames that carry it come in a moment, `nodal heads` shows");
-  context.console().document({{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}});
+  show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, *reply);
   return {};
 }
 

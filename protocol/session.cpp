@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/base/text.h"
+#include "protocol/known_fields.h"
 
 namespace nodal {
 namespace {
@@ -139,6 +140,7 @@ Status Session::handle(const FrameView& frame) {
     case FrameType::kRequest: {
       auto request = parse<wire::Request>(frame);
       if (!request) return fail(request.error());
+      drop_unknown_fields(*request);
       push_event(std::move(*request), frame.payload.size());
       return {};
     }

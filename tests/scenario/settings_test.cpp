@@ -1,5 +1,6 @@
 // What hosts set comes back after a restart without a host.
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include "firmware/settings.h"
 #include "tests/scenario/stand.h"
@@ -32,6 +33,13 @@ std::unique_ptr<hal::sim::SimDisk> set_and_lose_power(const StandOptions& option
   return stand.disk->after_power_loss(3);
 }
 
+void write_settings(hal::sim::SimDisk& disk, const std::vector<std::uint8_t>& bytes) {
+  const auto handle = disk.create(firmware::kSettingsFile).value();
+  ASSERT_TRUE(disk.write(handle, bytes));
+  ASSERT_TRUE(disk.sync(handle));
+  disk.close(handle);
+}
+
 TEST(Settings, AfterPowerLossWithoutAHost_AreAsHostsLeftThem) {
   const StandOptions options;
   Stand stand(options, set_and_lose_power(options));
@@ -62,12 +70,10 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   auto disk = set_and_lose_power(options);
   auto file = disk->read(firmware::kSettingsFile, firmware::kMaxSettingsBytes).value();
   file.back() ^= 1;
-  const auto handle = disk->create(firmware::kSettingsFile).value();
-  ASSERT_TRUE(disk->write(handle, file));
-  ASSERT_TRUE(disk->sync(handle));
-  disk->close(handle);
+  write_settings(*disk, file);
   Stand stand(options, std::move(disk));
-  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "running"; }));
+  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "degraded"; })) << "it runs, and says what it lost";
+  EXPECT_NE(stand.rig->control().health().problem.find("settings are damaged"), std::string::npos);
   stand.run(Duration::seconds(1));
   EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
@@ -99,6 +105,74 @@ TEST(Settings, TheDiskIsFull_TheyAreMadeAllTheSame) {
   EXPECT_TRUE(host.ask(exposure_of({2}, 3'000'000)).has_done());
   ASSERT_TRUE(stand.run_until(
       [&] { return stand.capture().heads[2].in_effect.exposure.duration() == Duration::milliseconds(3); }));
+}
+
+/// A protobuf field that no message has, number 1000, of 60 KB.
+std::string unknown_field() { return "\xc2\x3e\xe0\xd4\x03" + std::string(60'000, 'x'); }
+
+std::size_t settings_bytes(Stand& stand) {
+  const auto size = stand.disk->size(firmware::kSettingsFile);
+  return size ? *size : 0;
+}
+
+TEST(Settings, AThousandRequestsWithUnknownFields_LeaveMemoryAndFileAsTheyWere) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  wire::Request request = gain_of_all(1000);
+  const auto ask_times = [&](int times) {
+    for (int i = 0; i < times; ++i) {
+      ASSERT_TRUE(host.ask(request).has_done());
+      if (i % 10 == 0) stand.run(Duration::milliseconds(200));
+    }
+    stand.run(Duration::seconds(2));
+  };
+  ask_times(10);
+  const std::size_t file = settings_bytes(stand);
+  const std::size_t heap = mallinfo2().uordblks;
+  ASSERT_TRUE(request.mutable_head_set()->MergeFromString(unknown_field()));
+  ask_times(1000);
+  EXPECT_GT(file, 0u);
+  EXPECT_EQ(settings_bytes(stand), file);
+  // Of the 60 MB that came, nothing stays; what the host of this test keeps of its replies is some 200 KB.
+  EXPECT_LT(static_cast<std::int64_t>(mallinfo2().uordblks) - static_cast<std::int64_t>(heap), 1 << 20);
+}
+
+TEST(Settings, MoreHeadsThanARigCanHave_AreRefused) {
+  Stand stand;
+  TestHost& host = stand.connect();
+  wire::Request request = gain_of_all(1000);
+  for (int i = 0; i < 17; ++i) request.mutable_head_set()->add_heads(0);
+  EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
+}
+
+TEST(Settings, AFileOverTheLimit_IsAProblemUntilItIsReplaced) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  write_settings(*disk, std::vector<std::uint8_t>(firmware::kMaxSettingsBytes + 1));
+  Stand stand(options, std::move(disk));
+  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "degraded"; }));
+  TestHost& host = stand.connect();
+  EXPECT_NE(host.status().problem().find("over the limit"), std::string::npos) << host.status().problem();
+  EXPECT_EQ(host.ask(gain_of_all(1000)).not_stored(), "");
+  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "running"; }));
+}
+
+TEST(Settings, TheyCannotBeStored_TheReplyAndTheStatusSaySoUntilTheyAre) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.disk->set_capacity(0);
+  const wire::Reply reply = host.ask(exposure_of({2}, 3'000'000));
+  EXPECT_TRUE(reply.has_done()) << reply.error().message();
+  EXPECT_NE(reply.not_stored().find("will not survive a restart"), std::string::npos) << reply.not_stored();
+  stand.run(Duration::milliseconds(100));
+  EXPECT_EQ(stand.state(), "degraded");
+  EXPECT_EQ(host.status().problem(), reply.not_stored());
+  EXPECT_EQ(settings_bytes(stand), 0u);
+
+  stand.disk->set_capacity(1 << 20);
+  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "running"; })) << "it tries again by itself";
+  EXPECT_GT(settings_bytes(stand), 0u);
+  EXPECT_EQ(host.ask(exposure_of({2}, 4'000'000)).not_stored(), "");
 }
 
 TEST(Settings, AnyFile_IsReadOrRefused) {

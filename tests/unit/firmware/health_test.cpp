@@ -24,7 +24,7 @@ class HealthTest : public testing::Test {
   }
   Health judged() {
     const Finding found =
-        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed});
+        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -35,6 +35,7 @@ class HealthTest : public testing::Test {
   std::uint64_t unfit = 0;
   Duration since_last_set;
   ShedLevel shed;
+  std::string settings;
 };
 
 TEST_F(HealthTest, EverythingRight_IsRunningWithoutAProblem) {

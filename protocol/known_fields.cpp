@@ -1,0 +1,45 @@
+#include "protocol/known_fields.h"
+
+#include <string>
+
+namespace nodal {
+namespace {
+
+/// protobuf's lite messages have no public call for their unknown fields, so this names the protected member that holds
+/// them. It is the same for every message: a new field of a request needs no change here.
+struct Unknown : google::protobuf::MessageLite {
+  static constexpr auto kMember = &Unknown::_internal_metadata_;
+};
+
+/// Frees the memory, too: clear() would keep it.
+void drop(google::protobuf::MessageLite* message) {
+  auto& metadata = message->*Unknown::kMember;
+  if (metadata.have_unknown_fields()) std::string().swap(*metadata.mutable_unknown_fields<std::string>());
+}
+
+}  // namespace
+
+// Without a default, so that the compiler names a request that is missing here.
+void drop_unknown_fields(wire::Request& request) {
+  drop(&request);
+  switch (request.what_case()) {
+    case wire::Request::kStatus: return drop(request.mutable_status());
+    case wire::Request::kHeads: return drop(request.mutable_heads());
+    case wire::Request::kHeadSet: return drop(request.mutable_head_set());
+    case wire::Request::kGenlock: return drop(request.mutable_genlock());
+    case wire::Request::kExposure: return drop(request.mutable_exposure());
+    case wire::Request::kUploadBegin: return drop(request.mutable_upload_begin());
+    case wire::Request::kUploadCommit: return drop(request.mutable_upload_commit());
+    case wire::Request::kCalibrationList: return drop(request.mutable_calibration_list());
+    case wire::Request::kCalibrationGet: return drop(request.mutable_calibration_get());
+    case wire::Request::kCalibrationUse: return drop(request.mutable_calibration_use());
+    case wire::Request::kCalibrationRollback: return drop(request.mutable_calibration_rollback());
+    case wire::Request::kTrialEnd: return drop(request.mutable_trial_end());
+    case wire::Request::kPull: return drop(request.mutable_pull());
+    case wire::Request::kPullStop: return drop(request.mutable_pull_stop());
+    case wire::Request::kFrameSet: return drop(request.mutable_frame_set());
+    case wire::Request::WHAT_NOT_SET: return;
+  }
+}
+
+}  // namespace nodal
