@@ -1,4 +1,4 @@
-#include "stitch/calibration/export.h"
+#include "stitch/interchange/export.h"
 
 #include <fmt/format.h>
 
@@ -29,14 +29,14 @@ std::string extension_of(const std::string& format) {
 }
 
 /// rig.yaml for one file; rig-HEAD.yaml where each head has its own.
-std::string path_of(const std::string& out, const calibration::ExportedFile& file, std::size_t files) {
+std::string path_of(const std::string& out, const interchange::ExportedFile& file, std::size_t files) {
   if (files == 1 || file.head.empty()) return out;
   const fs::path path(out);
   return (path.parent_path() / (path.stem().string() + "-" + file.head + path.extension().string())).string();
 }
 
 Status run(Context& context, const Args& args) {
-  const Result<calibration::ExportFormat> format = calibration::export_format_named(args.format);
+  const Result<interchange::ExportFormat> format = interchange::export_format_named(args.format);
   if (!format) return fail(format.error());
   const Result<std::string> text = read_file(args.file, kMaxCalibrationBytes);
   if (!text) return fail(text.error());
@@ -46,20 +46,20 @@ Status run(Context& context, const Args& args) {
     return fail(Errc::kBadValue, fmt::format("--images names {} pictures; {} has {} heads", args.images.size(),
                                              args.file, rig->heads.size()));
   }
-  const Result<calibration::ExportResult> result =
-      calibration::export_calibration(*rig, *format, {args.images, args.square_pixels});
+  const Result<interchange::ExportResult> result =
+      interchange::export_calibration(*rig, *format, {args.images, args.square_pixels});
   if (!result) return fail(result.error().in(args.file));
   std::string out = args.out;
   if (out.empty()) out = fs::path(args.file).stem().string() + "-" + args.format + extension_of(args.format);
   Json written = Json::array();
-  for (const calibration::ExportedFile& file : result->files) {
+  for (const interchange::ExportedFile& file : result->files) {
     const std::string path = path_of(out, file, result->files.size());
     if (const Status done = write_file(path, file.text); !done) return done;
     written.push_back(path);
   }
   Json heads = Json::array();
   Table table({{"head"}, {"off by px rms", Table::Align::kRight}, {"at most", Table::Align::kRight}});
-  for (const calibration::ExportedHead& head : result->heads) {
+  for (const interchange::ExportedHead& head : result->heads) {
     heads.push_back({{"name", head.name}, {"rms_px", head.rms_px}, {"max_px", head.max_px}});
     table.row({head.name, fmt::format("{:.4f}", head.rms_px), fmt::format("{:.4f}", head.max_px)});
   }
@@ -85,7 +85,7 @@ void add_export(CLI::App& app, CommandLine& line) {
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")
       ->required()
       ->type_name("FORMAT")
-      ->check(checked_by([](std::string_view name) { return calibration::export_format_named(name); }));
+      ->check(checked_by([](std::string_view name) { return interchange::export_format_named(name); }));
   command->add_option("-o,--out", args->out, "Where to; by the calibration's name when not given")->type_name("FILE");
   command->add_option("--images", args->images, "The heads' pictures, in order, as the file should name them")
       ->type_name("FILE");

@@ -1,4 +1,4 @@
-#include "stitch/calibration/import.h"
+#include "stitch/interchange/import.h"
 
 #include <fmt/format.h>
 
@@ -38,11 +38,11 @@ struct Residual {
 };
 using Residuals = std::map<std::pair<std::size_t, std::size_t>, Residual>;
 
-Result<Residuals> residuals_of(const calibration::ImportResult& imported) {
+Result<Residuals> residuals_of(const interchange::ImportResult& imported) {
   const Result<std::vector<geometry::Head>> heads = geometry::make_heads(imported.calibration);
   if (!heads) return fail(heads.error());
   Residuals residuals;
-  for (const calibration::ControlPoint& point : imported.control_points) {
+  for (const interchange::ControlPoint& point : imported.control_points) {
     const auto a = (*heads)[point.head_a].unproject(point.pixel_a);
     const auto b = (*heads)[point.head_b].unproject(point.pixel_b);
     if (!a || !b) continue;  // outside the lens; the importer's notes say so
@@ -72,7 +72,7 @@ std::string toml_string(const std::string& text) {
 }
 
 /// A rig of replay heads on the project's pictures. Paths below rig.toml's folder count from it.
-Result<std::string> rig_toml_of(const calibration::ImportResult& imported, const Args& args) {
+Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const Args& args) {
   std::string text = fmt::format(
       "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
@@ -96,7 +96,7 @@ Result<std::string> rig_toml_of(const calibration::ImportResult& imported, const
   return text;
 }
 
-void tell(Console& console, const calibration::ImportResult& imported, const CalibrationReport& report,
+void tell(Console& console, const interchange::ImportResult& imported, const CalibrationReport& report,
           const Residuals& residuals, const Args& args) {
   Json pairs = Json::array();
   for (const auto& [pair, residual] : residuals) {
@@ -120,23 +120,23 @@ void tell(Console& console, const calibration::ImportResult& imported, const Cal
 }
 
 /// Errors name the file.
-Result<calibration::ImportResult> imported_from(const Args& args) {
-  std::vector<calibration::CameraFile> files;
+Result<interchange::ImportResult> imported_from(const Args& args) {
+  std::vector<interchange::CameraFile> files;
   for (const std::string& path : args.files) {
-    Result<std::string> text = read_file(path, calibration::kMaxProjectBytes);
+    Result<std::string> text = read_file(path, interchange::kMaxProjectBytes);
     if (!text) return fail(text.error());
     files.push_back({path, std::move(*text)});
   }
   const std::string& first = args.files.front();
   const std::string name = args.name.empty() ? fs::path(first).stem().string() : args.name;
-  if (files.size() > 1) return calibration::import_opencv_cameras(files, name);
-  Result<calibration::ImportResult> imported = calibration::import_project(files.front().text, name);
+  if (files.size() > 1) return interchange::import_opencv_cameras(files, name);
+  Result<interchange::ImportResult> imported = interchange::import_project(files.front().text, name);
   if (!imported) return fail(imported.error().in(first));
   return imported;
 }
 
 Status run(Context& context, const Args& args) {
-  const Result<calibration::ImportResult> imported = imported_from(args);
+  const Result<interchange::ImportResult> imported = imported_from(args);
   if (!imported) return fail(imported.error());
   const Result<CalibrationReport> report = report_on(imported->calibration);
   if (!report) return fail(report.error().in(args.files.front()));

@@ -14,8 +14,8 @@
 #include <sstream>
 
 #include "host_tool/files.h"
-#include "stitch/calibration/export.h"
-#include "stitch/calibration/import.h"
+#include "stitch/interchange/export.h"
+#include "stitch/interchange/import.h"
 
 namespace nodal::host {
 namespace {
@@ -83,14 +83,14 @@ Result<std::vector<PointPair>> pairs_of_csv(const std::string& text, const Calib
 }
 
 Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const Calibration& rig) {
-  const Result<calibration::ImportResult> project = calibration::import_project(text, "pairs");
+  const Result<interchange::ImportResult> project = interchange::import_project(text, "pairs");
   if (!project) return fail(project.error());
   if (project->calibration.heads.size() != rig.heads.size()) {
     return fail(Errc::kHeadMismatch, fmt::format("it has {} images, the calibration {} heads; both must be of one rig, "
                                                  "in one order", project->calibration.heads.size(), rig.heads.size()));
   }
   std::vector<PointPair> pairs;
-  for (const calibration::ControlPoint& point : project->control_points) {
+  for (const interchange::ControlPoint& point : project->control_points) {
     if (point.head_a == point.head_b) continue;  // a straight line's points
     pairs.push_back({point.head_a, point.pixel_a, point.head_b, point.pixel_b});
   }
@@ -143,7 +143,7 @@ class Workshop {
 }  // namespace
 
 Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibration& rig) {
-  const Result<std::string> text = read_file(file, calibration::kMaxProjectBytes);
+  const Result<std::string> text = read_file(file, interchange::kMaxProjectBytes);
   if (!text) return fail(text.error());
   const bool project = file.ends_with(".pto") || file.ends_with(".pts");
   Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : pairs_of_csv(*text, rig);
@@ -171,9 +171,9 @@ Result<std::vector<PointPair>> find_pairs(const std::vector<std::string>& pictur
   const Workshop workshop;
   if (!workshop.good()) return fail(Errc::kIo, "no folder for temporary files");
   // cpfind undoes the lenses before it looks for features, so they need only be near.
-  calibration::ExportOptions options;
+  interchange::ExportOptions options;
   for (const std::string& picture : pictures) options.images.push_back(fs::absolute(picture).string());
-  const auto project = calibration::export_calibration(rig, calibration::ExportFormat::kHugin, options);
+  const auto project = interchange::export_calibration(rig, interchange::ExportFormat::kHugin, options);
   if (!project) return fail(project.error().in("for cpfind"));
   const std::string in = workshop.file("in.pto"), out = workshop.file("out.pto");
   if (Status written = write_file(in, project->files.front().text); !written) return fail(written.error());

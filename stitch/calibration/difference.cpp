@@ -8,10 +8,10 @@
 #include <numbers>
 #include <optional>
 
-#include "stitch/calibration/head_fit.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/geometry/rotation.h"
+#include "stitch/geometry/sampled_head.h"
 
 namespace nodal::calibration {
 namespace {
@@ -77,9 +77,10 @@ struct Spread {
 };
 
 /// Distances between where `a` and `b` put rays: those of a's samples, turned into b's head frame.
-Spread distances(const std::vector<RayPixel>& samples, const geometry::Head& b, const Eigen::Matrix3d& R_b_a) {
+Spread distances(const std::vector<geometry::RayPixel>& samples, const geometry::Head& b,
+                 const Eigen::Matrix3d& R_b_a) {
   Spread spread;
-  for (const RayPixel& sample : samples) {
+  for (const geometry::RayPixel& sample : samples) {
     const Eigen::Vector3d ray = b.R_head_rig().transpose() * (R_b_a * sample.ray);
     const auto pixel = b.project(geometry::Ray::towards(ray));
     if (pixel) spread.add(std::hypot(pixel->x - sample.pixel.x, pixel->y - sample.pixel.y));
@@ -87,9 +88,9 @@ Spread distances(const std::vector<RayPixel>& samples, const geometry::Head& b, 
   return spread;
 }
 
-void compare_light(const geometry::Head& a, const geometry::Head& b, const std::vector<RayPixel>& samples,
+void compare_light(const geometry::Head& a, const geometry::Head& b, const std::vector<geometry::RayPixel>& samples,
                    HeadDifference& d) {
-  for (const RayPixel& sample : samples) {
+  for (const geometry::RayPixel& sample : samples) {
     const double stops = std::log2(std::max(b.vignetting(sample.pixel), 1e-6) /
                                    std::max(a.vignetting(sample.pixel), 1e-6));
     d.vignetting_stops = std::max(d.vignetting_stops, std::abs(stops));
@@ -142,7 +143,7 @@ Result<RigDifference> difference_of(const Calibration& a, const Calibration& b) 
     d.raw_deg = angle_of(Rb[n] * Ra[n].transpose());
     d.turned_deg = angle_of(Rb[n] * R_b_a * Ra[n].transpose());
     turned.add(d.turned_deg);
-    const std::vector<RayPixel> samples = sample_head(head_a);
+    const std::vector<geometry::RayPixel> samples = geometry::sample_head(head_a);
     if (head_a.width() == head_b.width() && head_a.height() == head_b.height()) {
       const Spread lens = distances(samples, head_b, Eigen::Matrix3d::Identity());
       d.lens_rms_px = lens.rms();

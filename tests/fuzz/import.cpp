@@ -2,16 +2,16 @@
 #include <cstdint>
 #include <string_view>
 
-#include "stitch/calibration/import.h"
+#include "stitch/interchange/import.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace nodal;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
-  using Import = Result<calibration::ImportResult> (*)(std::string_view, std::string_view);
-  for (const Import import : {&calibration::import_pto, &calibration::import_pts, &calibration::import_videostitch,
-                              &calibration::import_surround360, &calibration::import_opencv,
-                              &calibration::import_kalibr, &calibration::import_project}) {
-    const Result<calibration::ImportResult> result = import(text, "fuzz");
+  using Import = Result<interchange::ImportResult> (*)(std::string_view, std::string_view);
+  for (const Import import : {&interchange::import_pto, &interchange::import_pts, &interchange::import_videostitch,
+                              &interchange::import_surround360, &interchange::import_opencv,
+                              &interchange::import_kalibr, &interchange::import_project}) {
+    const Result<interchange::ImportResult> result = import(text, "fuzz");
     if (!result) {
       NODAL_ASSERT(!result.error().message.empty());
       continue;
@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const Result<Calibration> again = parse_calibration(to_json(result->calibration));
     NODAL_ASSERT(again.has_value());
     NODAL_ASSERT(calibration_id(*again) == calibration_id(result->calibration));
-    for (const calibration::ControlPoint& point : result->control_points) {
+    for (const interchange::ControlPoint& point : result->control_points) {
       NODAL_ASSERT(point.head_a < again->heads.size() && point.head_b < again->heads.size());
     }
   }

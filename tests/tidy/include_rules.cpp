@@ -52,6 +52,8 @@ const std::vector<FolderRule>& folder_rules() {
       {"hal/linux/", ports_and({"protocol/base/", "hal/linux/"})},
       {"stitch/blend/", {"protocol/base/", "stitch/blend/"}},
       {"stitch/geometry/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/"}},
+      {"stitch/interchange/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/",
+                               "stitch/interchange/"}},
       {"stitch/calibration/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/",
                                "stitch/calibration/"}},
       {"stitch/registration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",

@@ -1,0 +1,69 @@
+#include "stitch/interchange/foreign_head.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "protocol/base/units.h"
+#include "protocol/lens_range.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/interchange/project.h"
+
+namespace nodal::interchange {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kTellPx = 0.01;
+
+}  // namespace
+
+HeadCalibration blank_head(const std::string& name, int width, int height) {
+  HeadCalibration head;
+  head.name = name;
+  head.width = width;
+  head.height = height;
+  head.center_x = width / 2.0;
+  head.center_y = height / 2.0;
+  head.region = {0, 0, static_cast<double>(width), static_cast<double>(height), {}};
+  head.vignetting = {head.center_x, head.center_y, std::hypot(width, height) / 2, {}};
+  return head;
+}
+
+Status finish_head(HeadCalibration& head, std::vector<std::string>& notes) {
+  const LensRange range = lens_range(head.lens);
+  const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
+  const double end = head.max_angle > 0 ? std::min(head.max_angle, range.max_angle) : range.max_angle;
+  const bool cut_already = head.max_angle > 0 && head.max_angle < range.max_angle;
+  if (farthest > range.max_radius && range.max_radius >= 1 && !cut_already) {
+    head.max_angle = range.turns ? 0.99 * end : end;
+    notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
+                    short_number(range.max_angle / kDegree) + " degrees, inside its picture: it is used up to " +
+                    short_number(head.max_angle / kDegree) + " degrees.");
+  }
+  return check_head(head);
+}
+
+void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadCalibration& head,
+              std::vector<std::string>& notes) {
+  head.lens = lens_of(fit);
+  head.center_x = fit.cx;
+  head.center_y = fit.cy;
+  head.aspect = fit.aspect;
+  head.R_head_rig = geometry::rows_of(fit.R_fitted_given * geometry::matrix_of(head.R_head_rig));
+  tell_lens_fit(fit.rms_px, fit.max_px, what_was_lost, head, notes);
+}
+
+void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
+                   std::vector<std::string>& notes) {
+  if (max_px < kTellPx) return;
+  notes.push_back("Head '" + head.name + "': " + what_was_lost + "; the lens nearest to it is off by " +
+                  short_number(rms_px) + " px rms, " + short_number(max_px) + " px at most.");
+}
+
+Status check_head_count(std::size_t heads) {
+  if (heads >= static_cast<std::size_t>(kMinHeads) && heads <= static_cast<std::size_t>(kMaxHeads)) return {};
+  return fail(Errc::kUnsupported, "it has " + std::to_string(heads) + " cameras; a rig has " +
+                                      std::to_string(kMinHeads) + " to " + std::to_string(kMaxHeads) + " heads");
+}
+
+}  // namespace nodal::interchange

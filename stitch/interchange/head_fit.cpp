@@ -1,0 +1,170 @@
+#include "stitch/interchange/head_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "stitch/geometry/rotation.h"
+
+namespace nodal::interchange {
+namespace {
+
+constexpr int kSteps = 25;
+constexpr double kStill = 1e-10;
+constexpr double kMostTangent = 89.5 * std::numbers::pi / 180;
+constexpr int kPlace = 6;  // cx, cy, aspect and three of the turn come before the coefficients
+
+bool reaches(RadialBasis basis, double angle) {
+  if (basis == RadialBasis::kTangent) return angle < kMostTangent;
+  return angle < 0.999 * std::numbers::pi;
+}
+
+double angle_of(const Eigen::Vector3d& ray) { return std::atan2(std::hypot(ray.x(), ray.y()), ray.z()); }
+
+double power(double t, int n) {
+  double value = 1;
+  for (; n > 0; --n) value *= t;
+  return value;
+}
+
+double radius_at(const PolynomialHead& head, double angle) {
+  const double t = radial_basis(head.basis, angle);
+  double r = 0;
+  for (std::size_t k = 0; k < head.exponents.size(); ++k) r += head.coefficients[k] * power(t, head.exponents[k]);
+  return r;
+}
+
+/// Derivatives of (u, v) by everything, in px; by the turn only when it is asked for.
+Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head, const Eigen::Vector3d& given,
+                                                     bool by_turn) {
+  const auto n = static_cast<Eigen::Index>(kPlace + head.exponents.size());
+  Eigen::Matrix<double, 2, Eigen::Dynamic> J = Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, n);
+  const Eigen::Vector3d ray = head.R_fitted_given * given;
+  const double s = std::hypot(ray.x(), ray.y());
+  const Eigen::Vector2d e = s > 0 ? Eigen::Vector2d(ray.x() / s, ray.y() / s) : Eigen::Vector2d::Zero();
+  const double t = radial_basis(head.basis, angle_of(ray));
+  J(0, 0) = 1;
+  J(1, 1) = 1;
+  J(1, 2) = e.y() * radius_at(head, angle_of(ray));
+  for (int k = 0; by_turn && k < 3; ++k) {
+    constexpr double kStep = 1e-6;
+    PolynomialHead turned = head;
+    turned.R_fitted_given = geometry::rotation_about(kStep * Eigen::Vector3d::Unit(k)) * head.R_fitted_given;
+    const geometry::Pixel more = turned.project(given);
+    turned.R_fitted_given = geometry::rotation_about(-kStep * Eigen::Vector3d::Unit(k)) * head.R_fitted_given;
+    const geometry::Pixel less = turned.project(given);
+    J(0, 3 + k) = (more.x - less.x) / (2 * kStep);
+    J(1, 3 + k) = (more.y - less.y) / (2 * kStep);
+  }
+  for (std::size_t k = 0; k < head.exponents.size(); ++k) {
+    const double slope = power(t, head.exponents[k]);
+    J(0, kPlace + static_cast<Eigen::Index>(k)) = e.x() * slope;
+    J(1, kPlace + static_cast<Eigen::Index>(k)) = head.aspect * e.y() * slope;
+  }
+  return J;
+}
+
+std::vector<Eigen::Index> free_columns(const PolynomialHead& head, const FitFreedom& freedom) {
+  std::vector<Eigen::Index> free;
+  const std::array<bool, kPlace> moves{freedom.center, freedom.center, freedom.aspect,
+                                       freedom.turn,   freedom.turn,   freedom.turn};
+  for (std::size_t k = 0; k < kPlace + head.exponents.size(); ++k) {
+    if (k >= kPlace || moves[k]) free.push_back(static_cast<Eigen::Index>(k));
+  }
+  return free;
+}
+
+/// One Gauss-Newton step; gives how far it moved in scaled unknowns.
+double improve(const std::vector<geometry::RayPixel>& samples, const std::vector<Eigen::Index>& free,
+               PolynomialHead& head) {
+  const auto n = static_cast<Eigen::Index>(free.size());
+  const bool by_turn = std::ranges::any_of(free, [](Eigen::Index k) { return k >= 3 && k < kPlace; });
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+  for (const geometry::RayPixel& sample : samples) {
+    const Eigen::Matrix<double, 2, Eigen::Dynamic> all = derivatives(head, sample.ray, by_turn);
+    Eigen::Matrix<double, 2, Eigen::Dynamic> J(2, n);
+    for (Eigen::Index k = 0; k < n; ++k) J.col(k) = all.col(free[static_cast<std::size_t>(k)]);
+    const geometry::Pixel p = head.project(sample.ray);
+    A += J.transpose() * J;
+    b += J.transpose() * Eigen::Vector2d(sample.pixel.x - p.x, sample.pixel.y - p.y);
+  }
+  // Powers of an angle differ by orders: scaled to ones on the diagonal, the matrix stays solvable.
+  const Eigen::VectorXd scale = (A.diagonal().array() + 1e-30).rsqrt();
+  Eigen::MatrixXd scaled = scale.asDiagonal() * A * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-13;
+  const Eigen::VectorXd x = scaled.ldlt().solve(Eigen::VectorXd(scale.asDiagonal() * b));
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(kPlace + static_cast<Eigen::Index>(head.exponents.size()));
+  for (Eigen::Index k = 0; k < n; ++k) step[free[static_cast<std::size_t>(k)]] = scale[k] * x[k];
+  head.cx += step[0];
+  head.cy += step[1];
+  head.aspect += step[2];
+  head.R_fitted_given = geometry::rotation_about(step.segment<3>(3)) * head.R_fitted_given;
+  for (std::size_t k = 0; k < head.exponents.size(); ++k) {
+    head.coefficients[k] += step[kPlace + static_cast<Eigen::Index>(k)];
+  }
+  return x.norm() / std::sqrt(static_cast<double>(samples.size()));
+}
+
+}  // namespace
+
+double radial_basis(RadialBasis basis, double angle) {
+  switch (basis) {
+    case RadialBasis::kAngle: return angle;
+    case RadialBasis::kTangent: return std::tan(angle);
+    case RadialBasis::kHalfTangent: return std::tan(angle / 2);
+  }
+  return angle;
+}
+
+geometry::Pixel PolynomialHead::project(const Eigen::Vector3d& given) const {
+  const Eigen::Vector3d ray = R_fitted_given * given;
+  const double s = std::hypot(ray.x(), ray.y());
+  if (s == 0) return {cx, cy};
+  const double r = radius_at(*this, angle_of(ray));
+  return {cx + r * ray.x() / s, cy + aspect * r * ray.y() / s};
+}
+
+Result<PolynomialHead> fit_polynomial_head(const std::vector<geometry::RayPixel>& samples, const PolynomialHead& start,
+                                           const FitFreedom& freedom) {
+  std::vector<geometry::RayPixel> held;
+  for (const geometry::RayPixel& sample : samples) {
+    if (reaches(start.basis, angle_of(sample.ray))) held.push_back(sample);
+  }
+  if (held.size() < 10) return fail(Errc::kBadValue, "its lens sees next to nothing that this form can hold");
+  PolynomialHead head = start;
+  head.coefficients.assign(head.exponents.size(), 0.0);
+  // Linear in the coefficients: they alone first, then everything.
+  improve(held, free_columns(head, {false, false, false}), head);
+  const std::vector<Eigen::Index> free = free_columns(head, freedom);
+  for (int n = 0; n < kSteps; ++n) {
+    if (improve(held, free, head) < kStill) break;
+  }
+  double square = 0;
+  for (const geometry::RayPixel& sample : held) {
+    const geometry::Pixel p = head.project(sample.ray);
+    const double off = std::hypot(p.x - sample.pixel.x, p.y - sample.pixel.y);
+    square += off * off;
+    head.max_px = std::max(head.max_px, off);
+  }
+  head.rms_px = std::sqrt(square / static_cast<double>(held.size()));
+  if (!std::isfinite(head.rms_px)) return fail(Errc::kBadValue, "its lens cannot be fitted in this form");
+  return head;
+}
+
+LensModel lens_of(const PolynomialHead& fit) {
+  const bool odd = std::ranges::all_of(fit.exponents, [](int e) { return e % 2 == 1 && e <= 9; });
+  std::vector<double> dense(static_cast<std::size_t>(std::ranges::max(fit.exponents)), 0.0);
+  for (std::size_t k = 0; k < fit.exponents.size(); ++k) {
+    dense[static_cast<std::size_t>(fit.exponents[k] - 1)] = fit.coefficients[k];
+  }
+  if (fit.basis == RadialBasis::kTangent) return RectilinearLens{dense};
+  if (!odd || !(dense[0] > 0)) return EquidistantLens{dense};
+  dense.resize(9, 0.0);
+  const double f = dense[0];
+  return KannalaBrandtLens{f, {dense[2] / f, dense[4] / f, dense[6] / f, dense[8] / f}};
+}
+
+}  // namespace nodal::interchange

@@ -1,0 +1,168 @@
+// Kalibr's camchain.yaml: cameras in a chain, each placed by T_cn_cnm1 against the one before.
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+
+#include "protocol/base/units.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/import.h"
+#include "stitch/interchange/panotools_head.h"
+#include "stitch/interchange/pinhole_lens.h"
+#include "stitch/interchange/project.h"
+#include "stitch/interchange/yaml_fields.h"
+
+namespace nodal::interchange {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// A projection that is no pinhole: r(a) in units of the focal length before distortion.
+struct Projection {
+  std::string model;
+  double first = 0, second = 0;  ///< xi | alpha, beta | xi, alpha
+
+  double tangent(double a) const {
+    const double s = std::sin(a), c = std::cos(a);
+    if (model == "omni") return s / (c + first);
+    if (model == "eucm") return s / (first * std::sqrt(second * s * s + c * c) + (1 - first) * c);
+    if (model == "ds") {
+      const double shifted = first + c;  // d1 = 1 for a unit ray
+      return s / (second * std::sqrt(s * s + shifted * shifted) + (1 - second) * shifted);
+    }
+    return s / c;
+  }
+  std::size_t extra() const { return model == "omni" ? 1 : model == "pinhole" ? 0 : 2; }
+};
+
+Result<Projection> read_projection(const YamlFields& camera, std::vector<double>& intrinsics) {
+  const Result<std::string> model = camera.text("camera_model");
+  if (!model) return fail(model.error());
+  Projection p{*model};
+  if (*model != "pinhole" && *model != "omni" && *model != "eucm" && *model != "ds") {
+    return fail(Errc::kUnsupported, camera.where() + ": there is no camera_model '" + *model +
+                                        "' here; there are pinhole, omni, eucm and ds");
+  }
+  Result<std::vector<double>> numbers = camera.numbers("intrinsics");
+  if (!numbers) return fail(numbers.error());
+  if (numbers->size() != 4 + p.extra()) {
+    return fail(Errc::kBadValue, camera.where() + ": 'intrinsics' must hold " + std::to_string(4 + p.extra()) +
+                                     " numbers for " + *model);
+  }
+  if (p.extra() > 0) p.first = (*numbers)[0];
+  if (p.extra() > 1) p.second = (*numbers)[1];
+  intrinsics.assign(numbers->end() - 4, numbers->end());
+  return p;
+}
+
+Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std::string>& notes) {
+  std::vector<double> intrinsics;
+  const Result<Projection> projection = read_projection(camera, intrinsics);
+  if (!projection) return fail(projection.error());
+  const PinholeNumbers pinhole{intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]};
+  const Result<std::string> model = camera.text("distortion_model");
+  if (!model) return fail(model.error());
+  std::vector<double> k;
+  if (*model != "none") {
+    const Result<std::vector<double>> given = camera.numbers("distortion_coeffs");
+    if (!given) return fail(given.error());
+    k = *given;
+  }
+  const bool pure = projection->model == "pinhole";
+  if (pure && *model == "equidistant") return set_kannala_brandt(pinhole, k, head);
+  if (pure && (*model == "radtan" || *model == "none")) return set_plumb_bob(pinhole, {k}, head, notes);
+  if (pure && *model == "fov") {
+    if (k.empty() || !(k[0] > 0.01 && k[0] < 3)) {
+      return fail(Errc::kBadValue, camera.where() + ": the fov model has one coefficient, 0.01 to 3");
+    }
+    const double w = k[0];
+    return set_radial(pinhole, [w](double a) { return std::atan(2 * std::tan(a) * std::tan(w / 2)) / w; },
+                      89 * kPi / 180, "its fov distortion", head, notes);
+  }
+  if (!pure && (*model == "radtan" || *model == "none")) {
+    const PlumbBob bob{k};
+    if (k.size() > 3 && (k[2] != 0 || k[3] != 0)) {
+      notes.push_back("Head '" + head.name + "': the tangential terms of its " + projection->model +
+                      " lens have no counterpart here and are left out.");
+    }
+    PlumbBob radial = bob;
+    for (std::size_t i = 2; i < std::min<std::size_t>(4, radial.k.size()); ++i) radial.k[i] = 0;
+    const Projection p = *projection;
+    return set_radial(pinhole, [p, radial](double a) { return radial.bend({p.tangent(a), 0}).x(); }, 0.95 * kPi,
+                      "its " + p.model + " projection", head, notes);
+  }
+  return fail(Errc::kUnsupported, camera.where() + ": there is no " + projection->model + " with distortion_model '" +
+                                      *model + "' here; there are radtan, equidistant, fov and none");
+}
+
+/// The rotation of T_cn_cnm1; `shift` grows to the farthest that any camera stands from the first.
+Result<Eigen::Matrix3d> read_step(const YamlFields& camera, double& shift) {
+  if (!camera.has("T_cn_cnm1")) return Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+  const Result<std::vector<double>> T = camera.matrix("T_cn_cnm1", 4, 4);
+  if (!T) return fail(T.error());
+  Eigen::Matrix3d R;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    for (Eigen::Index k = 0; k < 3; ++k) R(i, k) = (*T)[static_cast<std::size_t>(4 * i + k)];
+  }
+  shift = std::max(shift, std::hypot((*T)[3], (*T)[7], (*T)[11]));
+  constexpr double kWritten = 1e-4;
+  const Result<Eigen::Matrix3d> rotation = geometry::nearest_rotation(R, kWritten);
+  if (!rotation) return fail(rotation.error().in(camera.where() + ": T_cn_cnm1"));
+  return *rotation;
+}
+
+/// The camera's name in the topic it was recorded from (/NAME/image_raw); its number in the chain without one.
+std::string name_of(const YamlFields& camera, const std::string& number, const ImportResult& result) {
+  std::vector<std::string> taken;
+  for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);
+  const Result<std::string> topic = camera.text("rostopic");
+  if (!topic) return head_name(number + ".", taken);
+  const std::size_t first = topic->find_first_not_of('/');
+  if (first == std::string::npos) return head_name(number + ".", taken);
+  return head_name(topic->substr(first, topic->find('/', first) - first) + ".", taken);
+}
+
+}  // namespace
+
+Result<ImportResult> import_kalibr(std::string_view text, std::string_view name) {
+  const Result<YAML::Node> root = parse_foreign_yaml(text);
+  if (!root) return fail(root.error());
+  const YamlFields chain(*root, "the chain");
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from a Kalibr camera chain.";
+  Eigen::Matrix3d R_head_rig = Eigen::Matrix3d::Identity();
+  double shift = 0;
+  for (int n = 0; n <= kMaxHeads && chain.has("cam" + std::to_string(n)); ++n) {
+    const std::string camera_name = "cam" + std::to_string(n);
+    const YamlFields camera(chain.at(camera_name), camera_name);
+    const Result<std::vector<double>> resolution = camera.numbers("resolution");
+    if (!resolution) return fail(resolution.error());
+    if (resolution->size() != 2 || !((*resolution)[0] >= 1 && (*resolution)[0] <= 32768) ||
+        !((*resolution)[1] >= 1 && (*resolution)[1] <= 32768)) {
+      return fail(Errc::kBadValue, camera_name + ": 'resolution' must be two numbers of 1 to 32768");
+    }
+    HeadCalibration head =
+        blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]), static_cast<int>((*resolution)[1]));
+    const Result<Eigen::Matrix3d> step = read_step(camera, shift);
+    if (!step) return fail(step.error());
+    R_head_rig = *step * R_head_rig;
+    head.R_head_rig = geometry::rows_of(*geometry::nearest_rotation(R_head_rig));
+    if (Status s = set_lens(camera, head, result.notes); !s) return fail(s.error());
+    if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+    result.calibration.heads.push_back(std::move(head));
+    result.images.emplace_back();
+  }
+  if (result.calibration.heads.empty()) {
+    return fail(Errc::kMissingField, "there is no 'cam0' in it: it is not a Kalibr camera chain");
+  }
+  if (Status s = check_head_count(result.calibration.heads.size()); !s) return fail(s.error());
+  if (shift > 0) {
+    result.notes.push_back("Neighbours in the chain stand up to " + short_number(shift) +
+                           " m apart; here all heads share one nodal point.");
+  }
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+}  // namespace nodal::interchange

@@ -1,0 +1,97 @@
+// OpenCV's FileStorage YAML, as its calibration programs and ROS write it: one camera a file, no place in a rig.
+#include <algorithm>
+
+#include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/import.h"
+#include "stitch/interchange/panotools_head.h"
+#include "stitch/interchange/pinhole_lens.h"
+#include "stitch/interchange/project.h"
+#include "stitch/interchange/yaml_fields.h"
+
+namespace nodal::interchange {
+namespace {
+
+/// rows, cols and data of an !!opencv-matrix, or ROS's map of the same.
+Result<std::vector<double>> read_matrix(const YamlFields& file, const std::string& key) {
+  if (!file.has(key)) {
+    return fail(Errc::kMissingField, "there is no '" + key + "' in it; a camera's file has camera_matrix and "
+                                     "distortion_coefficients");
+  }
+  const YamlFields matrix(file.at(key), "'" + key + "'");
+  return matrix.numbers("data");
+}
+
+bool is_fisheye(const YamlFields& file) {
+  const Result<double> flag = file.number_or("fisheye_model", 0);
+  if (flag && *flag != 0) return true;
+  const Result<std::string> model = file.text("distortion_model");
+  return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
+}
+
+/// Adds the camera of a file to a rig: called by its own name or, where it has none or another head has it, as the file
+/// at `path`.
+Status add_camera(std::string_view text, std::string_view path, ImportResult& result) {
+  const Result<YAML::Node> root = parse_foreign_yaml(text);
+  if (!root) return fail(root.error());
+  const YamlFields file(*root, "the camera");
+  const Result<int> width = file.side("image_width");
+  if (!width) return fail(width.error());
+  const Result<int> height = file.side("image_height");
+  if (!height) return fail(height.error());
+  const Result<std::vector<double>> K = read_matrix(file, "camera_matrix");
+  if (!K) return fail(K.error());
+  if (K->size() != 9) return fail(Errc::kBadValue, "'camera_matrix' must hold 9 numbers");
+  Result<std::vector<double>> distortion =
+      read_matrix(file, file.has("distortion_coefficients") ? "distortion_coefficients" : "dist_coeffs");
+  if (!distortion) return fail(distortion.error());
+
+  std::vector<std::string> taken;
+  for (const HeadCalibration& other : result.calibration.heads) taken.push_back(other.name);
+  std::string camera(path);
+  if (const Result<std::string> named = file.text("camera_name")) {
+    if (std::ranges::find(taken, head_name(*named + ".", {})) == taken.end()) camera = *named + ".";
+  }
+  HeadCalibration head = blank_head(head_name(camera, taken), *width, *height);
+  const PinholeNumbers pinhole{(*K)[0], (*K)[4], (*K)[2], (*K)[5]};
+  const Status set = is_fisheye(file) ? set_kannala_brandt(pinhole, *distortion, head)
+                                      : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
+  if (!set) return fail(set.error());
+  if ((*K)[1] != 0) {
+    result.notes.push_back("The camera matrix of head '" + head.name + "' has a skew, which is left out: pixels have no shear.");
+  }
+  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  result.calibration.heads.push_back(std::move(head));
+  result.images.emplace_back();
+  return {};
+}
+
+}  // namespace
+
+Result<ImportResult> import_opencv(std::string_view text, std::string_view name) {
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from an OpenCV camera file.";
+  if (Status added = add_camera(text, std::string(name) + ".", result); !added) return fail(added.error());
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name) {
+  if (Status count = check_head_count(files.size()); !count) return fail(count.error());
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from OpenCV camera files, one a head.";
+  for (const CameraFile& file : files) {
+    if (!is_opencv(file.text)) {
+      const Error error{Errc::kBadFormat, "it is no OpenCV camera; several files make one rig only when each of them is"};
+      return fail(error.in(file.path));
+    }
+    if (Status added = add_camera(file.text, file.path, result); !added) return fail(added.error().in(file.path));
+  }
+  result.notes.emplace_back("OpenCV's files do not say how the cameras stand to each other: all look forward; place them "
+                            "with `nodal pairs`, then `nodal register`.");
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+}  // namespace nodal::interchange

@@ -1,0 +1,160 @@
+// Facebook's Surround360 and facebook360_dep rigs. Their pixels have corners at integers, as Nodal's; a camera looks
+// along its forward, the world is x forward, y left, z up.
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+
+#include "protocol/lens_range.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/import.h"
+#include "stitch/interchange/json_fields.h"
+#include "stitch/interchange/panotools_head.h"
+#include "stitch/interchange/project.h"
+
+namespace nodal::interchange {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// A direction of their world in the rig's axes: x right, y down, z forward.
+Eigen::Vector3d to_rig(const std::vector<double>& v) { return {-v[1], -v[2], v[0]}; }
+
+/// The rotation from the three axes they write down.
+Status read_rotation(const JsonFields& camera, HeadCalibration& head) {
+  std::array<Eigen::Vector3d, 3> axes;  // right, up, forward
+  constexpr std::array kNames{"right", "up", "forward"};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Result<std::vector<double>> axis = camera.numbers(kNames[k], 3, 3);
+    if (!axis) return fail(axis.error());
+    axes[k] = to_rig(*axis);
+  }
+  Eigen::Matrix3d R;
+  R << axes[0].transpose(), -axes[1].transpose(), axes[2].transpose();
+  constexpr double kWritten = 1e-3;  // some rigs are rounded to four digits
+  const Result<Eigen::Matrix3d> rotation = geometry::nearest_rotation(R, kWritten);
+  if (!rotation) return fail(rotation.error().in(camera.where() + ": right, up, forward"));
+  head.R_head_rig = geometry::rows_of(*rotation);
+  return {};
+}
+
+/// distort(s) = s + d0 s^3 + d1 s^5 (+ d2 s^7), s by type; radius = focal times that.
+Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<std::string>& notes) {
+  const Result<std::vector<double>> focal = camera.numbers("focal", 2, 2);
+  if (!focal) return fail(focal.error());
+  if (!((*focal)[0] > 0 && (*focal)[1] < 0)) {
+    return fail(Errc::kBadValue, camera.where() + ": the field 'focal' must be a positive and a negative number");
+  }
+  const double f = (*focal)[0];
+  head.aspect = -(*focal)[1] / f;
+  std::vector<double> d{0, 0, 0};
+  if (camera.has("distortion")) {
+    const Result<std::vector<double>> given = camera.numbers("distortion", 1, 3);
+    if (!given) return fail(given.error());
+    std::copy(given->begin(), given->end(), d.begin());
+  }
+  const Result<std::string> type = camera.text("type");
+  if (!type) return fail(type.error());
+  if (*type == "FTHETA") {
+    head.lens = KannalaBrandtLens{f, {d[0], d[1], d[2], 0}};
+    return {};
+  }
+  if (*type == "RECTILINEAR") {
+    head.lens = RectilinearLens{{f, 0, f * d[0], 0, f * d[1], 0, f * d[2]}};
+    return {};
+  }
+  if (*type != "EQUISOLID" && *type != "ORTHOGRAPHIC") {
+    return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + *type + "' here; there are FTHETA, "
+                                                     "RECTILINEAR, EQUISOLID and ORTHOGRAPHIC");
+  }
+  const bool equisolid = *type == "EQUISOLID";
+  const auto radius = [&](double a) {
+    const double s = equisolid ? 2 * std::sin(a / 2) : std::sin(a);
+    return f * s * (1 + s * s * (d[0] + s * s * (d[1] + s * s * d[2])));
+  };
+  // As far as the rig says, or as the picture's farthest corner is.
+  double end = head.max_angle > 0 ? head.max_angle : kPi / 2;
+  const double corner = std::hypot(std::max(head.center_x, head.width - head.center_x),
+                                   std::max(head.center_y, head.height - head.center_y) / head.aspect);
+  while (equisolid && head.max_angle == 0 && end < 0.95 * kPi && radius(end) < corner) end += 0.01;
+  std::vector<geometry::RayPixel> samples;
+  for (int i = 1; i <= 400; ++i) {
+    const double a = end * i / 400;
+    samples.push_back({{std::sin(a), 0, std::cos(a)}, {radius(a), 0}});
+  }
+  PolynomialHead start;
+  start.exponents = {1, 3, 5, 7, 9};
+  const Result<PolynomialHead> fit = fit_polynomial_head(samples, start, {false, false, false});
+  if (!fit) return fail(fit.error().in(camera.where()));
+  head.lens = lens_of(*fit);
+  notes.push_back("Head '" + head.name + "': its lens type " + *type + " is fitted by a Kannala-Brandt lens, off by " +
+                  short_number(fit->rms_px) + " px rms, " + short_number(fit->max_px) + " px at most.");
+  return {};
+}
+
+Result<HeadCalibration> read_camera(const nlohmann::json& json, std::size_t index, ImportResult& result) {
+  const JsonFields unnamed(json, "camera " + std::to_string(index));
+  const Result<std::string> id = unnamed.text("id");
+  if (!id) return fail(id.error());
+  const JsonFields camera(json, "camera '" + *id + "'");
+  const Result<std::vector<double>> resolution = camera.numbers("resolution", 2, 2);
+  if (!resolution) return fail(resolution.error());
+  for (const double side : *resolution) {
+    if (side >= 1 && side <= 32768) continue;
+    return fail(Errc::kBadValue, camera.where() + ": the field 'resolution' must be 1 to 32768 px");
+  }
+  std::vector<std::string> taken;
+  for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);
+  HeadCalibration head = blank_head(head_name(*id + ".", taken), static_cast<int>((*resolution)[0]),
+                                    static_cast<int>((*resolution)[1]));
+  if (camera.has("principal")) {
+    const Result<std::vector<double>> principal = camera.numbers("principal", 2, 2);
+    if (!principal) return fail(principal.error());
+    head.center_x = (*principal)[0];
+    head.center_y = (*principal)[1];
+  }
+  const Result<double> fov = camera.number_or("fov", 0);
+  if (!fov) return fail(fov.error());
+  if (*fov > 0 && *fov < kPi) head.max_angle = *fov;
+  if (Status s = read_rotation(camera, head); !s) return fail(s.error());
+  if (Status s = read_lens(camera, head, result.notes); !s) return fail(s.error());
+  const LensRange range = lens_range(head.lens);
+  if (head.max_angle >= range.max_angle) head.max_angle = 0;  // the lens ends earlier than they say
+  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  return head;
+}
+
+}  // namespace
+
+Result<ImportResult> import_surround360(std::string_view text, std::string_view name) {
+  const Result<nlohmann::json> json = parse_foreign_json(text);
+  if (!json) return fail(json.error());
+  const JsonFields rig(*json, "the rig");
+  if (!rig.has("cameras") || !rig["cameras"].is_array()) {
+    return fail(Errc::kMissingField, "there is no list 'cameras' in it: it is not a Surround360 rig");
+  }
+  const nlohmann::json& cameras = rig["cameras"];
+  if (Status s = check_head_count(cameras.size()); !s) return fail(s.error());
+  ImportResult result;
+  result.calibration.name = std::string(name);
+  result.calibration.comment = "Imported from a Surround360 rig.";
+  double farthest = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    Result<HeadCalibration> head = read_camera(cameras[i], i, result);
+    if (!head) return fail(head.error());
+    result.calibration.heads.push_back(std::move(*head));
+    result.images.emplace_back();
+    const JsonFields camera(cameras[i], "camera");
+    const Result<std::vector<double>> origin = camera.numbers("origin", 3, 3);
+    if (origin) farthest = std::max(farthest, std::hypot((*origin)[0], (*origin)[1], (*origin)[2]));
+  }
+  if (farthest > 0) {
+    result.notes.push_back("The cameras stand up to " + short_number(farthest) +
+                           " (of the file's units) from the rig's middle; here all heads share one nodal point, so "
+                           "near things will not meet at the seams.");
+  }
+  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  return result;
+}
+
+}  // namespace nodal::interchange

@@ -1,0 +1,69 @@
+#include "stitch/interchange/json_fields.h"
+
+#include <cmath>
+
+#include "stitch/interchange/import.h"
+
+namespace nodal::interchange {
+
+using nlohmann::json;
+
+Result<json> parse_foreign_json(std::string_view text) {
+  if (text.size() > kMaxProjectBytes) {
+    return fail(Errc::kTooLarge, "it has " + std::to_string(text.size()) + " bytes; a calibration has at most " +
+                                     std::to_string(kMaxProjectBytes));
+  }
+  json parsed = json::parse(text, nullptr, false);
+  if (parsed.is_discarded()) return fail(Errc::kBadFormat, "it is not JSON, or is cut off");
+  return parsed;
+}
+
+tl::unexpected<Error> JsonFields::missing(const char* key) const {
+  return fail(Errc::kMissingField, where_ + ": there is no field '" + key + "'");
+}
+
+tl::unexpected<Error> JsonFields::bad(const char* key, const std::string& wanted) const {
+  return fail(Errc::kBadValue, where_ + ": the field '" + key + "' must be " + wanted);
+}
+
+Result<double> JsonFields::number(const char* key) const {
+  if (!has(key)) return missing(key);
+  const json& value = object_.at(key);
+  if (!value.is_number() || !std::isfinite(value.get<double>())) return bad(key, "a number");
+  return value.get<double>();
+}
+
+Result<double> JsonFields::number_or(const char* key, double otherwise) const {
+  if (!has(key)) return otherwise;
+  return number(key);
+}
+
+Result<std::vector<double>> JsonFields::numbers(const char* key, std::size_t least, std::size_t most) const {
+  if (!has(key)) return missing(key);
+  const json& list = object_.at(key);
+  const std::string wanted = least == most ? std::to_string(least) + " numbers"
+                                           : std::to_string(least) + " to " + std::to_string(most) + " numbers";
+  if (!list.is_array() || list.size() < least || list.size() > most) return bad(key, wanted);
+  std::vector<double> values;
+  for (const json& value : list) {
+    if (!value.is_number() || !std::isfinite(value.get<double>())) return bad(key, wanted);
+    values.push_back(value.get<double>());
+  }
+  return values;
+}
+
+Result<std::string> JsonFields::text(const char* key) const {
+  if (!has(key)) return missing(key);
+  const json& value = object_.at(key);
+  if (!value.is_string()) return bad(key, "a text");
+  return value.get<std::string>();
+}
+
+Result<int> JsonFields::side(const char* key) const {
+  const Result<double> value = number(key);
+  if (!value) return fail(value.error());
+  if (!(*value >= 1 && *value <= 32768)) return bad(key, "1 to 32768 px");
+  return static_cast<int>(*value);
+}
+
+}  // namespace nodal::interchange

@@ -1,0 +1,80 @@
+#include "stitch/interchange/project.h"
+
+#include <array>
+#include <cstdio>
+
+namespace nodal::interchange {
+namespace {
+
+constexpr const char* kUnknown =
+    "it is none of the files Nodal knows: Hugin's .pto, PTGui's text .pts (of PTGui 9 and older; newer ones save as "
+    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's or Kalibr's YAML";
+
+}  // namespace
+
+std::string short_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result) {
+  const double heads = static_cast<double>(result.calibration.heads.size());
+  for (const ScriptLine& line : lines) {
+    if (line.kind != 'c') continue;
+    const std::string* type = line.find("t");
+    if (type != nullptr && *type != "0") continue;  // lines to be straightened, not points
+    std::array<double, 6> numbers{};
+    constexpr std::array kNames{"n", "N", "x", "y", "X", "Y"};
+    for (std::size_t k = 0; k < kNames.size(); ++k) {
+      const std::string* value = line.find(kNames[k]);
+      if (value == nullptr) {
+        return fail(Errc::kMissingField,
+                    "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
+      }
+      const Result<double> number = to_number(line, kNames[k], *value);
+      if (!number) return fail(number.error());
+      numbers[k] = *number - (k < 2 ? first_image : 0);
+    }
+    if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
+      return fail(Errc::kBadValue,
+                  "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
+    }
+    result.control_points.push_back({static_cast<std::size_t>(numbers[0]),
+                                     {numbers[2] + 0.5, numbers[3] + 0.5},
+                                     static_cast<std::size_t>(numbers[1]),
+                                     {numbers[4] + 0.5, numbers[5] + 0.5}});
+  }
+  return {};
+}
+
+bool is_opencv(std::string_view text) {
+  return text.starts_with("%YAML") || text.find("camera_matrix") != std::string_view::npos;
+}
+
+Result<ImportResult> import_project(std::string_view text, std::string_view name) {
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  const auto says = [text](std::string_view word) { return text.find(word) != std::string_view::npos; };
+  if (first != std::string_view::npos && text[first] == '{') {
+    if (says("\"nodal_calibration\"")) {
+      return fail(Errc::kBadFormat, "it is a calibration of Nodal's already: there is nothing to import");
+    }
+    if (says("\"cameras\"")) return import_surround360(text, name);
+    if (says("\"inputs\"") || says("\"pano\"")) return import_videostitch(text, name);
+    return fail(Errc::kBadFormat, kUnknown);
+  }
+  if (is_opencv(text)) return import_opencv(text, name);
+  if (says("distortion_model") && says("cam0")) return import_kalibr(text, name);
+  const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
+  if (!lines) return fail(lines.error());
+  bool ptgui = false, hugin = false;
+  for (const ScriptLine& line : *lines) {
+    ptgui = ptgui || line.comment.starts_with("# ptGui") || line.comment.starts_with("#-imgfile");
+    hugin = hugin || line.kind == 'i' || line.comment.starts_with("# hugin");
+  }
+  if (ptgui) return import_pts(text, name);
+  if (hugin) return import_pto(text, name);
+  return fail(Errc::kBadFormat, kUnknown);
+}
+
+}  // namespace nodal::interchange

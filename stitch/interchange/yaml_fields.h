@@ -1,0 +1,47 @@
+// Fields of somebody else's YAML, with errors that say where they stand. The library's exceptions end here.
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+
+namespace nodal::interchange {
+
+/// Errors: kTooLarge, kBadFormat with the line.
+Result<YAML::Node> parse_foreign_yaml(std::string_view text);
+
+/// A mapping and how to call it in errors.
+class YamlFields {
+ public:
+  YamlFields(YAML::Node node, std::string where) : node_(std::move(node)), where_(std::move(where)) {}
+
+  const std::string& where() const { return where_; }
+  bool has(const std::string& key) const;
+  /// The node at a key that has() said is there.
+  YAML::Node at(const std::string& key) const;
+
+  /// Errors: kMissingField, kBadValue.
+  Result<double> number(const std::string& key) const;
+  Result<double> number_or(const std::string& key, double otherwise) const;
+  Result<std::string> text(const std::string& key) const;
+  Result<int> side(const std::string& key) const;
+  /// A list of numbers, flat.
+  Result<std::vector<double>> numbers(const std::string& key) const;
+  /// A list of lists of numbers, row after row, of rows x columns.
+  Result<std::vector<double>> matrix(const std::string& key, std::size_t rows, std::size_t columns) const;
+
+ private:
+  tl::unexpected<Error> missing(const std::string& key) const;
+  tl::unexpected<Error> bad(const std::string& key, const std::string& wanted) const;
+  YAML::Node node_;
+  std::string where_;
+};
+
+/// A scalar as a number; nothing when it is none, or not finite.
+bool yaml_number(const YAML::Node& node, double& value);
+
+}  // namespace nodal::interchange
