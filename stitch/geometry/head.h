@@ -8,7 +8,7 @@
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 #include "stitch/geometry/ray.h"
 
 namespace nodal::geometry {

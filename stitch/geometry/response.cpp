@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "protocol/base/polynomial.h"
-#include "stitch/geometry/rising_polynomial.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 
 namespace nodal::geometry {
 

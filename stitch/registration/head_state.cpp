@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::registration {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 
 namespace nodal::registration {
 namespace {

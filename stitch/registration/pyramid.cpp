@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 #include "stitch/geometry/response.h"
 #include "stitch/registration/wide.h"
 

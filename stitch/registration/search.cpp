@@ -6,7 +6,7 @@
 #include <numbers>
 #include <optional>
 
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 #include "stitch/registration/head_sight.h"
 
 namespace nodal::registration {

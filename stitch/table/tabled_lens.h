@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 
 namespace nodal::table {
 

@@ -53,12 +53,12 @@ TEST(IncludeRules, PlantedOffences_AreAllFound) {
   EXPECT_TRUE(violation("protocol/base/units.h", quoted("protocol/calibration.h")));
   EXPECT_TRUE(violation("protocol/session.h", quoted("hal/link.h")));
   EXPECT_TRUE(violation("hal/head.h", quoted("hal/sim/sim_head.h")));
-  EXPECT_TRUE(violation("hal/sim/render.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_TRUE(violation("hal/sim/render.cpp", quoted("stitch/geometry/lens/lens.h")));
   EXPECT_TRUE(violation("hal/sim/render.cpp", quoted("hal/linux/files.h")));
-  EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", quoted("stitch/geometry/lens/lens.h")));
   EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", angled("Eigen/Dense")));
   EXPECT_TRUE(violation("stitch/blend/blend_scalar.cpp", angled("cmath")));
-  EXPECT_TRUE(violation("stitch/geometry/lens.cpp", quoted("stitch/blend/blend.h")));
+  EXPECT_TRUE(violation("stitch/geometry/lens/lens.cpp", quoted("stitch/blend/blend.h")));
   EXPECT_TRUE(violation("firmware/capture.cpp", quoted("hal/sim/sim_head.h")));
   EXPECT_TRUE(violation("firmware/capture.cpp", quoted("stitch/calibration/pts.h")));
   EXPECT_TRUE(violation("firmware/daemon/main.cpp", quoted("stitch/registration/solve.h")));
@@ -76,9 +76,9 @@ TEST(IncludeRules, WhatTheTableAllows_IsNotAnOffence) {
   EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("thread")));
   EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("fstream")));
   EXPECT_FALSE(violation("firmware/capture.cpp", quoted("hal/head.h")));
-  EXPECT_FALSE(violation("stitch/geometry/lens.cpp", angled("Eigen/Dense")));
-  EXPECT_FALSE(violation("stitch/geometry/lens.cpp", angled("cmath")));
-  EXPECT_FALSE(violation("stitch/table/compile.cpp", quoted("stitch/geometry/lens.h")));
+  EXPECT_FALSE(violation("stitch/geometry/lens/lens.cpp", angled("Eigen/Dense")));
+  EXPECT_FALSE(violation("stitch/geometry/lens/lens.cpp", angled("cmath")));
+  EXPECT_FALSE(violation("stitch/table/compile.cpp", quoted("stitch/geometry/lens/lens.h")));
   EXPECT_FALSE(violation("host_tool/status.cpp", quoted("hal/link.h")));
   EXPECT_FALSE(violation("tests/unit/hal/head_test.cpp", quoted("fixture.h")));
 }

@@ -10,8 +10,8 @@
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 #include "stitch/geometry/ray.h"
-#include "stitch/geometry/rising_polynomial.h"
 
 namespace nodal::calibration {
 

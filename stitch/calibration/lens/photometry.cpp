@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "stitch/calibration/lens/levenberg_marquardt.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 #include "stitch/geometry/response.h"
-#include "stitch/geometry/rising_polynomial.h"
 
 namespace nodal::calibration {
 namespace {

@@ -5,7 +5,7 @@
 #include <rapidcheck/gtest.h>
 
 #include "examples.h"
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 
 namespace nodal::geometry {
 namespace {

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "protocol/calibration.h"
-#include "stitch/geometry/rising_polynomial.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 
 namespace nodal::geometry {
 

@@ -1,4 +1,4 @@
-#include "stitch/geometry/lens.h"
+#include "stitch/geometry/lens/lens.h"
 
 #include <array>
 #include <cmath>

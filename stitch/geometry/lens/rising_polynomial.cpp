@@ -1,4 +1,4 @@
-#include "stitch/geometry/rising_polynomial.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 
 #include <algorithm>
 #include <cmath>

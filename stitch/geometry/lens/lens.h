@@ -6,10 +6,10 @@
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
-#include "stitch/geometry/equidistant.h"
-#include "stitch/geometry/kannala_brandt.h"
-#include "stitch/geometry/rectilinear.h"
-#include "stitch/geometry/tsai.h"
+#include "stitch/geometry/lens/equidistant.h"
+#include "stitch/geometry/lens/kannala_brandt.h"
+#include "stitch/geometry/lens/rectilinear.h"
+#include "stitch/geometry/lens/tsai.h"
 
 namespace nodal::geometry {
 
