@@ -1,13 +1,41 @@
-# nodal_module(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... [EXECUTABLE])
+# nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE])
 #
-# One folder, one library. SEES is the module's whole include list: a header of a module that is not named
-# there is not on the compiler's path, because every module's headers are reached through a folder of links
-# that holds nothing else. A header that includes another module's header makes its users name both.
+# One folder, one library, called as its folder with _ for /. What it may include is its folder's line in
+# .cmake/includes.txt: a header of a module that is not named there is not on the compiler's path, because every
+# module's headers are reached through a folder of links that holds nothing else. A header that includes another
+# module's header makes its users name both.
 #
-# With EXECUTABLE the module is a program called NAME (OUTPUT renames the file).
+# With EXECUTABLE the module is a program called NAME (OUTPUT renames the file). SEES names what a program sees besides
+# its folder's line, and all that a module of tests/ sees, whose folders have no line.
+set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/.cmake/includes.txt)
+
+# The modules that the line of `folder` names: of a header, the one that holds it.
+function(nodal_line_of folder result)
+  file(READ ${CMAKE_SOURCE_DIR}/.cmake/includes.txt table)
+  string(REGEX REPLACE "\n[ \t]+" " " table "${table}")
+  string(REGEX MATCH "(^|\n)${folder}:([^\n]*)" line "${table}")
+  if(NOT line)
+    message(FATAL_ERROR "${folder} has no line in .cmake/includes.txt")
+  endif()
+  separate_arguments(seen UNIX_COMMAND "${CMAKE_MATCH_2}")
+  list(TRANSFORM seen REPLACE "/[^/]*\\.h$" "")
+  list(TRANSFORM seen REPLACE "/" "_")
+  list(REMOVE_DUPLICATES seen)
+  set(${result} ${seen} PARENT_SCOPE)
+endfunction()
+
 function(nodal_module name)
   cmake_parse_arguments(ARG "EXECUTABLE" "OUTPUT" "SOURCES;SEES;PACKAGES" ${ARGN})
   file(RELATIVE_PATH folder ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  set(sees ${ARG_SEES})
+  if(NOT folder MATCHES "^tests/")
+    nodal_line_of(${folder} line)
+    list(APPEND sees ${line})
+    string(REPLACE "/" "_" expected ${folder})
+    if(NOT ARG_EXECUTABLE AND (ARG_SEES OR NOT name STREQUAL expected))
+      message(FATAL_ERROR "${folder}'s module is called ${expected}, and its SEES is its line in .cmake/includes.txt")
+    endif()
+  endif()
 
   set(view ${CMAKE_BINARY_DIR}/sees/${name})
   file(GLOB headers CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
@@ -20,7 +48,7 @@ function(nodal_module name)
 
   set(reach ${view})
   set(links)
-  foreach(seen IN LISTS ARG_SEES)
+  foreach(seen IN LISTS sees)
     list(APPEND reach ${CMAKE_BINARY_DIR}/sees/${seen})
     list(APPEND links ${seen})
   endforeach()

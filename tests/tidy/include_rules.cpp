@@ -1,6 +1,10 @@
 #include "include_rules.h"
 
 #include <algorithm>
+#include <set>
+#include <sstream>
+
+#include "tree.h"
 
 namespace nodal::tidy {
 namespace {
@@ -9,63 +13,72 @@ bool covers(std::string_view pattern, std::string_view path) {
   return pattern.ends_with('/') ? path.starts_with(pattern) : path == pattern;
 }
 
-bool any_covers(const std::vector<std::string_view>& patterns, std::string_view path) {
-  return std::ranges::any_of(patterns, [&](std::string_view pattern) { return covers(pattern, path); });
+std::string folder_of(std::string_view file) {
+  const std::size_t slash = file.rfind('/');
+  return std::string(file.substr(0, slash == std::string_view::npos ? 0 : slash));
 }
 
-std::string join(const std::vector<std::string_view>& names) {
+std::string join(const std::vector<std::string>& names) {
   std::string all;
-  for (const std::string_view name : names) {
-    all += (all.empty() ? "" : ", ") + std::string(name);
-  }
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
   return all;
 }
 
-const FolderRule* rule_of(std::string_view file) {
-  const FolderRule* best = nullptr;
-  for (const FolderRule& rule : folder_rules()) {
-    if (file.starts_with(rule.folder) && (best == nullptr || rule.folder.size() > best->folder.size())) {
-      best = &rule;
+/// Depth first; `path` holds the folders on the way, `done` those that lead into no circle.
+bool finds_cycle(const IncludeTable& table, const std::string& folder, std::set<std::string>& done,
+                 std::vector<std::string>& path) {
+  if (done.contains(folder)) return false;
+  const auto met = std::ranges::find(path, folder);
+  if (met != path.end()) {
+    path.erase(path.begin(), met);
+    path.push_back(folder);
+    return true;
+  }
+  path.push_back(folder);
+  if (const auto line = table.find(folder); line != table.end()) {
+    for (const std::string& seen : line->second) {
+      if (finds_cycle(table, seen.ends_with(".h") ? folder_of(seen) : seen, done, path)) return true;
     }
   }
-  return best;
+  path.pop_back();
+  done.insert(folder);
+  return false;
 }
 
 }  // namespace
 
-const std::vector<FolderRule>& folder_rules() {
-  // hal/*.h are the ports; each is named by its header, so that hal/sim/ and its like are not meant.
-  const auto ports_and = [](std::vector<std::string_view> more) {
-    for (const char* port : {"hal/clock.h", "hal/disk.h", "hal/head.h", "hal/link.h", "hal/pin.h", "hal/trigger.h",
-                             "hal/watchdog.h"}) {
-      more.emplace_back(port);
+IncludeTable parse_include_table(const std::vector<std::string>& lines) {
+  IncludeTable table;
+  std::vector<std::string>* row = nullptr;
+  for (const std::string& line : lines) {
+    if (line.starts_with('#')) continue;
+    std::istringstream words(line);
+    if (!line.empty() && line.front() != ' ' && line.front() != '\t') {
+      std::string folder;
+      std::getline(words, folder, ':');
+      row = &table[folder];
     }
-    return more;
-  };
-  static const std::vector<FolderRule> rules{
-      {"protocol/base/", {"protocol/base/"}},
-      {"protocol/", {"protocol/"}},
-      {"hal/", ports_and({"protocol/base/"})},
-      // The simulator knows the calibration document, but none of the stitcher's code: it is the ground truth.
-      {"hal/sim/", ports_and({"protocol/base/", "protocol/calibration.h", "hal/sim/"})},
-      {"hal/replay/", ports_and({"protocol/base/", "hal/replay/"})},
-      {"hal/linux/", ports_and({"protocol/base/", "hal/linux/"})},
-      {"stitch/blend/", {"protocol/base/", "stitch/blend/"}},
-      {"stitch/geometry/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/"}},
-      {"stitch/interchange/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/",
-                               "stitch/interchange/"}},
-      {"stitch/calibration/", {"protocol/base/", "protocol/calibration.h", "protocol/lens_range.h", "stitch/geometry/",
-                               "stitch/calibration/"}},
-      {"stitch/registration/", {"protocol/base/", "protocol/calibration.h", "stitch/geometry/",
-                                "stitch/registration/"}},
-      {"stitch/view/", {"protocol/base/", "stitch/geometry/", "stitch/view/"}},
-      {"stitch/table/", {"protocol/", "stitch/geometry/", "stitch/blend/", "stitch/table/"}},
-      {"firmware/", ports_and({"protocol/", "stitch/blend/", "stitch/table/", "firmware/"})},
-      {"firmware/daemon/", {"protocol/", "hal/", "stitch/blend/", "stitch/table/", "firmware/"}},
-      {"host_tool/", {"protocol/", "hal/link.h", "hal/linux/link/", "hal/replay/image_file.h", "stitch/", "host_tool/"}},
-      {"tests/", {"protocol/", "hal/", "stitch/", "firmware/", "host_tool/", "tests/"}},
-  };
-  return rules;
+    for (std::string word; row != nullptr && words >> word;) row->push_back(word);
+  }
+  return table;
+}
+
+const IncludeTable& include_table() {
+  static const IncludeTable table = [] {
+    const auto& files = project_files();
+    const auto file = std::ranges::find(files, ".cmake/includes.txt", &TextFile::path);
+    return file == files.end() ? IncludeTable{} : parse_include_table(file->lines);
+  }();
+  return table;
+}
+
+std::vector<std::string> cycle_in(const IncludeTable& table) {
+  std::set<std::string> done;
+  std::vector<std::string> path;
+  for (const auto& row : table) {
+    if (finds_cycle(table, row.first, done, path)) return path;
+  }
+  return {};
 }
 
 const std::vector<LibraryRule>& library_rules() {
@@ -122,16 +135,20 @@ std::optional<std::string> violation(std::string_view file, const Include& inclu
     }
     return std::nullopt;
   }
-  const FolderRule* rule = rule_of(file);
-  if (rule == nullptr) return what + ": the folder has no rule; give it one in tests/tidy/include_rules.cpp";
+  const bool test = file.starts_with("tests/");
   if (include.header.find('/') == std::string::npos || include.header.starts_with("../")) {
-    if (rule->folder == "tests/") return std::nullopt;  // a suite's own helper, or the one beside it
+    if (test) return std::nullopt;  // a suite's own helper, or the one beside it
     return what + ": write includes from the root, such as \"hal/head.h\"";
   }
-  if (!any_covers(rule->may_include, include.header)) {
-    return what + ": " + std::string(rule->folder) + " may include only " + join(rule->may_include);
-  }
-  return std::nullopt;
+  if (test) return std::nullopt;
+  const std::string folder = folder_of(file);
+  const std::string from = folder_of(include.header);
+  const auto line = include_table().find(folder);
+  if (line == include_table().end()) return what + ": the folder has no line in .cmake/includes.txt";
+  const bool seen = std::ranges::any_of(
+      line->second, [&](const std::string& name) { return name == from || name == include.header; });
+  if (from == folder || seen) return std::nullopt;
+  return what + ": " + folder + " may include only " + join(line->second);
 }
 
 }  // namespace nodal::tidy

@@ -1,6 +1,7 @@
-// Who may include whom: design's table as data, and the judgement of one #include by it.
+// Who may include whom: .cmake/includes.txt as data, and the judgement of one #include by it.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -8,13 +9,14 @@
 
 namespace nodal::tidy {
 
-/// What the files of one folder (and of the folders below it that have no rule of their own) may include.
-/// A name that ends in "/" is a whole folder, any other one header.
-struct FolderRule {
-  std::string_view folder;
-  std::vector<std::string_view> may_include;
-};
-const std::vector<FolderRule>& folder_rules();
+/// Each folder's line of the table: the folders and headers that its sources may include besides its own headers.
+using IncludeTable = std::map<std::string, std::vector<std::string>, std::less<>>;
+/// Reads the format of .cmake/includes.txt.
+IncludeTable parse_include_table(const std::vector<std::string>& lines);
+/// The table of this checkout.
+const IncludeTable& include_table();
+/// Folders that see one another in a circle, in order; empty when there is no circle.
+std::vector<std::string> cycle_in(const IncludeTable& table);
 
 /// A library's or the system's headers that only some folders may see, and why. A name that ends in "/" is
 /// every header below it; of the folders likewise.

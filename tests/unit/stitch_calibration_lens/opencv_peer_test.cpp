@@ -134,7 +134,7 @@ MappingError opencvs(const ph::Lens& truth) {
       {30, 0, 90, 0, 0, 1.0}, {35, 60, 0, 0.2, 0.1, 0.9}, {35, 240, 0, -0.2, -0.1, 0.9},
       {25, 0, 0, 0.55, 0, 0.9}, {25, 180, 0, -0.55, 0, 0.9}, {30, 150, 10, 0, 0.15, 0.9}}};
   std::string command = std::string(kPython) + " " + NODAL_SOURCE_DIR +
-                        "/tests/unit/stitch_lens_calibration/opencv_chessboard.py 10 7";
+                        "/tests/unit/stitch_calibration_lens/opencv_chessboard.py 10 7";
   for (std::size_t n = 0; n < kPlaces.size(); ++n) {
     ph::Shot shot = any_light(n + 1);
     shot.light_xx = -0.4;
