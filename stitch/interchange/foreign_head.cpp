@@ -17,6 +17,12 @@ constexpr double kTellPx = 0.01;
 
 }  // namespace
 
+Result<int> picture_side(const Result<double>& value, const std::string& field) {
+  if (!value) return fail(value.error());
+  if (!(*value >= 1 && *value <= 32768)) return fail(Errc::kBadValue, field + " must be 1 to 32768 px");
+  return static_cast<int>(*value);
+}
+
 HeadCalibration blank_head(const std::string& name, int width, int height) {
   HeadCalibration head;
   head.name = name;

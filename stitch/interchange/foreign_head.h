@@ -25,6 +25,10 @@ void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadC
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
 
+/// A picture's width or height from what a field holds; `field` calls it in the error.
+/// Errors: those of `value`; kBadValue outside 1..32768.
+Result<int> picture_side(const Result<double>& value, const std::string& field);
+
 /// Errors: kUnsupported when there are none or more than a rig has.
 Status check_head_count(std::size_t heads);
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
@@ -60,10 +61,7 @@ Result<std::string> JsonFields::text(const char* key) const {
 }
 
 Result<int> JsonFields::side(const char* key) const {
-  const Result<double> value = number(key);
-  if (!value) return fail(value.error());
-  if (!(*value >= 1 && *value <= 32768)) return bad(key, "1 to 32768 px");
-  return static_cast<int>(*value);
+  return picture_side(number(key), where_ + ": the field '" + key + "'");
 }
 
 }  // namespace nodal::interchange

@@ -2,28 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
+#include "stitch/interchange/project.h"
 
 namespace nodal::interchange {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
-
 Result<LensModel> to_lens(const PanotoolsImage& image) {
   const double width = image.lens.right - image.lens.left;
   const double height = image.lens.bottom - image.lens.top;
   if (!(width >= 1 && height >= 1 && width <= 1e6 && height <= 1e6)) {
-    return fail(Errc::kBadValue, "its crop is " + number(width) + " x " + number(height) +
+    return fail(Errc::kBadValue, "its crop is " + short_number(width) + " x " + short_number(height) +
                                      " px; left must be less than right, top than bottom");
   }
   const bool rectilinear = image.projection == 0;
@@ -34,7 +28,7 @@ Result<LensModel> to_lens(const PanotoolsImage& image) {
                     "convert the lens in the program that wrote the file");
   }
   if (!(image.hfov > 0 && image.hfov < (rectilinear ? 180 : 720))) {
-    return fail(Errc::kBadValue, "its horizontal field of view v is " + number(image.hfov) + " degrees");
+    return fail(Errc::kBadValue, "its horizontal field of view v is " + short_number(image.hfov) + " degrees");
   }
   const double v = image.hfov * kDegree;
   const double f = rectilinear ? width / 2 / std::tan(v / 2) : width / v;
@@ -75,9 +69,9 @@ void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
   if (farthest <= range.max_radius || range.max_radius < 1) return;
   head.max_angle = range.turns ? 0.99 * range.max_angle : range.max_angle;
   notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
-                  number(range.max_angle / kDegree) + " degrees, " + number(range.max_radius) +
-                  " px from its centre, and the picture reaches " + number(farthest) + " px: it is used up to " +
-                  number(head.max_angle / kDegree) + " degrees.");
+                  short_number(range.max_angle / kDegree) + " degrees, " + short_number(range.max_radius) +
+                  " px from its centre, and the picture reaches " + short_number(farthest) + " px: it is used up to " +
+                  short_number(head.max_angle / kDegree) + " degrees.");
 }
 
 }  // namespace

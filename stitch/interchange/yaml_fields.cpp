@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
@@ -63,10 +64,7 @@ Result<std::string> YamlFields::text(const std::string& key) const {
 }
 
 Result<int> YamlFields::side(const std::string& key) const {
-  const Result<double> value = number(key);
-  if (!value) return fail(value.error());
-  if (!(*value >= 1 && *value <= 32768)) return bad(key, "1 to 32768 px");
-  return static_cast<int>(*value);
+  return picture_side(number(key), where_ + ": the field '" + key + "'");
 }
 
 Result<std::vector<double>> YamlFields::numbers(const std::string& key) const {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <regex>
 #include <set>
 
@@ -14,7 +15,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLongestFile = 500;    // lines; past 400 a file is usually two
+constexpr std::size_t kLongestFile = 400;    // lines; a longer file is usually two
+// Files that are longer still, each no longer than this. Shorten them and take them out; never add one.
+const std::map<std::string, std::size_t> kKnownLongFiles{{"hal/sim/head.cpp", 445},
+                                                         {"tests/conformance/head_conformance.cpp", 412},
+                                                         {"tests/unit/firmware/genlock_test.cpp", 416},
+                                                         {"tests/unit/hal_sim/head_test.cpp", 438}};
 constexpr std::size_t kLongestReadme = 60;   // lines; a module's README fits a screen
 constexpr std::size_t kLongestLine = 160;    // columns of C++; 120 is better
 
@@ -52,17 +58,19 @@ TEST(House, EveryModuleFolder_HasAReadmeThatSaysInOutNever) {
   }
 }
 
-// A table row's first cell that looks like files ("a.h, b.cpp", with or without backquotes) names files.
-std::vector<std::string> files_named_in(const std::string& line) {
-  std::vector<std::string> names;
-  static const std::regex first_cell(R"(^\|([^|]*)\|)");
+std::vector<std::string> file_names_in(const std::string& text) {
   static const std::regex file_name(
       R"([A-Za-z0-9_./-]+\.(?:h|cpp|md|json|toml|proto|service|cmake|[1-8])(?![A-Za-z0-9_]))");
-  std::smatch cell;
-  if (!std::regex_search(line, cell, first_cell)) return names;
-  const std::string text = cell[1];
+  std::vector<std::string> names;
   for (std::sregex_iterator it(text.begin(), text.end(), file_name), end; it != end; ++it) names.push_back(it->str());
   return names;
+}
+
+// A table row's first cell that looks like files ("a.h, b.cpp", with or without backquotes) names files.
+std::vector<std::string> files_named_in(const std::string& line) {
+  static const std::regex first_cell(R"(^\|([^|]*)\|)");
+  std::smatch cell;
+  return std::regex_search(line, cell, first_cell) ? file_names_in(cell[1]) : std::vector<std::string>{};
 }
 
 TEST(House, EveryReadmesFileTable_NamesFilesThatExist) {
@@ -79,19 +87,38 @@ TEST(House, EveryReadmesFileTable_NamesFilesThatExist) {
   }
 }
 
-TEST(House, EverySourceFileOfAModule_IsInItsReadme) {
+// A header's row is its source's, too. A row may name a file in any cell.
+std::string missing_from_table(const TextFile& readme, const std::vector<std::string>& sources) {
+  std::set<std::string> named;
+  for (const std::string& line : readme.lines) {
+    if (!line.starts_with('|')) continue;
+    for (const std::string& name : file_names_in(line)) named.insert(name);
+  }
+  std::string missing;
+  for (const std::string& source : sources) {
+    const std::string header = fs::path(source).stem().string() + ".h";
+    if (!named.contains(source) && !named.contains(header)) missing += " " + source;
+  }
+  return missing;
+}
+
+TEST(House, EverySourceFileOfAModule_IsInItsReadmesTable) {
   for (const std::string& folder : module_folders()) {
     const TextFile* readme = find_file(folder + "/README.md");
-    if (readme == nullptr) continue;  // told by the test above
-    std::string text;
-    for (const std::string& line : readme->lines) text += line + "\n";
+    if (readme == nullptr) continue;  // told by EveryModuleFolder_HasAReadmeThatSaysInOutNever
+    std::vector<std::string> sources;
     for (const TextFile& file : project_files()) {
       const fs::path path(file.path);
-      if (!is_source(file.path) || path.parent_path() != folder) continue;
-      EXPECT_NE(text.find(path.stem().string()), std::string::npos)
-          << folder << "/README.md does not mention " << path.filename().string();
+      if (is_source(file.path) && path.parent_path() == folder) sources.push_back(path.filename().string());
     }
+    EXPECT_EQ(missing_from_table(*readme, sources), "") << "are in no row of " << readme->path;
   }
+}
+
+TEST(FileTable, SourceThatOnlyTheProseNames_IsMissing) {
+  const TextFile readme{"a/README.md", {"Read `rig.h` first.", "| `one.h` | one; its sums in `two.cpp` |", "| three | |"}};
+  EXPECT_EQ(missing_from_table(readme, {"one.h", "one.cpp", "two.cpp"}), "");
+  EXPECT_EQ(missing_from_table(readme, {"rig.h", "two.h", "three.cpp"}), " rig.h two.h three.cpp");
 }
 
 TEST(FileTable, CellsOfManyShapes_GiveTheFilesInThem) {
@@ -104,11 +131,21 @@ TEST(FileTable, CellsOfManyShapes_GiveTheFilesInThem) {
 TEST(House, NoSourceFile_IsTooLong) {
   for (const TextFile& file : project_files()) {
     if (!is_source(file.path)) continue;
-    EXPECT_LE(file.lines.size(), kLongestFile) << file.path << " is usually two files";
+    const auto known = kKnownLongFiles.find(file.path);
+    const std::size_t longest = known == kKnownLongFiles.end() ? kLongestFile : known->second;
+    EXPECT_LE(file.lines.size(), longest) << file.path << " is usually two files";
     for (std::size_t i = 0; i < file.lines.size(); ++i) {
       EXPECT_LE(file.lines[i].size(), kLongestLine) << file.path << ":" << i + 1;
       EXPECT_EQ(file.lines[i].find('\t'), std::string::npos) << file.path << ":" << i + 1 << " has a tab";
     }
+  }
+}
+
+TEST(House, KnownLongFiles_AreStillThereAndTooLong) {
+  for (const auto& [path, lines] : kKnownLongFiles) {
+    const TextFile* file = find_file(path);
+    ASSERT_NE(file, nullptr) << path << " is gone: take it out of kKnownLongFiles";
+    EXPECT_GT(file->lines.size(), kLongestFile) << path << " is short enough: take it out of kKnownLongFiles";
   }
 }
 
