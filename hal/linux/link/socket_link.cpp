@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <filesystem>
 #include <utility>
 
 #include "hal/linux/link/address.h"
@@ -21,7 +20,10 @@ namespace {
 
 constexpr int kConnectTimeoutMs = 2000;
 constexpr int kBacklog = 16;
+constexpr int kLockTimeoutMs = 3000;  ///< listening takes a few milliseconds; whoever holds it longer hangs
+constexpr int kLockRetryMs = 20;
 constexpr mode_t kSocketMode = 0660;
+constexpr mode_t kLockMode = 0600;
 
 void set_option(int fd, int level, int option) {
   const int on = 1;
@@ -133,15 +135,32 @@ Status remove_stale(const SocketAddress& address) {
   return {};
 }
 
-Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address) {
-  // Two programs that start at once must not both find a stale file, or the second removes the first's: the
-  // folder is locked meanwhile.
-  const std::filesystem::path parent = std::filesystem::path(address.path).parent_path();
-  const Descriptor folder(::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (folder.get() < 0) return system_error(Errc::kIo, address.text + ": its folder", errno);
-  while (::flock(folder.get(), LOCK_EX) != 0) {
-    if (errno != EINTR) return system_error(Errc::kIo, address.text + ": locking its folder", errno);
+/// Two programs that start at once must not both find a stale file, or the second removes the first's socket. The lock
+/// is on a file beside the socket that only this user can open; anybody who can read the folder could hold a lock on the
+/// folder itself. The file stays: a lock file that is removed no longer excludes whoever has it open.
+Result<Descriptor> lock_beside(const SocketAddress& address) {
+  const std::string file = address.path + ".lock";
+  Descriptor lock(::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, kLockMode));
+  if (lock.get() < 0) return system_error(Errc::kIo, address.text + ": its lock file " + file, errno);
+  struct stat known {};
+  if (::fstat(lock.get(), &known) != 0 || !S_ISREG(known.st_mode) || known.st_uid != ::geteuid()) {
+    return fail(Errc::kExists, address.text + ": " + file + " is not a file of this user; remove it");
   }
+  for (int waited_ms = 0; ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0; waited_ms += kLockRetryMs) {
+    if (errno == EINTR) continue;
+    if (errno != EWOULDBLOCK) return system_error(Errc::kIo, address.text + ": locking " + file, errno);
+    if (waited_ms >= kLockTimeoutMs) {
+      return fail(Errc::kExists, address.text + ": another program of this user holds the lock " + file +
+                                     "; end it (fuser names it) or choose another path");
+    }
+    ::poll(nullptr, 0, kLockRetryMs);
+  }
+  return lock;
+}
+
+Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address) {
+  const Result<Descriptor> lock = lock_beside(address);
+  if (!lock) return fail(lock.error());
   if (Status free = remove_stale(address); !free) return fail(free.error());
 
   Descriptor socket = open_socket(address);

@@ -1,9 +1,11 @@
 #include "hal/linux/link/socket_link.h"
 
 #include <gtest/gtest.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdlib.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -68,6 +70,44 @@ TEST(UnixListener, StaleSocketFile_IsReplaced) {
   const auto listener = listen_link("unix:" + (folder / "s"));
   ASSERT_TRUE(listener) << listener.error().text();
   EXPECT_TRUE(connect_link("unix:" + (folder / "s")));
+}
+
+// Whoever can read the folder can hold this lock, for as long as they like.
+TEST(UnixListener, SomebodyHoldsALockOnTheFolder_ItListensAllTheSame) {
+  Folder folder;
+  leave_stale_socket(folder / "s");
+  const int held = ::open((folder / ".").c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_EQ(::flock(held, LOCK_EX), 0);
+  EXPECT_TRUE(listen_link("unix:" + (folder / "s")));
+  ::close(held);
+}
+
+TEST(UnixListener, ItsLockFileIsHeld_SaysSoWithinSecondsAndNamesTheFile) {
+  Folder folder;
+  const int held = ::open((folder / "s.lock").c_str(), O_RDWR | O_CREAT, 0600);
+  ASSERT_EQ(::flock(held, LOCK_EX), 0);
+  const auto refused = listen_link("unix:" + (folder / "s"));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::kExists);
+  EXPECT_NE(refused.error().message.find(folder / "s.lock"), std::string::npos) << refused.error().message;
+  ::close(held);
+  EXPECT_TRUE(listen_link("unix:" + (folder / "s")));
+}
+
+TEST(UnixListener, ItsLockFile_IsForItsUserOnly) {
+  Folder folder;
+  ASSERT_TRUE(listen_link("unix:" + (folder / "s")));
+  struct stat file {};
+  ASSERT_EQ(::stat((folder / "s.lock").c_str(), &file), 0);
+  EXPECT_EQ(file.st_mode & 0777, 0600U);
+}
+
+TEST(UnixListener, SomethingElseIsInPlaceOfItsLockFile_IsNotOpened) {
+  Folder folder;
+  ASSERT_EQ(::mkfifo((folder / "s.lock").c_str(), 0600), 0);
+  const auto refused = listen_link("unix:" + (folder / "s"));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Errc::kExists);
 }
 
 TEST(UnixListener, SomebodyListens_ExistsAndHisSocketStays) {
