@@ -89,13 +89,15 @@ void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
 }
 
 bool Capture::take_edges() {
-  bool any = false;
-  while (const auto edge = genlock_.take_edge(now_)) {
+  constexpr int kEdges = 256;  // a port that reports more in one step is asked again in the next
+  int taken = 0;
+  for (; taken < kEdges; ++taken) {
+    const auto edge = genlock_.take_edge(now_);
+    if (!edge) break;
     clock_.on_edge(*edge);
     pulse_drift_.add(static_cast<std::int64_t>(edge->number), edge->at);
-    any = true;
   }
-  return any;
+  return taken > 0;
 }
 
 bool Capture::run_commands(Instant now) {

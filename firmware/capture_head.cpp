@@ -146,29 +146,28 @@ void CaptureHead::vanish(const Error& why) {
 }
 
 std::optional<hal::FrameView> CaptureHead::take_frame() {
-  while (streaming()) {
-    auto taken = port_->take_frame();
-    if (!taken) {
-      vanish(taken.error());
-      return std::nullopt;
-    }
-    if (!*taken) return std::nullopt;
-    const hal::FrameView& frame = **taken;
-    ++report_.counts.frames;
-    ++lent_;
-    report_.in_effect = frame.in_effect;
-    watch_settings(frame.in_effect);
-    missed_in_row_ = 0;
-    const hal::HeadFormat& format = port_->format();
-    std::optional<LossReason> reason = bad_verdict(frame.verdict);
-    if (!reason && (frame.image.format != format.pixels || frame.image.width != format.width ||
-                    frame.image.height != format.height || !frame.image.planes[0].data)) {
-      reason = LossReason::kWrongFormat;
-    }
-    if (!reason) reason = bad_fields(frame.fields, format.fields);
-    if (!reason) return frame;
-    lose(frame, *reason);
+  if (!streaming()) return std::nullopt;
+  auto taken = port_->take_frame();
+  if (!taken) {
+    vanish(taken.error());
+    return std::nullopt;
   }
+  if (!*taken) return std::nullopt;
+  const hal::FrameView& frame = **taken;
+  ++report_.counts.frames;
+  ++lent_;
+  report_.in_effect = frame.in_effect;
+  watch_settings(frame.in_effect);
+  missed_in_row_ = 0;
+  const hal::HeadFormat& format = port_->format();
+  std::optional<LossReason> reason = bad_verdict(frame.verdict);
+  if (!reason && (frame.image.format != format.pixels || frame.image.width != format.width ||
+                  frame.image.height != format.height || !frame.image.planes[0].data)) {
+    reason = LossReason::kWrongFormat;
+  }
+  if (!reason) reason = bad_fields(frame.fields, format.fields);
+  if (!reason) return frame;
+  lose(frame, *reason);
   return std::nullopt;
 }
 

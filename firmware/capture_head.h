@@ -65,7 +65,7 @@ class CaptureHead {
 
   /// Opens, closes and starts again, as is due. True when something changed.
   bool step(Instant now, hal::TriggerMode mode);
-  /// The next good frame. Others are counted under their reason and given back here.
+  /// The next frame if it is good. A bad one is counted under its reason and given back, and nothing is returned.
   std::optional<hal::FrameView> take_frame();
 
   /// What becomes of a frame that take_frame() gave, one of these two.

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "firmware/toml_reader.h"
+#include "protocol/base/limits.h"
 
 namespace nodal::firmware {
 namespace {
@@ -40,10 +41,7 @@ std::optional<FrameRate> parse_rate(std::string_view text) {
   const auto above = whole(text.substr(0, slash));
   const auto below = slash == std::string_view::npos ? std::optional<std::uint32_t>(1) : whole(text.substr(slash + 1));
   if (!above || !below) return std::nullopt;
-  const std::uint64_t n = *above;
-  const std::uint64_t d = *below;
-  if (n > 1000 * d || d > 1000 * n) return std::nullopt;
-  return FrameRate{*above, *below};
+  return FrameRate::make(*above, *below);
 }
 
 void read_rig(TomlReader reader, RigConfig& config) {
@@ -52,7 +50,7 @@ void read_rig(TomlReader reader, RigConfig& config) {
   if (const auto rate = parse_rate(reader.text("rate", "30000/1001"))) {
     config.rate = *rate;
   } else {
-    reader.refuse("rate", "must be frames a second as a fraction such as \"30000/1001\" or \"25\", 1/1000 to 1000");
+    reader.refuse("rate", "must be frames a second such as \"30000/1001\" or \"25\": " + std::string(kFrameRatesAllowed));
   }
 }
 
@@ -129,7 +127,7 @@ void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, Expo
   wish.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
   wish.longest = Exposure::microseconds(reader.integer("longest_us", 1, 10'000'000, wish.longest.us()));
   wish.highest = Gain::millidecibels(
-      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -60'000, 60'000, wish.highest.mdb())));
+      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -kMostGainMdb, kMostGainMdb, wish.highest.mdb())));
   const std::string anchor = reader.text("anchor", "");
   if (anchor.empty()) return;
   const auto found = std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
@@ -209,7 +207,7 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
     head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
   }
   if (reader.has("gain_mdb")) {
-    head.gain = Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -60'000, 60'000, 0)));
+    head.gain = Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
   }
   if (reader.has("red_q12") != reader.has("blue_q12")) {
     reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",

@@ -1,6 +1,7 @@
 // The half of Control that answers requests.
 #include "firmware/control.h"
 #include "firmware/status.h"
+#include "protocol/base/limits.h"
 
 namespace nodal::firmware {
 namespace {
@@ -13,6 +14,12 @@ decltype(KeeperRequest::what) keeper_question(const wire::Request& request) {
     case wire::Request::kTrialEnd: return KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()};
     default: return KeeperRequest::List{};
   }
+}
+
+Status gain_allowed(std::int32_t mdb) {
+  if (mdb >= -kMostGainMdb && mdb <= kMostGainMdb) return {};
+  return fail(Errc::kBadValue, "a gain of " + std::to_string(mdb) + " mdB is not allowed; allowed is " +
+                                   std::to_string(-kMostGainMdb) + " to " + std::to_string(kMostGainMdb) + " mdB");
 }
 
 }  // namespace
@@ -132,11 +139,15 @@ Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) c
   constexpr std::uint64_t kLongest = 3'600'000'000'000;  // an hour; a head's own limit is far below
   if (wish.has_exposure_ns()) {
     if (wish.exposure_ns() == 0 || wish.exposure_ns() > kLongest) {
-      return fail(Errc::kBadValue, "an exposure of " + std::to_string(wish.exposure_ns()) + " ns is not possible");
+      return fail(Errc::kBadValue, "an exposure of " + std::to_string(wish.exposure_ns()) +
+                                       " ns is not allowed; allowed is 1 ns to 1 hour, and less by most heads");
     }
     change.change.exposure = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.exposure_ns())));
   }
-  if (wish.has_gain_mdb()) change.change.gain = Gain::millidecibels(wish.gain_mdb());
+  if (wish.has_gain_mdb()) {
+    if (Status allowed = gain_allowed(wish.gain_mdb()); !allowed) return fail(allowed.error());
+    change.change.gain = Gain::millidecibels(wish.gain_mdb());
+  }
   if (wish.has_red_q12() != wish.has_blue_q12()) {
     return fail(Errc::kMissingField, "a white balance needs both red_q12 and blue_q12");
   }
@@ -172,7 +183,8 @@ Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wi
     now.anchor.reset();
     if (wish.anchor() >= 0) now.anchor = static_cast<HeadIndex>(wish.anchor());
   }
-  const auto stops = [](std::uint32_t thousandths) { return static_cast<Stops>((thousandths * 1024 + 500) / 1000); };
+  // Only of what is within(): a larger number times 1024 exceeds 32 bits.
+  const auto stops = [](std::uint32_t thousandths) { return static_cast<Stops>((thousandths * kStop + 500) / 1000); };
   const auto within = [](std::uint32_t value, std::uint32_t low, const char* what) -> Status {
     if (value >= low && value <= 8000) return {};
     return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) + " to 8000 thousandths of a stop, not " +
@@ -181,15 +193,15 @@ Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wi
   Status good;
   if (wish.has_target_below()) {
     good = within(wish.target_below(), 500, "the target");
-    now.target = -stops(wish.target_below());
+    if (good) now.target = -stops(wish.target_below());
   }
   if (good && wish.has_difference()) {
     good = within(wish.difference(), 0, "the difference");
-    now.difference = stops(wish.difference());
+    if (good) now.difference = stops(wish.difference());
   }
   if (good && wish.has_ramp()) {
     good = within(wish.ramp(), 1, "the ramp");
-    now.ramp = stops(wish.ramp());
+    if (good) now.ramp = stops(wish.ramp());
   }
   if (good && wish.has_longest_ns()) {
     if (wish.longest_ns() < 1000 || wish.longest_ns() > 10'000'000'000) {
@@ -197,7 +209,10 @@ Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wi
     }
     now.longest = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.longest_ns())));
   }
-  if (wish.has_highest_gain_mdb()) now.highest = Gain::millidecibels(wish.highest_gain_mdb());
+  if (good && wish.has_highest_gain_mdb()) {
+    good = gain_allowed(wish.highest_gain_mdb());
+    now.highest = Gain::millidecibels(wish.highest_gain_mdb());
+  }
   if (wish.has_locked()) now.locked = wish.locked();
   if (!good) return fail(good.error());
   return CaptureCommand{0, now};
@@ -210,13 +225,12 @@ Result<CaptureCommand> Control::genlock_command(const wire::GenlockRequest& wish
   }
   GenlockStart start;
   if (wish.rate_numerator() != 0 || wish.rate_denominator() != 0) {
-    const std::uint64_t n = wish.rate_numerator();
-    const std::uint64_t d = wish.rate_denominator();
-    if (n == 0 || d == 0 || n > 1000 * d || d > 1000 * n) {
-      return fail(Errc::kBadValue, "a rate of " + std::to_string(n) + "/" + std::to_string(d) +
-                                       " is not between 1/1000 and 1000 frames a second");
+    start.rate = FrameRate::make(wish.rate_numerator(), wish.rate_denominator());
+    if (!start.rate) {
+      return fail(Errc::kBadValue, "a rate of " + std::to_string(wish.rate_numerator()) + "/" +
+                                       std::to_string(wish.rate_denominator()) + " is not allowed; allowed is " +
+                                       std::string(kFrameRatesAllowed));
     }
-    start.rate = FrameRate{wish.rate_numerator(), wish.rate_denominator()};
   }
   if (wish.pulse_width_ns() != 0) {
     const std::int64_t period = start.rate.value_or(config_.rate).period().ns();

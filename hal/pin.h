@@ -26,6 +26,10 @@ class OutputPinPort {
   virtual Status set(bool high, Instant now, Duration lease) = 0;
   /// Lets the port act on leases; call at least every few milliseconds.
   virtual Status step(Instant now) = 0;
+  /// For a program that must end while the thread this port is bound to hangs: the line goes to its safe level and stays
+  /// there; set() and step() are kDeviceGone from then on. Any thread, also while another call is under way; returns at
+  /// once and waits for no lock.
+  virtual void make_safe() noexcept = 0;
 };
 
 /// One input line, such as a button.

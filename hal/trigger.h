@@ -39,6 +39,10 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The next edge not yet taken, oldest first, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
+  /// For a program that must end while the thread this port is bound to hangs: the line goes to its inactive level and
+  /// stays there, whatever is called afterwards; start() and take_edge() are kDeviceGone from then on. Any thread, also
+  /// while another call is under way; returns at once and waits for no lock.
+  virtual void make_safe() noexcept = 0;
 };
 
 }  // namespace nodal::hal

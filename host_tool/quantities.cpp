@@ -7,6 +7,8 @@
 #include <cmath>
 #include <optional>
 
+#include "protocol/base/limits.h"
+
 namespace nodal::host {
 namespace {
 
@@ -125,31 +127,24 @@ Result<std::uint32_t> parse_stops(std::string_view text) {
 }
 
 Result<FrameRate> parse_rate(std::string_view text) {
-  constexpr std::string_view kAllowed = "frames a second: 30000/1001, 29.97, 25 or 12.5; up to 1000";
-  FrameRate rate;
+  const std::string allowed = fmt::format("30000/1001, 29.97, 25 or 12.5: {}", kFrameRatesAllowed);
+  std::optional<FrameRate> rate;
   if (const std::size_t slash = text.find('/'); slash != std::string_view::npos) {
     const auto numerator = whole<std::uint32_t>(text.substr(0, slash));
     const auto denominator = whole<std::uint32_t>(text.substr(slash + 1));
-    if (!numerator || !denominator) return bad("rate", text, kAllowed);
-    rate = {*numerator, *denominator};
+    if (numerator && denominator) rate = FrameRate::make(*numerator, *denominator);
   } else if (text == "23.976" || text == "23.98") {
-    rate = {24000, 1001};
+    rate = FrameRate{24000, 1001};
   } else if (text == "29.97") {
-    rate = {30000, 1001};
+    rate = FrameRate{30000, 1001};
   } else if (text == "59.94") {
-    rate = {60000, 1001};
-  } else {
-    const std::optional<Quantity> number = split(text);
-    if (!number || !number->unit.empty() || number->number <= 0 || number->number > 1000) {
-      return bad("rate", text, kAllowed);
-    }
-    const auto thousandths = static_cast<std::uint32_t>(std::lround(number->number * 1000));
-    rate = thousandths % 1000 == 0 ? FrameRate{thousandths / 1000, 1} : FrameRate{thousandths, 1000};
+    rate = FrameRate{60000, 1001};
+  } else if (const auto number = split(text);
+             number && number->unit.empty() && number->number > 0 && number->number <= FrameRate::kFastest) {
+    rate = FrameRate::make(static_cast<std::uint64_t>(std::llround(number->number * 1000)), 1000);
   }
-  const std::uint64_t n = rate.numerator;
-  const std::uint64_t d = rate.denominator;
-  if (n == 0 || d == 0 || n > 1000 * d || d > 1000 * n) return bad("rate", text, kAllowed);
-  return rate;
+  if (!rate) return bad("rate", text, allowed);
+  return *rate;
 }
 
 std::string show_duration(std::uint64_t ns) {

@@ -58,6 +58,12 @@ Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig
   return ports;
 }
 
+void PanelPorts::make_safe() noexcept {
+  for (auto* lamp : {&status_, &tally_}) {
+    if (*lamp) (*lamp)->make_safe();
+  }
+}
+
 firmware::PanelPins PanelPorts::pins() {
   if (clock_ != nullptr) script(presses_, button_.emplace(*clock_), clock_->now());
   return {button_ ? &*button_ : nullptr, status_ ? &*status_ : nullptr, tally_ ? &*tally_ : nullptr};

@@ -22,6 +22,7 @@ class PanelPorts {
   static Result<std::unique_ptr<PanelPorts>> make(const firmware::PanelConfig& config, hal::ClockPort& clock);
   /// The script's seconds count from here: call it once, when the rig is about to run.
   firmware::PanelPins pins();
+  void make_safe() noexcept;
 
  private:
   std::string presses_;

@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <future>
 #include <thread>
 
 #include "firmware/daemon/panel_ports.h"
@@ -79,11 +80,13 @@ class BothTriggers final : public hal::TriggerPort {
     second_.stop();
   }
   Result<std::optional<hal::TriggerEdge>> take_edge() override {
-    for (;;) {
-      auto same = second_.take_edge();
-      if (!same || !*same) break;
-    }
+    (void)second_.take_edge();  // it keeps a bounded number of them
     return first_.take_edge();
+  }
+
+  void make_safe() noexcept override {
+    first_.make_safe();
+    second_.make_safe();
   }
 
  private:
@@ -230,13 +233,15 @@ Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::f
 void World::prepare() {
   if (!state_->sim) return;
   std::atomic<int> next{0};
-  std::vector<std::thread> threads;
-  for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i) {
-    threads.emplace_back([&] {
-      for (int head = next++; head < state_->sim->head_count(); head = next++) state_->sim->prepare(head);
-    });
+  const auto prepare = [&] {
+    for (int head = next++; head < state_->sim->head_count(); head = next++) state_->sim->prepare(head);
+  };
+  std::vector<std::future<void>> others;
+  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) {
+    others.push_back(std::async(std::launch::async | std::launch::deferred, prepare));
   }
-  for (std::thread& thread : threads) thread.join();
+  prepare();
+  for (std::future<void>& other : others) other.get();  // throws what it threw
 }
 
 Status World::open_store(const std::filesystem::path& folder) {
@@ -264,6 +269,11 @@ firmware::RigPorts World::ports() {
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
   for (const auto& listener : state_->listeners) ports.listeners.push_back(listener.get());
   return ports;
+}
+
+void World::make_safe() noexcept {
+  if (state_->trigger != nullptr) state_->trigger->make_safe();
+  state_->panel->make_safe();
 }
 
 bool World::has_virtual_time() const { return state_->sim && state_->sim->clock().is_virtual(); }

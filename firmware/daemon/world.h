@@ -31,6 +31,8 @@ class World {
   Status listen(const firmware::LinksConfig& links);
 
   firmware::RigPorts ports();
+  /// The trigger's line and the panel's lamps go to their safe levels for good. Any thread, whatever hangs.
+  void make_safe() noexcept;
   /// Moves virtual time on; false when the clock is a real one.
   bool advance(Duration by);
   bool has_virtual_time() const;

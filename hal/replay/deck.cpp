@@ -1,11 +1,13 @@
 #include "hal/replay/deck.h"
 
 #include <algorithm>
+#include <atomic>
 #include <deque>
 #include <map>
 #include <set>
 
 #include "hal/replay/reel.h"
+#include "protocol/base/limits.h"
 
 namespace nodal::hal::replay {
 
@@ -27,12 +29,12 @@ class ReplayTrigger final : public TriggerPort {
   explicit ReplayTrigger(ClockPort& clock) : clock_(clock) {}
 
   Status start(const TriggerSettings& settings) override {
-    if (settings.rate.numerator == 0 || settings.rate.denominator == 0 || settings.pulse_width.ns() <= 0 ||
-        settings.pulse_width >= settings.rate.period()) {
+    if (safe_.load()) return fail(gone());
+    if (!settings.rate.valid() || settings.pulse_width.ns() <= 0 || settings.pulse_width >= settings.rate.period()) {
       return fail(Errc::kBadValue, "trigger 'replay': a rate of " + std::to_string(settings.rate.numerator) + "/" +
                                        std::to_string(settings.rate.denominator) + " with pulses of " +
-                                       std::to_string(settings.pulse_width.us()) +
-                                       " us cannot be made; pulses must be shorter than the period");
+                                       std::to_string(settings.pulse_width.us()) + " us cannot be made; allowed is " +
+                                       std::string(kFrameRatesAllowed) + ", with pulses shorter than the period");
     }
     if (settings.follow) return fail(Errc::kUnsupported, "trigger 'replay': there is nobody to follow; drive it");
     stop();
@@ -47,7 +49,9 @@ class ReplayTrigger final : public TriggerPort {
     step();
     running_ = false;
   }
+  void make_safe() noexcept override { safe_.store(true); }
   Result<std::optional<TriggerEdge>> take_edge() override {
+    if (safe_.load()) return fail(gone());
     step();
     if (edges_.empty()) return std::optional<TriggerEdge>{};
     const TriggerEdge edge = edges_.front();
@@ -56,8 +60,13 @@ class ReplayTrigger final : public TriggerPort {
   }
 
   void step() {
-    const Instant now = clock_.now();
-    for (; running_ && started_ + rate_.start_of(next_) <= now; ++next_) {
+    if (!running_ || safe_.load()) return;
+    const std::uint64_t due = rate_.first_after(clock_.now() - started_);
+    if (due > next_ + kStartsKept) {  // after a long pause, only those that are kept
+      total_ += due - kStartsKept - next_;
+      next_ = due - kStartsKept;
+    }
+    for (; next_ < due; ++next_) {
       const Instant at = started_ + rate_.start_of(next_);
       edges_.push_back({next_, at});
       sent_.push_back({next_, at});
@@ -67,18 +76,19 @@ class ReplayTrigger final : public TriggerPort {
     }
   }
   std::uint64_t total() const { return total_; }
-  /// The i-th pulse since the deck was made, when it is still known.
-  const Start* sent(std::uint64_t i) const {
-    const std::uint64_t oldest = total_ - sent_.size();
-    return i < oldest || i >= total_ ? nullptr : &sent_[static_cast<std::size_t>(i - oldest)];
-  }
+  std::uint64_t oldest() const { return total_ - sent_.size(); }
+  /// The i-th pulse since the deck was made, oldest() to total() - 1.
+  const Start& sent(std::uint64_t i) const { return sent_[static_cast<std::size_t>(i - oldest())]; }
 
  private:
+  static Error gone() { return {Errc::kDeviceGone, "trigger 'replay': its line is safe for good; the program ends"}; }
+
   ClockPort& clock_;
   FrameRate rate_;
   Instant started_;
   std::uint64_t next_ = 0;
   bool running_ = false;
+  std::atomic<bool> safe_{false};  ///< for good
   std::deque<TriggerEdge> edges_;
   std::deque<Start> sent_;
   std::uint64_t total_ = 0;
@@ -171,13 +181,8 @@ class Deck::State::Head final : public HeadPort {
     return fail(Errc::kBadValue, "head '" + identity_.path + "': the " + what +
                                      " of pictures is what it was when they were taken; leave it out");
   }
-  std::uint64_t first_after(Instant now) const {
-    const FrameRate rate = deck_.options.rate;
-    // From the whole second before; at most a second's frames are left to count.
-    auto n = static_cast<std::uint64_t>(now.ns() / 1'000'000'000) * rate.numerator / rate.denominator;
-    while (Instant{} + rate.start_of(n) <= now) ++n;
-    return n;
-  }
+  std::uint64_t first_after(Instant now) const { return deck_.options.rate.first_after(now - Instant{}); }
+  void skip_to(std::uint64_t& next, std::uint64_t oldest);
   void step();
   void fill(const Start& start);
   Reel::Picture broken_picture();
@@ -201,20 +206,20 @@ class Deck::State::Head final : public HeadPort {
 void Deck::State::Head::step() {
   if (mode_ == TriggerMode::kExternal) {
     deck_.trigger.step();
-    for (; next_pulse_ < deck_.trigger.total(); ++next_pulse_) {
-      if (const Start* start = deck_.trigger.sent(next_pulse_)) {
-        fill(*start);
-      } else {
-        ++sequence_;  // it came so long ago that no buffer was left for it anyway
-      }
-    }
+    skip_to(next_pulse_, deck_.trigger.oldest());
+    for (; next_pulse_ < deck_.trigger.total(); ++next_pulse_) fill(deck_.trigger.sent(next_pulse_));
     return;
   }
-  const Instant now = deck_.clock.now();
-  const FrameRate rate = deck_.options.rate;
-  for (; Instant{} + rate.start_of(next_free_) <= now; ++next_free_) {
-    fill({next_free_, Instant{} + rate.start_of(next_free_)});
-  }
+  const std::uint64_t due = first_after(deck_.clock.now());
+  skip_to(next_free_, due - std::min<std::uint64_t>(due, kStartsKept));
+  for (; next_free_ < due; ++next_free_) fill({next_free_, Instant{} + deck_.options.rate.start_of(next_free_)});
+}
+
+/// What began so long ago that no buffer was left for it anyway is only counted.
+void Deck::State::Head::skip_to(std::uint64_t& next, std::uint64_t oldest) {
+  if (next >= oldest) return;
+  sequence_ += static_cast<std::uint32_t>(oldest - next);
+  next = oldest;
 }
 
 void Deck::State::Head::fill(const Start& start) {

@@ -3,9 +3,17 @@
 #include <algorithm>
 #include <utility>
 
+#include "hal/sim/crystal.h"
 #include "hal/sim/sensor.h"
 
 namespace nodal::hal::sim {
+
+namespace {
+
+/// Exposures in free run that one step makes up for, at most; far more than a head has buffers for.
+constexpr std::uint64_t kExposuresAStep = 64;
+
+}  // namespace
 
 HeadLimits default_head_limits() {
   HeadLimits limits;
@@ -290,7 +298,10 @@ void SimHead::change(const HeadSettings& wanted) {
     in_effect_ = wanted;
     return;
   }
-  changes_.push_back({wanted, options_.limits.control_latency_frames});
+  const int latency = options_.limits.control_latency_frames;
+  // Of several changes between two exposures the newest counts: a head that is not triggered keeps one, not all.
+  if (!changes_.empty() && changes_.back().frames_left == latency) changes_.pop_back();
+  changes_.push_back({wanted, latency});
 }
 
 Status SimHead::nudge(Duration by) {
@@ -309,11 +320,9 @@ Status SimHead::nudge(Duration by) {
 void SimHead::step(Instant now) {
   trigger_.step(now);
   if (streaming_ && mode_ == TriggerMode::kFreeRun) {
-    for (;;) {
-      const Duration ideal = options_.rate.start_of(free_run_next_);
-      const Instant begin =
-          free_run_from_ + ideal + Duration::nanoseconds(ideal.us() * options_.free_run_drift_ppm / 1000) + nudges_.done();
-      if (begin > now) break;
+    std::uint64_t done = 0;
+    for (Instant begin = free_run_begin(); begin <= now; begin = free_run_begin()) {
+      if (done++ == kExposuresAStep && skip_to(now)) continue;
       ++free_run_next_;
       deliver_until(begin);
       expose(begin, std::nullopt);
@@ -321,6 +330,32 @@ void SimHead::step(Instant now) {
     }
   }
   deliver_until(now);
+}
+
+Instant SimHead::free_run_begin() const {
+  return free_run_from_ + stretched(options_.rate.start_of(free_run_next_), free_run_drift_ppb()) + nudges_.done();
+}
+
+/// After a long pause only the oldest and the newest kExposuresAStep frames are made one by one, so that a step is bounded.
+bool SimHead::skip_to(Instant now) {
+  const Duration elapsed = unstretched(now - free_run_from_ - nudges_.done(), free_run_drift_ppb());
+  const std::uint64_t due = options_.rate.first_after(elapsed);
+  if (due <= free_run_next_ + kExposuresAStep) return false;
+  const std::uint64_t unseen = due - kExposuresAStep - free_run_next_;
+  free_run_next_ += unseen;
+  lose_unseen(unseen);
+  return true;
+}
+
+void SimHead::on_unseen(std::uint64_t pulses) {
+  if (streaming_ && mode_ == TriggerMode::kExternal) lose_unseen(pulses);
+}
+
+/// So many frames find every buffer full; the device's own count goes on.
+void SimHead::lose_unseen(std::uint64_t frames) {
+  sequence_ += static_cast<std::uint32_t>(frames);
+  counts_.exposed += frames;
+  counts_.without_buffer += frames;
 }
 
 void SimHead::on_pulse(std::uint64_t number, Instant at) {

@@ -51,7 +51,7 @@ struct HeadOptions {
   Duration trigger_jitter = Duration::microseconds(2);    ///< of each, uniform to both sides
   Duration stamp_jitter;                                  ///< of what each frame says of its middle, uniform to both sides
   Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
-  std::int32_t free_run_drift_ppm = 0;      ///< positive is slow
+  std::int32_t free_run_drift_ppm = 0;      ///< positive is slow; at most 100 000 to either side
   std::optional<Duration> free_run_phase;   ///< of the first exposure after start(); drawn when not given
   HeadFaults faults;
 };
@@ -127,6 +127,7 @@ class SimHead final : public PulseSink {
   Result<std::unique_ptr<HeadPort>> open();
 
   void on_pulse(std::uint64_t number, Instant at) override;
+  void on_unseen(std::uint64_t pulses) override;
 
  private:
   class Port;
@@ -150,6 +151,10 @@ class SimHead final : public PulseSink {
   Status nudge(Duration by);
   void change(const HeadSettings& wanted);
   void step(Instant now);
+  bool skip_to(Instant now);
+  void lose_unseen(std::uint64_t frames);
+  Instant free_run_begin() const;
+  std::int64_t free_run_drift_ppb() const { return std::int64_t{options_.free_run_drift_ppm} * 1000; }
   Fields fields_that_come();
   void expose(Instant begin, std::optional<std::uint64_t> pulse);
   void deliver_until(Instant now);

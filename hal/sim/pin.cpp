@@ -11,6 +11,7 @@ Status SimOutputPin::set(bool high, Instant now, Duration lease) {
 }
 
 Status SimOutputPin::step(Instant now) {
+  if (made_safe_.load()) return fail(Errc::kDeviceGone, "output pin 'sim': is safe for good; the program ends");
   if (gone_) return fail(Errc::kDeviceGone, "output pin 'sim': its chip is unplugged");
   if (now >= until_) drive(safe_, until_);
   return {};

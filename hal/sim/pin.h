@@ -1,6 +1,7 @@
 // Simulated lines: an output that falls back to its safe level, and an input whose edges a test writes down.
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <vector>
 
@@ -21,11 +22,12 @@ class SimOutputPin final : public OutputPinPort {
   // What the daemon sees.
   Status set(bool high, Instant now, Duration lease) override;
   Status step(Instant now) override;
+  void make_safe() noexcept override { made_safe_.store(true); }
 
   // What the test does and knows.
   void unplug() { gone_ = true; }
   /// The level on the wire at `now`: the lease ends whether or not anybody steps.
-  bool level_at(Instant now) const { return now >= until_ ? safe_ : high_; }
+  bool level_at(Instant now) const { return made_safe_.load() || now >= until_ ? safe_ : high_; }
   /// Changes of level, oldest first; at least the newest kKept / 2 of them.
   const std::vector<PinEdge>& history() const { return history_; }
 
@@ -35,6 +37,7 @@ class SimOutputPin final : public OutputPinPort {
   const bool safe_;
   bool high_;
   bool gone_ = false;
+  std::atomic<bool> made_safe_{false};  ///< for good
   Instant until_;
   std::vector<PinEdge> history_;
 };

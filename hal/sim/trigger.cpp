@@ -1,30 +1,27 @@
 #include "hal/sim/trigger.h"
 
+#include "hal/sim/crystal.h"
+#include "protocol/base/limits.h"
+
 namespace nodal::hal::sim {
-
-namespace {
-
-/// Edges that wait to be taken, at most: eight seconds of NTSC.
-constexpr std::size_t kEdgesKept = 256;
-
-Duration stretched(Duration d, std::int64_t ppb) {
-  // In microseconds first, so that a year of it does not overflow.
-  return d + Duration::nanoseconds(d.us() * ppb / 1'000'000);
-}
-
-}  // namespace
 
 SimTrigger::SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed)
     : clock_(clock), options_(options), random_(seed, "trigger") {}
 
-Status SimTrigger::check(const TriggerSettings& settings) const {
+Status SimTrigger::there() const {
+  if (safe_.load()) return fail(Errc::kDeviceGone, "trigger 'sim': its line is safe for good; the program ends");
   if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
-  if (settings.rate.numerator == 0 || settings.rate.denominator == 0 ||
-      settings.rate.period() < options_.fastest.period()) {
-    return fail(Errc::kBadValue, "trigger 'sim': rate " + std::to_string(settings.rate.numerator) + "/" +
-                                     std::to_string(settings.rate.denominator) + " is not between 0 and " +
+  return {};
+}
+
+Status SimTrigger::check(const TriggerSettings& settings) const {
+  if (Status fine = there(); !fine) return fine;
+  if (!settings.rate.valid() || settings.rate.period() < options_.fastest.period()) {
+    return fail(Errc::kBadValue, "trigger 'sim': a rate of " + std::to_string(settings.rate.numerator) + "/" +
+                                     std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
+                                     std::string(kFrameRatesAllowed) + ", and here at most " +
                                      std::to_string(options_.fastest.numerator) + "/" +
-                                     std::to_string(options_.fastest.denominator) + " a second");
+                                     std::to_string(options_.fastest.denominator));
   }
   const Duration period = settings.rate.period();
   if (settings.pulse_width.ns() <= 0 || settings.pulse_width >= period) {
@@ -68,7 +65,7 @@ void SimTrigger::stop() {
 }
 
 Result<std::optional<TriggerEdge>> SimTrigger::take_edge() {
-  if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
+  if (Status fine = there(); !fine) return fail(fine.error());
   step(clock_.now());
   if (edges_.empty()) return std::optional<TriggerEdge>{};
   const TriggerEdge edge = edges_.front();
@@ -78,7 +75,8 @@ Result<std::optional<TriggerEdge>> SimTrigger::take_edge() {
 
 void SimTrigger::step(Instant now) {
   if (gone_ || !running_) return;
-  while (next_at_ <= now) {
+  for (std::size_t done = 0; next_at_ <= now && !safe_.load(); ++done) {
+    if (done == kEdgesKept) skip_to(now);
     const std::uint64_t number = next_;
     const Instant at = next_at_;
     ++next_;
@@ -88,6 +86,20 @@ void SimTrigger::step(Instant now) {
       continue;
     }
     send(number, at);
+  }
+}
+
+/// After a long pause only the oldest and the newest kEdgesKept pulses are sent one by one, so that a step is bounded.
+void SimTrigger::skip_to(Instant now) {
+  const std::uint64_t due = rate_.first_after(unstretched(now - started_, options_.drift_ppb));
+  if (due <= next_ + kEdgesKept) return;
+  const std::uint64_t unseen = due - kEdgesKept - next_;
+  forgotten_ += unseen;
+  sent_ += unseen;
+  next_ += unseen;
+  next_at_ = planned(next_);
+  for (PulseSink* sink : sinks_) {
+    if (sink != nullptr) sink->on_unseen(unseen);
   }
 }
 

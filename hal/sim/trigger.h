@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <deque>
 #include <optional>
 
@@ -17,11 +18,13 @@ class PulseSink {
   virtual ~PulseSink() = default;
   /// The active edge of pulse `number`, in order of time.
   virtual void on_pulse(std::uint64_t number, Instant at) = 0;
+  /// So many pulses came while nobody looked; their frames are lost.
+  virtual void on_unseen(std::uint64_t pulses) = 0;
 };
 
 struct TriggerOptions {
   Duration jitter;                ///< of each pulse, uniform to both sides; at most a quarter period
-  std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow
+  std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow; at most 10^8 to either side
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
   std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the world's first second
@@ -32,27 +35,33 @@ struct TriggerOptions {
 /// Errors: as TriggerPort.
 class SimTrigger final : public TriggerPort {
  public:
+  /// Edges that wait to be taken, and pulses that one step sends, at most: eight seconds of NTSC.
+  static constexpr std::size_t kEdgesKept = 256;
+
   SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed);
 
   // What the daemon sees.
   Status start(const TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<TriggerEdge>> take_edge() override;
+  void make_safe() noexcept override { safe_.store(true); }
 
   // What the test does and knows.
   void lose_pulse() { ++pulses_to_lose_; }
   void unplug() { gone_ = true; }
-  bool running() const { return running_; }
+  bool running() const { return running_ && !safe_.load(); }
   std::uint64_t pulses_sent() const { return sent_; }
   std::uint64_t edges_forgotten() const { return forgotten_; }  ///< nobody took them in time
 
   // What the world does.
   void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
-  /// Sends every pulse due up to `now`.
+  /// Sends every pulse due up to `now`; between the oldest and the newest kEdgesKept of them only their count.
   void step(Instant now);
 
  private:
+  Status there() const;
   Status check(const TriggerSettings& settings) const;
+  void skip_to(Instant now);
   Instant planned(std::uint64_t number) const;
   void send(std::uint64_t number, Instant at);
 
@@ -63,6 +72,7 @@ class SimTrigger final : public TriggerPort {
   TriggerSettings settings_;
   bool running_ = false;
   bool gone_ = false;
+  std::atomic<bool> safe_{false};  ///< for good
   Instant started_;  ///< moment of pulse 0
   FrameRate rate_;   ///< of whoever drives
   std::uint64_t next_ = 0;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <ostream>
+#include <thread>
 
 #include "hal/pin.h"
 #include "hal/sim/clock.h"
@@ -64,6 +65,21 @@ TEST_P(PinConformance, OutputSetAgainInTime_TheLeaseBeginsAnew) {
     ASSERT_TRUE(world_->output().step(world_->now()));
     EXPECT_EQ(world_->output_wire(), unsafe);
   }
+}
+
+TEST_P(PinConformance, OutputMadeSafeByAnotherThread_StaysSafeWhateverIsAsked) {
+  const bool unsafe = !world_->safe_level();
+  ASSERT_TRUE(world_->output().set(unsafe, world_->now(), kLease));
+  std::thread another([&] { world_->output().make_safe(); });
+  for (int i = 0; i < 1000; ++i) {
+    if (const Status set = world_->output().set(unsafe, world_->now(), kLease); !set) {
+      EXPECT_EQ(set.error().code, Errc::kDeviceGone);
+    }
+  }
+  another.join();
+  EXPECT_EQ(world_->output_wire(), world_->safe_level());
+  EXPECT_EQ(world_->output().set(unsafe, world_->now(), kLease).error().code, Errc::kDeviceGone);
+  EXPECT_EQ(world_->output_wire(), world_->safe_level());
 }
 
 TEST_P(PinConformance, OutputSetBack_IsSafeAtOnce) {

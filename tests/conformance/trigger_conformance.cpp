@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <ostream>
+#include <thread>
 #include <vector>
 
 #include "hal/replay/deck.h"
@@ -101,13 +102,56 @@ TEST_P(TriggerConformance, ImpossibleSettings_AreBadValuesAndARunningTrainGoesOn
   wide.pulse_width = wide.rate.period();
   TriggerSettings none;
   none.pulse_width = {};
-  for (const TriggerSettings& settings : {zero, nothing, wide, none}) {
+  TriggerSettings unreduced;  // products of these terms with nanoseconds exceed 64 bits within seconds
+  unreduced.rate = {4'294'967'291, 4'294'967'279};
+  TriggerSettings coarse;
+  coarse.rate = {2'997'003, 100'000};
+  for (const TriggerSettings& settings : {zero, nothing, wide, none, unreduced, coarse}) {
     const Status status = trigger().start(settings);
     ASSERT_FALSE(status);
     EXPECT_EQ(status.error().code, Errc::kBadValue);
     EXPECT_NE(status.error().message.find("trigger"), std::string::npos);
   }
   EXPECT_GE(edges_during(Duration::milliseconds(500)).size(), 14U);
+}
+
+// A board that was suspended for ten years at 1000 pulses a second missed 3 * 10^11 of them.
+TEST_P(TriggerConformance, LongPause_TheNewestPulsesComeAndTheStepIsBounded) {
+  TriggerSettings fast;
+  fast.rate = {1000, 1};
+  ASSERT_TRUE(trigger().start(fast));
+  const auto before = edges_during(Duration::seconds(1));
+  ASSERT_FALSE(before.empty());
+  const Duration pause = Duration::seconds(10LL * 365 * 86'400);
+  world_->pass(pause);
+  const auto after = edges();
+  ASSERT_FALSE(after.empty());
+  EXPECT_LE(after.size(), 1000U);
+  // On the grid still, and up to now: the newest is less than a period and the jitter old.
+  const std::uint64_t periods = after.back().number - before.back().number;
+  EXPECT_GE(periods, static_cast<std::uint64_t>(pause.ms()) - 1);
+  EXPECT_LE(periods, static_cast<std::uint64_t>(pause.ms()) + 1);
+  const std::int64_t off = (after.back().at - before.back().at).ns() - static_cast<std::int64_t>(periods) * 1'000'000;
+  EXPECT_LE(std::abs(off), 2 * world_->jitter().ns());
+}
+
+// While the stage that owns the port may hang in it, another thread ends the program.
+TEST_P(TriggerConformance, MadeSafeByAnotherThread_NoPulseComesAnyMoreAndNothingStartsItAgain) {
+  ASSERT_TRUE(trigger().start({}));
+  edges_during(Duration::milliseconds(500));
+  std::thread another([&] { trigger().make_safe(); });
+  for (int i = 0; i < 1000; ++i) {
+    if (const auto edge = trigger().take_edge(); !edge) {
+      EXPECT_EQ(edge.error().code, Errc::kDeviceGone);
+    }
+  }
+  another.join();
+  world_->pass(Duration::seconds(1));
+  EXPECT_EQ(trigger().take_edge().error().code, Errc::kDeviceGone);
+  EXPECT_EQ(trigger().start({}).error().code, Errc::kDeviceGone);
+  trigger().make_safe();
+  trigger().stop();
+  EXPECT_EQ(trigger().take_edge().error().code, Errc::kDeviceGone);
 }
 
 class SimTriggerWorld final : public TriggerWorld {

@@ -129,6 +129,48 @@ TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
   EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
 }
 
+// The rates that once made the trigger loop for ever, within milliseconds, a minute and two hours.
+TEST(Genlock, RatesWhoseProductsExceed64Bits_AreReducedOrRefused) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  wire::Request request = genlock(wire::GenlockRequest::START);
+  for (const auto& [numerator, denominator] : {std::pair{299'700'300U, 10'000'000U}, {2'997'003U, 100'000U}}) {
+    request.mutable_genlock()->set_rate_numerator(numerator);
+    request.mutable_genlock()->set_rate_denominator(denominator);
+    const wire::Error error = host.ask(request).error();
+    EXPECT_EQ(error.code(), static_cast<unsigned>(Errc::kBadValue));
+    EXPECT_NE(error.message().find("1/1000 to 1000 frames a second"), std::string::npos) << error.message();
+  }
+  EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
+  request.mutable_genlock()->set_rate_numerator(4'294'967'295);
+  request.mutable_genlock()->set_rate_denominator(4'294'967'295);
+  const wire::Reply reduced = host.ask(request);
+  EXPECT_EQ(reduced.genlock().rate_numerator(), 1U);
+  EXPECT_EQ(reduced.genlock().rate_denominator(), 1U);
+  const std::uint64_t sets = stand.capture().full_sets;
+  stand.run(Duration::seconds(10));
+  EXPECT_NEAR(static_cast<double>(stand.capture().full_sets - sets), 10, 1);
+}
+
+// The clock goes on while a board is suspended; whoever wakes up has a day of pulses and exposures behind it.
+TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.world.clock().advance(Duration::seconds(86'400));
+  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
+                              Duration::seconds(1)));
+  EXPECT_GE(host.status().genlock().missing_triggers(), 86'000U * 29);
+  EXPECT_GE(stand.world.head(0).counts().without_buffer, 86'000U * 29);
+  ASSERT_TRUE(host.ask(genlock(wire::GenlockRequest::STOP)).has_genlock());
+  stand.run(Duration::seconds(1));
+  stand.world.clock().advance(Duration::seconds(86'400));
+  const std::uint64_t sets = stand.capture().full_sets;
+  stand.run(Duration::seconds(3));
+  EXPECT_GE(stand.capture().full_sets - sets, 30U);
+}
+
 TEST(Genlock, SomebodyElseDrivesTheLine_ItIsFollowedAndSetsNameItsPulses) {
   StandOptions options;
   options.config.trigger.source = firmware::SyncSource::kExternal;

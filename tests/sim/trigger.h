@@ -30,6 +30,7 @@ class Trigger final : public hal::TriggerPort {
   Status start(const hal::TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<hal::TriggerEdge>> take_edge() override;
+  void make_safe() noexcept override {}  // the swarm has one thread: nothing hangs beside it
 
   // What the swarm does.
   void lose(int pulses) { lose_ += pulses; }      ///< not sent; their numbers are a gap

@@ -173,13 +173,18 @@ TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
 }
 
 TEST(RigConfig, RatesThatAreNoFraction_AreRefused) {
-  for (const char* rate : {"0", "30/0", "29.97", "1001/", "/1", "-30", "2000", "1/2000", "30 /1", ""}) {
+  for (const char* rate : {"0", "30/0", "29.97", "1001/", "/1", "-30", "2000", "1/2000", "30 /1", "",
+                           "299700300/10000000", "2997003/100000", "4294967295/4294967291"}) {
     expect_refused(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"" + std::string(rate) + "\""),
                    Errc::kBadValue, "rig.rate must be frames a second");
   }
   const auto config = parse_rig_config(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"25\""), "r");
   ASSERT_TRUE(config) << config.error().text();
   EXPECT_EQ(config->rate, (FrameRate{25, 1}));
+  const auto reduced =
+      parse_rig_config(replaced(kSmall, "name = \"small\"", "name = \"small\"\nrate = \"4294967295/4294967295\""), "r");
+  ASSERT_TRUE(reduced) << reduced.error().text();
+  EXPECT_EQ(reduced->rate, (FrameRate{1, 1}));
 }
 
 TEST(RigConfig, TwoHeadsOfOneNameOrPort_AreRefused) {

@@ -68,13 +68,17 @@ TEST(ParseRate, NtscNames_StandForTheirFractions) {
   EXPECT_EQ(*parse_rate("59.94"), (FrameRate{60000, 1001}));
   EXPECT_EQ(*parse_rate("23.976"), (FrameRate{24000, 1001}));
   EXPECT_EQ(*parse_rate("25"), (FrameRate{25, 1}));
-  EXPECT_EQ(*parse_rate("12.5"), (FrameRate{12500, 1000}));
+  EXPECT_EQ(*parse_rate("12.5"), (FrameRate{25, 2}));
 }
 
 TEST(ParseRate, ZeroAndWhatNoRigCanDo_IsRefused) {
-  for (const char* text : {"0", "0/1", "1/0", "-25", "1001", "2000/1", "1/1001", "fast", "", "25fps", "25/"}) {
-    EXPECT_FALSE(parse_rate(text)) << text;
+  for (const char* text : {"0", "0/1", "1/0", "-25", "1001", "2000/1", "1/1001", "fast", "", "25fps", "25/", "1e300",
+                           "299700300/10000000", "2997003/100000"}) {
+    const auto rate = parse_rate(text);
+    ASSERT_FALSE(rate) << text;
+    EXPECT_NE(rate.error().message.find("1/1000 to 1000"), std::string::npos) << rate.error().message;
   }
+  EXPECT_EQ(*parse_rate("4294967295/4294967295"), (FrameRate{1, 1}));
 }
 
 TEST(ParseDuration, MoreThanADay_IsRefused) {

@@ -1,0 +1,16 @@
+// What hosts, people and files may ask for, in one place for every end.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace nodal {
+
+/// What FrameRate::make() accepts, for error messages.
+inline constexpr std::string_view kFrameRatesAllowed =
+    "1/1000 to 1000 frames a second, as a fraction whose reduced terms are at most 1000000";
+
+/// Thousandths of a decibel, to either side: ten stops. No head's own range is wider.
+inline constexpr std::int32_t kMostGainMdb = 60'000;
+
+}  // namespace nodal
