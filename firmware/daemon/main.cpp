@@ -2,14 +2,18 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cinttypes>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <new>
+#include <system_error>
 #include <thread>
 
 #include "firmware/daemon/bridge.h"
+#include "firmware/daemon/end_deadline.h"
 #include "firmware/daemon/log.h"
 #include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
@@ -19,6 +23,12 @@
 
 namespace nodal::daemon {
 namespace {
+
+using std::chrono::milliseconds;
+
+/// From the signal to the end of the process: supervisors and people wait two seconds. Hosts are told first.
+constexpr milliseconds kEndWithin{1800};
+constexpr milliseconds kFarewellWithin{900};
 
 int give_up(const Error& error, int exit_code) {
   log_line(LogLevel::kError, error.text());
@@ -51,23 +61,67 @@ std::string describe(const firmware::RigConfig& config) {
                      pixel_format_name(config.raymap.format));
 }
 
-void wait_for_signal(firmware::Rig& rig) {
+/// While nodald starts it has driven no output: a signal ends it at once, whatever it reads or waits for.
+void end_while_starting() {
+  struct sigaction at_once {};
+  at_once.sa_handler = [](int) { ::_exit(kExitFine); };
+  ::sigaction(SIGTERM, &at_once, nullptr);
+  ::sigaction(SIGINT, &at_once, nullptr);
+  const sigset_t signals = stop_signals();
+  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+}
+
+void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) {
   const sigset_t signals = stop_signals();
   const timespec second{1, 0};
   for (;;) {
     rig.control().set_resident_bytes(resident_bytes());
     const int signal = ::sigtimedwait(&signals, nullptr, &second);
     if (signal < 0) continue;
+    deadline.arm(kEndWithin);
+    deadline.waits_for("nodal-control");
     const char* name = signal == SIGTERM ? "SIGTERM" : "SIGINT";
     log_line(LogLevel::kInfo, std::string(name) + ": stopping");
     rig.control().ask_to_end(name);
-    const timespec moment{0, 5'000'000};
-    for (int i = 0; i < 200 && !rig.control().ended(); ++i) ::nanosleep(&moment, nullptr);
+    const auto until = std::chrono::steady_clock::now() + kFarewellWithin;
+    while (!rig.control().ended() && std::chrono::steady_clock::now() < until) {
+      std::this_thread::sleep_for(milliseconds(5));
+    }
     return;
   }
 }
 
-int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base) {
+/// Until a signal comes.
+void run_rig(World& world, const Options& options, const firmware::RigConfig& config, EndDeadline& deadline) {
+  firmware::Rig rig(config, world.ports(), kSoftware);
+  for (const std::string& address : world.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
+
+  RigThreads::Hooks hooks;
+  hooks.log = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
+  hooks.waits_for = [&deadline](const char* thread) { deadline.waits_for(thread); };
+  if (world.has_virtual_time()) {
+    hooks.idle_capture = [&world, &rig] {
+      // Before there is anything to blend, virtual time goes no faster than the real one.
+      if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(milliseconds(1));
+      world.advance(Duration::milliseconds(1));
+    };
+  }
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  const int blend_threads = options.blend_threads > 0 ? options.blend_threads : static_cast<int>(cores);
+  {
+    const RigThreads threads(rig, blend_threads, hooks);
+    wait_for_signal(rig, deadline);
+  }
+  deadline.waits_for("closing the heads and the trigger");
+  rig.close();
+  const firmware::CaptureReport& capture = rig.capture().report();
+  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
+                                        capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
+                                        capture.sets, rig.blender().counts().blended.load()));
+}
+
+int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
+        EndDeadline& deadline) {
   auto world = World::make(config, base);
   if (!world) return give_up(world.error(), kExitBadInput);
   if (options.check) {
@@ -82,42 +136,26 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   if (const Status listening = (*world)->listen(config.links); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
-  firmware::Rig rig(config, (*world)->ports(), kSoftware);
-  for (const std::string& address : (*world)->addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
-
-  RigThreads::Hooks hooks;
-  hooks.log = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
-  if ((*world)->has_virtual_time()) {
-    hooks.idle_capture = [&world = **world, &rig] {
-      // Before there is anything to blend, virtual time goes no faster than the real one.
-      if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      world.advance(Duration::milliseconds(1));
-    };
-  }
-  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
-  const int blend_threads = options.blend_threads > 0 ? options.blend_threads : static_cast<int>(cores);
-  {
-    const RigThreads threads(rig, blend_threads, hooks);
-    wait_for_signal(rig);
-  }
-  rig.close();
-  const firmware::CaptureReport& capture = rig.capture().report();
-  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
-                                        capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
-                                        capture.sets, rig.blender().counts().blended.load()));
+  // From here on outputs are driven, and a signal is taken by main.
+  const sigset_t signals = stop_signals();
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  deadline.protect([&world = **world] { world.make_safe(); });
+  run_rig(**world, options, config, deadline);
+  deadline.protect({});
   return kExitFine;
 }
 
-int main(int argc, char** argv) {
+int start(int argc, char** argv, EndDeadline& deadline) {
   keep_large_blocks_apart();
   const Parsed parsed = parse_options(argc, argv);
   if (parsed.exit) return *parsed.exit;
   const Options& options = parsed.options;
-  // Before any thread is there, so that none of them is the one that a signal interrupts.
+  // Before the log's thread is there, so that it is not the one that a signal interrupts.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   start_log(options.log_level);
+  end_while_starting();
 
   firmware::RigConfig config;
   std::filesystem::path base;
@@ -130,17 +168,31 @@ int main(int argc, char** argv) {
     if (!socket.empty()) socket = (base / socket).string();  // paths of rig.toml count from its folder
   }
   if (options.bridge) {
-    ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+    std::signal(SIGTERM, SIG_DFL);
+    std::signal(SIGINT, SIG_DFL);
     return run_bridge(options.socket.empty() ? config.links.unix_path : options.socket);
   }
-  return run(options, config, base);
+  return run(options, config, base, deadline);
+}
+
+/// The standard library throws when the system refuses memory or a thread.
+int main(int argc, char** argv, EndDeadline& deadline) {
+  try {
+    return start(argc, argv, deadline);
+  } catch (const std::bad_alloc&) {
+    return give_up({Errc::kOverload, "cannot start: " + explain_refused_memory()}, kExitCannotStart);
+  } catch (const std::system_error&) {
+    return give_up({Errc::kOverload, "cannot start: " + explain_refused_memory()}, kExitCannotStart);
+  }
 }
 
 }  // namespace
 }  // namespace nodal::daemon
 
 int main(int argc, char** argv) {
-  const int exit_code = nodal::daemon::main(argc, argv);
+  nodal::daemon::EndDeadline deadline;
+  const int exit_code = nodal::daemon::main(argc, argv, deadline);
+  deadline.finished(exit_code);
   nodal::daemon::end_log(exit_code);
   return exit_code;
 }

@@ -1,15 +1,40 @@
 #include "firmware/daemon/memory.h"
 
 #include <malloc.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <cstddef>
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <new>
 
 namespace nodal::daemon {
 
 // Left to itself the C library keeps blocks as large as the largest that was ever freed among the small ones.
-void keep_large_blocks_apart() { ::mallopt(M_MMAP_THRESHOLD, kLargeBlock); }
+void keep_large_blocks_apart() {
+  ::mallopt(M_MMAP_THRESHOLD, kLargeBlock);
+  ::mallopt(M_ARENA_MAX, kArenas);
+}
+
+std::string explain_refused_memory() {
+  constexpr std::uint64_t kMiB = 1 << 20;
+  std::string text = "memory or a thread was refused";
+  if (std::FILE* const file = std::fopen("/proc/self/statm", "r")) {
+    unsigned long pages = 0;
+    if (std::fscanf(file, "%lu", &pages) == 1) {
+      text += " with " + std::to_string(pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / kMiB) +
+              " MiB of addresses in use";
+    }
+    std::fclose(file);
+  }
+  rlimit limit{};
+  const bool limited = ::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;
+  if (limited) text += ", and the limit (ulimit -v) is " + std::to_string(limit.rlim_cur / kMiB) + " MiB";
+  return text + "; raise the limits on addresses, memory and threads (ulimit -v, MemoryMax=, TasksMax=), or make the "
+                "raymap in rig.toml smaller";
+}
 
 void give_back_memory() { ::malloc_trim(0); }
 

@@ -18,14 +18,23 @@ constexpr microseconds kPollSockets{1000};   ///< with hosts connected
 constexpr microseconds kPollKnocks{10'000};  ///< with none
 constexpr microseconds kSleep{100'000};      ///< of those that are rung for
 
-void name_thread(std::thread& thread, const char* name) { pthread_setname_np(thread.native_handle(), name); }
-
 }  // namespace
 
 RigThreads::RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks) : rig_(rig), hooks_(std::move(hooks)) {
+  try {
+    start(blend_threads);
+  } catch (...) {
+    stop();
+    throw;
+  }
+}
+
+RigThreads::~RigThreads() { stop(); }
+
+void RigThreads::start(int blend_threads) {
   const auto add = [this](const char* name, void (RigThreads::*run)()) {
-    threads_.emplace_back([this, run] { (this->*run)(); });
-    name_thread(threads_.back(), name);
+    threads_.push_back({name, std::thread([this, run] { (this->*run)(); })});
+    pthread_setname_np(threads_.back().thread.native_handle(), name);
   };
   add("nodal-control", &RigThreads::control);
   add("nodal-keeper", &RigThreads::keep);
@@ -34,10 +43,13 @@ RigThreads::RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks) : rig
   add("nodal-capture", &RigThreads::capture);
 }
 
-RigThreads::~RigThreads() {
+void RigThreads::stop() {
   stop_.store(true);
   for (Bell* bell : {&capture_bell_, &blend_bell_, &encode_bell_, &keeper_bell_, &control_bell_}) bell->ring();
-  for (std::thread& thread : threads_) thread.join();
+  for (Named& each : threads_) {
+    hooks_.waits_for(each.name);
+    each.thread.join();
+  }
 }
 
 bool RigThreads::frame_path_empty() const {

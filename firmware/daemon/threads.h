@@ -16,13 +16,14 @@ namespace nodal::daemon {
 ///
 /// Threading: start and stop on main.
 /// Ownership: the rig outlives it.
-/// Errors: none.
+/// Errors: the constructor throws std::system_error when the system refuses a thread; then none is left.
 class RigThreads {
  public:
   struct Hooks {
     std::function<void(const std::string&)> log;  ///< a sentence; from the control thread
     /// From the capture thread when the frame path is empty; may be empty.
     std::function<void()> idle_capture;
+    std::function<void(const char*)> waits_for;  ///< the thread that is joined next; from main
   };
 
   RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks);
@@ -30,6 +31,8 @@ class RigThreads {
   ~RigThreads();
 
  private:
+  void start(int blend_threads);
+  void stop();
   void capture();
   void blend();
   void encode();
@@ -41,7 +44,11 @@ class RigThreads {
   const Hooks hooks_;
   std::atomic<bool> stop_{false};
   Bell capture_bell_, blend_bell_, encode_bell_, keeper_bell_, control_bell_;
-  std::vector<std::thread> threads_;
+  struct Named {
+    const char* name;
+    std::thread thread;
+  };
+  std::vector<Named> threads_;
 };
 
 }  // namespace nodal::daemon
