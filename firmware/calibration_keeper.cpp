@@ -1,6 +1,7 @@
 #include "firmware/calibration_keeper.h"
 
 #include <algorithm>
+#include <new>
 
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
@@ -12,6 +13,11 @@ namespace nodal::firmware {
 namespace {
 
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
+
+Error out_of_memory(const Sha256& id) {
+  return {Errc::kOverload, "the board has not enough memory to compile the table of calibration " + short_id(id) +
+                               "; make the raymap in rig.toml smaller, or give nodald more (ulimit -v, MemoryMax=)"};
+}
 
 std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
@@ -45,7 +51,7 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
                                      SpscRing<InstalledPtr>& tables_back)
-    : config_(config), disk_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {
+    : config_(config), disk_(disk), starts_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {
   report_.activity = "reading the calibration store";  // so that who asks first is told to wait
   publish();
 }
@@ -60,7 +66,7 @@ bool CalibrationKeeper::step(Instant now) {
     load_at_start();
     busy = true;
   } else if (installing_) {
-    busy |= compile_some();
+    busy |= compile_within_memory();
   } else if (!to_try_.empty()) {
     start_next_good();
     busy = true;
@@ -71,9 +77,25 @@ bool CalibrationKeeper::step(Instant now) {
   return busy;
 }
 
+/// Memory that is refused while a table is compiled costs that calibration, and nothing else: what runs goes on.
+bool CalibrationKeeper::compile_within_memory() {
+  try {
+    return compile_some();
+  } catch (const std::bad_alloc&) {
+    end(fail(out_of_memory(installing_->id)));
+    return true;
+  }
+}
+
 void CalibrationKeeper::read_settings() {
   const auto file = disk_.read(kSettingsFile, kMaxSettingsBytes);
   report_.settings = file ? std::string(file->begin(), file->end()) : std::string();
+  if (report_.settings->empty()) {
+    // Nothing to count.
+  } else if (auto put_aside = starts_.begin()) {
+    report_.settings->clear();
+    report_.settings_problem = std::move(*put_aside);
+  }
   if (!file && file.error().code != Errc::kNotFound) {
     report_.settings_problem = file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
   }
@@ -130,6 +152,9 @@ bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
   if (const auto* settings = std::get_if<KeeperRequest::Remember>(&request.what)) {
     const Status kept = write_durably(disk_, "", kSettingsFile, settings->settings);
     answer(request.ticket, kept ? Result<Answered>(KeeperAnswer::Done{}) : fail(kept.error().in("settings")));
+  } else if (std::holds_alternative<KeeperRequest::RunsWell>(request.what)) {
+    starts_.succeeded();
+    answer(request.ticket, KeeperAnswer::Done{});
   } else if (!store_) {
     answer(request.ticket, fail(store_status_.error()));
   } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
@@ -255,9 +280,13 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   for (std::size_t i = 0; i < config_.heads.size(); ++i) {
     formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
   }
-  auto job = TableJob::make(*fitted, config_, std::move(formats));
-  if (!job) return fail(job.error().in("calibration " + short_id(id)));
-  installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
+  try {
+    auto job = TableJob::make(*fitted, config_, std::move(formats));
+    if (!job) return fail(job.error().in("calibration " + short_id(id)));
+    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
+  } catch (const std::bad_alloc&) {
+    return fail(out_of_memory(id));
+  }
   return {};
 }
 
@@ -283,6 +312,9 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
+  // All that needs memory before anything is changed on the disk.
+  auto installed = make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
+                                  table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
   if (!done.trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
@@ -293,8 +325,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   report_.in_force = done.id;
   report_.name = done.calibration.name;
   if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
-  hand_over(make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-                           table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft)));
+  hand_over(std::move(installed));
   done.handed_over = true;
   return {};
 }

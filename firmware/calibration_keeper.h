@@ -12,6 +12,7 @@
 #include "firmware/config.h"
 #include "firmware/raymap.h"
 #include "firmware/snapshot.h"
+#include "firmware/start_count.h"
 #include "firmware/table_job.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
@@ -42,9 +43,10 @@ struct KeeperRequest {
   struct List {};
   struct Get { std::string id_prefix; };            ///< empty: the one in force
   struct Remember { std::string settings; };        ///< to be in report().settings after the next start
+  struct RunsWell {};                               ///< the rig has run well for a while since the start
 
   std::uint64_t ticket = 0;
-  std::variant<List, Get, Install, Use, Rollback, EndTrial, Remember> what;
+  std::variant<List, Get, Install, Use, Rollback, EndTrial, Remember, RunsWell> what;
   HeadShapes heads;
 };
 
@@ -81,7 +83,7 @@ struct KeeperReport {
   std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
   std::string problem;             ///< what stays wrong until somebody acts
   std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
-  std::string settings_problem;         ///< why what was remembered cannot be read
+  std::string settings_problem;         ///< why what was remembered is not used
 };
 
 /// The calibration's heads in the rig's order, or which head does not fit: kHeadMismatch, naming it.
@@ -106,6 +108,8 @@ class CalibrationKeeper {
 
   /// True when it did something.
   bool step(Instant now);
+  /// The rig ends because it was asked to: this start was no failure.
+  void close() { starts_.succeeded(); }
 
   SpscRing<KeeperRequest>& requests() { return requests_; }
   SpscRing<KeeperAnswer>& answers() { return answers_; }
@@ -149,6 +153,7 @@ class CalibrationKeeper {
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
                const HeadShapes& heads);
   bool compile_some();
+  bool compile_within_memory();
   Status put_in_force(Installation& done);
   void end(const Status& status);
   Result<KeeperAnswer::Listed> list() const;
@@ -158,6 +163,7 @@ class CalibrationKeeper {
 
   const RigConfig config_;
   hal::DiskPort& disk_;
+  StartCount starts_;
   SpscRing<InstalledPtr>& tables_out_;
   SpscRing<InstalledPtr>& tables_back_;
   SpscRing<KeeperRequest> requests_;

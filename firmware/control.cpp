@@ -9,6 +9,7 @@ namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
 constexpr std::uint64_t kRememberTicket = 0;
+constexpr std::uint64_t kRunsWellTicket = ~std::uint64_t{0};
 constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
 }  // namespace
@@ -28,6 +29,7 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
+      unwell_(now),
       supervisor_(watchdog),
       panel_(panel),
       news_(now) {}
@@ -51,6 +53,7 @@ bool Control::step(Instant now) {
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
   watch(now);
+  tell_that_it_runs_well(now);
   end(now);
   step_panel(now);
   return busy;
@@ -189,6 +192,7 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
 }
 
 void Control::take_answer(KeeperAnswer answer, Instant now) {
+  if (answer.ticket == kRunsWellTicket) return;
   if (answer.ticket == kRememberTicket) {
     const Status stored = answer.result ? Status() : fail(answer.result.error());
     if (!settings_writer_.ended(stored)) return;
@@ -358,6 +362,13 @@ void Control::watch(Instant now) {
     news_.say(NewsKind::kRig, "the rig is " + std::string(health().state) +
                     (health().problem.empty() ? "" : ": " + health().problem));
   }
+}
+
+void Control::tell_that_it_runs_well(Instant now) {
+  const RigState state = supervisor_.state();
+  if (state == RigState::kStarting || state == RigState::kHanging) unwell_ = now;
+  if (told_well_ || now - unwell_ < kRunsWellAfter) return;
+  told_well_ = stages_.keeper.requests().push(KeeperRequest{kRunsWellTicket, KeeperRequest::RunsWell{}, {}});
 }
 
 void Control::shed(Instant now) {

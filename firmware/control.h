@@ -67,6 +67,8 @@ class Control {
 
   static constexpr std::size_t kMaxClients = 8;
   static constexpr Duration kFarewell = Duration::milliseconds(500);
+  /// Without a hanging stage, after which a start counts as good: twice what a stage may hang unnoticed.
+  static constexpr Duration kRunsWellAfter = Supervisor::kStuckAfter * 2;
   static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
 
  private:
@@ -116,6 +118,7 @@ class Control {
   Client* find(std::uint64_t number);
   HeadShapes head_shapes() const;
   void watch(Instant now);
+  void tell_that_it_runs_well(Instant now);
   std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
   void shed(Instant now);
   void end(Instant now);
@@ -148,6 +151,8 @@ class Control {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
+  Instant unwell_;                       ///< when the rig was last starting or hanging
+  bool told_well_ = false;               ///< to the keeper
   Supervisor supervisor_;
   Shedding shedding_;
   std::string end_reason_;               ///< once end_asked_

@@ -32,6 +32,7 @@ bool Rig::step_all() {
 void Rig::close() {
   blender_.close();
   capture_.close();
+  keeper_.close();
 }
 
 }  // namespace nodal::firmware

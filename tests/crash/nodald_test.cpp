@@ -6,6 +6,11 @@
 #include <csignal>
 #include <fstream>
 
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include "hal/linux/link/socket_link.h"
 #include "nodald_process.h"
 #include "protocol/upload.h"
@@ -91,6 +96,95 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   }
   EXPECT_GT(old_ones, 0);
   EXPECT_GT(new_ones, 0);
+}
+
+/// A fifo that nobody writes to: whoever opens it to read hangs.
+void make_fifo(const std::filesystem::path& file) { ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0); }
+
+/// The process is killed, and the code another, when it does not end by itself.
+void expect_end(test::Process& daemon, int code) {
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, code) << daemon.complained();
+}
+
+TEST(Nodald, TheCaptureStageHangs_SigtermStillEndsItAndTheOutputsAreSafe) {
+  const RigFolder folder;
+  make_fifo(folder.path / "pipe.png");
+  std::ofstream(folder.path / "rig.toml", std::ios::app) << "[[heads]]\nname = \"pipe\"\nport = \"replay:pipe.png\"\n";
+  test::Process daemon(nodald({"--config", folder.config()}));
+  ASSERT_TRUE(LinkHost::connect(folder.socket())) << daemon.complained();
+  expect_end(daemon, 4);
+  EXPECT_NE(daemon.complained().find("nodal-capture hangs; outputs are at their safe levels"), std::string::npos)
+      << daemon.complained();
+}
+
+TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
+  const RigFolder folder;
+  std::filesystem::remove(folder.path / "truth.json");
+  make_fifo(folder.path / "truth.json");
+  test::Process daemon(nodald({"--config", folder.config()}));
+  int writer = -1;  // opens only once nodald has opened the fifo to read
+  ASSERT_TRUE(test::wait_until([&] {
+    writer = ::open((folder.path / "truth.json").c_str(), O_WRONLY | O_NONBLOCK);
+    return writer >= 0;
+  }));
+  expect_end(daemon, 0);
+  ::close(writer);
+}
+
+std::uint64_t address_bytes(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/statm");
+  std::uint64_t pages = 0;
+  file >> pages;
+  return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
+
+// Whatever the limit, it serves or says in one sentence why it cannot.
+TEST(Nodald, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
+  int refused = 0;
+  for (const int mib : {60, 80, 120, 180, 260, 380}) {
+    const RigFolder folder;
+    std::vector<std::string> command = nodald({"--config", folder.config(), "--blend-threads", "16"});
+    command.insert(command.begin(), {"prlimit", "--as=" + std::to_string(mib * 1024 * 1024)});
+    test::Process daemon(command);
+    ASSERT_TRUE(test::wait_until([&] {
+      const std::string said = daemon.complained();
+      return said.find("hosts can connect") != std::string::npos || said.find("cannot start") != std::string::npos;
+    })) << daemon.complained();
+    daemon.signal(SIGTERM);
+    const test::Finished finished = daemon.wait(std::chrono::seconds(20));
+    EXPECT_TRUE(finished.code == 0 || finished.code == 3) << finished.code << " at " << mib << " MiB\n" << finished.err;
+    if (finished.code != 3) continue;
+    ++refused;
+    EXPECT_NE(finished.err.find("the limit (ulimit -v) is " + std::to_string(mib) + " MiB"), std::string::npos)
+        << finished.err;
+  }
+  EXPECT_GT(refused, 0);
+}
+
+TEST(Nodald, NoMemoryForAnotherTable_IsAnErrorAndTheOldOneStays) {
+  const RigFolder folder;
+  std::ifstream small(folder.config());
+  std::string toml(std::istreambuf_iterator<char>(small), {});
+  toml.replace(toml.find("width = 256\nheight = 128"), 24, "width = 2048\nheight = 1024");
+  std::ofstream(folder.config()) << toml;
+  test::Process daemon(nodald({"--config", folder.config(), "--blend-threads", "1"}));
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  const Calibration first = scenario::small_calibration("first");
+  ASSERT_TRUE(host->upload_and_commit(to_json(first)));
+  ASSERT_TRUE(in_force(*host, id_of(first)));
+  // A mebibyte more than it has: a second table of several is refused, small blocks are not.
+  const rlimit limit{address_bytes(daemon.pid()) + (1 << 20), RLIM_INFINITY};
+  ASSERT_EQ(::prlimit(daemon.pid(), RLIMIT_AS, &limit, nullptr), 0);
+  ASSERT_TRUE(host->upload_and_commit(to_json(scenario::small_calibration("second"))));
+  std::optional<wire::Reply> answer;
+  while (!(answer = host->take_reply(host->last_id()))) ASSERT_TRUE(host->pump()) << daemon.complained();
+  ASSERT_TRUE(answer->has_error());
+  EXPECT_NE(answer->error().message().find("not enough memory"), std::string::npos) << answer->error().message();
+  const auto status = host->status();
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->calibration_id(), id_of(first));
 }
 
 TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {

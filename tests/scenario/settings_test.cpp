@@ -3,6 +3,7 @@
 #include <malloc.h>
 
 #include "firmware/settings.h"
+#include "firmware/start_count.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -77,6 +78,102 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   stand.run(Duration::seconds(1));
   EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
+}
+
+// A nodald before 64-bit products were bounded has stored it.
+TEST(Settings, AStoredRateThatIsNotAllowed_IsToldAndNotMade) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  firmware::Settings settings;
+  wire::Request genlock;
+  genlock.mutable_genlock()->set_action(wire::GenlockRequest::START);
+  genlock.mutable_genlock()->set_rate_numerator(299'700'300);
+  genlock.mutable_genlock()->set_rate_denominator(10'000'000);
+  ASSERT_TRUE(settings.remember(genlock, kHeads));
+  const std::string text = settings.encode(options.config.text_id);
+  const auto handle = disk->create(firmware::kSettingsFile).value();
+  ASSERT_TRUE(disk->write(handle, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size())));
+  ASSERT_TRUE(disk->sync(handle));
+  disk->close(handle);
+  Stand stand(options, std::move(disk));
+  std::string news;
+  ASSERT_TRUE(stand.run_until([&] {
+    for (const std::string& sentence : stand.rig->control().take_news()) news += sentence + "\n";
+    return stand.state() == "running";
+  }));
+  EXPECT_NE(news.find("a rate of 299700300/10000000 is not allowed"), std::string::npos) << news;
+  stand.run(Duration::seconds(65));
+  EXPECT_EQ(stand.state(), "running");
+  EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
+}
+
+/// Starts with the disk, runs and is killed; the disk as it is then.
+std::unique_ptr<hal::sim::SimDisk> run_and_kill(const StandOptions& options, std::unique_ptr<hal::sim::SimDisk> disk,
+                                                Duration runs) {
+  Stand stand(options, std::move(disk));
+  stand.run(runs);
+  EXPECT_EQ(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
+  return stand.disk->after_kill();
+}
+
+TEST(Settings, TwoStartsWithThemFail_TheThirdPutsThemAsideAndSaysSo) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  const auto settings = disk->read(firmware::kSettingsFile, firmware::kMaxSettingsBytes).value();
+  for (int i = 0; i < 2; ++i) disk = run_and_kill(options, std::move(disk), Duration::seconds(3));
+  Stand third(options, std::move(disk));
+  third.run(Duration::seconds(3));
+  EXPECT_EQ(third.capture().genlock.state, firmware::GenlockState::kOff);
+  EXPECT_NE(third.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
+  EXPECT_EQ(third.state(), "degraded");
+  EXPECT_NE(third.rig->control().health().problem.find("did not run with the remembered settings 2 times"),
+            std::string::npos)
+      << third.rig->control().health().problem;
+  EXPECT_EQ(third.disk->read(firmware::kSettingsAsideFile, firmware::kMaxSettingsBytes).value(), settings);
+  Stand fourth(options, third.disk->after_kill());
+  fourth.run(Duration::seconds(3));
+  EXPECT_EQ(fourth.state(), "running");
+  EXPECT_NE(fourth.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
+}
+
+TEST(Settings, AStartThatRanWellForTenSeconds_IsNoFailure) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  for (const int seconds : {3, 12, 3, 12, 3, 3}) {
+    disk = run_and_kill(options, std::move(disk), Duration::seconds(seconds));
+  }
+}
+
+TEST(Settings, AStartThatIsEndedByARequest_IsNoFailure) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  for (int i = 0; i < 4; ++i) {
+    Stand stand(options, std::move(disk));
+    stand.run(Duration::seconds(3));
+    EXPECT_EQ(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000)) << i;
+    stand.rig->close();
+    disk = stand.disk->after_kill();
+  }
+}
+
+// A stage that hangs is a failure however long it takes, as when the watchdog ends it.
+TEST(Settings, ACaptureThatHangs_IsAFailureHoweverLongItTakes) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  for (int i = 0; i < 2; ++i) {
+    Stand stand(options, std::move(disk));
+    stand.run(Duration::seconds(1));
+    for (int ms = 0; ms < 30'000; ++ms) {
+      stand.world.clock().advance(Duration::milliseconds(1));
+      stand.rig->step_control();
+      stand.rig->step_keeper();
+    }
+    EXPECT_EQ(stand.state(), "hanging");
+    disk = stand.disk->after_kill();
+  }
+  Stand third(options, std::move(disk));
+  third.run(Duration::seconds(3));
+  EXPECT_EQ(third.state(), "degraded");
 }
 
 TEST(Settings, AKnobIsTurned_TheDiskIsWrittenOnceASecond) {
