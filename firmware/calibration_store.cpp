@@ -79,20 +79,31 @@ Status CalibrationStore::read_folder() {
     if (!parsed) continue;
     next_generation_ = std::max(next_generation_, parsed->generation + 1);
     Entry found{parsed->generation, parsed->id, "", 0, file};
-    entries_.push_back(found);
-    const auto calibration = load(found.id);
+    const auto calibration = load(found);
     if (!calibration) {
-      entries_.pop_back();
       damaged_.push_back(file);
       add_note("stored calibration " + short_id(found.id) + " cannot be used: " + calibration.error().message);
       continue;
     }
-    entries_.back().name = calibration->name;
-    entries_.back().heads = calibration->heads.size();
+    found.name = calibration->name;
+    found.heads = calibration->heads.size();
+    entries_.push_back(found);
   }
   std::sort(entries_.begin(), entries_.end(),
             [](const Entry& a, const Entry& b) { return a.generation > b.generation; });
+  drop_copies();
   return {};
+}
+
+/// The same calibration under an older generation, as somebody who copies files makes it, is one to be removed.
+void CalibrationStore::drop_copies() {
+  std::vector<Entry> kept;
+  for (const Entry& entry : entries_) {
+    const bool copy = std::any_of(kept.begin(), kept.end(), [&](const Entry& newer) { return newer.id == entry.id; });
+    if (copy) damaged_.push_back(entry.file);
+    else kept.push_back(entry);
+  }
+  entries_ = std::move(kept);
 }
 
 void CalibrationStore::read_pointer() {
@@ -201,17 +212,27 @@ Result<CalibrationStore::Entry> CalibrationStore::find(std::string_view id_prefi
 Result<std::string> CalibrationStore::read(const Sha256& id) const {
   const Entry* there = entry(id);
   if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
-  const auto bytes = disk_->read(there->file, kMaxCalibrationBytes);
+  return read(*there);
+}
+
+Result<std::string> CalibrationStore::read(const Entry& entry) const {
+  const auto bytes = disk_->read(entry.file, kMaxCalibrationBytes);
   if (!bytes) return fail(bytes.error());
-  if (sha256(*bytes) != id) return fail(Errc::kChecksum, there->file + " is damaged: its SHA-256 is not its name's");
+  if (sha256(*bytes) != entry.id) return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 is not its name's");
   return std::string(bytes->begin(), bytes->end());
 }
 
 Result<Calibration> CalibrationStore::load(const Sha256& id) const {
-  const auto text = read(id);
+  const Entry* there = entry(id);
+  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  return load(*there);
+}
+
+Result<Calibration> CalibrationStore::load(const Entry& entry) const {
+  const auto text = read(entry);
   if (!text) return fail(text.error());
   auto calibration = parse_calibration(*text);
-  if (!calibration) return fail(calibration.error().in("calibration " + short_id(id)));
+  if (!calibration) return fail(calibration.error().in("calibration " + short_id(entry.id)));
   return calibration;
 }
 

@@ -67,6 +67,9 @@ class CalibrationStore {
  private:
   explicit CalibrationStore(hal::DiskPort& disk) : disk_(&disk) {}
   Status read_folder();
+  void drop_copies();
+  Result<std::string> read(const Entry& entry) const;
+  Result<Calibration> load(const Entry& entry) const;
   void read_pointer();
   const Entry* entry(const Sha256& id) const;
   Status write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before);
@@ -75,7 +78,7 @@ class CalibrationStore {
 
   hal::DiskPort* disk_;
   std::vector<Entry> entries_;
-  std::vector<std::string> damaged_;  ///< files; the first to be removed
+  std::vector<std::string> damaged_;  ///< and copies: files, the first to be removed
   std::optional<Sha256> in_force_;
   std::optional<Sha256> before_;
   std::uint64_t next_generation_ = 1;

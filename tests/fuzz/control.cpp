@@ -1,0 +1,188 @@
+// What hosts may do to a rig, through Control: requests of every kind with extreme values and unknown fields, frames
+// and bytes that are no requests, uploads, pulls that are not read, connections, restarts, a full disk, time. The input
+// is a sequence of operations on a whole small rig; stand.h says what must hold after each of them.
+#include <algorithm>
+
+#include "draw_request.h"
+#include "protocol/upload.h"
+#include "tests/fuzz/stand.h"
+#include "tests/fuzz/telling.h"
+
+namespace {
+
+using namespace nodal;
+using namespace nodal::fuzz;
+
+constexpr std::size_t kMostOperations = 40;
+constexpr std::size_t kMostGuests = 12;  ///< more than the rig talks to
+constexpr std::size_t kMostVandals = 4;
+constexpr int kMostLongChecks = 2;  ///< each costs seconds of virtual time
+
+class Operations {
+ public:
+  /// Most inputs are of a rig without a calibration, which starts ten times as fast, for it compiles no table.
+  explicit Operations(std::span<const std::uint8_t> input)
+      : in_(input), stand_(in_.u8() % 4 == 0 ? Stand::new_disk() : std::make_unique<hal::sim::SimDisk>()) {}
+
+  void run() {
+    for (std::size_t i = 0; i < kMostOperations && in_.left() > 0; ++i) {
+      act(in_.u8());
+      stand_.check();
+    }
+    stand_.leave_all();
+    stand_.check();
+  }
+
+ private:
+  void act(unsigned what) {
+    switch (what % 16) {
+      case 0: return come_or_go();
+      case 1:
+      case 2:
+      case 3: return post(draw_request(in_), 1);
+      case 4: return post(last_, 1 + in_.u8() % 64);
+      case 5: return post_raw();
+      case 6: return vandalize_frame();
+      case 7: return vandalize_bytes();
+      case 8: return upload();
+      case 9: return upload_junk();
+      case 10: return stop_reading();
+      case 11: return stand_.run(Duration::milliseconds(1 + in_.u8() * 4));
+      case 12: return stand_.jump(Duration::nanoseconds(static_cast<std::int64_t>(telling(in_, 47))));  // up to 39 hours
+      case 13: return restart();
+      case 14: return recover();
+      default: return change_disk();
+    }
+  }
+
+  Guest* guest() {
+    auto& all = stand_.guests();
+    const unsigned which = in_.u8();
+    if (all.empty()) stand_.connect();
+    return all.empty() ? nullptr : all[which % all.size()].get();
+  }
+
+  void come_or_go() {
+    const unsigned what = in_.u8();
+    auto& all = stand_.guests();
+    if (what % 4 != 0 && all.size() < kMostGuests) {
+      stand_.connect();
+    } else if (!all.empty()) {
+      stand_.expect_news(1);
+      all.erase(all.begin() + static_cast<std::ptrdiff_t>(what / 4 % all.size()));
+      stand_.settle();
+    }
+  }
+
+  void post(const wire::Request& request, unsigned times) {
+    Guest* const host = guest();
+    for (unsigned i = 0; host && i < times; ++i) {
+      stand_.expect_news(1);
+      if (!host->post(request, stand_.served())) break;
+      if (i % 8 == 7) stand_.settle();  // no more than a client may have open
+    }
+    stand_.settle();
+    last_ = request;
+  }
+
+  /// The input's bytes as they are, when they are a message at all.
+  void post_raw() {
+    wire::Request request;
+    if (request.ParsePartialFromString(text(in_))) post(request, 1);
+  }
+
+  Vandal& vandal() {
+    auto& all = stand_.vandals();
+    const unsigned which = in_.u8();
+    if (all.empty() || (which % 8 == 7 && all.size() < kMostVandals)) return stand_.intrude();
+    return *all[which % all.size()];
+  }
+  void vandalize_frame() {
+    Vandal& host = vandal();
+    const std::uint8_t type = in_.u8();
+    const std::uint32_t stream = telling32(in_) % 4;
+    const std::string payload = text(in_);
+    host.send_frame(type, stream, std::span(reinterpret_cast<const std::uint8_t*>(payload.data()), payload.size()));
+    stand_.expect_news(1);
+    stand_.settle();
+  }
+  void vandalize_bytes() {
+    Vandal& host = vandal();
+    const std::string bytes = text(in_);
+    host.send_bytes(std::span(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()));
+    stand_.expect_news(1);
+    stand_.settle();
+  }
+
+  /// A calibration that fits, under any name, for good or on trial.
+  void upload() {
+    const unsigned how = in_.u8();
+    Calibration calibration = Stand::calibrations()[how % 2];
+    if (how & 2) calibration.name = "n" + std::to_string(in_.u8());
+    const std::string json = to_json(calibration);
+    std::optional<std::uint64_t> trial;
+    if (how & 4) trial = how & 8 ? telling(in_) : 2'000'000'000;
+    send_document({json.begin(), json.end()}, json.size(), trial);
+  }
+  void upload_junk() {
+    constexpr std::size_t kMost = 128U << 10;
+    const std::size_t length = telling(in_, 17) % kMost;
+    std::vector<std::uint8_t> bytes(length, in_.u8());
+    for (std::size_t i = 0; i < std::min<std::size_t>(8, length); ++i) bytes[i] = in_.u8();
+    send_document(bytes, in_.u8() % 2 == 0 ? length : telling(in_), std::nullopt);
+  }
+  void send_document(std::vector<std::uint8_t> bytes, std::uint64_t length, std::optional<std::uint64_t> trial_ns) {
+    Guest* const host = guest();
+    if (!host) return;
+    stand_.expect_news(4);
+    stand_.expect_bytes(4 * bytes.size());  // received, parsed, stored, and its older generation
+    const std::string name = sha256_to_wire(sha256(bytes));
+    wire::Request request;
+    request.mutable_upload_begin()->set_length(length);
+    request.mutable_upload_begin()->set_sha256(name);
+    (void)host->post(request, stand_.served());
+    wire::UploadPart part;
+    part.set_sha256(name);
+    host->send_item(part.SerializeAsString(), std::move(bytes));
+    stand_.settle();
+    request.mutable_upload_commit()->set_sha256(name);
+    if (trial_ns) request.mutable_upload_commit()->set_trial_ns(*trial_ns);
+    (void)host->post(request, stand_.served());
+    stand_.settle();
+  }
+
+  void stop_reading() {
+    Guest* const host = guest();
+    if (host) host->set_reading(!host->reading(), stand_.served());
+  }
+
+  void recover() {
+    if (++long_checks_ <= kMostLongChecks) stand_.check_recovery();
+  }
+  void restart() {
+    const unsigned how = in_.u8();
+    if (++long_checks_ > kMostLongChecks) return;
+    if (how % 4 != 0) return stand_.check_restart();
+    stand_.disk_fails(true);  // what was not synced yet may be lost
+    stand_.restart(stand_.disk().after_power_loss(how));
+  }
+
+  void change_disk() {
+    const unsigned how = in_.u8();
+    stand_.disk_fails(true);
+    if (how % 2 == 0) stand_.disk().set_capacity(how & 2 ? 0 : std::uint64_t{1} << 40);
+    else stand_.disk().fail_at(stand_.disk().operations() + how / 2);
+  }
+
+  ByteReader in_;
+  Stand stand_;
+  wire::Request last_;
+  int long_checks_ = 0;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Operations(std::span(data, size)).run();
+  return 0;
+}

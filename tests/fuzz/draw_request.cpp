@@ -1,0 +1,127 @@
+#include "draw_request.h"
+
+#include <array>
+
+#include "protocol/framing.h"
+#include "tests/fuzz/stand.h"
+#include "tests/fuzz/telling.h"
+
+namespace nodal::fuzz {
+namespace {
+
+using google::protobuf::MessageLite;
+
+/// A length-delimited field of a number that no message has.
+std::string unknown_field(std::size_t bytes) {
+  constexpr std::uint32_t kNumber = 1999;
+  constexpr std::uint32_t kLengthDelimited = 2;
+  std::string field;
+  const auto varint = [&](std::uint64_t value) {
+    for (; value >= 0x80; value >>= 7) field.push_back(static_cast<char>((value & 0x7F) | 0x80));
+    field.push_back(static_cast<char>(value));
+  };
+  varint(kNumber << 3 | kLengthDelimited);
+  varint(bytes);
+  field.append(bytes, 'u');
+  return field;
+}
+
+void add_unknown(ByteReader& in, MessageLite& request, MessageLite& inner) {
+  constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 4000, 16'000, 30'000, 60'000};
+  const unsigned how = in.u8();
+  if (how % 2 == 0) return;
+  const std::string field = unknown_field(kSizes[how / 4 % kSizes.size()]);
+  MessageLite& into = how % 4 == 1 ? inner : request;
+  NODAL_ASSERT(into.MergeFromString(field));
+}
+
+std::string draw_id(ByteReader& in) {
+  const unsigned kind = in.u8();
+  const std::string id = sha256_to_wire(calibration_id(Stand::calibrations()[kind / 4 % 2]));
+  switch (kind % 4) {
+    case 0: return {};
+    case 1: return id;
+    case 2: return id.substr(0, kind / 8);
+    default: return text(in);
+  }
+}
+
+void draw(ByteReader& in, wire::HeadSetRequest& set) {
+  const unsigned which = in.u8();
+  for (unsigned n = which / 64; n > 0; --n) set.add_heads(telling32(in));
+  if (which & 1) set.set_exposure_ns(telling(in));
+  if (which & 2) set.set_gain_mdb(static_cast<std::int32_t>(telling32(in)));
+  if (which & 4) set.set_red_q12(telling32(in));
+  if (which & 8) set.set_blue_q12(telling32(in));
+  if (which & 16) set.set_gamma(telling32(in));
+}
+
+void draw(ByteReader& in, wire::GenlockRequest& genlock) {
+  const unsigned which = in.u8();
+  genlock.set_action(static_cast<wire::GenlockRequest::Action>(which % 4));
+  if (which & 4) genlock.set_rate_numerator(telling32(in));
+  if (which & 8) genlock.set_rate_denominator(telling32(in));
+  if (which & 16) genlock.set_pulse_width_ns(telling(in));
+}
+
+void draw(ByteReader& in, wire::ExposureRequest& exposure) {
+  constexpr std::array<const char*, 4> kPrograms = {"manual", "each", "joint", "MANUAL"};
+  const unsigned which = in.u8();
+  if (which & 1) exposure.set_program(kPrograms[in.u8() % kPrograms.size()]);
+  if (which & 2) exposure.set_anchor(static_cast<std::int32_t>(telling32(in)));
+  if (which & 4) exposure.set_target_below(telling32(in));
+  if (which & 8) exposure.set_difference(telling32(in));
+  if (which & 16) exposure.set_ramp(telling32(in));
+  if (which & 32) exposure.set_longest_ns(telling(in));
+  if (which & 64) exposure.set_highest_gain_mdb(static_cast<std::int32_t>(telling32(in)));
+  if (which & 128) exposure.set_locked(in.u8() % 2 == 1);
+}
+
+void draw(ByteReader& in, wire::PullRequest& pull) {
+  const unsigned which = in.u8();
+  pull.set_coding(static_cast<wire::PullRequest::Coding>(which % 4));
+  pull.set_lossless((which & 4) != 0);
+  if (which & 8) pull.set_count(telling(in));
+}
+
+/// Draws what is within; the message itself, so that unknown fields can be added to it.
+MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
+  switch (in.u8() % 16) {
+    case 0: return *request.mutable_status();
+    case 1: return *request.mutable_heads();
+    case 2: draw(in, *request.mutable_head_set()); return *request.mutable_head_set();
+    case 3: draw(in, *request.mutable_genlock()); return *request.mutable_genlock();
+    case 4: draw(in, *request.mutable_exposure()); return *request.mutable_exposure();
+    case 5:
+      request.mutable_upload_begin()->set_length(telling(in));
+      request.mutable_upload_begin()->set_sha256(draw_id(in));
+      return *request.mutable_upload_begin();
+    case 6:
+      request.mutable_upload_commit()->set_sha256(draw_id(in));
+      if (in.u8() % 2 == 1) request.mutable_upload_commit()->set_trial_ns(telling(in));
+      return *request.mutable_upload_commit();
+    case 7: return *request.mutable_calibration_list();
+    case 8: request.mutable_calibration_get()->set_id(draw_id(in)); return *request.mutable_calibration_get();
+    case 9: request.mutable_calibration_use()->set_id(draw_id(in)); return *request.mutable_calibration_use();
+    case 10: return *request.mutable_calibration_rollback();
+    case 11:
+      request.mutable_trial_end()->set_id(draw_id(in));
+      request.mutable_trial_end()->set_keep(in.u8() % 2 == 1);
+      return *request.mutable_trial_end();
+    case 12: draw(in, *request.mutable_pull()); return *request.mutable_pull();
+    case 13: request.mutable_pull_stop()->set_stream(telling32(in)); return *request.mutable_pull_stop();
+    case 14: return *request.mutable_frame_set();
+    default: return request;  // asks nothing that this rig knows
+  }
+}
+
+}  // namespace
+
+wire::Request draw_request(ByteReader& in) {
+  wire::Request request;
+  MessageLite& inner = draw_inner(in, request);
+  add_unknown(in, request, inner);
+  return request;
+}
+
+}  // namespace nodal::fuzz

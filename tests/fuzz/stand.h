@@ -1,0 +1,101 @@
+// A whole small rig in virtual time, and what must hold of it whatever hosts, disk and clock do.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/rig.h"
+#include "tests/fuzz/guest.h"
+#include "hal/sim/disk.h"
+#include "hal/sim/watchdog.h"
+#include "tests/sim/world.h"
+
+namespace nodal::fuzz {
+
+/// Two heads of 16 x 16 pixels at ten frames a second, a raymap of 16 x 8, the swarm's world. What breaks a rule
+/// below aborts the program, which is how a fuzzer hears of it.
+///
+/// Threading: thread-bound.
+/// Ownership: owns the world, the disk, the rig and its hosts.
+/// Errors: none.
+class Stand {
+ public:
+  // The rules.
+  /// Live heap: 1.5 times what the steady rig has, and this. Hosts that are there may have messages, uploads and
+  /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
+  static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 512 << 10;
+  static constexpr Duration kReplyWithin = Duration::seconds(1);
+  /// Sentences for the log that one request or connection may cause, those of a second in which nobody says
+  /// anything, and how long each may be.
+  static constexpr std::size_t kNewsEach = 3, kNewsASecond = 10, kNewsBytes = 2000;
+  /// Pulses, exposures and frames of the world that a virtual second may have; past it time stands still for somebody.
+  static constexpr std::int64_t kEventsASecond = 6000;
+  static constexpr int kTurnsToRest = 20'000;
+
+  explicit Stand(std::unique_ptr<hal::sim::SimDisk> disk);
+  ~Stand();
+
+  /// A disk with the first of calibrations() in force.
+  static std::unique_ptr<hal::sim::SimDisk> new_disk();
+  static const std::array<Calibration, swarm::kCalibrations>& calibrations();
+  static const firmware::RigConfig& config();
+
+  // What the fuzzer does.
+  void settle();
+  /// The world goes on; when the events that the input may cost are used up, the clock jumps instead.
+  void run(Duration duration);
+  /// The rig's clock goes on at once, as after a suspend.
+  void jump(Duration by);
+  Guest& connect();
+  Vandal& intrude();
+  void leave_all();
+  void restart(std::unique_ptr<hal::sim::SimDisk> disk);
+  /// Hosts cause so many sentences and bytes.
+  void expect_news(std::size_t causes) { causes_ += causes; }
+  void expect_bytes(std::size_t bytes) { bytes_sent_ += static_cast<std::int64_t>(bytes); }
+
+  // What must hold.
+  /// After every operation: replies, memory, log, frames.
+  void check();
+  /// All hosts leave and one good one comes: it is served, memory is as it was, and raymaps come at 90 % of the rate.
+  void check_recovery();
+  /// What hosts set is in effect again after the program was killed, and the file of it is no longer than it may be.
+  void check_restart();
+
+  firmware::Rig& rig() { return *rig_; }
+  hal::sim::SimDisk& disk() { return *disk_; }
+  Duration served() const { return served_; }
+  std::vector<std::unique_ptr<Guest>>& guests() { return guests_; }
+  std::vector<std::unique_ptr<Vandal>>& vandals() { return vandals_; }
+  /// Asks and runs until the reply is there.
+  wire::Reply ask(Guest& guest, const wire::Request& request);
+  void disk_fails(bool fails) { disk_failed_ |= fails; }
+
+ private:
+  void start();
+  void take_news();
+  void check_conserved();
+  void check_settings_file();
+
+  const std::int64_t heap_before_;  ///< first, so that all below counts
+  std::int64_t heap_steady_ = 0;
+  swarm::World world_;
+  std::unique_ptr<hal::sim::SimDisk> disk_;
+  std::unique_ptr<hal::sim::SimLinkListener> listener_;
+  std::unique_ptr<hal::sim::SimWatchdog> watchdog_;
+  std::unique_ptr<firmware::Rig> rig_;
+  std::vector<std::unique_ptr<Guest>> guests_;
+  std::vector<std::unique_ptr<Vandal>> vandals_;
+  std::vector<std::uint64_t> taken_before_;  ///< by head, before this start of the rig
+  Duration served_;                          ///< during which the rig was stepped
+  std::int64_t events_left_ = 3000;
+  std::size_t causes_ = 0;
+  std::int64_t bytes_sent_ = 0;
+  Duration quiet_;  ///< since news were counted
+  bool disk_failed_ = false, program_ran_ = false;
+};
+
+}  // namespace nodal::fuzz
