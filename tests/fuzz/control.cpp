@@ -68,7 +68,6 @@ class Operations {
     if (what % 4 != 0 && all.size() < kMostGuests) {
       stand_.connect();
     } else if (!all.empty()) {
-      stand_.expect_news(1);
       all.erase(all.begin() + static_cast<std::ptrdiff_t>(what / 4 % all.size()));
       stand_.settle();
     }
@@ -77,7 +76,6 @@ class Operations {
   void post(const wire::Request& request, unsigned times) {
     Guest* const host = guest();
     for (unsigned i = 0; host && i < times; ++i) {
-      stand_.expect_news(1);
       if (!host->post(request, stand_.served())) break;
       if (i % 8 == 7) stand_.settle();  // no more than a client may have open
     }
@@ -103,14 +101,12 @@ class Operations {
     const std::uint32_t stream = telling32(in_) % 4;
     const std::string payload = text(in_);
     host.send_frame(type, stream, std::span(reinterpret_cast<const std::uint8_t*>(payload.data()), payload.size()));
-    stand_.expect_news(1);
     stand_.settle();
   }
   void vandalize_bytes() {
     Vandal& host = vandal();
     const std::string bytes = text(in_);
     host.send_bytes(std::span(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()));
-    stand_.expect_news(1);
     stand_.settle();
   }
 
@@ -134,7 +130,6 @@ class Operations {
   void send_document(std::vector<std::uint8_t> bytes, std::uint64_t length, std::optional<std::uint64_t> trial_ns) {
     Guest* const host = guest();
     if (!host) return;
-    stand_.expect_news(4);
     stand_.expect_bytes(4 * bytes.size());  // received, parsed, stored, and its older generation
     const std::string name = sha256_to_wire(sha256(bytes));
     wire::Request request;

@@ -81,7 +81,8 @@ void Stand::start() {
       firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {listener_.get()},
                          watchdog_.get(), {}, nullptr},
       "a fuzzed rig");
-  causes_ += 4;
+  news_ = 0;
+  started_ = world_.now();
 }
 
 void Stand::settle() {
@@ -108,7 +109,6 @@ void Stand::run(Duration duration) {
     NODAL_ASSERT(++events <= most);  // time stands still for somebody
     if (event.at > now) {
       served_ = served_ + (event.at - now);
-      quiet_ = quiet_ + (event.at - now);
       now = event.at;
       world_.clock().advance_to(now);
     }
@@ -127,14 +127,12 @@ void Stand::jump(Duration by) {
 }
 
 Guest& Stand::connect() {
-  ++causes_;
   guests_.push_back(std::make_unique<Guest>(*listener_, "a guest"));
   settle();
   return *guests_.back();
 }
 
 Vandal& Stand::intrude() {
-  ++causes_;
   vandals_.push_back(std::make_unique<Vandal>(*listener_));
   settle();
   return *vandals_.back();
@@ -147,7 +145,6 @@ void Stand::leave_all() {
 }
 
 wire::Reply Stand::ask(Guest& guest, const wire::Request& request) {
-  ++causes_;
   const auto id = guest.post(request, served_);
   NODAL_ASSERT(id);
   settle();
@@ -178,15 +175,12 @@ void Stand::check_conserved() {
 }
 
 void Stand::take_news() {
-  std::size_t sentences = 0;
   for (const std::string& sentence : rig_->control().take_news()) {
     NODAL_ASSERT(sentence.size() <= kNewsBytes);
-    ++sentences;
+    NODAL_ASSERT(std::none_of(sentence.begin(), sentence.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }));
+    ++news_;
   }
-  const auto seconds = static_cast<std::size_t>(quiet_.ms() / 1000 + 1);
-  NODAL_ASSERT(sentences <= kNewsEach * causes_ + kNewsASecond * seconds);
-  causes_ = 0;
-  quiet_ = {};
+  NODAL_ASSERT(news_ <= kNewsAtOnce + kNewsASecond * ((world_.now() - started_).ms() / 1000));
 }
 
 void Stand::check_settings_file() {
@@ -199,7 +193,6 @@ void Stand::check() {
     const auto wait = guest->longest_wait(served_);
     NODAL_ASSERT(!wait || *wait <= kReplyWithin);
   }
-  causes_ += guests_.size() + vandals_.size();  // each may have left, or have been dropped
   std::erase_if(guests_, [](const auto& guest) { return guest->dead(); });
   std::erase_if(vandals_, [](const auto& vandal) { return vandal->dead(); });
   take_news();

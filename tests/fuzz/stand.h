@@ -28,9 +28,10 @@ class Stand {
   /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
   static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 512 << 10;
   static constexpr Duration kReplyWithin = Duration::seconds(1);
-  /// Sentences for the log that one request or connection may cause, those of a second in which nobody says
-  /// anything, and how long each may be.
-  static constexpr std::size_t kNewsEach = 3, kNewsASecond = 10, kNewsBytes = 2000;
+  /// Sentences for the log: so many at once since a start, so many a second more, and how long each may be. They hold
+  /// no control characters, with which a host could forge a line or reach a terminal.
+  static constexpr std::int64_t kNewsAtOnce = 100, kNewsASecond = 4;
+  static constexpr std::size_t kNewsBytes = 600;
   /// Pulses, exposures and frames of the world that a virtual second may have; past it time stands still for somebody.
   static constexpr std::int64_t kEventsASecond = 6000;
   static constexpr int kTurnsToRest = 20'000;
@@ -53,8 +54,7 @@ class Stand {
   Vandal& intrude();
   void leave_all();
   void restart(std::unique_ptr<hal::sim::SimDisk> disk);
-  /// Hosts cause so many sentences and bytes.
-  void expect_news(std::size_t causes) { causes_ += causes; }
+  /// Hosts upload so many bytes, which the rig may keep.
   void expect_bytes(std::size_t bytes) { bytes_sent_ += static_cast<std::int64_t>(bytes); }
 
   // What must hold.
@@ -92,9 +92,9 @@ class Stand {
   std::vector<std::uint64_t> taken_before_;  ///< by head, before this start of the rig
   Duration served_;                          ///< during which the rig was stepped
   std::int64_t events_left_ = 3000;
-  std::size_t causes_ = 0;
+  std::int64_t news_ = 0;  ///< since the rig's start
+  Instant started_;
   std::int64_t bytes_sent_ = 0;
-  Duration quiet_;  ///< since news were counted
   bool disk_failed_ = false, program_ran_ = false;
 };
 

@@ -112,6 +112,28 @@ TEST(CalibrationStore, TheOneInForceIsDamaged_TheNewestGoodOneTakesItsPlaceAndIt
   EXPECT_NE(again.note().find("took its place"), std::string::npos) << again.note();
 }
 
+TEST(CalibrationStore, ADamagedCopyOfANewerGeneration_DoesNotHideTheGoodOne) {
+  SimDisk disk;
+  std::string good;
+  {
+    CalibrationStore store = opened(disk);
+    put_in_force(store, 1);
+    good = store.entries().front().file;
+  }
+  const auto bytes = disk.read(good, kMaxCalibrationBytes);
+  ASSERT_TRUE(bytes);
+  std::string copy = good;
+  copy.replace(copy.find("00000001"), 8, "00000009");
+  const auto file = disk.create(copy);
+  ASSERT_TRUE(file && disk.write(*file, std::span(*bytes).first(bytes->size() / 2)));
+  disk.close(*file);
+  const CalibrationStore again = opened(disk);
+  ASSERT_EQ(again.entries().size(), 1u);
+  EXPECT_EQ(again.entries().front().file, good);
+  EXPECT_TRUE(again.load(calibration_id(numbered(1))));
+  EXPECT_NE(again.note(), "");
+}
+
 TEST(CalibrationStore, EverythingIsDamaged_NothingIsInForceAndItSaysSo) {
   SimDisk disk;
   std::vector<CalibrationStore::Entry> entries;
