@@ -28,12 +28,6 @@ std::vector<std::uint8_t> file_of(std::span<const std::uint8_t> body) {
   return all;
 }
 
-void write_file(hal::sim::SimDisk& disk, std::span<const std::uint8_t> bytes) {
-  const auto handle = disk.create(firmware::kSettingsFile);
-  NODAL_ASSERT(handle && disk.write(*handle, bytes) && disk.sync(*handle) && disk.sync_folder(""));
-  disk.close(*handle);
-}
-
 void check_decoded(std::span<const std::uint8_t> file) {
   const Sha256& rig = fuzz::Stand::config().text_id;
   const auto settings = firmware::Settings::decode(file, rig);
@@ -57,7 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check_decoded(file);
   if (how % 4 == 3) return 0;  // a start costs a hundred times as much
   auto disk = fuzz::Stand::new_disk();
-  write_file(*disk, file);
+  fuzz::write_file(*disk, firmware::kSettingsFile, file);
   fuzz::Stand stand(std::move(disk));
   stand.check();
   stand.check_recovery();

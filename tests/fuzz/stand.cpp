@@ -33,6 +33,14 @@ const swarm::Nature& nature() {
 
 }  // namespace
 
+void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
+  const auto handle = disk.create(name);
+  if (!handle) return;
+  (void)disk.write(*handle, bytes);
+  (void)disk.sync(*handle);
+  disk.close(*handle);
+}
+
 const firmware::RigConfig& Stand::config() {
   static const firmware::RigConfig made = swarm::config_of(nature());
   return made;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,9 @@
 #include "tests/sim/world.h"
 
 namespace nodal::fuzz {
+
+/// What somebody left on the disk; a name that no disk takes changes nothing.
+void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes);
 
 /// Two heads of 16 x 16 pixels at ten frames a second, a raymap of 16 x 8, the swarm's world. What breaks a rule
 /// below aborts the program, which is how a fuzzer hears of it.

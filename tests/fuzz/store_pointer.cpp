@@ -16,14 +16,6 @@ using namespace nodal::fuzz;
 const std::string kFolder = "calibrations";
 const std::string kPointer = kFolder + "/in-force";
 
-void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
-  const auto handle = disk.create(name);
-  if (!handle) return;  // a name that no disk takes
-  (void)disk.write(*handle, bytes);
-  (void)disk.sync(*handle);
-  disk.close(*handle);
-}
-
 std::string name_of(std::uint64_t generation, const Sha256& id) {
   std::array<char, 32> digits{};
   std::snprintf(digits.data(), digits.size(), "%08llu", static_cast<unsigned long long>(generation));
