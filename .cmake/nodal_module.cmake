@@ -1,4 +1,4 @@
-# nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE])
+# nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE] [HARDENED])
 #
 # One folder, one library, called as its folder with _ for /. What it may include is its folder's line in
 # .cmake/includes.txt: a header of a module that is not named there is not on the compiler's path, because every
@@ -6,7 +6,9 @@
 # module's header makes its users name both.
 #
 # With EXECUTABLE the module is a program called NAME (OUTPUT renames the file). SEES names what a program sees besides
-# its folder's line, and all that a module of tests/ sees, whose folders have no line.
+# its folder's line, and all that a module of tests/ sees, whose folders have no line. HARDENED is for code that reads
+# what peers, devices and files say: it is compiled with stack protection and checked library calls. Numeric kernels are
+# not, since they read checked tables only and are measured by the millisecond.
 set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/.cmake/includes.txt)
 
 # The modules that the line of `folder` names: of a header, the one that holds it.
@@ -25,7 +27,7 @@ function(nodal_line_of folder result)
 endfunction()
 
 function(nodal_module name)
-  cmake_parse_arguments(ARG "EXECUTABLE" "OUTPUT" "SOURCES;SEES;PACKAGES" ${ARGN})
+  cmake_parse_arguments(ARG "EXECUTABLE;HARDENED" "OUTPUT" "SOURCES;SEES;PACKAGES" ${ARGN})
   file(RELATIVE_PATH folder ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
   set(sees ${ARG_SEES})
   if(NOT folder MATCHES "^tests/")
@@ -71,4 +73,7 @@ function(nodal_module name)
   endif()
   target_include_directories(${name} PRIVATE ${reach})
   target_link_libraries(${name} PRIVATE nodal_flags ${links})
+  if(ARG_HARDENED)
+    target_link_libraries(${name} PRIVATE nodal_hardening)
+  endif()
 endfunction()

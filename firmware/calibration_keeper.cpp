@@ -127,7 +127,7 @@ void CalibrationKeeper::load_at_start() {
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
-  auto calibration = store_->load(entry.id);
+  auto calibration = load_permitted(entry.id);
   Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
                              : Status(fail(calibration.error()));
   if (!begun) end(begun);
@@ -186,13 +186,18 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
 
 Status CalibrationKeeper::install(const KeeperRequest& request) {
   const auto& upload = std::get<KeeperRequest::Install>(request.what);
+  if (Status permitted = check_signature({upload.signature, upload.json}); !permitted) {
+    return fail(permitted.error().in("calibration"));
+  }
   auto calibration = parse_calibration(upload.json);
   if (!calibration) return fail(calibration.error().in("calibration"));
   if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
-  if (upload.trial) return install_on_trial(request, std::move(*calibration), *upload.trial);
+  std::optional<SignedDocument> original;
+  if (config_.signers) original = SignedDocument{upload.signature, upload.json};
+  if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
   const Sha256 id = calibration_id(*calibration);
   const bool known = store_->read(id).has_value();
-  if (auto stored = store_->put(*calibration); !stored) {
+  if (auto stored = store_->put(*calibration, original); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
   Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
@@ -200,13 +205,14 @@ Status CalibrationKeeper::install(const KeeperRequest& request) {
   return begun;
 }
 
-Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibration calibration, Duration trial) {
+Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibration calibration,
+                                           std::optional<SignedDocument> original, Duration trial) {
   const Sha256 id = calibration_id(calibration);
   if (!running_) {
     return fail(Errc::kWrongState, "no calibration is in force that a trial could go back to; upload this one for good");
   }
   if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
-  OnTrial on_trial{calibration, running_};
+  OnTrial on_trial{calibration, running_, std::move(original)};
   if (Status begun = begin(request.ticket, std::move(calibration), id, false, request.heads); !begun) return begun;
   installing_->trial = trial;
   on_trial_ = std::move(on_trial);
@@ -227,7 +233,7 @@ Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRe
     return {};
   }
   const bool known = store_->read(id).has_value();
-  if (auto stored = store_->put(on_trial_->calibration); !stored) {
+  if (auto stored = store_->put(on_trial_->calibration, on_trial_->original); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
   if (Status kept = store_->set_in_force(id); !kept) {
@@ -267,9 +273,32 @@ void CalibrationKeeper::hand_over(InstalledPtr installed) {
 }
 
 Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
-  auto calibration = store_->load(id);
+  auto calibration = load_permitted(id);
   if (!calibration) return fail(calibration.error());
   return begin(request.ticket, std::move(*calibration), id, false, request.heads);
+}
+
+Status CalibrationKeeper::check_signature(const SignedDocument& original) const {
+  if (!config_.signers) return {};
+  const std::span bytes(reinterpret_cast<const std::uint8_t*>(original.json.data()), original.json.size());
+  const auto signer = config_.signers->verify(bytes, original.signature, kCalibrationNamespace);
+  return signer ? Status() : fail(signer.error());
+}
+
+/// A stored calibration, held to the signers of this start: they may have changed since it came.
+Result<Calibration> CalibrationKeeper::load_permitted(const Sha256& id) const {
+  auto calibration = store_->load(id);
+  if (!calibration || !config_.signers) return calibration;
+  const std::string name = "stored calibration " + short_id(id);
+  const auto original = store_->original(id);
+  if (!original) return fail(original.error().in(name));
+  const SignedDocument document = original->value_or(SignedDocument{});
+  if (Status permitted = check_signature(document); !permitted) return fail(permitted.error().in(name));
+  const auto was_signed = parse_calibration(document.json);
+  if (!was_signed || calibration_id(*was_signed) != id) {
+    return fail(Errc::kChecksum, name + ": its signature is of another calibration");
+  }
+  return calibration;
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
@@ -378,6 +407,9 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
 }
 
 void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
+  if (result) {
+    if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
+  }
   NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
 }
 

@@ -33,6 +33,7 @@ struct KeeperRequest {
   struct Install {                                  ///< a document to store and put in force
     std::string json;
     std::optional<Duration> trial{};                ///< for so long at most, and without storing it
+    std::string signature{};                        ///< of json; empty: none
   };
   struct EndTrial {
     std::string id_prefix;                          ///< empty: whatever is on trial
@@ -51,7 +52,9 @@ struct KeeperRequest {
 };
 
 struct KeeperAnswer {
-  struct Done {};
+  struct Done {
+    std::optional<Sha256> in_force;  ///< by now
+  };
   struct Listed {
     std::vector<CalibrationStore::Entry> entries;
     std::optional<Sha256> in_force;
@@ -134,6 +137,7 @@ class CalibrationKeeper {
   struct OnTrial {
     Calibration calibration;
     InstalledPtr before;
+    std::optional<SignedDocument> original;
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -144,7 +148,10 @@ class CalibrationKeeper {
   Status start(const KeeperRequest& request);
   bool answer_at_once(const KeeperRequest& request);
   Status install(const KeeperRequest& request);
-  Status install_on_trial(const KeeperRequest& request, Calibration calibration, Duration trial);
+  Status install_on_trial(const KeeperRequest& request, Calibration calibration,
+                          std::optional<SignedDocument> original, Duration trial);
+  Status check_signature(const SignedDocument& original) const;
+  Result<Calibration> load_permitted(const Sha256& id) const;
   Status use(const KeeperRequest& request, const Sha256& id);
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish);
   bool watch_trial();

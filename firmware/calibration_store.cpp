@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "firmware/durable_file.h"
+#include "protocol/ssh_signature.h"
 
 namespace nodal::firmware {
 namespace {
@@ -15,6 +16,8 @@ const std::string kPointer = kFolder + "/in-force";
 constexpr std::string_view kPointerHead = "nodal-in-force 1";
 constexpr std::size_t kMaxPointerBytes = 512;
 constexpr std::string_view kJson = ".json";
+constexpr std::string_view kSigned = ".signed";
+constexpr std::string_view kSignatureEnd = "-----END SSH SIGNATURE-----";
 constexpr std::size_t kGenerationDigits = 8;
 
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
@@ -46,6 +49,10 @@ std::optional<FileName> parse_file_name(std::string_view name) {
   if (!id) return std::nullopt;
   parsed.id = *id;
   return parsed;
+}
+
+std::string signed_file(const std::string& file) {
+  return file.substr(0, file.size() - kJson.size()) + std::string(kSigned);
 }
 
 std::string file_name(std::uint64_t generation, const Sha256& id) {
@@ -89,6 +96,9 @@ Status CalibrationStore::read_folder() {
     found.heads = calibration->heads.size();
     entries_.push_back(found);
   }
+  for (const std::string& name : *names) {
+    if (name.ends_with(kSigned)) drop_if_orphan(kFolder + "/" + name);
+  }
   std::sort(entries_.begin(), entries_.end(),
             [](const Entry& a, const Entry& b) { return a.generation > b.generation; });
   drop_copies();
@@ -104,6 +114,13 @@ void CalibrationStore::drop_copies() {
     else kept.push_back(entry);
   }
   entries_ = std::move(kept);
+}
+
+/// A signature whose calibration was not written before a crash, or is removed.
+void CalibrationStore::drop_if_orphan(const std::string& file) {
+  const bool stored = std::ranges::any_of(entries_, [&](const Entry& e) { return signed_file(e.file) == file; });
+  const bool damaged = std::ranges::any_of(damaged_, [&](const std::string& d) { return signed_file(d) == file; });
+  if (!stored && !damaged) (void)disk_->remove(file);
 }
 
 void CalibrationStore::read_pointer() {
@@ -142,10 +159,19 @@ void CalibrationStore::add_note(const std::string& sentence) {
   note_ += sentence;
 }
 
-Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibration) {
+Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibration,
+                                                      const std::optional<SignedDocument>& original) {
   const Sha256 id = calibration_id(calibration);
-  if (const Entry* there = entry(id)) return *there;
+  const Entry* const there = entry(id);
   Entry added{next_generation_, id, calibration.name, calibration.heads.size(), file_name(next_generation_, id)};
+  if (original) {
+    // The signature lasts first: a rig that takes signed ones only has no use for a calibration without it.
+    const std::string file = signed_file(there ? there->file : added.file);
+    const std::string signature = original->signature.substr(0, original->signature.find(kSignatureEnd));
+    const std::string text = signature + std::string(kSignatureEnd) + "\n" + original->json;
+    if (Status written = write_durably(*disk_, kFolder, file, text); !written) return fail(written.error());
+  }
+  if (there) return *there;
   if (Status written = write_durably(*disk_, kFolder, added.file, canonical_json(calibration)); !written) return fail(written.error());
   ++next_generation_;
   entries_.insert(entries_.begin(), added);
@@ -177,12 +203,14 @@ void CalibrationStore::remove(const Sha256& id) {
   const Entry* there = entry(id);
   if (!there) return;
   (void)disk_->remove(there->file);
+  (void)disk_->remove(signed_file(there->file));
   entries_.erase(entries_.begin() + (there - entries_.data()));
 }
 
 void CalibrationStore::prune() {
   while (!damaged_.empty() && entries_.size() + damaged_.size() > kKept) {
     (void)disk_->remove(damaged_.front());
+    (void)disk_->remove(signed_file(damaged_.front()));
     damaged_.erase(damaged_.begin());
   }
   for (std::size_t i = entries_.size(); i-- > 0 && entries_.size() > kKept;) {
@@ -220,6 +248,18 @@ Result<std::string> CalibrationStore::read(const Entry& entry) const {
   if (!bytes) return fail(bytes.error());
   if (sha256(*bytes) != entry.id) return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 is not its name's");
   return std::string(bytes->begin(), bytes->end());
+}
+
+Result<std::optional<SignedDocument>> CalibrationStore::original(const Sha256& id) const {
+  const Entry* there = entry(id);
+  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  const auto bytes = disk_->read(signed_file(there->file), kMaxSignatureBytes + kMaxCalibrationBytes);
+  if (!bytes && bytes.error().code == Errc::kNotFound) return std::nullopt;
+  if (!bytes) return fail(bytes.error());
+  const std::string text(bytes->begin(), bytes->end());
+  const std::size_t border = text.find('\n', std::min(text.find(kSignatureEnd), text.size()));
+  if (border == std::string::npos) return fail(Errc::kChecksum, signed_file(there->file) + " is damaged");
+  return SignedDocument{text.substr(0, border), text.substr(border + 1)};
 }
 
 Result<Calibration> CalibrationStore::load(const Sha256& id) const {

@@ -14,9 +14,16 @@
 
 namespace nodal::firmware {
 
+/// A calibration as its signer had it: the signature is of these bytes, not of the canonical form.
+struct SignedDocument {
+  std::string signature;
+  std::string json;
+};
+
 /// Folder "calibrations" of the disk:
 ///
 ///   00000007-<id>.json   the canonical form of generation 7; its SHA-256 is the id in its name
+///   00000007-<id>.signed its signature and the document that was signed, where it came with one
 ///   in-force             which id is in force, and which was before it
 ///   *.tmp                being written; removed at open()
 ///
@@ -51,8 +58,11 @@ class CalibrationStore {
   /// One sentence about what was wrong at open(); empty when nothing was.
   const std::string& note() const { return note_; }
 
-  /// Makes a calibration last, without putting it in force. One that is there already stays as it is.
-  Result<Entry> put(const Calibration& calibration);
+  /// Makes a calibration last, without putting it in force. One that is there already stays as it is; a signature that
+  /// comes with it takes the place of the one before.
+  Result<Entry> put(const Calibration& calibration, const std::optional<SignedDocument>& original = std::nullopt);
+  /// What a stored one came with; nothing when that was no signature. Errors: kChecksum when it is damaged.
+  Result<std::optional<SignedDocument>> original(const Sha256& id) const;
   /// Puts a stored one in force for the next start, and removes generations beyond kKept.
   Status set_in_force(const Sha256& id);
   /// Takes out one that is neither in force nor the one before.
@@ -71,6 +81,7 @@ class CalibrationStore {
   Result<std::string> read(const Entry& entry) const;
   Result<Calibration> load(const Entry& entry) const;
   void read_pointer();
+  void drop_if_orphan(const std::string& file);
   const Entry* entry(const Sha256& id) const;
   Status write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before);
   void prune();

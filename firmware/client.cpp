@@ -12,12 +12,20 @@ constexpr Duration kFarewellWithin = Duration::seconds(1);
 
 }  // namespace
 
-Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, const wire::Hello& mine, Instant now)
+Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
+               Instant now)
     : number_(number),
       link_(std::move(link)),
+      access_(access),
       name_("host " + std::to_string(number) + " at " + link_->peer()),
       session_(Role::kRig, mine),
       since_(now) {}
+
+std::string Client::who() const {
+  const auto identity = link_->identity();
+  if (!identity) return name_;
+  return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
+}
 
 void Client::go(const Error& why) {
   if (gone_) return;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "firmware/access.h"
 #include "hal/link.h"
 #include "protocol/base/units.h"
 #include "protocol/session.h"
@@ -31,7 +32,7 @@ struct Pull {
 /// Errors: none; a client that broke a rule, or left, is finished().
 class Client {
  public:
-  Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, const wire::Hello& mine, Instant now);
+  Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine, Instant now);
 
   /// Reads what came, as far as the session takes it. True when there was anything.
   bool pump_in(Instant now);
@@ -46,6 +47,9 @@ class Client {
   /// "host 3 at unix:...", for messages.
   const std::string& name() const { return name_; }
   const Error& why() const { return why_; }
+  Access access() const { return access_; }
+  /// "user 1000, process 4711, host 3 at unix:...", for the audit log.
+  std::string who() const;
 
   std::map<StreamId, UploadStream> uploads;
   std::map<StreamId, Pull> pulls;
@@ -59,6 +63,7 @@ class Client {
 
   const std::uint64_t number_;
   std::unique_ptr<hal::LinkPort> link_;
+  const Access access_;
   std::string name_;
   Session session_;
   const Instant since_;

@@ -135,13 +135,30 @@ void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, Expo
   wish.anchor = static_cast<HeadIndex>(found - heads.begin());
 }
 
-void read_links(TomlReader reader, LinksConfig& links) {
-  links.unix_path = reader.text("unix", links.unix_path);
-  if (links.unix_path.size() > kMaxUnixPath) {
-    reader.refuse("unix", "is " + std::to_string(links.unix_path.size()) +
-                              " bytes long; a Unix socket's path has at most " + std::to_string(kMaxUnixPath));
+std::string read_socket(TomlReader& reader, const std::string& key, const std::string& otherwise, SocketFile& file) {
+  const std::string path = reader.text(key, otherwise);
+  if (path.size() > kMaxUnixPath) {
+    reader.refuse(key, "is " + std::to_string(path.size()) + " bytes long; a Unix socket's path has at most " +
+                           std::to_string(kMaxUnixPath));
   }
-  links.tcp_port = static_cast<std::uint16_t>(reader.integer("tcp_port", 0, 65535, 0));
+  constexpr std::int64_t kAllBits = 0777;
+  if (reader.has(key + "_mode")) {
+    file.mode = static_cast<std::uint32_t>(reader.integer(key + "_mode", 0, kAllBits, 0));
+  }
+  file.group = reader.text(key + "_group", "");
+  return path;
+}
+
+void read_links(TomlReader reader, LinksConfig& links) {
+  links.unix_path = read_socket(reader, "unix", links.unix_path, links.unix_file);
+  links.view_path = read_socket(reader, "view", links.view_path, links.view_file);
+  if (!links.view_path.empty() && links.view_path == links.unix_path) {
+    reader.refuse("view", "is the path of the control socket; give it one of its own");
+  }
+  if (reader.has("tcp_port")) {
+    reader.refuse("tcp_port", "is not served any more, since any user of the machine could connect; take it out, and "
+                              "use the Unix socket or ssh://HOST");
+  }
 }
 
 /// What the words after the colon mean is the pins' own matter.
@@ -260,7 +277,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
 
 RigConfig read_file(const toml::table& root, FirstError& error) {
   RigConfig config;
-  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "sim", "heads"}, error);
+  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "calibration", "sim", "heads"}, error);
   static const toml::table kEmpty;
   const auto section = [&](std::string_view name) -> const toml::table& {
     const toml::table* table = file.table(name);
@@ -273,11 +290,14 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   read_raymap(raymap, config.raymap);
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);
-  read_links({section("links"), "links", {"unix", "tcp_port"}, error}, config.links);
+  read_links({section("links"), "links", {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"}, error}, config.links);
   read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);
   TomlReader store(section("store"), "store", {"folder"}, error);
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
+  TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);
+  config.signers_file = calibration.text("signers", "");
+  if (calibration.has("signers") && config.signers_file.empty()) calibration.refuse("signers", "must not be empty");
   read_heads(file, config, error);
   check_formats(raymap, config.heads, config.raymap.format);
   for (const HeadConfig& head : config.heads) {

@@ -15,6 +15,7 @@
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
+#include "protocol/ssh_signature.h"
 
 namespace nodal::firmware {
 
@@ -99,10 +100,18 @@ struct SimConfig {
   Clock clock = Clock::kReal;
 };
 
+/// Who may open a Unix socket.
+struct SocketFile {
+  std::optional<std::uint32_t> mode;  ///< permission bits, set exactly; nothing: 0660 less the umask
+  std::string group;                  ///< empty: nodald's
+};
+
 /// [links]: where hosts connect.
 struct LinksConfig {
   std::string unix_path = "/run/nodal/nodal.sock";  ///< empty: none
-  std::uint16_t tcp_port = 0;                       ///< on 127.0.0.1 only; 0: none
+  SocketFile unix_file;
+  std::string view_path;                            ///< for viewing only; empty: none
+  SocketFile view_file;
 };
 
 /// [panel]: the rig's own button and lamps, by where they are plugged in; empty: none.
@@ -124,6 +133,8 @@ struct RigConfig {
   LinksConfig links;
   PanelConfig panel;
   std::string store = "/var/lib/nodal";  ///< folder of the calibration store
+  std::string signers_file;              ///< [calibration] signers; empty: calibrations need no signature
+  std::optional<AllowedSigners> signers; ///< what that file says, once it was read
   Sha256 text_id{};                      ///< of rig.toml's text
 };
 

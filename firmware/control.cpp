@@ -15,7 +15,7 @@ constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: th
 }  // namespace
 
 Control::Control(const RigConfig& config, std::string software, const Stages& stages,
-                 std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog,
+                 std::vector<Listener> listeners, hal::WatchdogPort* watchdog,
                  const PanelPins& panel, Instant now)
     : config_(config),
       software_(std::move(software)),
@@ -40,7 +40,7 @@ bool Control::step(Instant now) {
   capture_ = &stages_.capture.snapshot().read();
   keeper_ = &stages_.keeper.snapshot().read();
   news_.step(now);
-  watch_trial();
+  watch_trial(now);
   restore_settings();
   bool busy = end_asked_.load(std::memory_order_acquire) ? false : accept(now);
   for (const auto& client : clients_) busy |= serve(*client, now);
@@ -75,24 +75,27 @@ void Control::end(Instant now) {
 
 std::vector<std::string> Control::take_news() { return news_.take(); }
 
-wire::Hello Control::hello() const {
+wire::Hello Control::hello(Access access) const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets", "genlock",
-                              "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets",
+                              "genlock", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
+  if (config_.signers) hello.add_features("signed-calibrations");
+  if (access == Access::kView) hello.add_features("view-only");
   if (keeper_->in_force) hello.set_calibration_id(sha256_to_wire(*keeper_->in_force));
   return hello;
 }
 
 bool Control::accept(Instant now) {
   bool any = false;
-  for (hal::LinkListenerPort* listener : listeners_) {
-    auto link = listener->accept();
+  for (const Listener& listener : listeners_) {
+    auto link = listener.port->accept();
     if (!link || !*link) continue;
     any = true;
-    clients_.push_back(std::make_unique<Client>(next_client_++, std::move(*link), hello(), now));
+    clients_.push_back(std::make_unique<Client>(next_client_++, std::move(*link), listener.access,
+                                                hello(listener.access), now));
     Client& client = *clients_.back();
     if (clients_.size() > kMaxClients) {
       client.end(Error{Errc::kOverload, "this rig talks to " + std::to_string(kMaxClients) +
@@ -129,7 +132,11 @@ void Control::handle(Client& client, Event& event, Instant now) {
   if (const auto* request = std::get_if<wire::Request>(&event)) {
     handle(client, *request, now);
   } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
-    client.uploads[opened->stream];  // hosts open streams for uploads only
+    if (client.access() == Access::kControl) {
+      client.uploads[opened->stream];  // hosts open streams for uploads only
+    } else {
+      client.session().stop_stream(opened->stream, {Errc::kUnsupported, "uploads need the rig's control socket"});
+    }
   } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
     const auto upload = client.uploads.find(piece->stream);
     if (upload == client.uploads.end()) return;
@@ -170,6 +177,7 @@ bool Control::take_answers(Instant now) {
 
 void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   const auto [client, open] = close(answer.ticket);
+  audit(open, std::nullopt, answer.status, now);
   if (!answer.status) {
     if (open.client == kPanel) news_.say(NewsKind::kRig, "the button did nothing: " + answer.status.error().message);
     if (open.client == kNobody) news_.say(NewsKind::kRig, "a remembered setting is not made: " + answer.status.error().message);
@@ -200,6 +208,8 @@ void Control::take_answer(KeeperAnswer answer, Instant now) {
     return;
   }
   const auto [client, open] = close(answer.ticket);
+  const auto* done = answer.result ? std::get_if<KeeperAnswer::Done>(&*answer.result) : nullptr;
+  audit(open, done ? done->in_force : keeper_->in_force, answer.result ? Status() : fail(answer.result.error()), now);
   if (!answer.result) news_.say(NewsKind::kHosts, "calibration refused: " + answer.result.error().text());
   if (!client) return;
   if (!answer.result) return refuse(*client, open.request.id(), answer.result.error(), now);
@@ -216,15 +226,21 @@ void Control::take_answer(KeeperAnswer answer, Instant now) {
   reply(*client, message, now);
 }
 
-void Control::watch_trial() {
+void Control::watch_trial(Instant now) {
   if (keeper_->trial.has_value() == on_trial_.has_value()) return;
   if (keeper_->trial) {
-    on_trial_ = keeper_->trial->id;
+    on_trial_ = *keeper_->trial;
     news_.say(NewsKind::kRig, "calibration '" + keeper_->name + "' is on trial");
     return;
   }
-  news_.say(NewsKind::kRig, keeper_->in_force == on_trial_ ? "the trial's calibration is kept"
+  news_.say(NewsKind::kRig, keeper_->in_force == on_trial_->id ? "the trial's calibration is kept"
                                                  : "the trial is over; back to calibration '" + keeper_->name + "'");
+  if (keeper_->in_force != on_trial_->id && now >= on_trial_->until) {
+    wire::Request end;
+    end.mutable_trial_end();
+    audit({kNobody, end, "the trial's time", "calibration " + to_hex(on_trial_->id).substr(0, 12) + " on trial"},
+          keeper_->in_force, {}, now);
+  }
   on_trial_.reset();
 }
 

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "firmware/access.h"
+#include "firmware/audit.h"
 #include "firmware/blender.h"
 #include "firmware/calibration_keeper.h"
 #include "firmware/capture.h"
@@ -47,7 +49,7 @@ struct Stages {
 class Control {
  public:
   Control(const RigConfig& config, std::string software, const Stages& stages,
-          std::vector<hal::LinkListenerPort*> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel,
+          std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel,
           Instant now);
   ~Control();
 
@@ -81,6 +83,8 @@ class Control {
   struct Open {
     std::uint64_t client = kNobody;
     wire::Request request;
+    std::string who;     ///< as the audit log has it
+    std::string before;  ///< the values that it changes; empty: it changes none
   };
   /// The reply to a setting that is in effect and being written.
   struct Unanswered {
@@ -100,6 +104,8 @@ class Control {
   Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
   Result<CaptureCommand> exposure_command(const wire::ExposureRequest& wish) const;
   Result<CaptureCommand> genlock_command(const wire::GenlockRequest& wish) const;
+  Open open_request(std::uint64_t client, const wire::Request& request);
+  void audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
   Status ask_keeper(Client& client, const wire::Request& request, decltype(KeeperRequest::what) what);
   Status commit(Client& client, const wire::Request& request);
   Status pull(Client& client, const wire::Request& request);
@@ -111,7 +117,7 @@ class Control {
   std::pair<Client*, Open> close(std::uint64_t ticket);
   void act(PanelAction action, Instant now);
   void step_panel(Instant now);
-  void watch_trial();
+  void watch_trial(Instant now);
   void restore_settings();
   void remember_settings(Instant now);
   void answer_settings(Instant now);
@@ -122,19 +128,19 @@ class Control {
   std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
   void shed(Instant now);
   void end(Instant now);
-  wire::Hello hello() const;
+  wire::Hello hello(Access access) const;
 
   const RigConfig config_;
   const std::string software_;
   Stages stages_;
-  std::vector<hal::LinkListenerPort*> listeners_;
+  std::vector<Listener> listeners_;
   const Instant started_;
 
   Clients clients_;
   std::uint64_t next_client_ = 1;
   std::uint64_t next_ticket_ = 1;
   std::map<std::uint64_t, Open> open_;
-  std::optional<Sha256> on_trial_;
+  std::optional<Trial> on_trial_;
   UploadReceiver uploads_;
   Settings settings_;
   std::optional<std::deque<wire::Request>> restoring_;  ///< once they were read
@@ -161,6 +167,7 @@ class Control {
   std::atomic<bool> ended_{false};
   Panel panel_;
   std::deque<Mark> marks_;
+  AuditLog audit_;
   News news_;
   std::atomic<std::uint64_t> resident_bytes_{0};
 };

@@ -28,21 +28,22 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
   wire::Reply answer;
   answer.set_id(request.id());
   Status done;
-  bool later = false;  // another stage answers
+  bool later = changes_rig(request);  // another stage answers
+  if (Status permitted = check_access(client.access(), request); !permitted) {
+    news_.say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
+    return refuse(client, request.id(), permitted.error(), now);
+  }
   switch (request.what_case()) {
     case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
     case wire::Request::kHeads: fill_heads(config_, *capture_, *answer.mutable_heads()); break;
     case wire::Request::kHeadSet:
-      later = true;
       done = set(client.number(), request);
       break;
     case wire::Request::kGenlock:
-      later = request.genlock().action() != wire::GenlockRequest::SHOW;
       if (later) done = set(client.number(), request);
       else fill_genlock(config_, capture_->genlock, *answer.mutable_genlock());
       break;
     case wire::Request::kExposure:
-      later = request.exposure().ByteSizeLong() > 0;
       if (later) done = set(client.number(), request);
       else fill_exposure(capture_->exposure, config_.heads.size(), *answer.mutable_exposure());
       break;
@@ -54,7 +55,6 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       break;
     }
     case wire::Request::kUploadCommit:
-      later = true;
       done = commit(client, request);
       break;
     case wire::Request::kCalibrationList:
@@ -87,12 +87,37 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       done = publisher_.stop(client, request.pull_stop().stream());
       if (done) answer.mutable_done();
       break;
-    default:
+    case wire::Request::kAuditLog:
+      answer.mutable_audit_log()->set_now_ns(static_cast<std::uint64_t>((now - started_).ns()));
+      fill_audit(audit_, started_, *answer.mutable_audit_log());
+      break;
+    case wire::Request::WHAT_NOT_SET:
       done = fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that request");
       break;
   }
-  if (!done) return refuse(client, request.id(), done.error(), now);
+  if (!done) {
+    if (changes_rig(request)) audit(open_request(client.number(), request), keeper_->in_force, done, now);
+    return refuse(client, request.id(), done.error(), now);
+  }
   if (!later) reply(client, answer, now);
+}
+
+/// Notes who asks and what is so now, for the audit log.
+Control::Open Control::open_request(std::uint64_t client, const wire::Request& request) {
+  Open open{client, request, "settings of the last start", ""};
+  if (const Client* const host = find(client)) open.who = host->who();
+  if (client == kPanel) open.who = "button";
+  if (changes_rig(request)) open.before = values_before(request, config_, *capture_, *keeper_);
+  return open;
+}
+
+void Control::audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now) {
+  if (!changes_rig(open.request)) return;
+  std::optional<Error> error;
+  if (!done) error = done.error();
+  news_.say(NewsKind::kChanges,
+            audit_.record({0, now, open.who, std::string(request_name(open.request)), open.before,
+                           values_after(open.request, in_force), std::move(error)}));
 }
 
 /// Asks capture for a setting, for a client or one of those that need no answer.
@@ -106,7 +131,7 @@ Status Control::set(std::uint64_t client, const wire::Request& request) {
   if (!stages_.capture.commands().push(std::move(*command))) {
     return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
   }
-  open_[ticket] = Open{client, request};
+  open_[ticket] = open_request(client, request);
   if (Client* const waits = find(client)) ++waits->requests_open;
   return {};
 }
@@ -116,8 +141,7 @@ Status Control::ask_keeper(Client& client, const wire::Request& request, decltyp
   if (!stages_.keeper.requests().push(KeeperRequest{ticket, std::move(what), head_shapes()})) {
     return fail(Errc::kBusy, "the rig has more requests about calibrations than it can take; try again");
   }
-  open_[ticket].client = client.number();
-  open_[ticket].request.set_id(request.id());
+  open_[ticket] = open_request(client.number(), request);
   ++client.requests_open;
   return {};
 }
@@ -253,9 +277,13 @@ Status Control::commit(Client& client, const wire::Request& request) {
     }
     trial = Duration::nanoseconds(static_cast<std::int64_t>(wish.trial_ns()));
   }
+  if (wish.signature().size() > kMaxSignatureBytes) {
+    return fail(Errc::kTooLarge, "a signature has at most " + std::to_string(kMaxSignatureBytes) + " bytes");
+  }
   auto document = uploads_.take(*name);
   if (!document) return fail(document.error());
-  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end()), trial});
+  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end()), trial,
+                                                            wish.signature()});
 }
 
 HeadShapes Control::head_shapes() const {

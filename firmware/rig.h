@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/access.h"
 #include "firmware/blender.h"
 #include "firmware/calibration_keeper.h"
 #include "firmware/capture.h"
@@ -26,7 +27,7 @@ struct RigPorts {
   hal::HeadEnumerator& heads;
   hal::TriggerPort* trigger = nullptr;
   hal::DiskPort& disk;
-  std::vector<hal::LinkListenerPort*> listeners;
+  std::vector<Listener> listeners;
   hal::WatchdogPort* watchdog = nullptr;
   PanelPins panel;
   hal::ClockPort* stopwatch = nullptr;  ///< for how long a blend takes, when `clock` is a virtual one

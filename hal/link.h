@@ -10,6 +10,13 @@
 
 namespace nodal::hal {
 
+/// The process at the other end, as the system vouches for it.
+struct PeerIdentity {
+  std::uint32_t user = 0;   ///< uid
+  std::int32_t process = 0; ///< pid when it connected
+  friend bool operator==(const PeerIdentity&, const PeerIdentity&) = default;
+};
+
 /// One byte stream to a peer: a socket, a USB bulk pair, a pipe.
 /// Every call returns at once; message borders are not kept.
 ///
@@ -25,6 +32,8 @@ class LinkPort {
   virtual Result<std::size_t> write(std::span<const std::uint8_t> from) = 0;
   /// Who is there, for messages: "unix:/run/nodal.sock", "usb:1-2".
   virtual const std::string& peer() const = 0;
+  /// Of the process that connected; nothing where the system does not tell, as for pipes and USB.
+  virtual std::optional<PeerIdentity> identity() const = 0;
 };
 
 /// Where hosts connect.

@@ -11,6 +11,7 @@
 #include "host_tool/upload.h"
 #include "host_tool/wire_json.h"
 #include "protocol/calibration.h"
+#include "protocol/ssh_signature.h"
 
 namespace nodal::host {
 namespace {
@@ -23,6 +24,7 @@ struct Args {
   std::string out;
   bool unchecked = false;
   bool trial = false;
+  std::string signature;
 };
 
 /// The bytes that an id's first digits stand for; an odd digit would be half a byte.
@@ -50,10 +52,22 @@ Result<Calibration> read_calibration(const std::string& file, std::string* conte
   return calibration;
 }
 
+/// The file that --signature names; else FILE.sig when it is there; else nothing.
+Result<std::string> read_signature(const Args& args) {
+  const std::string file = args.signature.empty() ? args.file + ".sig" : args.signature;
+  Result<std::string> text = read_file(file, kMaxSignatureBytes);
+  if (!text && args.signature.empty() && text.error().code == Errc::kNotFound) return std::string();
+  return text;
+}
+
 Status run_trial(Context& context, const Args& args) {
-  const Result<Calibration> calibration = read_calibration(args.file, nullptr);
+  std::string content;
+  const Result<Calibration> calibration = read_calibration(args.file, &content);
   if (!calibration) return fail(calibration.error());
-  const Result<TrialVerdict> verdict = try_out(context, *calibration, kLiveSets, kTrialLimit);
+  const Result<std::string> signature = read_signature(args);
+  if (!signature) return fail(signature.error());
+  const Result<TrialVerdict> verdict =
+      try_out(context, *calibration, kLiveSets, kTrialLimit, std::move(content), *signature);
   if (!verdict) return fail(verdict.error());
   tell_verdict(context, *verdict);
   return {};
@@ -67,8 +81,11 @@ Status run_upload(Context& context, const Args& args) {
     if (content.empty() || !args.unchecked) return fail(calibration.error());
     context.console().warning(calibration.error().text() + "; sent all the same, since --unchecked");
   }
+  const Result<std::string> signature = read_signature(args);
+  if (!signature) return fail(signature.error());
   const Reconnect connect = [&context] { return context.connect(); };
-  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console());
+  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(),
+                                       std::nullopt, *signature);
   if (!done) return fail(done.error());
   const std::string id = calibration ? to_hex(calibration_id(*calibration)) : "";
   context.console().document({{"id", id},
@@ -191,6 +208,8 @@ void add_calibration(CLI::App& app, CommandLine& line) {
       upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
   upload->add_flag("--trial", args->trial, "Keep it only if the heads differ by less with it; else the rig goes back")
       ->excludes(unchecked);
+  upload->add_option("--signature", args->signature, "What ssh-keygen -Y sign made of it; FILE.sig when not given")
+      ->type_name("FILE");
   line.on(upload, [args](Context& context) { return run_upload(context, *args); });
 
   line.on(add("list", "The calibrations that the rig keeps; * is the one in force", "  nodal calibration list\n"),

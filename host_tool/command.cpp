@@ -75,7 +75,7 @@ CommandLine::CommandLine(Console& console)
   app_.set_version_flag("--version", "nodal " NODAL_VERSION, "Say the version, and stop");
   app_.require_subcommand(1);
   app_.footer(footer());
-  app_.add_option("--rig", context_.rig, "Where the rig is: unix:PATH, tcp:127.0.0.1:PORT or ssh://[USER@]HOST[:PORT]")
+  app_.add_option("--rig", context_.rig, "Where the rig is: unix:PATH or ssh://[USER@]HOST[:PORT]")
       ->type_name("ADDRESS")
       ->check(checked_by([](const std::string& text) { return parse_rig_address(text, "ssh"); }));
   app_.add_option("--timeout", context_.timeout, "How long the rig may take to answer (10s when not given)")
@@ -87,6 +87,7 @@ CommandLine::CommandLine(Console& console)
   add_exposure(app_, *this);
   add_genlock(app_, *this);
   add_calibration(app_, *this);
+  add_audit(app_, *this);
   add_sync(app_, *this);
   add_raymap(app_, *this);
   add_import(app_, *this);

@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kLongestSocketPath = 107;  // sockaddr_un's sun_path with its final zero
 
 tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
-  return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH, tcp:127.0.0.1:PORT or "
+  return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH or "
                                            "ssh://[USER@]HOST[:PORT]", text, why));
 }
 
@@ -29,18 +29,6 @@ Result<RigAddress> parse_unix(std::string_view text, std::string_view path) {
     return bad(text, fmt::format("a socket's path has at most {} bytes, this one {}", kLongestSocketPath, path.size()));
   }
   return RigAddress{std::string(text), {}, "unix:" + std::string(path)};
-}
-
-Result<RigAddress> parse_tcp(std::string_view text, std::string_view place) {
-  const std::size_t colon = place.rfind(':');
-  if (colon == std::string_view::npos || !port_of(place.substr(colon + 1))) {
-    return bad(text, "the port is missing or not 1 to 65535");
-  }
-  const std::string_view host = place.substr(0, colon);
-  if (host != "127.0.0.1" && host != "localhost" && host != "[::1]") {
-    return bad(text, "TCP is for this machine only, since it has no cryptography; reach other machines by ssh://");
-  }
-  return RigAddress{std::string(text), {}, std::string(text)};
 }
 
 Result<RigAddress> parse_ssh(std::string_view text, std::string_view place, std::string_view ssh_program) {
@@ -85,7 +73,9 @@ Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh
   const auto after = [&](std::string_view prefix) { return text.substr(prefix.size()); };
   if (text.starts_with("unix:")) return parse_unix(text, after("unix:"));
   if (text.starts_with('/')) return parse_unix(text, text);
-  if (text.starts_with("tcp:")) return parse_tcp(text, after("tcp:"));
+  if (text.starts_with("tcp:")) {
+    return bad(text, "TCP is not served, since any user of the machine could connect; use the Unix socket or ssh://");
+  }
   if (text.starts_with("ssh://")) return parse_ssh(text, after("ssh://"), ssh_program);
   return bad(text, text.empty() ? "it is empty" : "nobody knows that kind of link");
 }

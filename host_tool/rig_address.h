@@ -17,7 +17,7 @@ struct RigAddress {
   std::string link;                  ///< else: what hal's connect_link() takes
 };
 
-/// "unix:PATH" (a bare absolute path will do), "tcp:127.0.0.1:PORT", "ssh://[user@]HOST[:port]".
+/// "unix:PATH" (a bare absolute path will do), "ssh://[user@]HOST[:port]".
 /// `ssh_program` is what NODAL_SSH says, or "ssh".
 /// Errors: kBadValue, which says what may be written.
 Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh_program);

@@ -45,7 +45,8 @@ class TrialUnderWay {
 
 }  // namespace
 
-Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit) {
+Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit,
+                             std::string document, const std::string& signature) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   for (const char* feature : {"calibration-trial", "frame-sets"}) {
@@ -53,10 +54,11 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   }
   const Result<Calibration> before = calibration_in_force(**rig);
   if (!before) return fail(before.error());
-  const std::string document = to_json(tried);
+  if (document.empty()) document = to_json(tried);
   const Reconnect connect = [&context] { return context.connect(); };
   const Result<Uploaded> uploaded =
-      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit);
+      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit,
+             signature);
   if (!uploaded) return fail(uploaded.error());
   TrialUnderWay trial(**rig, tried);
   const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());

@@ -21,7 +21,9 @@ struct TrialVerdict {
 ///
 /// Errors: kUnsupported for a rig without trials; the upload's; pull_frame_sets()'s; the judgement's. After each of them
 ///   the rig is told to go back, and goes back by itself when that cannot be told.
-Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit);
+/// `document` is `tried` as its file has it and `signature` that file's; without them its own form goes, unsigned.
+Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit,
+                             std::string document = "", const std::string& signature = "");
 
 /// One line and a document; the shell is told when it was not kept.
 void tell_verdict(Context& context, const TrialVerdict& verdict);

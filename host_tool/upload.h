@@ -22,11 +22,11 @@ struct Uploaded {
   int links = 1;                 ///< conversations it took
 };
 
-/// UploadBegin, the bytes from where the rig says on, UploadCommit; with `trial`, for so long at most (ask for the rig's
+/// UploadBegin, the bytes from where the rig says on, UploadCommit with the signature, if there is one; with `trial`, for so long at most (ask for the rig's
 /// feature first). A link that is lost (3xx) is made anew, up
 /// to `attempts` conversations in all.
 /// Errors: the last link's, or what the rig says of the document.
 Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
-                        std::optional<Duration> trial = std::nullopt);
+                        std::optional<Duration> trial = std::nullopt, const std::string& signature = "");
 
 }  // namespace nodal::host

@@ -164,8 +164,9 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);
-    std::string& socket = config.links.unix_path;
-    if (!socket.empty()) socket = (base / socket).string();  // paths of rig.toml count from its folder
+    for (std::string* socket : {&config.links.unix_path, &config.links.view_path}) {
+      if (!socket->empty()) *socket = (base / *socket).string();  // paths of rig.toml count from its folder
+    }
   }
   if (options.bridge) {
     std::signal(SIGTERM, SIG_DFL);

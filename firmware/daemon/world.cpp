@@ -184,7 +184,11 @@ struct World::State {
   std::unique_ptr<BothTriggers> both;
   hal::TriggerPort* trigger = nullptr;
   std::unique_ptr<hal::linux_os::LinuxDisk> disk;
-  std::vector<std::unique_ptr<hal::LinkListenerPort>> listeners;
+  struct OpenListener {
+    std::unique_ptr<hal::LinkListenerPort> port;
+    firmware::Access access;
+  };
+  std::vector<OpenListener> listeners;
   hal::linux_os::LinuxWatchdog watchdog;
   std::unique_ptr<PanelPorts> panel;
 
@@ -200,7 +204,15 @@ World::~World() = default;
 Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   const auto text = read_text(file, firmware::kMaxRigTomlBytes);
   if (!text) return fail(text.error());
-  return firmware::parse_rig_config(*text, file.string());
+  auto config = firmware::parse_rig_config(*text, file.string());
+  if (!config || config->signers_file.empty()) return config;
+  const std::filesystem::path signers = std::filesystem::absolute(file).parent_path() / config->signers_file;
+  const auto lines = read_text(signers, kMaxAllowedSignersBytes);
+  if (!lines) return fail(lines.error().in("calibration.signers"));
+  auto parsed = AllowedSigners::parse(*lines);
+  if (!parsed) return fail(parsed.error().in(signers.string()));
+  config->signers = std::move(*parsed);
+  return config;
 }
 
 Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::filesystem::path& base) {
@@ -252,22 +264,22 @@ Status World::open_store(const std::filesystem::path& folder) {
 }
 
 Status World::listen(const firmware::LinksConfig& links) {
-  std::vector<std::string> wanted;
-  if (!links.unix_path.empty()) wanted.push_back("unix:" + links.unix_path);
-  if (links.tcp_port != 0) wanted.push_back("tcp:127.0.0.1:" + std::to_string(links.tcp_port));
-  for (const std::string& address : wanted) {
-    auto listener = hal::listen_link(address);
+  const auto open = [&](const std::string& path, const firmware::SocketFile& file, firmware::Access access) -> Status {
+    if (path.empty()) return {};
+    auto listener = hal::listen_link("unix:" + path, {file.mode, file.group});
     if (!listener) return fail(listener.error());
-    state_->listeners.push_back(std::move(*listener));
-  }
-  return {};
+    state_->listeners.push_back({std::move(*listener), access});
+    return {};
+  };
+  if (Status control = open(links.unix_path, links.unix_file, firmware::Access::kControl); !control) return control;
+  return open(links.view_path, links.view_file, firmware::Access::kView);
 }
 
 firmware::RigPorts World::ports() {
   NODAL_ASSERT(state_->disk);
   firmware::RigPorts ports{state_->clock(),    state_->enumerators,    state_->trigger, *state_->disk, {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
-  for (const auto& listener : state_->listeners) ports.listeners.push_back(listener.get());
+  for (const auto& [port, access] : state_->listeners) ports.listeners.push_back({port.get(), access});
   return ports;
 }
 
@@ -286,7 +298,9 @@ bool World::advance(Duration by) {
 
 std::vector<std::string> World::addresses() const {
   std::vector<std::string> all;
-  for (const auto& listener : state_->listeners) all.push_back(hal::listener_address(*listener));
+  for (const auto& [port, access] : state_->listeners) {
+    all.push_back(hal::listener_address(*port) + (access == firmware::Access::kView ? " (view only)" : ""));
+  }
   return all;
 }
 

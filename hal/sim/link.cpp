@@ -13,8 +13,9 @@ std::size_t draw(LinkPipe& pipe, std::size_t most) {
 
 }  // namespace
 
-SimLink::SimLink(std::shared_ptr<LinkPipe> in, std::shared_ptr<LinkPipe> out, std::string peer)
-    : in_(std::move(in)), out_(std::move(out)), peer_(std::move(peer)) {}
+SimLink::SimLink(std::shared_ptr<LinkPipe> in, std::shared_ptr<LinkPipe> out, std::string peer,
+                 std::optional<PeerIdentity> identity)
+    : in_(std::move(in)), out_(std::move(out)), peer_(std::move(peer)), identity_(identity) {}
 
 SimLink::~SimLink() {
   in_->reader_gone = true;
@@ -74,10 +75,11 @@ Result<std::unique_ptr<LinkPort>> SimLinkListener::accept() {
   return link;
 }
 
-std::unique_ptr<SimLink> SimLinkListener::connect() {
-  auto [host, rig] = make_link_pair("sim:rig", "sim:host" + std::to_string(++count_));
-  knocking_.push_back(std::move(rig));
-  return std::move(host);
+std::unique_ptr<SimLink> SimLinkListener::connect(PeerIdentity host) {
+  auto to_rig = std::make_shared<LinkPipe>();
+  auto to_host = std::make_shared<LinkPipe>();
+  knocking_.push_back(std::make_unique<SimLink>(to_rig, to_host, "sim:host" + std::to_string(++count_), host));
+  return std::make_unique<SimLink>(to_host, to_rig, "sim:rig");
 }
 
 }  // namespace nodal::hal::sim

@@ -31,7 +31,8 @@ struct LinkPipe {
 /// One end.
 class SimLink final : public LinkPort {
  public:
-  SimLink(std::shared_ptr<LinkPipe> in, std::shared_ptr<LinkPipe> out, std::string peer);
+  SimLink(std::shared_ptr<LinkPipe> in, std::shared_ptr<LinkPipe> out, std::string peer,
+          std::optional<PeerIdentity> identity = std::nullopt);
   ~SimLink() override;
   SimLink(const SimLink&) = delete;
   SimLink& operator=(const SimLink&) = delete;
@@ -40,6 +41,7 @@ class SimLink final : public LinkPort {
   Result<std::size_t> read(std::span<std::uint8_t> into) override;
   Result<std::size_t> write(std::span<const std::uint8_t> from) override;
   const std::string& peer() const override { return peer_; }
+  std::optional<PeerIdentity> identity() const override { return identity_; }
 
   // What the test does. "in" is what this end reads, "out" what it writes.
   LinkPipe& in() { return *in_; }
@@ -51,6 +53,7 @@ class SimLink final : public LinkPort {
   std::shared_ptr<LinkPipe> in_;
   std::shared_ptr<LinkPipe> out_;
   std::string peer_;
+  std::optional<PeerIdentity> identity_;
 };
 
 /// Two ends that see each other.
@@ -62,8 +65,8 @@ class SimLinkListener final : public LinkListenerPort {
  public:
   Result<std::unique_ptr<LinkPort>> accept() override;
 
-  /// The host's end of a new link; the listener will accept the other.
-  std::unique_ptr<SimLink> connect();
+  /// The host's end of a new link; the listener will accept the other, whose peer is this process.
+  std::unique_ptr<SimLink> connect(PeerIdentity host = {1000, 4711});
 
  private:
   std::deque<std::unique_ptr<SimLink>> knocking_;

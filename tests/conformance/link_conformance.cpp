@@ -169,6 +169,11 @@ TEST_P(LinkConformance, Links_SayWhoIsThere) {
   EXPECT_FALSE(pair.rig->peer().empty());
 }
 
+TEST_P(LinkConformance, TheRigsEnd_TellsWhichProcessConnected) {
+  Pair pair = make_pair(GetParam());
+  EXPECT_EQ(pair.rig->identity(), pair.world->host_identity());
+}
+
 TEST_P(LinkConformance, NobodyKnocks_AcceptGivesNullAtOnce) {
   const auto world = GetParam().make();
   const auto link = world->listener().accept();

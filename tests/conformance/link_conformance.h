@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <ostream>
 #include <string>
 
@@ -25,6 +26,8 @@ class LinkWorld {
   virtual void wait_readable(LinkPort& link) = 0;
   virtual void wait_writable(LinkPort& link) = 0;
   virtual void wait_knocking() = 0;
+  /// Of the process that connect() is called in, as the rig's end must tell it; nothing where the system does not.
+  virtual std::optional<PeerIdentity> host_identity() const = 0;
 };
 
 struct LinkWorldKind {

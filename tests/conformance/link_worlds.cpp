@@ -28,6 +28,7 @@ class SimWorld final : public LinkWorld {
   void wait_readable(LinkPort&) override {}
   void wait_writable(LinkPort&) override {}
   void wait_knocking() override {}
+  std::optional<PeerIdentity> host_identity() const override { return PeerIdentity{1000, 4711}; }
 
  private:
   std::uint32_t split_;
@@ -43,10 +44,10 @@ void wait_for(int fd, short what) {
 
 class SocketWorld final : public LinkWorld {
  public:
-  explicit SocketWorld(bool tcp) {
+  SocketWorld() {
     std::string folder = std::filesystem::temp_directory_path() / "nodal-link-XXXXXX";
     folder_ = ::mkdtemp(folder.data());
-    auto listener = listen_link(tcp ? "tcp:127.0.0.1:0" : "unix:" + folder_ + "/socket");
+    auto listener = listen_link("unix:" + folder_ + "/socket");
     NODAL_ASSERT(listener.has_value());
     listener_ = std::move(*listener);
     address_ = listener_address(*listener_);
@@ -65,6 +66,7 @@ class SocketWorld final : public LinkWorld {
   void wait_readable(LinkPort& link) override { wait_for(link_descriptors(link).read_from, POLLIN); }
   void wait_writable(LinkPort& link) override { wait_for(link_descriptors(link).write_to, POLLOUT); }
   void wait_knocking() override { wait_for(listener_descriptor(*listener_), POLLIN); }
+  std::optional<PeerIdentity> host_identity() const override { return PeerIdentity{::getuid(), ::getpid()}; }
 
  private:
   std::string folder_;
@@ -96,6 +98,7 @@ class PipeWorld final : public LinkWorld {
   void wait_readable(LinkPort& link) override { wait_for(link_descriptors(link).read_from, POLLIN); }
   void wait_writable(LinkPort& link) override { wait_for(link_descriptors(link).write_to, POLLOUT); }
   void wait_knocking() override {}
+  std::optional<PeerIdentity> host_identity() const override { return std::nullopt; }
 
  private:
   std::unique_ptr<Listener> listener_ = std::make_unique<Listener>();
@@ -105,8 +108,7 @@ INSTANTIATE_TEST_SUITE_P(
     Links, LinkConformance,
     testing::Values(LinkWorldKind{"sim", [] { return std::make_unique<SimWorld>(0); }},
                     LinkWorldKind{"sim_split", [] { return std::make_unique<SimWorld>(900); }},
-                    LinkWorldKind{"unix", [] { return std::make_unique<SocketWorld>(false); }},
-                    LinkWorldKind{"tcp", [] { return std::make_unique<SocketWorld>(true); }},
+                    LinkWorldKind{"unix", [] { return std::make_unique<SocketWorld>(); }},
                     LinkWorldKind{"pipe", [] { return std::make_unique<PipeWorld>(); }}),
     [](const auto& kind) { return kind.param.name; });
 

@@ -19,8 +19,8 @@ hal::sim::WorldOptions virtual_time(const StandOptions& options) {
 
 }  // namespace
 
-TestHost::TestHost(Stand& stand)
-    : stand_(stand), link_(stand.listener.connect()), session_(Role::kHost, make_hello("a test")) {}
+TestHost::TestHost(Stand& stand, hal::sim::SimLinkListener& listener)
+    : stand_(stand), link_(listener.connect()), session_(Role::kHost, make_hello("a test")) {}
 
 void TestHost::pump() {
   if (gone_) return;
@@ -135,7 +135,8 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
       button(world.clock()) {
   rig = std::make_unique<firmware::Rig>(
       options.config,
-      firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), *disk, {&listener}, &watchdog,
+      firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), *disk,
+                         {{&listener}, {&view_listener, firmware::Access::kView}}, &watchdog,
                          {&button, &status_lamp, &tally_lamp}},
       "a rig");
 }
@@ -187,7 +188,12 @@ void Stand::check_conserved() {
 }
 
 TestHost& Stand::connect() {
-  hosts.push_back(std::make_unique<TestHost>(*this));
+  hosts.push_back(std::make_unique<TestHost>(*this, listener));
+  return *hosts.back();
+}
+
+TestHost& Stand::connect_to_view() {
+  hosts.push_back(std::make_unique<TestHost>(*this, view_listener));
   return *hosts.back();
 }
 

@@ -33,7 +33,7 @@ struct Pulled {
 /// A host at the far end of a simulated link.
 class TestHost {
  public:
-  explicit TestHost(Stand& stand);
+  TestHost(Stand& stand, hal::sim::SimLinkListener& listener);
 
   /// Asks, and runs the stand until the answer is there. Its id is set here.
   wire::Reply ask(wire::Request request);
@@ -93,6 +93,7 @@ class Stand {
   void settle();
 
   TestHost& connect();
+  TestHost& connect_to_view();
   /// With the small calibration in force.
   TestHost& bring_up();
 
@@ -107,6 +108,7 @@ class Stand {
   hal::sim::World world;
   std::unique_ptr<hal::sim::SimDisk> disk;
   hal::sim::SimLinkListener listener;
+  hal::sim::SimLinkListener view_listener;  ///< for viewing only
   hal::sim::SimWatchdog watchdog;
   hal::sim::SimInputPin button;
   hal::sim::SimOutputPin status_lamp{false};

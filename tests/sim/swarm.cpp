@@ -154,7 +154,7 @@ void Swarm::start_process() {
   watchdog_ = std::make_unique<hal::sim::SimWatchdog>(world_.clock());
   rig_ = std::make_unique<firmware::Rig>(
       config_,
-      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {listener_.get()},
+      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {{listener_.get()}},
                          watchdog_.get(), {}, nullptr},
       "a swarm");
   looked_at_.reset();

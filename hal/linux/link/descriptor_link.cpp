@@ -65,8 +65,13 @@ tl::unexpected<Error> system_error(Errc code, const std::string& where, int numb
   return fail(code, where + ": " + std::generic_category().message(number));
 }
 
-DescriptorLink::DescriptorLink(Descriptor read_from, int write_to, std::string peer)
-    : read_(std::move(read_from)), write_(write_to), write_is_socket_(is_socket(write_to)), peer_(std::move(peer)) {
+DescriptorLink::DescriptorLink(Descriptor read_from, int write_to, std::string peer,
+                               std::optional<PeerIdentity> identity)
+    : read_(std::move(read_from)),
+      write_(write_to),
+      write_is_socket_(is_socket(write_to)),
+      peer_(std::move(peer)),
+      identity_(identity) {
   read_flags_ = make_nonblocking(read_.get());
   write_flags_ = write_ == read_.get() ? read_flags_ : make_nonblocking(write_);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "hal/link.h"
@@ -34,7 +35,8 @@ tl::unexpected<Error> system_error(Errc code, const std::string& where, int numb
 class DescriptorLink : public LinkPort {
  public:
   /// Both may be the same number, which is then closed once.
-  DescriptorLink(Descriptor read_from, int write_to, std::string peer);
+  DescriptorLink(Descriptor read_from, int write_to, std::string peer,
+                 std::optional<PeerIdentity> identity = std::nullopt);
   ~DescriptorLink() override;
   DescriptorLink(const DescriptorLink&) = delete;
   DescriptorLink& operator=(const DescriptorLink&) = delete;
@@ -42,6 +44,7 @@ class DescriptorLink : public LinkPort {
   Result<std::size_t> read(std::span<std::uint8_t> into) override;
   Result<std::size_t> write(std::span<const std::uint8_t> from) override;
   const std::string& peer() const override { return peer_; }
+  std::optional<PeerIdentity> identity() const override { return identity_; }
   LinkDescriptors descriptors() const { return {read_.get(), write_}; }
 
  protected:
@@ -56,6 +59,7 @@ class DescriptorLink : public LinkPort {
   int read_flags_ = 0;
   int write_flags_ = 0;
   std::string peer_;
+  std::optional<PeerIdentity> identity_;
 };
 
 }  // namespace nodal::hal

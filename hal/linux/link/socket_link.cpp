@@ -1,8 +1,7 @@
 #include "hal/linux/link/socket_link.h"
 
 #include <fcntl.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
+#include <grp.h>
 #include <poll.h>
 #include <sys/file.h>
 #include <sys/socket.h>
@@ -24,17 +23,6 @@ constexpr int kLockTimeoutMs = 3000;  ///< listening takes a few milliseconds; w
 constexpr int kLockRetryMs = 20;
 constexpr mode_t kSocketMode = 0660;
 constexpr mode_t kLockMode = 0600;
-
-void set_option(int fd, int level, int option) {
-  const int on = 1;
-  setsockopt(fd, level, option, &on, sizeof(on));
-}
-
-// Requests are small and wanted at once; a peer that lost power is found out by the kernel.
-void tune_tcp(int fd) {
-  set_option(fd, IPPROTO_TCP, TCP_NODELAY);
-  set_option(fd, SOL_SOCKET, SO_KEEPALIVE);
-}
 
 Descriptor open_socket(const SocketAddress& address) {
   return Descriptor(::socket(address.storage.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -64,7 +52,7 @@ class SocketListener final : public LinkListenerPort {
  public:
   SocketListener(Descriptor socket, std::string address, std::string path)
       : socket_(std::move(socket)), address_(std::move(address)), path_(std::move(path)) {
-    if (!path_.empty()) known_ = ::stat(path_.c_str(), &file_) == 0;
+    known_ = ::stat(path_.c_str(), &file_) == 0;
   }
 
   // The file goes only when it is still ours: somebody may have put his own in its place.
@@ -82,8 +70,12 @@ class SocketListener final : public LinkListenerPort {
       Descriptor link(::accept4(socket_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
       if (link.get() >= 0) {
         const int fd = link.get();
-        std::string peer = who_is(fd);
-        return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer));
+        const std::optional<PeerIdentity> identity = who_is(fd);
+        std::string peer = address_;
+        if (identity) {
+          peer += " (process " + std::to_string(identity->process) + " of user " + std::to_string(identity->user) + ")";
+        }
+        return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer), identity);
       }
       if (errno == EINTR || errno == ECONNABORTED) continue;  // gave up while waiting; the next may not have
       if (errno == EAGAIN || errno == EWOULDBLOCK) return nullptr;
@@ -95,18 +87,12 @@ class SocketListener final : public LinkListenerPort {
   int descriptor() const { return socket_.get(); }
 
  private:
-  std::string who_is(int fd) const {
-    if (!path_.empty()) {
-      ucred who{};
-      socklen_t size = sizeof(who);
-      if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return address_;
-      return address_ + " (process " + std::to_string(who.pid) + " of user " + std::to_string(who.uid) + ")";
-    }
-    tune_tcp(fd);
-    sockaddr_storage from{};
-    socklen_t size = sizeof(from);
-    if (getpeername(fd, reinterpret_cast<sockaddr*>(&from), &size) != 0) return address_;
-    return tcp_text(from);
+  /// By the kernel, which noted it when the peer connected: unix(7), SO_PEERCRED.
+  static std::optional<PeerIdentity> who_is(int fd) {
+    ucred who{};
+    socklen_t size = sizeof(who);
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return std::nullopt;
+    return PeerIdentity{who.uid, who.pid};
   }
 
   Descriptor socket_;
@@ -135,6 +121,22 @@ Status remove_stale(const SocketAddress& address) {
   return {};
 }
 
+/// Sets the group first: chown(2) may take mode bits away.
+Status give_to(const SocketAddress& address, const SocketFile& file) {
+  if (!file.group.empty()) {
+    const group* const found = ::getgrnam(file.group.c_str());
+    if (found == nullptr) return fail(Errc::kNotFound, address.text + ": there is no group '" + file.group + "'");
+    constexpr auto kKeepOwner = static_cast<uid_t>(-1);
+    if (::lchown(address.path.c_str(), kKeepOwner, found->gr_gid) != 0) {
+      return system_error(Errc::kIo, address.text + ": giving it to group '" + file.group + "'", errno);
+    }
+  }
+  if (file.mode && ::chmod(address.path.c_str(), static_cast<mode_t>(*file.mode)) != 0) {
+    return system_error(Errc::kIo, address.text + ": setting its mode", errno);
+  }
+  return {};
+}
+
 /// Two programs that start at once must not both find a stale file, or the second removes the first's socket. The lock
 /// is on a file beside the socket that only this user can open; anybody who can read the folder could hold a lock on the
 /// folder itself. The file stays: a lock file that is removed no longer excludes whoever has it open.
@@ -158,41 +160,24 @@ Result<Descriptor> lock_beside(const SocketAddress& address) {
   return lock;
 }
 
-Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address) {
+Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address, const SocketFile& file) {
   const Result<Descriptor> lock = lock_beside(address);
   if (!lock) return fail(lock.error());
   if (Status free = remove_stale(address); !free) return fail(free.error());
 
   Descriptor socket = open_socket(address);
   if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
-  // Before bind(), so that there is no moment in which others may connect; the umask may take more away,
-  // which chmod() then gives back.
-  ::fchmod(socket.get(), kSocketMode);
+  // Before bind(), which takes the umask's bits away, so that the file is never wider than it will be.
+  ::fchmod(socket.get(), static_cast<mode_t>(file.mode.value_or(kSocketMode)));
   if (::bind(socket.get(), address.get(), address.size) != 0) return system_error(Errc::kIo, address.text, errno);
-  if (::chmod(address.path.c_str(), kSocketMode) != 0 || ::listen(socket.get(), kBacklog) != 0) {
-    const int error = errno;
+  Status ready = give_to(address, file);
+  // Nobody can connect before listen(), so the group and the mode are right for the first who does.
+  if (ready && ::listen(socket.get(), kBacklog) != 0) ready = system_error(Errc::kIo, address.text, errno);
+  if (!ready) {
     ::unlink(address.path.c_str());
-    return system_error(Errc::kIo, address.text, error);
+    return fail(ready.error());
   }
   return std::make_unique<SocketListener>(std::move(socket), address.text, address.path);
-}
-
-Result<std::unique_ptr<LinkListenerPort>> listen_tcp(const SocketAddress& address) {
-  Descriptor socket = open_socket(address);
-  if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
-  set_option(socket.get(), SOL_SOCKET, SO_REUSEADDR);
-  if (::bind(socket.get(), address.get(), address.size) != 0 || ::listen(socket.get(), kBacklog) != 0) {
-    if (errno == EADDRINUSE) {
-      return fail(Errc::kExists, address.text + ": a program listens there already; stop it or choose another port");
-    }
-    return system_error(Errc::kIo, address.text, errno);
-  }
-  sockaddr_storage bound{};
-  socklen_t size = sizeof(bound);
-  if (getsockname(socket.get(), reinterpret_cast<sockaddr*>(&bound), &size) != 0) {
-    return system_error(Errc::kIo, address.text, errno);
-  }
-  return std::make_unique<SocketListener>(std::move(socket), tcp_text(bound), std::string());
 }
 
 }  // namespace
@@ -216,15 +201,14 @@ Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
       return fail(Errc::kUnreachable, address->text + ": the program that listens there takes no links now");
     default: return system_error(Errc::kUnreachable, address->text, error);
   }
-  if (!address->is_unix()) tune_tcp(socket.get());
   const int fd = socket.get();
   return std::make_unique<DescriptorLink>(std::move(socket), fd, address->text);
 }
 
-Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view text) {
+Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view text, const SocketFile& file) {
   const auto address = parse_address(text);
   if (!address) return fail(address.error());
-  return address->is_unix() ? listen_unix(*address) : listen_tcp(*address);
+  return listen_unix(*address, file);
 }
 
 const std::string& listener_address(const LinkListenerPort& listener) {

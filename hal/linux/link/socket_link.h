@@ -1,8 +1,8 @@
-// Links over what the system calls sockets. Addresses are written as users write them:
-// "unix:/run/nodal.sock", "tcp:127.0.0.1:7700", "tcp:[::1]:7700", "tcp:localhost:7700".
+// Links over Unix sockets, whose addresses are written "unix:/run/nodal.sock", over programs and over open descriptors.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,16 +13,22 @@
 namespace nodal::hal {
 
 /// Connects to a rig that listens at `address`.
-/// Errors: kBadValue (the address cannot be read, or is TCP beyond this machine), kUnreachable (nobody
-/// listens), kIo.
+/// Errors: kBadValue (not an address), kUnreachable (nobody listens), kIo.
 Result<std::unique_ptr<LinkPort>> connect_link(std::string_view address);
 
-/// Listens at `address`; port 0 takes a free one. A Unix socket's file is for owner and group (0660) and goes
-/// with the listener; one left over by a program that died is replaced, one that answers is kExists.
-/// Errors: as connect_link, and kExists.
-Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view address);
+/// Who may connect to a Unix socket, as its file says.
+struct SocketFile {
+  /// Permission bits, set exactly. Nothing: owner and group (0660), less what the umask takes away.
+  std::optional<std::uint32_t> mode{};
+  std::string group{};  ///< by name; empty: the process's
+};
 
-/// Where a listener of listen_link() listens, with the port it was given.
+/// Listens at `address`. The socket's file goes with the listener; one left over by a program that died is replaced, one
+/// that answers is kExists.
+/// Errors: as connect_link, kExists, and kNotFound for a group that is not there.
+Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view address, const SocketFile& file = {});
+
+/// Where a listener of listen_link() listens.
 const std::string& listener_address(const LinkListenerPort& listener);
 
 /// Starts a program and talks to its standard input and output, as with `ssh HOST nodal bridge`; its standard

@@ -75,7 +75,8 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->raymap.feather, 0.5);
   EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);
-  EXPECT_EQ(config->links.tcp_port, 0);
+  EXPECT_EQ(config->links.view_path, "") << "a view-only socket only on demand";
+  EXPECT_FALSE(config->links.unix_file.mode) << "the umask decides";
   EXPECT_EQ(config->store, "/var/lib/nodal");
 }
 

@@ -129,19 +129,37 @@ TEST(UnixListener, SomethingElseAtThePath_ExistsAndItStays) {
   EXPECT_EQ(std::filesystem::file_size(folder / "s"), 8u);
 }
 
-TEST(UnixListener, WhateverTheUmask_FileIsForOwnerAndGroupAndGoesWithTheListener) {
+unsigned mode_of(const std::string& path) {
+  struct stat file {};
+  return ::stat(path.c_str(), &file) == 0 ? file.st_mode & 0777U : 0;
+}
+
+TEST(UnixListener, TheUmask_TakesPermissionsAwayUnlessAModeIsConfigured) {
   Folder folder;
-  for (const mode_t mask : {0000, 0022, 0077}) {
-    const mode_t before = ::umask(mask);
-    auto listener = listen_link("unix:" + (folder / "s"));
+  struct Case {
+    mode_t mask;
+    std::optional<std::uint32_t> configured;
+    unsigned expected;
+  };
+  for (const Case& one : {Case{0000, {}, 0660}, Case{0022, {}, 0640}, Case{0077, {}, 0600}, Case{0077, 0666, 0666},
+                          Case{0000, 0600, 0600}}) {
+    const mode_t before = ::umask(one.mask);
+    auto listener = listen_link("unix:" + (folder / "s"), {one.configured, ""});
     ::umask(before);
     ASSERT_TRUE(listener) << listener.error().text();
-    struct stat file {};
-    ASSERT_EQ(::stat((folder / "s").c_str(), &file), 0);
-    EXPECT_EQ(file.st_mode & 0777, 0660u);
+    EXPECT_EQ(mode_of(folder / "s"), one.expected) << std::oct << one.mask;
     listener->reset();
     EXPECT_FALSE(std::filesystem::exists(folder / "s"));
   }
+}
+
+TEST(UnixListener, AGroupThatIsNotThere_IsNamedAndNoSocketStays) {
+  Folder folder;
+  const auto listener = listen_link("unix:" + (folder / "s"), {std::nullopt, "no-such-group"});
+  ASSERT_FALSE(listener);
+  EXPECT_EQ(listener.error().code, Errc::kNotFound);
+  EXPECT_NE(listener.error().message.find("no-such-group"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder / "s"));
 }
 
 TEST(UnixListener, AnotherSocketInItsPlace_IsNotRemoved) {
@@ -162,12 +180,10 @@ TEST(Connect, NobodyThere_UnreachableSaysWhatToLookAt) {
   EXPECT_NE(none.error().message.find("is nodald running"), std::string::npos);
   leave_stale_socket(folder / "s");
   EXPECT_EQ(connect_link("unix:" + (folder / "s")).error().code, Errc::kUnreachable);
-  EXPECT_EQ(connect_link("tcp:127.0.0.1:1").error().code, Errc::kUnreachable);
 }
 
-TEST(Address, TcpBeyondThisMachine_IsRefusedAndPointsToSsh) {
-  for (const char* address : {"tcp:0.0.0.0:7700", "tcp:192.168.1.2:7700", "tcp:[::]:7700", "tcp:example.org:80",
-                              "tcp:128.0.0.1:7700", "tcp:[::ffff:10.0.0.1]:7700", "tcp::7700"}) {
+TEST(Address, Tcp_IsRefusedAndPointsToSsh) {
+  for (const char* address : {"tcp:127.0.0.1:7700", "tcp:localhost:7700", "tcp:[::1]:7700", "tcp:192.168.1.2:7700"}) {
     for (const Error& error : {connect_link(address).error(), listen_link(address).error()}) {
       EXPECT_EQ(error.code, Errc::kBadValue) << address;
       EXPECT_NE(error.message.find("ssh://"), std::string::npos) << error.message;
@@ -185,17 +201,6 @@ TEST(Address, Unreadable_SaysWhatToWrite) {
   const auto longer = listen_link("unix:/" + std::string(200, 'x'));
   EXPECT_EQ(longer.error().code, Errc::kBadValue);
   EXPECT_NE(longer.error().message.find("107"), std::string::npos);
-}
-
-TEST(TcpListener, PortZeroOnBothLoopbacks_TakesAFreeOneAndSaysIt) {
-  for (const std::string address : {"tcp:127.0.0.1:0", "tcp:localhost:0", "tcp:[::1]:0"}) {
-    const auto listener = listen_link(address);
-    if (!listener && address == "tcp:[::1]:0") GTEST_SKIP() << "no IPv6 here: " << listener.error().text();
-    ASSERT_TRUE(listener) << listener.error().text();
-    EXPECT_FALSE(listener_address(**listener).ends_with(":0"));
-    EXPECT_TRUE(connect_link(listener_address(**listener)));
-    EXPECT_EQ(listen_link(listener_address(**listener)).error().code, Errc::kExists);
-  }
 }
 
 TEST(SpawnLink, Program_TalksOnItsInputAndOutput) {

@@ -7,12 +7,10 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-TEST(RigAddress, UnixPathsAndLoopbackTcp_GoToTheLinkAsTheyAre) {
+TEST(RigAddress, UnixPaths_GoToTheLinkAsTheyAre) {
   EXPECT_EQ(parse_rig_address("unix:/run/nodal/nodal.sock", "ssh")->link, "unix:/run/nodal/nodal.sock");
   EXPECT_EQ(parse_rig_address("/run/nodal/nodal.sock", "ssh")->link, "unix:/run/nodal/nodal.sock");
   EXPECT_EQ(parse_rig_address("unix:here.sock", "ssh")->link, "unix:here.sock");
-  EXPECT_EQ(parse_rig_address("tcp:127.0.0.1:7700", "ssh")->link, "tcp:127.0.0.1:7700");
-  EXPECT_EQ(parse_rig_address("tcp:[::1]:7700", "ssh")->link, "tcp:[::1]:7700");
 }
 
 TEST(RigAddress, SshInAllItsForms_BecomesTheCommandThatBridges) {
@@ -30,15 +28,17 @@ TEST(RigAddress, HostThatSshWouldTakeForAnOption_IsRefused) {
   }
 }
 
-TEST(RigAddress, TcpBeyondThisMachine_IsRefusedWithTheWayThatIsAllowed) {
-  const auto address = parse_rig_address("tcp:192.168.0.5:7700", "ssh");
-  ASSERT_FALSE(address);
-  EXPECT_EQ(address.error().code, Errc::kBadValue);
-  EXPECT_NE(address.error().message.find("ssh://"), std::string::npos);
+TEST(RigAddress, Tcp_IsRefusedWithTheWayThatIsAllowed) {
+  for (const char* text : {"tcp:127.0.0.1:7700", "tcp:[::1]:7700", "tcp:192.168.0.5:7700"}) {
+    const auto address = parse_rig_address(text, "ssh");
+    ASSERT_FALSE(address) << text;
+    EXPECT_EQ(address.error().code, Errc::kBadValue);
+    EXPECT_NE(address.error().message.find("ssh://"), std::string::npos);
+  }
 }
 
 TEST(RigAddress, WhatIsNoAddress_IsRefusedWithTheForms) {
-  for (const char* text : {"", "unix:", "tcp:127.0.0.1", "tcp:127.0.0.1:0", "tcp:127.0.0.1:65536", "tcp:127.0.0.1:x",
+  for (const char* text : {"", "unix:", "tcp:127.0.0.1", "tcp:127.0.0.1:x",
                            "ssh://", "ssh://host:", "ssh://@host", "ssh://[fe80::1", "ssh://[::1]x", "ssh://host:0",
                            "http://rig", "rig.local"}) {
     const auto address = parse_rig_address(text, "ssh");

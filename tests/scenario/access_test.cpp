@@ -1,0 +1,137 @@
+// Control and view-only hosts, and the audit log of what the former change.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/scenario/stand.h"
+
+namespace nodal::scenario {
+namespace {
+
+wire::Request exposure_of_all(std::uint64_t ns) {
+  wire::Request request;
+  request.mutable_head_set()->set_exposure_ns(ns);
+  return request;
+}
+
+wire::Request genlock(wire::GenlockRequest::Action action) {
+  wire::Request request;
+  request.mutable_genlock()->set_action(action);
+  return request;
+}
+
+wire::AuditLog audit_of(TestHost& host) {
+  wire::Request request;
+  request.mutable_audit_log();
+  return host.ask(request).audit_log();
+}
+
+constexpr auto kNotPermitted = static_cast<std::uint32_t>(Errc::kUnsupported);
+
+TEST(ViewOnly, PullsAndLooks_ButChangesNothing) {
+  Stand stand;
+  TestHost& control = stand.bring_up();
+  TestHost& viewer = stand.connect_to_view();
+  stand.settle();
+  const auto& features = viewer.session().peer_hello()->features();
+  EXPECT_TRUE(std::any_of(features.begin(), features.end(), [](const auto& one) { return one == "view-only"; }));
+  EXPECT_EQ(viewer.status().state(), "running");
+  EXPECT_EQ(viewer.heads().heads_size(), kHeads);
+  const StreamId stream = viewer.pull(true, 3);
+  ASSERT_NE(stream, 0u);
+  EXPECT_TRUE(stand.run_until([&] { return viewer.closed.contains(stream); }));
+  EXPECT_EQ(viewer.pulled[stream].size(), 3u);
+
+  const std::uint64_t before = control.heads().heads(0).exposure_ns();
+  EXPECT_EQ(viewer.ask(exposure_of_all(123'000)).error().code(), kNotPermitted);
+  EXPECT_EQ(viewer.ask(genlock(wire::GenlockRequest::START)).error().code(), kNotPermitted);
+  EXPECT_EQ(viewer.pull(false, 1, true), 0u) << "a lossless pull holds everybody up";
+  stand.run(Duration::seconds(1));
+  EXPECT_EQ(control.heads().heads(0).exposure_ns(), before);
+  EXPECT_EQ(control.status().genlock().state(), "off");
+  EXPECT_EQ(viewer.ask(genlock(wire::GenlockRequest::SHOW)).genlock().state(), "off");
+}
+
+TEST(ViewOnly, BytesForAnUploadThatAControlHostBegan_AreNotTaken) {
+  Stand stand;
+  TestHost& control = stand.bring_up();
+  TestHost& viewer = stand.connect_to_view();
+  stand.settle();
+  const std::string document = to_json(small_calibration("half"));
+  const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(document.begin(), document.end());
+  const UploadSender sender(bytes);
+  wire::Request begin;
+  *begin.mutable_upload_begin() = sender.begin();
+  ASSERT_EQ(control.ask(begin).upload().offset(), 0u);
+  const auto stream = viewer.session().open_stream(StreamPolicy::kLossless);
+  ASSERT_TRUE(stream);
+  ASSERT_TRUE(viewer.session().offer(*stream, *sender.item(0)));
+  stand.run(Duration::milliseconds(100));
+  EXPECT_EQ(control.ask(begin).upload().offset(), 0u) << "bytes of a viewer became part of an upload";
+}
+
+TEST(Audit, AChange_IsKeptWithWhoOldAndNewValueAndResult) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  stand.rig->control().take_news();
+  const std::uint64_t old = host.heads().heads(2).exposure_ns();
+  wire::Request good = exposure_of_all(4'000'000);
+  good.mutable_head_set()->add_heads(2);
+  EXPECT_TRUE(host.ask(good).has_done());
+  wire::Request bad = exposure_of_all(4'000'000);
+  bad.mutable_head_set()->add_heads(99);
+  EXPECT_TRUE(host.ask(bad).has_error());
+  host.status();
+
+  const wire::AuditLog log = audit_of(host);
+  ASSERT_EQ(log.entries_size(), 3) << "the upload, and these two; questions are no changes";
+  EXPECT_EQ(log.entries(0).what(), "upload_commit");
+  EXPECT_EQ(log.entries(0).before(), "no calibration");
+  EXPECT_EQ(log.entries(0).after(), "calibration " + to_hex(calibration_id(small_calibration())).substr(0, 12));
+  const wire::AuditEntry& set = log.entries(1);
+  EXPECT_EQ(set.who().find("user 1000, process 4711, host 1 at sim:host1"), 0u) << set.who();
+  EXPECT_EQ(set.what(), "head_set");
+  EXPECT_EQ(set.before(), "head 2: exposure " + std::to_string(old) + " ns");
+  EXPECT_EQ(set.after(), "heads 2: exposure 4000000 ns");
+  EXPECT_FALSE(set.has_error());
+  EXPECT_LE(set.at_ns(), log.now_ns());
+  EXPECT_EQ(log.entries(2).error().code(), static_cast<std::uint32_t>(Errc::kBadValue));
+
+  const std::vector<std::string> news = stand.rig->control().take_news();
+  EXPECT_EQ(std::count_if(news.begin(), news.end(), [](const auto& line) { return line.starts_with("audit: "); }), 2);
+}
+
+TEST(Audit, MoreThanItKeeps_TheNewestStay) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  for (std::uint64_t i = 0; i < 300; ++i) host.ask(exposure_of_all(1'000'000 + i * 1000));
+  const wire::AuditLog log = audit_of(host);
+  ASSERT_EQ(log.entries_size(), 256);
+  EXPECT_EQ(log.entries(255).number(), 301u) << "the upload, and 300 more";
+  EXPECT_NE(log.entries(255).after().find("1299000"), std::string::npos);
+}
+
+TEST(Audit, TheButtonAndTheSettingsOfTheLastStart_AreChangesToo) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  host.ask(exposure_of_all(3'000'000));
+  const Instant now = stand.world.clock().now();
+  stand.button.script(now, true);
+  stand.button.script(now + Duration::milliseconds(200), false);
+  stand.run(Duration::seconds(2));
+  const wire::AuditLog log = audit_of(host);
+  EXPECT_TRUE(std::any_of(log.entries().begin(), log.entries().end(), [](const wire::AuditEntry& entry) {
+    return entry.who() == "button" && entry.what() == "genlock" && entry.after() == "start";
+  }));
+
+  Stand again({}, stand.disk->after_power_loss(1));
+  TestHost& other = again.connect();
+  again.run(Duration::seconds(2));
+  const wire::AuditLog restored = audit_of(other);
+  EXPECT_TRUE(std::any_of(restored.entries().begin(), restored.entries().end(), [](const wire::AuditEntry& entry) {
+    return entry.who() == "settings of the last start" && entry.what() == "head_set";
+  }));
+}
+
+}  // namespace
+}  // namespace nodal::scenario

@@ -1,0 +1,87 @@
+// The permission of every request: each one that nodal.proto knows is judged here, too.
+#include "firmware/access.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace nodal::firmware {
+namespace {
+
+/// Every kind of request that a view-only host may make, as the issue lists them, in their harmless form.
+std::vector<wire::Request> harmless() {
+  std::vector<wire::Request> all(9);
+  all[0].mutable_status();
+  all[1].mutable_heads();
+  all[2].mutable_genlock()->set_action(wire::GenlockRequest::SHOW);
+  all[3].mutable_exposure();
+  all[4].mutable_calibration_list();
+  all[5].mutable_calibration_get();
+  all[6].mutable_pull();
+  all[7].mutable_pull_stop();
+  all[8].mutable_frame_set();
+  return all;
+}
+
+std::vector<wire::Request> forbidden() {
+  std::vector<wire::Request> all(12);
+  all[0].mutable_head_set();
+  all[1].mutable_genlock()->set_action(wire::GenlockRequest::START);
+  all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
+  all[3].mutable_exposure()->set_locked(false);
+  all[4].mutable_upload_begin();
+  all[5].mutable_upload_commit();
+  all[6].mutable_calibration_use();
+  all[7].mutable_calibration_rollback();
+  all[8].mutable_trial_end();
+  all[9].mutable_pull()->set_lossless(true);
+  all[10].mutable_audit_log();
+  all[11].mutable_genlock()->set_action(static_cast<wire::GenlockRequest::Action>(7));  // a newer host's
+  return all;
+}
+
+TEST(Access, AViewOnlyHost_MayAskHowTheRigIsAndNothingElse) {
+  for (const wire::Request& request : harmless()) {
+    EXPECT_TRUE(check_access(Access::kView, request)) << request_name(request);
+  }
+  for (const wire::Request& request : forbidden()) {
+    const Status refused = check_access(Access::kView, request);
+    ASSERT_FALSE(refused) << request_name(request);
+    EXPECT_EQ(refused.error().code, Errc::kUnsupported);
+    EXPECT_NE(refused.error().message.find(request_name(request)), std::string::npos) << refused.error().message;
+  }
+}
+
+TEST(Access, AControlHost_MayAskEverything) {
+  for (const auto& list : {harmless(), forbidden()}) {
+    for (const wire::Request& request : list) EXPECT_TRUE(check_access(Access::kControl, request));
+  }
+}
+
+// A request that is added to nodal.proto does not compile without its lines in access.cpp; this test asks that somebody
+// also judged it here. The numbers are those of the oneof in nodal.proto.
+TEST(Access, EveryRequestOfTheProtocol_IsJudgedInThisTest) {
+  std::set<int> judged;
+  for (const auto& list : {harmless(), forbidden()}) {
+    for (const wire::Request& request : list) judged.insert(request.what_case());
+  }
+  for (int number = 1; number < 200; ++number) {
+    // An empty message in field `number`: a request when the oneof knows that number, else an unknown field.
+    const int tag = number << 3 | 2;
+    std::string bytes;
+    if (tag < 128) bytes = {static_cast<char>(tag), '\0'};
+    else bytes = {static_cast<char>((tag & 127) | 128), static_cast<char>(tag >> 7), '\0'};
+    wire::Request request;
+    if (!request.ParseFromString(bytes) || request.what_case() == wire::Request::WHAT_NOT_SET) continue;
+    EXPECT_TRUE(judged.contains(number)) << "request " << number << " is in no list of this test";
+  }
+}
+
+TEST(Access, ARequestNobodyKnows_IsLeftToTheAnswerThatSaysSo) {
+  EXPECT_TRUE(check_access(Access::kView, wire::Request()));
+}
+
+}  // namespace
+}  // namespace nodal::firmware
