@@ -38,6 +38,7 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kPull: return drop(request.mutable_pull());
     case wire::Request::kPullStop: return drop(request.mutable_pull_stop());
     case wire::Request::kFrameSet: return drop(request.mutable_frame_set());
+    case wire::Request::kAuditLog: return drop(request.mutable_audit_log());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }
