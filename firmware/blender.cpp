@@ -36,19 +36,17 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
                                                                            std::move(exposures)});
 }
 
-Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
-                 SpscRing<FrameSet*>& sets_back)
+Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in)
     : config_(config),
       bands_(static_cast<std::uint64_t>((config.height + kBandRows - 1) / kBandRows)),
       clock_(clock),
       sets_in_(sets_in),
-      sets_back_(sets_back),
+      pixels_pool_(kMaxBuffers),
       tables_in_(1),  // so that a full ring says that the newest is not in force yet
       tables_out_(8),
-      pixels_free_(kMaxBuffers),
-      pixels_unread_(kMaxBuffers),
       raymaps_out_(kRaymapsWaiting),
-      light_out_(4) {
+      light_out_(4),
+      adoptions_out_(4) {
   NODAL_ASSERT(bands_ < kNoBands);
 }
 
@@ -64,8 +62,8 @@ bool Blender::step() {
 }
 
 void Blender::close() {
-  if (set_) give_back(std::exchange(set_, nullptr));
-  while (auto set = sets_in_.pop()) give_back(*set);
+  set_ = {};
+  sets_in_.drop_waiting();
   next_band_.store(kNoBands);
   idle_.store(true);
 }
@@ -123,30 +121,32 @@ bool Blender::finish() {
     begin_raymap();
     return true;
   }
-  give_back(set_);
-  set_ = nullptr;
+  set_ = {};
   idle_.store(sets_in_.empty(), std::memory_order_release);
   return true;
 }
 
 bool Blender::adopt() {
-  if (tables_out_.full()) return false;
+  if (tables_out_.full() || adoptions_out_.full()) return false;
   auto installed = tables_in_.pop();
   if (!installed) return false;
   std::swap(installed_, *installed);
   if (*installed) tables_out_.push(std::move(*installed));
+  adoption_to_tell_ = true;
   count(counts_.adopted);
   return true;
 }
 
 bool Blender::begin() {
-  auto next = sets_in_.pop();
+  auto next = sets_in_.take();
   if (!next) {
     idle_.store(true, std::memory_order_release);
     return false;
   }
-  FrameSet* set = *next;
+  const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
+  if (std::exchange(adoption_to_tell_, false)) adoptions_out_.push({set->number, installed_->id});
+  sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!installed_) {
     count(counts_.without_calibration);
@@ -155,21 +155,12 @@ bool Blender::begin() {
   } else if (ready = take_pixels(installed_->tables.size()); !ready) {
     count(counts_.without_buffer);
   }
-  if (!ready) {
-    tap(*set);
-    give_back(set);
-    return true;
-  }
+  if (!ready) return true;
   set_ = set;
   field_ = 0;
   begin_raymap();
   measure();  // while the others blend; the set is not given back before this is done
-  tap(*set);
   return true;
-}
-
-void Blender::tap(const FrameSet& set) {
-  if (tap_.wanted() && sets_in_.empty()) tap_.fill(set, installed_ ? &installed_->id : nullptr);
 }
 
 void Blender::begin_raymap() {
@@ -179,8 +170,8 @@ void Blender::begin_raymap() {
     raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
     if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
   }
-  raymap_.pixels = std::move(pixels_[field_]);
-  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels->data());
+  raymap_.pixels = std::exchange(pixels_[field_], {});
+  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels.edit().data());
   take_pictures(*set_);
   undo_exposures(*set_);
   begun_ = clock_.now();
@@ -250,20 +241,12 @@ void Blender::measure() {
 bool Blender::take_pixels(std::size_t wanted) {
   for (std::size_t i = 0; i < wanted; ++i) {
     if (pixels_[i]) continue;  // taken for an earlier set, which then lacked another
-    std::optional<Buffer> free = pixels_unread_.pop();
-    if (!free) free = pixels_free_.pop();
-    if (free) {
-      pixels_[i] = std::move(*free);
-    } else if (buffers_made_ < kMaxBuffers) {
-      ++buffers_made_;  // only when clients hold more than ever before
-      pixels_[i] = std::make_shared<std::vector<std::uint8_t>>(packed_size(config_.format, config_.width, config_.height));
-    } else {
-      return false;
-    }
+    pixels_[i] = pixels_pool_.take();
+    if (!pixels_[i]) return false;
+    // A new one: clients hold more than ever before.
+    if (pixels_[i]->empty()) pixels_[i].edit().resize(packed_size(config_.format, config_.width, config_.height));
   }
   return true;
 }
-
-void Blender::give_back(FrameSet* set) { sets_back_.push(std::move(set)); }
 
 }  // namespace nodal::firmware

@@ -8,7 +8,7 @@
 
 #include "firmware/config.h"
 #include "firmware/frame_set.h"
-#include "firmware/frame_tap.h"
+#include "firmware/outlet.h"
 #include "firmware/raymap.h"
 #include "firmware/statistics.h"
 #include "hal/clock.h"
@@ -25,31 +25,34 @@ namespace nodal::firmware {
 /// calibration that made it. A calibration with a table a field makes two raymaps of each set, one after the other: the
 /// fields are read where they lie in the frames. No thread ever waits for another: whoever finds nothing to do goes away.
 ///
-/// Threading: step() is thread-safe; the rings' other ends are capture's, the encoder's, the keeper's and
+/// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
-/// Ownership: frame sets are lent and given back; pixels go with the raymap and come back by two rings.
+/// Ownership: holds a loan of the set under way; its pool lends the pixels that go with a raymap.
 /// Errors: none; sets that make no raymap are counted.
 class Blender {
  public:
-  Blender(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<FrameSet*>& sets_in,
-          SpscRing<FrameSet*>& sets_back);
+  Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in);
 
   /// True when it did something.
   bool step();
   /// Ends: gives every set back. No thread may be in step() any more.
   void close();
 
+  Outlet<SetLoan>& sets_in() { return sets_in_; }
   SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
   /// Calibrations that are no longer in force, to be freed off the frame path.
   SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
-  /// Where pixels come back to: from control when clients have read them, from the encoder when none will.
-  SpscRing<Buffer>& pixels_free() { return pixels_free_; }
-  SpscRing<Buffer>& pixels_unread() { return pixels_unread_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   /// What the heads of each blended set saw. When nobody takes it, the newest are left out.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
-  /// Filled with a set's pictures when control wants them and no later set waits already.
-  FrameTap& tap() { return tap_; }
+  /// From which set on a calibration is in force.
+  struct Adoption {
+    std::uint64_t first_set = 0;
+    Sha256 calibration{};
+  };
+  SpscRing<Adoption>& adoptions_out() { return adoptions_out_; }
+  /// Every set with a lower number has been begun, left out or missed: adoptions_out() has named its calibration.
+  std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
 
   /// Of so many sets one is blended. Any thread.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
@@ -69,6 +72,8 @@ class Blender {
   /// No set is waiting or under way.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
+  /// What it wants of the frame sets: a newer one is worth more than several that wait.
+  static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 1, 1};
   static constexpr int kBandRows = 64;
   static constexpr std::size_t kMaxBuffers = 24;
   static constexpr std::size_t kRaymapsWaiting = 2;
@@ -91,30 +96,27 @@ class Blender {
   bool take_pixels(std::size_t count);
   void undo_exposures(const FrameSet& set);
   void measure();
-  void tap(const FrameSet& set);
-  void give_back(FrameSet* set);
 
   const RaymapConfig config_;
   const std::uint64_t bands_;
   hal::ClockPort& clock_;
-  SpscRing<FrameSet*>& sets_in_;
-  SpscRing<FrameSet*>& sets_back_;
+  Outlet<SetLoan>& sets_in_;
+  LoanPool<std::vector<std::uint8_t>> pixels_pool_;
   SpscRing<InstalledPtr> tables_in_;
   SpscRing<InstalledPtr> tables_out_;
-  SpscRing<Buffer> pixels_free_;
-  SpscRing<Buffer> pixels_unread_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
-  FrameTap tap_;
+  SpscRing<Adoption> adoptions_out_;
+  std::atomic<std::uint64_t> sets_begun_{0};
 
   // Between raymaps, by whoever holds coordinating_.
   std::atomic_flag coordinating_;
   InstalledPtr installed_;
-  std::size_t buffers_made_ = 0;
+  bool adoption_to_tell_ = false;  ///< with the next set
   std::uint64_t number_ = 0;
   std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
   HeadMask was_exposed_ = 0;                               ///< those that ever were
-  FrameSet* set_ = nullptr;  ///< under way
+  SetLoan set_;              ///< under way
   std::size_t field_ = 0;    ///< of it: which of the tables
   std::array<Buffer, 2> pixels_;  ///< for the raymaps that are still to be made of it
   Instant begun_;

@@ -21,14 +21,6 @@
 
 namespace nodal::firmware {
 
-/// What a head delivers, as far as is known: nothing while it was never open.
-struct HeadShape {
-  PixelFormat format = PixelFormat::kI420;
-  int width = 0;
-  int height = 0;
-};
-using HeadShapes = std::vector<std::optional<HeadShape>>;
-
 struct KeeperRequest {
   struct Install {                                  ///< a document to store and put in force
     std::string json;

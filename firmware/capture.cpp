@@ -6,7 +6,6 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kPoolSets = Capture::kMaxOpenSets + Capture::kSetsWaiting + 4;
 constexpr std::size_t kCommands = 64;
 constexpr Duration kReportEvery = Duration::milliseconds(20);
 
@@ -35,15 +34,10 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
       rate_(config.rate),
       rate_now_(config.rate),
       genlock_wanted_(config.trigger.start),
-      pool_(kPoolSets),
-      sets_out_(kSetsWaiting),
-      sets_back_(kPoolSets),
       commands_(kCommands),
       answers_(kCommands) {
   for (const HeadConfig& head : config.heads) heads_.emplace_back(head, port_path(head.port), heads);
   report_.heads.resize(heads_.size());
-  free_.reserve(pool_.size());
-  for (FrameSet& set : pool_) free_.push_back(&set);
   open_.reserve(kMaxOpenSets);
   restart_clocks(rate_, false, Instant());
 }
@@ -52,8 +46,8 @@ Capture::~Capture() { close(); }
 
 void Capture::close() {
   close_all(Instant());
-  while (auto set = sets_out_.pop()) give_back(*set);
-  take_back_sets();
+  for (Outlet<SetLoan>& outlet : outlets_) outlet.drop_waiting();
+  if (sets_) sets_->collect();
   genlock_.stop();
   for (CaptureHead& head : heads_) head.close();
   update_report(Instant(), true);
@@ -61,7 +55,8 @@ void Capture::close() {
 
 bool Capture::step(Instant now) {
   now_ = now;
-  bool busy = take_back_sets();
+  if (!sets_) make_sets();
+  bool busy = sets_->collect();
   busy |= follow_light();
   busy |= run_commands(now);
   busy |= take_edges();
@@ -201,21 +196,22 @@ void Capture::stop_genlock(Instant now) {
   restart_clocks(rate_now_, false, now);
 }
 
-bool Capture::take_back_sets() {
-  bool any = false;
-  while (auto set = sets_back_.pop()) {
-    give_back(*set);
-    any = true;
-  }
-  return any;
+Outlet<SetLoan>& Capture::add_outlet(const OutletSpec& spec, bool open) {
+  NODAL_ASSERT(!sets_);
+  return outlets_.add(spec, open);
 }
 
-void Capture::give_back(FrameSet* set) {
+void Capture::make_sets() {
+  // One more than can be held: a new set is opened before the oldest one is closed.
+  sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
+  for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets.push_back({outlet.spec().name, {}});
+}
+
+void Capture::release_frames(FrameSet& set) {
   for (std::size_t i = 0; i < heads_.size(); ++i) {
-    if (set->has(i)) heads_[i].release(set->frames[i].slot);
+    if (set.has(i)) heads_[i].release(set.frames[i].slot);
   }
-  set->mask = 0;
-  free_.push_back(set);
+  set.mask = 0;
 }
 
 void Capture::check() const {
@@ -249,6 +245,8 @@ void Capture::update_report(Instant now, bool changed) {
     report_.heads[i] = heads_[i].report();
     report_.frames.add(heads_[i].report().counts);
   }
+  std::size_t next_outlet = 0;
+  for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets[next_outlet++].losses = outlet.losses();
   report_.genlock = genlock_report();
   report_.exposure = exposure_.report();
   if (now >= next_report_ || report_.sets != reported_sets_) {

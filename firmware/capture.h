@@ -17,6 +17,7 @@
 #include "firmware/drift.h"
 #include "firmware/frame_set.h"
 #include "firmware/genlock.h"
+#include "firmware/outlet.h"
 #include "firmware/set_clock.h"
 #include "firmware/snapshot.h"
 #include "hal/head.h"
@@ -47,24 +48,30 @@ struct CaptureAnswer {
   ExposureControl::Report exposure;
 };
 
+/// A reader of frame sets as status tells of it.
+struct OutletReport {
+  std::string_view name;
+  OutletLosses losses;
+};
+
 /// Capture as status tells of it.
 struct CaptureReport {
   std::vector<HeadReport> heads;
   FrameCounts frames;                    ///< of all heads
   std::uint64_t sets = 0;
   std::uint64_t full_sets = 0;           ///< of them, with every head of the rig
-  std::uint64_t sets_not_taken = 0;      ///< the blend had no room for them
+  std::vector<OutletReport> outlets;     ///< in the order in which they registered
   ExposureControl::Report exposure;
   GenlockReport genlock;
 };
 
 /// Frames wait in open sets until every head that delivers has given one, or until kPeriodsToWait after the middle of
-/// their exposure; then the set goes on with what it has, in order. Sets the blend has no room for are counted and
-/// given back here, so that capture never waits.
+/// their exposure; then the set goes on with what it has, in order. Every outlet gets a loan of it; what an outlet has no
+/// room for is counted there, so that capture never waits.
 ///
-/// Threading: thread-bound to capture; sets_out(), sets_back(), commands() and answers() are SPSC rings whose other
-///   ends are the blend's and control's; snapshot() is read by control.
-/// Ownership: a FrameSet belongs to capture and is lent from sets_out() until sets_back().
+/// Threading: thread-bound to capture; an outlet's other end is its reader's thread; commands() and answers() are SPSC
+///   rings whose other ends are control's; snapshot() is read by control.
+/// Ownership: owns the sets; readers hold loans and give them up before capture ends.
 /// Errors: none of its own; a head's shows in its report.
 class Capture {
  public:
@@ -76,8 +83,8 @@ class Capture {
   /// Ends: the blend must have given every set back. Heads and trigger are stopped.
   void close();
 
-  SpscRing<FrameSet*>& sets_out() { return sets_out_; }
-  SpscRing<FrameSet*>& sets_back() { return sets_back_; }
+  /// Registers a reader of frame sets, before the first step(). A closed one is offered nothing until it is opened.
+  Outlet<SetLoan>& add_outlet(const OutletSpec& spec, bool open = true);
   /// Where the meter's readings come from; without it exposures stay as they are.
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
   SpscRing<CaptureCommand>& commands() { return commands_; }
@@ -88,14 +95,13 @@ class Capture {
   std::uint64_t steps() const { return steps_.load(std::memory_order_relaxed); }
 
   static constexpr std::size_t kMaxOpenSets = 4;
-  static constexpr std::size_t kSetsWaiting = 1;  ///< between capture and blend: newer is better than more
   static constexpr int kHalfPeriodsToWait = 5;
   static constexpr Duration kOldest = Duration::seconds(1);  ///< and kMaxOpenSets periods: a frame, when it is received
 
  private:
   struct OpenSet {
     SetClock::Slot slot = 0;
-    FrameSet* set = nullptr;
+    SetLoan set;
     Skews skews;
   };
 
@@ -103,7 +109,6 @@ class Capture {
   Status change_heads(const HeadChange& change);
   Status start_genlock(const GenlockStart& wish, Instant now);
   void stop_genlock(Instant now);
-  bool take_back_sets();
   bool follow_light();
   bool take_edges();
   bool take_frames();
@@ -120,7 +125,8 @@ class Capture {
   bool pulsed() const { return genlock_.running() && !genlock_.aligning(); }
   void align();
   void restart_clocks(FrameRate rate, bool genlocked, Instant now);
-  void give_back(FrameSet* set);
+  void make_sets();
+  void release_frames(FrameSet& set);
   void close_all(Instant now);
   GenlockReport genlock_report() const;
   void update_report(Instant now, bool changed);
@@ -142,14 +148,12 @@ class Capture {
   bool genlock_wanted_;            ///< at start, by rig.toml
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 
-  std::vector<FrameSet> pool_;
-  std::vector<FrameSet*> free_;
+  Outlets<SetLoan> outlets_;
+  std::optional<LoanPool<FrameSet>> sets_;  ///< once every outlet has registered
   std::vector<OpenSet> open_;      ///< by slot, oldest first
   std::optional<SetClock::Slot> newest_closed_;
   Instant now_;                    ///< of the step under way
 
-  SpscRing<FrameSet*> sets_out_;
-  SpscRing<FrameSet*> sets_back_;
   SpscRing<CaptureCommand> commands_;
   SpscRing<CaptureAnswer> answers_;
   Snapshot<CaptureReport> snapshot_;

@@ -66,7 +66,7 @@ void Capture::place(std::size_t head, const hal::FrameView& frame) {
   OpenSet* open = open_set(match->slot);
   if (!open) return heads_[head].lose(frame, LossReason::kOverload);
   if (open->set->has(head)) return heads_[head].lose(frame, LossReason::kDuplicate);
-  FrameSet& set = *open->set;
+  FrameSet& set = open->set.edit();
   set.frames[head] = frame;
   set.mask |= head_bit(head);
   if (match->trigger) {
@@ -83,18 +83,16 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
   const auto at = std::lower_bound(open_.begin(), open_.end(), slot,
                                    [](const OpenSet& open, SetClock::Slot s) { return open.slot < s; });
   if (at != open_.end() && at->slot == slot) return &*at;
-  if (free_.empty()) return nullptr;
   const auto index = at - open_.begin();
   if (open_.size() == kMaxOpenSets) {
     if (index == 0) return nullptr;  // older than everything that waits
     close_oldest();
     return open_set(slot);
   }
-  FrameSet* set = free_.back();
-  free_.pop_back();
-  set->mask = 0;
-  set->sync = {};
-  return &*open_.insert(open_.begin() + index, OpenSet{slot, set, {}});
+  SetLoan set = sets_->take();
+  if (!set) return nullptr;  // a reader holds more than it registered for
+  set.edit().sync = {};
+  return &*open_.insert(open_.begin() + index, OpenSet{slot, std::move(set), {}});
 }
 
 bool Capture::complete(const OpenSet& open) const {
@@ -131,10 +129,10 @@ void Capture::close_all(Instant now) {
 }
 
 void Capture::close_oldest() {
-  const OpenSet open = open_.front();
+  OpenSet open = std::move(open_.front());
   open_.erase(open_.begin());
   newest_closed_ = open.slot;
-  FrameSet& set = *open.set;
+  FrameSet& set = open.set.edit();
   describe(open);
   clock_.follow(open.slot, set.mid_exposure);
   set.number = report_.sets++;
@@ -157,10 +155,9 @@ void Capture::close_oldest() {
     genlock_.on_set(set, open.skews, every_present, now_);
   }
   set.sync.state = genlock_.state();
-  FrameSet* lent = &set;
-  if (sets_out_.push(std::move(lent))) return;
-  ++report_.sets_not_taken;
-  give_back(&set);
+  outlets_.offer(open.set);
+  open.set = {};
+  sets_->collect();  // when no outlet had room
 }
 
 /// Moves heads that run free into step, after every set; in the same turn as an exposure is asked, so that both take
@@ -192,7 +189,7 @@ std::optional<std::int32_t> Capture::drift_ppb() const {
 }
 
 void Capture::describe(const OpenSet& open) {
-  FrameSet& set = *open.set;
+  FrameSet& set = open.set.edit();
   std::array<Instant, kMaxHeads> middles;
   std::size_t count = 0;
   for (std::size_t i = 0; i < middles.size(); ++i) {

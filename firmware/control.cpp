@@ -23,9 +23,8 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       listeners_(std::move(listeners)),
       started_(now),
       uploads_(UploadLimits{kMaxCalibrationBytes, 4}),
-      publisher_(config.raymap, stages.encoder.raymaps_out(), stages.blender.pixels_free(),
-                 stages.encoder.jpegs_free()),
-      frame_sender_(config, stages.blender.tap()),
+      publisher_(config.raymap, stages.encoder.published()),
+      frame_sender_(config, stages.frame_sets, stages.blender),
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       newest_set_(now),
@@ -387,8 +386,15 @@ void Control::tell_that_it_runs_well(Instant now) {
   told_well_ = stages_.keeper.requests().push(KeeperRequest{kRunsWellTicket, KeeperRequest::RunsWell{}, {}});
 }
 
+std::uint64_t Control::sets_missed_by_blend() const {
+  for (const OutletReport& outlet : capture_->outlets) {
+    if (outlet.name == Blender::kSets.name) return outlet.losses.full;
+  }
+  return 0;  // before the first report
+}
+
 void Control::shed(Instant now) {
-  shedding_.step(capture_->sets, capture_->sets_not_taken, publisher_.held_up() || now - steady_since_ < kPause, now);
+  shedding_.step(capture_->sets, sets_missed_by_blend(), publisher_.held_up() || now - steady_since_ < kPause, now);
   const ShedLevel& level = shedding_.level();
   stages_.encoder.set_every(Publisher::lossless_wanted(clients_) ? 1 : level.publish_every);
   stages_.blender.set_every(level.preview_every);

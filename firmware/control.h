@@ -38,6 +38,7 @@ struct Stages {
   Blender& blender;
   EncodeStage& encoder;
   CalibrationKeeper& keeper;
+  Outlet<SetLoan>& frame_sets;  ///< for hosts that ask for the heads' own pictures
 };
 
 /// Accepts hosts, answers their requests, takes their uploads, gives them raymaps. A request that another stage must
@@ -126,6 +127,7 @@ class Control {
   void watch(Instant now);
   void tell_that_it_runs_well(Instant now);
   std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
+  std::uint64_t sets_missed_by_blend() const;
   void shed(Instant now);
   void end(Instant now);
   wire::Hello hello(Access access) const;

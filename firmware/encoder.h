@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "firmware/jpeg.h"
+#include "firmware/outlet.h"
 #include "firmware/raymap.h"
 #include "firmware/statistics.h"
 #include "hal/clock.h"
@@ -11,16 +12,17 @@
 
 namespace nodal::firmware {
 
-/// Between blend and publish: makes a JPEG of a raymap when a client wants one, and passes it on.
+/// Between the blend and the readers of raymaps: makes a JPEG when a client pulls JPEGs, and gives every outlet a loan of
+/// the raymap. It waits for the publisher alone, whose lossless clients may hold the rig up for a bounded time.
 ///
-/// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread.
-/// Ownership: raymaps pass through; JPEG buffers come from jpegs_free(). Pixels that nobody pulls go back to the blend
-///   at once: a raymap is the largest thing a board holds, and so it holds fewer.
+/// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread; an
+///   outlet's other end is its reader's thread.
+/// Ownership: its pool lends the JPEGs. Pixels that nobody pulls are given up at once: a raymap is the largest thing a
+///   board holds, and so it holds fewer.
 /// Errors: a raymap that could not be encoded goes on without its JPEG and is counted.
 class EncodeStage {
  public:
-  EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in,
-              SpscRing<Buffer>& pixels_unread);
+  EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in);
 
   /// True when it did something.
   bool step();
@@ -32,26 +34,25 @@ class EncodeStage {
   /// Of so many raymaps one is encoded; the others go on as shed.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
-  SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
-  SpscRing<Buffer>& jpegs_free() { return jpegs_free_; }
+  /// The publisher's end.
+  Outlet<Raymap>& published() { return published_; }
+  /// Registers a further reader, before the first step().
+  Outlet<Raymap>& add_outlet(const OutletSpec& spec, bool open = true) { return outlets_.add(spec, open); }
   const RecentTimes& times() const { return times_; }
   std::uint64_t failed() const { return failed_.load(std::memory_order_relaxed); }
   std::uint64_t steps() const { return passed_.load(std::memory_order_relaxed); }
 
   static constexpr std::size_t kMaxBuffers = 24;
-  static constexpr std::size_t kRaymapsWaiting = 2;
+  static constexpr OutletSpec kPublished{"publish", OutletPolicy::kLossless, 2, 1};
 
  private:
-  Buffer take_buffer();
-
   const RaymapConfig config_;
   hal::ClockPort& clock_;
   SpscRing<Raymap>& raymaps_in_;
-  SpscRing<Buffer>& pixels_unread_;
-  SpscRing<Raymap> raymaps_out_;
-  SpscRing<Buffer> jpegs_free_;
+  LoanPool<std::vector<std::uint8_t>> jpegs_;
+  Outlets<Raymap> outlets_;
+  Outlet<Raymap>& published_;
   JpegEncoder jpeg_;
-  std::size_t buffers_made_ = 0;
   std::atomic<bool> wanted_{false};
   std::atomic<bool> pixels_wanted_{true};
   std::atomic<std::uint32_t> every_{1};

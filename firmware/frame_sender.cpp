@@ -8,81 +8,103 @@ namespace nodal::firmware {
 
 Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
   if (asked_) return fail(Errc::kBusy, "a frame set is on its way to another host, or to this one; ask again after it");
-  TappedSet places;
-  std::size_t bytes = 0;
-  for (std::size_t i = 0; i < heads.size(); ++i) {
-    if (!heads[i] || heads[i]->format == PixelFormat::kMjpeg) continue;
-    places.places[i] = {heads[i]->format, heads[i]->width, heads[i]->height, bytes, {}};
-    places.wanted |= head_bit(i);
-    bytes += packed_size(heads[i]->format, heads[i]->width, heads[i]->height);
-  }
-  if (places.wanted == 0) return fail(Errc::kNotReady, "no head has delivered a picture yet; status says why");
+  if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
+  SetCopy copy = SetCopy::places_for(heads, memory_);
+  if (copy.wanted == 0) return fail(Errc::kNotReady, "no head has delivered a picture yet; status says why");
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
-  if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
-  memory_->resize(bytes);
-  places.bytes = memory_;
-  NODAL_ASSERT(tap_.want(std::move(places)));
-  asked_ = Asked{client.number(), *stream, now, false};
+  sets_.drop_waiting();
+  sets_.set_open(true);
+  asked_ = Asked{client.number(), *stream, now, std::move(copy), false, false};
   return stream;
 }
 
-bool FrameSender::step(const Clients& clients, Instant now) {
-  if (!asked_) return false;
+/// Null when it has gone, or when it has stopped the stream or taken all of it.
+Client* FrameSender::asking_client(const Clients& clients) const {
   const auto found = std::find_if(clients.begin(), clients.end(),
                                   [&](const auto& client) { return client->number() == asked_->client; });
-  // A stream that the host has stopped counts nothing any more, as one that has gone out whole.
-  Client* client = found == clients.end() || (*found)->finished() ? nullptr : found->get();
-  if (client && !client->session().counts(asked_->stream)) client = nullptr;
-  if (asked_->filled) {
-    const bool going_out = client || memory_.use_count() > 1;
+  Client* const client = found == clients.end() || (*found)->finished() ? nullptr : found->get();
+  return client && client->session().counts(asked_->stream) ? client : nullptr;
+}
+
+bool FrameSender::step(const Clients& clients, Instant now) {
+  follow_adoptions();
+  if (!asked_) return false;
+  Client* const client = asking_client(clients);
+  if (asked_->sent) {
+    const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
     if (going_out && now - asked_->since <= kSlowest) return false;
     if (client) {
       client->session().close_stream(asked_->stream, Error{Errc::kTimeout, "this host did not take the frame set within " +
                                                            std::to_string(kSlowest.ms() / 1000) + " s"});
     }
     if (going_out) memory_.reset();  // it goes with that host's session
-    asked_.reset();
+    end();
     return true;
   }
-  if (auto set = tap_.take()) {
-    asked_->filled = true;
+  if (!client) {
+    end();
+    return true;
+  }
+  if (!asked_->copied) {
+    if (const auto set = sets_.take()) {
+      asked_->copy.fill(**set);
+      asked_->copied = true;
+      sets_.set_open(false);
+    }
+  }
+  // The blend says which calibration is in force for the set when it has begun it or a later one.
+  if (asked_->copied && blender_.sets_begun() > asked_->copy.set) {
+    follow_adoptions();
+    asked_->sent = true;
     asked_->since = now;
-    if (client) send(*client, std::move(*set));
+    send(*client);
     return true;
   }
-  if (client && now - asked_->since <= kPatience) return false;
-  if (!tap_.withdraw()) return false;  // it is being filled just now
-  if (client) {
-    client->session().close_stream(
-        asked_->stream, Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
-                                                   " s: no frames come, or the blend is behind; status says which"});
-  }
-  asked_.reset();
+  if (now - asked_->since <= kPatience) return false;
+  client->session().close_stream(
+      asked_->stream, Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
+                                                 " s: no frames come, or the blend is behind; status says which"});
+  end();
   return true;
 }
 
-void FrameSender::send(Client& client, TappedSet set) {
+void FrameSender::end() {
+  asked_.reset();
+  sets_.set_open(false);
+  sets_.drop_waiting();
+}
+
+void FrameSender::follow_adoptions() {
+  while (auto adoption = blender_.adoptions_out().pop()) {
+    before_ = in_force_;
+    in_force_ = adoption;
+  }
+}
+
+void FrameSender::send(Client& client) {
+  const SetCopy& set = asked_->copy;
   wire::FrameSetHeader header;
   header.set_set(set.set);
   header.set_mid_exposure_ns(static_cast<std::uint64_t>(set.mid_exposure.ns()));
-  if (set.blended) header.set_calibration_id(sha256_to_wire(set.calibration));
+  const auto& calibration = in_force_ && in_force_->first_set <= set.set ? in_force_ : before_;
+  if (calibration) header.set_calibration_id(sha256_to_wire(calibration->calibration));
   header.set_spread_ns(static_cast<std::uint64_t>(set.sync.spread.ns()));
   header.set_genlock(std::string(genlock_state_name(set.sync.state)));
   for (std::size_t i = 0; i < config_.heads.size(); ++i) {
     if ((set.heads & head_bit(i)) == 0) continue;
-    const TappedSet::Place& place = set.places[i];
+    const SetCopy::Place& place = set.places[i];
     wire::HeadPicture& picture = *header.add_heads();
     picture.set_index(static_cast<std::uint32_t>(i));
     picture.set_name(config_.heads[i].name);
-    picture.set_format(std::string(pixel_format_name(place.format)));
-    picture.set_width(static_cast<std::uint32_t>(place.width));
-    picture.set_height(static_cast<std::uint32_t>(place.height));
+    picture.set_format(std::string(pixel_format_name(place.shape.format)));
+    picture.set_width(static_cast<std::uint32_t>(place.shape.width));
+    picture.set_height(static_cast<std::uint32_t>(place.shape.height));
     picture.set_offset(place.offset);
     picture.set_exposure_ns(static_cast<std::uint64_t>(place.in_effect.exposure.duration().ns()));
     picture.set_gain_mdb(place.in_effect.gain.mdb());
   }
-  (void)client.session().offer(asked_->stream, BulkItem{header.SerializeAsString(), std::move(set.bytes), 0});
+  (void)client.session().offer(asked_->stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
   client.session().close_stream(asked_->stream);
 }
 

@@ -2,12 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <vector>
 
-#include "firmware/calibration_keeper.h"
+#include "firmware/blender.h"
 #include "firmware/client.h"
 #include "firmware/config.h"
-#include "firmware/frame_tap.h"
+#include "firmware/outlet.h"
+#include "firmware/set_copy.h"
 #include "firmware/publisher.h"
 #include "protocol/base/result.h"
 
@@ -18,17 +21,19 @@ namespace nodal::firmware {
 /// taken from it.
 ///
 /// Threading: thread-bound to control.
-/// Ownership: keeps the memory of one set; the tap outlives it.
+/// Ownership: keeps the memory of one set; the outlet and the blend outlive it.
 /// Errors: start()'s: kBusy, kNotReady; later ones end the stream: kOverload, kTimeout.
 class FrameSender {
  public:
-  FrameSender(const RigConfig& config, FrameTap& tap) : config_(config), tap_(tap) {}
+  FrameSender(const RigConfig& config, Outlet<SetLoan>& sets, Blender& blender)
+      : config_(config), sets_(sets), blender_(blender) {}
 
   /// Opens the stream that the set will come on. `heads`: what each delivers.
   Result<StreamId> start(Client& client, const HeadShapes& heads, Instant now);
   /// True when it did something.
   bool step(const Clients& clients, Instant now);
 
+  static constexpr OutletSpec kSets{"frame-sets", OutletPolicy::kLatest, 1, 1};
   static constexpr Duration kPatience = Duration::seconds(3);
   static constexpr Duration kSlowest = Duration::seconds(120);
 
@@ -37,14 +42,21 @@ class FrameSender {
     std::uint64_t client = 0;
     StreamId stream = 0;
     Instant since;
-    bool filled = false;
+    SetCopy copy;
+    bool copied = false;
+    bool sent = false;
   };
-  void send(Client& client, TappedSet set);
+  Client* asking_client(const Clients& clients) const;
+  void follow_adoptions();
+  void send(Client& client);
+  void end();
 
   const RigConfig config_;
-  FrameTap& tap_;
+  Outlet<SetLoan>& sets_;  ///< open while a set is asked for and not copied yet
+  Blender& blender_;
+  std::optional<Blender::Adoption> in_force_, before_;  ///< the newest calibration of the blend, and the one before
   std::optional<Asked> asked_;
-  Buffer memory_;
+  std::shared_ptr<std::vector<std::uint8_t>> memory_;
 };
 
 }  // namespace nodal::firmware

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "hal/head.h"
+#include "protocol/base/loan.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
@@ -56,6 +58,14 @@ struct SyncEvidence {
   std::array<Duration, kMaxHeads> offset{};  ///< each frame's mid-exposure after the set's
 };
 
+/// What a head delivers, as far as is known: nothing while it was never open.
+struct HeadShape {
+  PixelFormat format = PixelFormat::kI420;
+  int width = 0;
+  int height = 0;
+};
+using HeadShapes = std::vector<std::optional<HeadShape>>;
+
 /// The frames of one trigger. Heads whose bit is not in `mask` have no picture in it.
 struct FrameSet {
   std::uint64_t number = 0;  ///< counts the rig's sets from 0, without gaps
@@ -67,5 +77,8 @@ struct FrameSet {
 
   bool has(std::size_t head) const { return (mask & head_bit(head)) != 0; }
 };
+
+/// A holder's share of a set. The heads get their buffers back when the last holder gives it up.
+using SetLoan = Loan<FrameSet>;
 
 }  // namespace nodal::firmware

@@ -11,16 +11,11 @@
 namespace nodal::firmware {
 namespace {
 
-/// Gives back those that no session holds any more. Sessions live on this thread, so the count is exact.
-bool reclaim_from(std::vector<Buffer>& out, SpscRing<Buffer>& free) {
-  bool any = false;
-  for (std::size_t i = out.size(); i-- > 0;) {
-    if (out[i].use_count() != 1) continue;
-    NODAL_ASSERT(free.push(std::move(out[i])));
-    out.erase(out.begin() + static_cast<std::ptrdiff_t>(i));
-    any = true;
-  }
-  return any;
+/// The loan's bytes as sessions send them; the loan ends with the last of the copies.
+SharedBytes shared_bytes(const Buffer& loan) {
+  if (!loan) return nullptr;
+  const auto holder = std::make_shared<const Buffer>(loan);
+  return SharedBytes(holder, &**holder);
 }
 
 bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
@@ -31,13 +26,6 @@ bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
 }
 
 }  // namespace
-
-Publisher::Publisher(const RaymapConfig& config, SpscRing<Raymap>& raymaps_in, SpscRing<Buffer>& pixels_free,
-                     SpscRing<Buffer>& jpegs_free)
-    : config_(config), raymaps_in_(raymaps_in), pixels_free_(pixels_free), jpegs_free_(jpegs_free) {
-  pixels_out_.reserve(Blender::kMaxBuffers);
-  jpegs_out_.reserve(EncodeStage::kMaxBuffers);
-}
 
 Result<StreamId> Publisher::start(Client& client, const wire::PullRequest& request) {
   if (client.pulls.size() >= kMaxPulls) {
@@ -67,22 +55,18 @@ Status Publisher::stop(Client& client, StreamId stream) {
 }
 
 bool Publisher::step(const Clients& clients, Instant now) {
-  bool any = reclaim();
   held_up_ = false;
   for (const auto& client : clients) {
     forget_ended(*client);
     held_up_ |= holds_up(*client, now);
   }
-  if (held_up_) return any;
-  auto raymap = raymaps_in_.pop();
-  if (!raymap) return any;
+  if (held_up_) return false;
+  const auto raymap = raymaps_in_.take();
+  if (!raymap) return false;
   bool given = false;
   for (const auto& client : clients) given |= offer(*client, *raymap);
   if (given) ++published_;
   if (raymap->shed) ++shed_;
-  if (raymap->pixels) pixels_out_.push_back(std::move(raymap->pixels));
-  if (raymap->jpeg) jpegs_out_.push_back(std::move(raymap->jpeg));
-  reclaim();
   return true;
 }
 
@@ -113,7 +97,7 @@ bool Publisher::offer(Client& client, const Raymap& raymap) {
   for (auto& [stream, pull] : client.pulls) {
     const bool jpeg = pull.coding == wire::PullRequest::JPEG;
     const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
-    const bool there = jpeg ? raymap.jpeg && !raymap.jpeg->empty() : evidence || raymap.pixels != nullptr;
+    const bool there = jpeg ? static_cast<bool>(raymap.jpeg) : evidence || raymap.pixels;
     // It is a set's; its second field has no other.
     const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
     const bool shed = raymap.shed && !pull.lossless && !evidence;
@@ -155,7 +139,7 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
     header.set_full_exposure_ns(exp2_stops(std::clamp(*info.linear->full, -9 * kStop, 40 * kStop), 1000));
   }
   fill_sync(info, header);
-  return BulkItem{header.SerializeAsString(), jpeg ? raymap.jpeg : raw ? raymap.pixels : nullptr, 0};
+  return BulkItem{header.SerializeAsString(), shared_bytes(jpeg ? raymap.jpeg : raw ? raymap.pixels : Buffer()), 0};
 }
 
 void Publisher::forget_ended(Client& client) {
@@ -186,11 +170,6 @@ bool Publisher::lossless_wanted(const Clients& clients) {
     return std::any_of(client->pulls.begin(), client->pulls.end(),
                        [](const auto& pull) { return pull.second.lossless && !pull.second.ended; });
   });
-}
-
-bool Publisher::reclaim() {
-  const bool pixels = reclaim_from(pixels_out_, pixels_free_);
-  return reclaim_from(jpegs_out_, jpegs_free_) || pixels;
 }
 
 }  // namespace nodal::firmware

@@ -6,26 +6,24 @@
 
 #include "firmware/client.h"
 #include "firmware/config.h"
+#include "firmware/outlet.h"
 #include "firmware/raymap.h"
 #include "protocol/base/result.h"
-#include "protocol/base/spsc_ring.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
 
 using Clients = std::vector<std::unique_ptr<Client>>;
 
-/// Hands raymaps to the clients that pull, all from the same memory, and gives the buffers back when the last has
-/// sent them. A slow client is given the newest it can take and told how many it missed; a lossless one holds the
+/// Hands raymaps to the clients that pull, all from the same memory, which is free again when the last has sent it. A slow client is given the newest it can take and told how many it missed; a lossless one holds the
 /// rig up until it has taken its share, for at most kPatience without a sign of life.
 ///
-/// Threading: thread-bound to control; the rings' other ends are the encoder's and the blend's.
-/// Ownership: keeps every raymap until no session holds it.
+/// Threading: thread-bound to control; the outlet's other end is the encoder's.
+/// Ownership: sessions hold loans of the raymaps that they send.
 /// Errors: start() says why a pull cannot begin.
 class Publisher {
  public:
-  Publisher(const RaymapConfig& config, SpscRing<Raymap>& raymaps_in, SpscRing<Buffer>& pixels_free,
-            SpscRing<Buffer>& jpegs_free);
+  Publisher(const RaymapConfig& config, Outlet<Raymap>& raymaps_in) : config_(config), raymaps_in_(raymaps_in) {}
 
   /// Opens the stream of a pull. Errors: kOverload when the client has too many already.
   Result<StreamId> start(Client& client, const wire::PullRequest& request);
@@ -57,14 +55,9 @@ class Publisher {
   bool offer(Client& client, const Raymap& raymap);
   BulkItem item(const Raymap& raymap, wire::PullRequest::Coding coding) const;
   static void forget_ended(Client& client);
-  bool reclaim();
 
   const RaymapConfig config_;
-  SpscRing<Raymap>& raymaps_in_;
-  SpscRing<Buffer>& pixels_free_;
-  SpscRing<Buffer>& jpegs_free_;
-  std::vector<Buffer> pixels_out_;  ///< with clients
-  std::vector<Buffer> jpegs_out_;
+  Outlet<Raymap>& raymaps_in_;
   bool held_up_ = false;
   std::uint64_t published_ = 0;
   std::uint64_t shed_ = 0;

@@ -10,6 +10,7 @@
 
 #include "firmware/frame_set.h"
 #include "protocol/base/field.h"
+#include "protocol/base/loan.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 #include "stitch/blend/blend_table.h"
@@ -20,8 +21,8 @@
 
 namespace nodal::firmware {
 
-/// Bytes that one stage fills, the next read, and sessions send without a copy.
-using Buffer = std::shared_ptr<std::vector<std::uint8_t>>;
+/// Bytes that one stage fills and several outlets read without a copy; the stage's pool lends them.
+using Buffer = Loan<std::vector<std::uint8_t>>;
 
 /// A calibration in the form that runs: its tables, compiled and proven. Immutable.
 struct InstalledCalibration {
@@ -30,7 +31,7 @@ struct InstalledCalibration {
   /// One for whole frames; or one a field, that of the field exposed first before the other's.
   std::vector<blend::BlendTable> tables;
   blend::SetTone tone;  ///< of heads exposed as they were when calibrated
-  Buffer prepared;      ///< the blender's, for what a table asks to be made of heads' pictures before the blend
+  std::shared_ptr<std::vector<std::uint8_t>> prepared;  ///< the blender's, for what a table asks to be made of heads' pictures before the blend
   blend::MeterTable meter;
   blend::ToneTable exposures;  ///< undoes what heads are exposed differently by
 };
@@ -57,8 +58,8 @@ struct RaymapInfo {
   std::optional<blend::LinearScale> linear;  ///< of raymaps of 16 bits
 };
 
-/// A raymap on its way: `pixels` packed in the table's format, past the encoder only where somebody wants them; `jpeg` when
-/// somebody wants it so.
+/// A raymap on its way: `pixels` packed in the table's format, past the encoder only where a client pulls pixels; `jpeg`
+/// where one pulls JPEGs.
 struct Raymap {
   RaymapInfo info;
   bool shed = false;  ///< the board is overloaded: for lossless clients only

@@ -306,7 +306,7 @@ wire::RigStatus Control::status(Instant now) {
   const Blender::Counts& counts = stages_.blender.counts();
   const auto read = [](const std::atomic<std::uint64_t>& count) { return count.load(std::memory_order_relaxed); };
   status.set_raymaps(read(counts.blended));
-  add_count(*status.mutable_set_losses(), "overload", capture_->sets_not_taken);
+  add_count(*status.mutable_set_losses(), "overload", sets_missed_by_blend());
   add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
   add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
   add_count(*status.mutable_set_losses(), "shed", read(counts.shed));

@@ -54,7 +54,7 @@ void RigThreads::stop() {
 
 bool RigThreads::frame_path_empty() const {
   firmware::Blender& blender = rig_.blender();
-  return !rig_.capture().sets_out().full() && blender.idle() &&
+  return blender.sets_in().empty() && blender.idle() &&
          blender.counts().blended.load() == rig_.encoder().steps();
 }
 

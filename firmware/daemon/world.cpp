@@ -27,7 +27,7 @@ using firmware::PortKind;
 using firmware::RigConfig;
 using firmware::SimConfig;
 
-constexpr int kHeadBuffers = 8;  ///< frames wait in up to four open sets, one queued and one blended
+constexpr int kHeadBuffers = static_cast<int>(firmware::kFramesAHead);
 
 Result<std::string> read_text(const std::filesystem::path& file, std::size_t limit) {
   const auto closed = [](std::FILE* open) { std::fclose(open); };

@@ -120,19 +120,16 @@ void Swarm::step_rest(Instant now) {
 
 /// Between capture and blend. Most sets are given back here: blending them all would cost more than everything else.
 void Swarm::look_at_set() {
-  auto& out = rig_->capture().sets_out();
-  auto set = out.pop();
+  firmware::Outlet<firmware::SetLoan>& out = rig_->blender().sets_in();
+  const auto set = out.take();
   if (!set) return;
   if (looked_at_ != (*set)->number) {
     looked_at_ = (*set)->number;
     oracle_.on_set(**set, held_up());
   }
   const bool kept_waiting = world_.now() < blend_until_;
-  if (kept_waiting || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) {
-    NODAL_ASSERT(out.push(std::move(*set)));
-  } else {
-    NODAL_ASSERT(rig_->capture().sets_back().push(std::move(*set)));
-  }
+  // What is not offered again is given back with this loan.
+  if (kept_waiting || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) out.offer(*set);
 }
 
 bool Swarm::held_up() const {

@@ -71,19 +71,29 @@ class BlenderTest : public testing::Test {
                       packed_image(config.format, config.width, config.height, pixels.data()), 0, config.height);
     return pixels;
   }
-  void blend(FrameSet& set) {
-    FrameSet* lent = &set;
-    ASSERT_TRUE(sets_in.push(std::move(lent)));
+  void lend(const FrameSet& set) {
+    const SetLoan loan = sets.take();
+    ASSERT_TRUE(loan);
+    loan.edit() = set;
+    sets_in.offer(loan);
+  }
+  void blend(const FrameSet& set) {
+    lend(set);
     while (blender.step()) {
     }
+  }
+  /// Sets that the blend still holds.
+  std::size_t held() {
+    sets.collect();
+    return sets.lent();
   }
   void install(InstalledPtr calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
 
   std::array<std::vector<std::uint8_t>, kHeads> pictures;
   hal::sim::SimClock clock;
-  SpscRing<FrameSet*> sets_in{1};
-  SpscRing<FrameSet*> sets_back{16};
-  Blender blender{raymap_config(), clock, sets_in, sets_back};
+  LoanPool<FrameSet> sets{6};
+  Outlet<SetLoan> sets_in{Blender::kSets, true};
+  Blender blender{raymap_config(), clock, sets_in};
 
  private:
   std::uint32_t random_ = 1;
@@ -92,7 +102,7 @@ class BlenderTest : public testing::Test {
 TEST_F(BlenderTest, WithoutACalibration_SetsGoBackAndAreCounted) {
   FrameSet set = full_set(0);
   blend(set);
-  EXPECT_EQ(sets_back.pop(), &set);
+  EXPECT_EQ(held(), 0u);
   EXPECT_EQ(blender.counts().without_calibration.load(), 1u);
   EXPECT_FALSE(blender.raymaps_out().pop());
   EXPECT_TRUE(blender.idle());
@@ -104,7 +114,7 @@ TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
   FrameSet set = full_set(7);
   set.sync.trigger = 9;
   blend(set);
-  EXPECT_EQ(sets_back.pop(), &set);
+  EXPECT_EQ(held(), 0u);
   const auto raymap = blender.raymaps_out().pop();
   ASSERT_TRUE(raymap);
   EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
@@ -146,8 +156,7 @@ TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
   const InstalledPtr second = installed("two", 2);
   install(first);
   FrameSet set = full_set(0);
-  FrameSet* lent = &set;
-  ASSERT_TRUE(sets_in.push(std::move(lent)));
+  lend(set);
   ASSERT_TRUE(blender.step());  // adopts and begins
   install(second);              // while the raymap is under way
   while (blender.step()) {
@@ -158,13 +167,18 @@ TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
   FrameSet next = full_set(1);
   blend(next);
   EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, second->id);
+  EXPECT_EQ(blender.sets_begun(), 2u);
+  for (std::uint64_t from = 0; from < 2; ++from) {
+    const auto adoption = blender.adoptions_out().pop();
+    ASSERT_TRUE(adoption);
+    EXPECT_EQ(adoption->first_set, from);
+    EXPECT_EQ(adoption->calibration, from == 0 ? first->id : second->id);
+  }
 }
 
 TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
   install(installed("one", 1));
-  std::vector<FrameSet> sets;
-  for (std::uint64_t i = 0; i < 4; ++i) sets.push_back(full_set(i));
-  for (std::size_t i = 0; i <= Blender::kRaymapsWaiting; ++i) blend(sets[i]);
+  for (std::uint64_t i = 0; i <= Blender::kRaymapsWaiting; ++i) blend(full_set(i));
   EXPECT_FALSE(blender.idle());
   EXPECT_EQ(blender.counts().blended.load(), Blender::kRaymapsWaiting);
   for (std::uint64_t i = 0; i <= Blender::kRaymapsWaiting; ++i) {
@@ -199,7 +213,7 @@ TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfThei
   set.second_field = Duration::milliseconds(20);
   for (std::size_t i = 0; i < kHeads; ++i) set.frames[i].fields = Fields::kBottomFirst;
   blend(set);
-  EXPECT_EQ(sets_back.pop(), &set);
+  EXPECT_EQ(held(), 0u);
   EXPECT_EQ(blender.counts().blended.load(), 2u);
   for (int number = 0; number < 2; ++number) {
     const auto raymap = blender.raymaps_out().pop();
@@ -249,7 +263,7 @@ TEST_F(BlenderTest, ATableAFieldAndOneBufferLeft_CostsTheWholeSet) {
     blend(set);
     while (auto raymap = blender.raymaps_out().pop()) kept.push_back(std::move(*raymap));
     if (i == 0 || i == Blender::kMaxBuffers / 2) {  // one of two: so that an odd one is left, until the other comes too
-      ASSERT_TRUE(blender.pixels_free().push(std::move(kept[i == 0 ? 0 : 1].pixels)));
+      kept[i == 0 ? 0 : 1].pixels = {};
     }
   }
   EXPECT_EQ(kept.size(), Blender::kMaxBuffers + 2);
@@ -267,7 +281,6 @@ TEST_F(BlenderTest, BuffersThatComeBack_AreUsedAgain) {
     ASSERT_TRUE(raymap);
     if (!first) first = raymap->pixels->data();
     EXPECT_EQ(raymap->pixels->data(), first);
-    ASSERT_TRUE(blender.pixels_free().push(std::move(raymap->pixels)));
   }
 }
 
@@ -287,13 +300,13 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   const std::array<InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
   constexpr std::uint64_t kSets = 300;
-  std::vector<FrameSet> sets;
+  std::vector<FrameSet> filled;
   for (std::uint64_t i = 0; i < 6; ++i) {
-    sets.push_back(full_set(i));
-    sets.back().mask &= ~(i == 0 ? 0U : head_bit(i % kHeads));
+    filled.push_back(full_set(i));
+    filled.back().mask &= ~(i == 0 ? 0U : head_bit(i % kHeads));
   }
   std::vector<std::vector<std::uint8_t>> expected;
-  for (const FrameSet& set : sets) expected.push_back(whole(set, *calibrations[0]));
+  for (const FrameSet& set : filled) expected.push_back(whole(set, *calibrations[0]));
 
   std::atomic<bool> stop{false};
   std::vector<std::thread> threads;
@@ -305,20 +318,13 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     });
   }
   // This thread is capture, encoder and keeper.
-  std::vector<FrameSet*> free;
-  for (FrameSet& set : sets) free.push_back(&set);
   std::uint64_t given = 0;
   std::uint64_t got = 0;
   while (got < kSets) {
-    if (given < kSets && !free.empty()) {
-      FrameSet* set = free.back();
-      if (sets_in.push(std::move(set))) {
-        free.pop_back();
-        ++given;
-      }
-    }
-    while (auto set = sets_back.pop()) free.push_back(*set);
+    if (given < kSets && !sets_in.full()) lend(filled[given++ % filled.size()]);
     while (blender.tables_out().pop()) {
+    }
+    while (blender.adoptions_out().pop()) {
     }
     if (given % 50 == 49) {
       InstalledPtr next = calibrations[(given / 50) % 2];
@@ -331,7 +337,6 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     }
     ++got;
     ASSERT_EQ(*raymap->pixels, expected[raymap->info.set]) << "raymap " << got;
-    ASSERT_TRUE(blender.pixels_free().push(std::move(raymap->pixels)));
   }
   stop.store(true);
   for (std::thread& thread : threads) thread.join();

@@ -10,32 +10,31 @@ namespace {
 struct Encoding : ::testing::Test {
   /// What becomes of one raymap, and of its pixels.
   Raymap step() {
-    auto pixels = std::make_shared<std::vector<std::uint8_t>>(packed_size(config.format, config.width, config.height));
-    address = pixels->data();
     Raymap raymap;
-    raymap.pixels = std::move(pixels);
+    raymap.pixels = pool.take();
+    raymap.pixels.edit().resize(packed_size(config.format, config.width, config.height));
+    address = raymap.pixels->data();
     EXPECT_TRUE(blended.push(std::move(raymap)));
     EXPECT_TRUE(stage.step());
-    return std::move(*stage.raymaps_out().pop());
+    return *stage.published().take();
   }
 
   RaymapConfig config;
   hal::sim::SimClock clock;
   SpscRing<Raymap> blended{2};
-  SpscRing<Buffer> unread{4};
-  EncodeStage stage{config, clock, blended, unread};
+  LoanPool<std::vector<std::uint8_t>> pool{4};
+  EncodeStage stage{config, clock, blended};
   const std::uint8_t* address = nullptr;
 };
 
-TEST_F(Encoding, NobodyPullsPixels_TheyGoBackToTheBlendAndTheJpegGoesOn) {
+TEST_F(Encoding, NobodyPullsPixels_TheyAreGivenUpAndTheJpegGoesOn) {
   stage.set_wanted(true, false);
   const Raymap raymap = step();
   EXPECT_FALSE(raymap.pixels);
   ASSERT_TRUE(raymap.jpeg);
   EXPECT_FALSE(raymap.jpeg->empty());
-  const auto back = unread.pop();
-  ASSERT_TRUE(back);
-  EXPECT_EQ((*back)->data(), address);
+  pool.collect();
+  EXPECT_EQ(pool.lent(), 0u);
 }
 
 TEST_F(Encoding, SomebodyPullsPixels_TheyGoOn) {
@@ -44,9 +43,41 @@ TEST_F(Encoding, SomebodyPullsPixels_TheyGoOn) {
     const Raymap raymap = step();
     ASSERT_TRUE(raymap.pixels);
     EXPECT_EQ(raymap.pixels->data(), address);
-    EXPECT_EQ(raymap.jpeg != nullptr, jpeg);
-    EXPECT_FALSE(unread.pop());
+    EXPECT_EQ(static_cast<bool>(raymap.jpeg), jpeg);
+    pool.collect();
+    EXPECT_EQ(pool.lent(), 1u);
   }
+}
+
+// An outlet beside the publisher: first slow, then stuck. The publisher misses nothing, and the other's losses are counted.
+TEST_F(Encoding, SecondOutletSlowThenStuck_ThePublisherLosesNothingAndTheLossesAreCounted) {
+  Outlet<Raymap>& slow = stage.add_outlet({"slow", OutletPolicy::kLossless, 2, 1});
+  Outlet<Raymap>& newest = stage.add_outlet({"newest", OutletPolicy::kLatest, 2, 1});
+  stage.set_wanted(false, false);
+  std::uint64_t read = 0, expected_next = 0, newest_read = 0;
+  for (std::uint64_t i = 0; i < 60; ++i) {
+    Raymap raymap;
+    raymap.info.set = i;
+    ASSERT_TRUE(blended.push(std::move(raymap)));
+    ASSERT_TRUE(stage.step());
+    const auto published = stage.published().take();
+    ASSERT_TRUE(published);
+    EXPECT_EQ(published->info.set, i);
+    if (i >= 30 || i % 3 != 2) continue;  // reads one of three, then nothing more
+    const auto kept = slow.take();
+    ASSERT_TRUE(kept);
+    EXPECT_GE(kept->info.set, expected_next);
+    expected_next = kept->info.set + 1;
+    ++read;
+    const auto last = newest.take();
+    ASSERT_TRUE(last);
+    EXPECT_EQ(last->info.set, i - 1) << "two wait, and the third is missed";
+    ++newest_read;
+  }
+  EXPECT_EQ(slow.losses().full + slow.losses().replaced + read + 2, 60u) << "two still wait";
+  EXPECT_EQ(newest.losses().full + newest.losses().replaced + newest_read + 2, 60u);
+  EXPECT_EQ(newest.losses().replaced, newest_read);
+  EXPECT_EQ(stage.published().losses().full, 0u);
 }
 
 }  // namespace
