@@ -20,6 +20,8 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kPullStop:
     case wire::Request::kFrameSet:
     case wire::Request::kAuditLog:
+    case wire::Request::kHosts:
+    case wire::Request::kHostEnd:
     case wire::Request::WHAT_NOT_SET: return false;
   }
   return true;
@@ -43,7 +45,9 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kCalibrationUse:
     case wire::Request::kCalibrationRollback:
     case wire::Request::kTrialEnd:
-    case wire::Request::kAuditLog: return Access::kControl;  // names users and processes
+    case wire::Request::kHostEnd:
+    case wire::Request::kHosts:  // names users and processes, as the audit log does
+    case wire::Request::kAuditLog: return Access::kControl;
   }
   return Access::kControl;
 }
@@ -66,6 +70,8 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kPullStop: return "pull_stop";
     case wire::Request::kFrameSet: return "frame_set";
     case wire::Request::kAuditLog: return "audit_log";
+    case wire::Request::kHosts: return "hosts";
+    case wire::Request::kHostEnd: return "host_end";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

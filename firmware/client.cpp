@@ -1,5 +1,6 @@
 #include "firmware/client.h"
 
+#include <algorithm>
 #include <array>
 
 namespace nodal::firmware {
@@ -10,6 +11,8 @@ constexpr int kReadsAStep = 4;    ///< so that one client's flood leaves time fo
 constexpr int kWritesAStep = 16;
 constexpr Duration kFarewellWithin = Duration::seconds(1);
 
+std::string seconds(Duration duration) { return std::to_string(duration.ms() / 1000) + " s"; }
+
 }  // namespace
 
 Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
@@ -19,7 +22,12 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
       access_(access),
       name_("host " + std::to_string(number) + " at " + link_->peer()),
       session_(Role::kRig, mine),
-      since_(now) {}
+      since_(now),
+      used_(now),
+      heard_(now),
+      written_(now),
+      pinged_(now),
+      frame_since_(now) {}
 
 std::string Client::who() const {
   const auto identity = link_->identity();
@@ -38,12 +46,37 @@ void Client::end(const Error& why, Instant now) {
   if (!dying_since_) dying_since_ = now;
 }
 
-bool Client::pump_in(Instant now) {
-  if (gone_ || session_.error()) return false;
-  if (!session_.peer_hello() && now - since_ > kHelloWithin) {
-    end(Error{Errc::kTimeout, "no hello came; a host says it first"}, now);
-    return true;
+bool Client::active(Instant now) const {
+  if (requests_open > 0) return true;
+  const auto waits_for_link = [&](StreamId stream) {
+    const auto counts = session_.counts(stream);
+    return counts && counts->pending > 0;
+  };
+  bool pending = frame_set && waits_for_link(*frame_set);
+  for (const auto& [stream, pull] : pulls) pending |= waits_for_link(stream);
+  const bool takes = !pulls.empty() || frame_set.has_value();
+  if (takes && (!pending || now - written_ < kStalledAfter)) return true;
+  return !uploads.empty() && now - heard_ < kStalledAfter;
+}
+
+std::optional<Error> Client::overdue(Instant now) const {
+  if (!said_hello() && now - since_ > kHelloWithin) {
+    return Error{Errc::kTimeout, "no hello came within " + seconds(kHelloWithin) + "; a host says it first"};
   }
+  const std::size_t under_way = session_.bytes_under_way();
+  const auto more = Duration::seconds(static_cast<std::int64_t>(under_way / kSlowestBytes));
+  // While this end does not read, the rest of the frame may lie in the link.
+  if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
+    return Error{Errc::kTimeout, "a frame began " + seconds(now - frame_since_) + " ago and is not whole"};
+  }
+  if (session_.version() >= kProtocolPing && now - heard_ > kSilentFor) {
+    return Error{Errc::kTimeout, "nothing came for " + seconds(kSilentFor) + ", not even answers to pings"};
+  }
+  return std::nullopt;
+}
+
+bool Client::pump_in(Instant now) {
+  if (ending()) return false;
   std::array<std::uint8_t, kReadBytes> bytes;
   bool any = false;
   for (int i = 0; i < kReadsAStep && session_.wants_input(); ++i) {
@@ -54,10 +87,24 @@ bool Client::pump_in(Instant now) {
     }
     if (*read == 0) break;
     any = true;
+    bytes_in_ += *read;
+    heard_ = now;
+    if (!uploads.empty()) used_ = now;
+    const bool fresh = session_.bytes_under_way() == 0;
     if (!session_.receive(std::span(bytes).first(*read))) {
       dying_since_ = now;
-      break;
+      return true;
     }
+    if (fresh || session_.frames_received() != frames_) frame_since_ = now;
+    frames_ = session_.frames_received();
+  }
+  if (const auto late = overdue(now)) {
+    end(*late, now);
+    return true;
+  }
+  if (now - heard_ > kPingEvery && now - pinged_ > kPingEvery) {
+    session_.ping();
+    pinged_ = now;
   }
   return any;
 }
@@ -78,6 +125,9 @@ bool Client::pump_out(Instant now) {
     }
     if (*wrote == 0) break;
     session_.sent(*wrote);
+    bytes_out_ += *wrote;
+    written_ = now;
+    if (!pulls.empty() || frame_set) used_ = now;
     any = true;
   }
   if (session_.error() && dying_since_ && now - *dying_since_ > kFarewellWithin) go(*session_.error());

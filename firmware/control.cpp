@@ -10,6 +10,7 @@ namespace {
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
 constexpr std::uint64_t kRememberTicket = 0;
 constexpr std::uint64_t kRunsWellTicket = ~std::uint64_t{0};
+constexpr Duration kTellHolding = Duration::seconds(5);  ///< a rig that loses sets now and then is not "running" between
 constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
 }  // namespace
@@ -20,9 +21,9 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
     : config_(config),
       software_(std::move(software)),
       stages_(stages),
-      listeners_(std::move(listeners)),
+      admission_(std::move(listeners)),
       started_(now),
-      uploads_(UploadLimits{kMaxCalibrationBytes, 4}),
+      uploads_(UploadLimits{kMaxCalibrationBytes, kUploadsOfAClient * Admission::kMaxClients, kUploadsOfAClient}),
       publisher_(config.raymap, stages.encoder.published()),
       frame_sender_(config, stages.frame_sets, stages.blender),
       capture_(&stages.capture.snapshot().read()),
@@ -41,8 +42,10 @@ bool Control::step(Instant now) {
   news_.step(now);
   watch_trial(now);
   restore_settings();
-  bool busy = end_asked_.load(std::memory_order_acquire) ? false : accept(now);
-  for (const auto& client : clients_) busy |= serve(*client, now);
+  const bool open = !end_asked_.load(std::memory_order_acquire);
+  bool busy = open && admission_.accept(clients_, [this](Access access) { return hello(access); }, now);
+  busy |= serve_all(now);
+  admission_.make_room(clients_, now);
   busy |= take_answers(now);
   remember_settings(now);
   answer_settings(now);
@@ -78,7 +81,7 @@ wire::Hello Control::hello(Access access) const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
   for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets",
-                              "genlock", "raymap-jpeg", "raymap-raw"}) {
+                              "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
   if (config_.signers) hello.add_features("signed-calibrations");
@@ -87,55 +90,56 @@ wire::Hello Control::hello(Access access) const {
   return hello;
 }
 
-bool Control::accept(Instant now) {
-  bool any = false;
-  for (const Listener& listener : listeners_) {
-    auto link = listener.port->accept();
-    if (!link || !*link) continue;
-    any = true;
-    clients_.push_back(std::make_unique<Client>(next_client_++, std::move(*link), listener.access,
-                                                hello(listener.access), now));
-    Client& client = *clients_.back();
-    if (clients_.size() > kMaxClients) {
-      client.end(Error{Errc::kOverload, "this rig talks to " + std::to_string(kMaxClients) +
-                                            " hosts already; end one of them first"}, now);
-      continue;
-    }
-    news_.say(NewsKind::kHosts, client.name() + " came");
-  }
-  return any;
-}
-
 void Control::drop_finished() {
   std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
     if (!client->finished()) return false;
+    uploads_.leave(client->number());
     const bool left = client->why().code == Errc::kLinkClosed;
     news_.say(NewsKind::kHosts, client->name() + (left ? " left" : " was dropped: " + client->why().text()));
     return true;
   });
 }
 
+/// In turns: what all clients share, such as capture's queue of commands, goes to another one first in each step.
+bool Control::serve_all(Instant now) {
+  if (clients_.empty()) return false;
+  bool busy = false;
+  first_served_ = (first_served_ + 1) % clients_.size();
+  for (std::size_t i = 0; i < clients_.size(); ++i) busy |= serve(*clients_[(first_served_ + i) % clients_.size()], now);
+  return busy;
+}
+
 bool Control::serve(Client& client, Instant now) {
   const bool read = client.pump_in(now);
-  bool any = false;
-  while (client.requests_open < kMaxRequests) {
+  int requests = 0;
+  int events = 0;
+  while (client.requests_open < kMaxRequests && requests < kRequestsAStep && events < kEventsAStep) {
     auto event = client.session().next_event();
     if (!event) break;
+    ++events;
+    if (std::holds_alternative<wire::Request>(*event)) ++requests;
     handle(client, *event, now);
-    any = true;
   }
-  return read || any;
+  return read || events > 0;
 }
 
 void Control::handle(Client& client, Event& event, Instant now) {
   if (const auto* request = std::get_if<wire::Request>(&event)) {
+    client.used(now);
     handle(client, *request, now);
+  } else if (std::holds_alternative<wire::Hello>(event)) {
+    client.used(now);
+    news_.say(NewsKind::kHosts, client.name() + " came");
   } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
-    if (client.access() == Access::kControl) {
-      client.uploads[opened->stream];  // hosts open streams for uploads only
-    } else {
+    if (client.access() != Access::kControl) {
       client.session().stop_stream(opened->stream, {Errc::kUnsupported, "uploads need the rig's control socket"});
+      return;
     }
+    if (const Status may = Admission::may_work(clients_, client, now); !may) {
+      client.session().stop_stream(opened->stream, may.error());
+      return;
+    }
+    client.uploads[opened->stream];  // hosts open streams for uploads only
   } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
     const auto upload = client.uploads.find(piece->stream);
     if (upload == client.uploads.end()) return;
@@ -357,6 +361,7 @@ void Control::watch(Instant now) {
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   shed(now);
+  watch_holding(now);
   const Finding found = find_condition(config_, {*capture_,
                                                  *keeper_,
                                                  rate_wanted_millihertz(),
@@ -365,7 +370,8 @@ void Control::watch(Instant now) {
                                                  now - newest_set_,
                                                  now - steady_since_,
                                                  shedding_.level(),
-                                                 settings_writer_.problem()});
+                                                 settings_writer_.problem(),
+                                                 held_until_ ? publisher_.held_by() : std::string()});
   // While a lossless client holds the rig up, the stages before it may rest.
   const bool held_up = publisher_.held_up();
   const std::string_view before = health().state;
@@ -391,6 +397,13 @@ std::uint64_t Control::sets_missed_by_blend() const {
     if (outlet.name == Blender::kSets.name) return outlet.losses.full;
   }
   return 0;  // before the first report
+}
+
+/// The rig is not "running" while sets are lost because of a host.
+void Control::watch_holding(Instant now) {
+  const std::uint64_t lost = sets_missed_by_blend() - std::exchange(not_taken_, sets_missed_by_blend());
+  if (lost > 0 && publisher_.held_up()) held_until_ = now + kTellHolding;
+  if (held_until_ && now > *held_until_) held_until_.reset();
 }
 
 void Control::shed(Instant now) {

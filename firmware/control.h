@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "firmware/access.h"
+#include "firmware/admission.h"
 #include "firmware/audit.h"
 #include "firmware/blender.h"
 #include "firmware/calibration_keeper.h"
@@ -68,11 +69,15 @@ class Control {
   void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
   wire::RigStatus status(Instant now);
 
-  static constexpr std::size_t kMaxClients = 8;
   static constexpr Duration kFarewell = Duration::milliseconds(500);
   /// Without a hanging stage, after which a start counts as good: twice what a stage may hang unnoticed.
   static constexpr Duration kRunsWellAfter = Supervisor::kStuckAfter * 2;
   static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
+  /// Of a client in a step. A status takes some 10 us to make, so a client that floods the rig with requests costs the
+  /// others less than 0.1 ms a step; what is left waits in its session, and then in its link.
+  static constexpr int kRequestsAStep = 8;
+  static constexpr int kEventsAStep = 64;  ///< of all kinds: 4 MiB of pieces
+  static constexpr std::size_t kUploadsOfAClient = 2;  ///< half there at once
 
  private:
   /// A moment that somebody at the rig wants found again.
@@ -96,11 +101,14 @@ class Control {
   static constexpr std::uint64_t kNobody = 0;  ///< a setting that is made again after a start
   static constexpr std::uint64_t kPanel = ~std::uint64_t{0};
 
-  bool accept(Instant now);
   void drop_finished();
+  bool serve_all(Instant now);
   bool serve(Client& client, Instant now);
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
+  Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
+  Status end_host(const Client& client, std::uint64_t number, Instant now);
+  void watch_holding(Instant now);
   Status set(std::uint64_t client, const wire::Request& request);
   Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
   Result<CaptureCommand> exposure_command(const wire::ExposureRequest& wish) const;
@@ -135,11 +143,11 @@ class Control {
   const RigConfig config_;
   const std::string software_;
   Stages stages_;
-  std::vector<Listener> listeners_;
+  Admission admission_;
   const Instant started_;
 
   Clients clients_;
-  std::uint64_t next_client_ = 1;
+  std::size_t first_served_ = 0;  ///< the client whose turn is first; the next one's in the next step
   std::uint64_t next_ticket_ = 1;
   std::map<std::uint64_t, Open> open_;
   std::optional<Trial> on_trial_;
@@ -163,6 +171,8 @@ class Control {
   bool told_well_ = false;               ///< to the keeper
   Supervisor supervisor_;
   Shedding shedding_;
+  std::uint64_t not_taken_ = 0;        ///< sets_missed_by_blend() when last looked at
+  std::optional<Instant> held_until_;  ///< sets were lost because of a host; told until then
   std::string end_reason_;               ///< once end_asked_
   std::atomic<bool> end_asked_{false};
   std::optional<Instant> ending_since_;

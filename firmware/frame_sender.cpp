@@ -7,7 +7,15 @@
 namespace nodal::firmware {
 
 Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
-  if (asked_) return fail(Errc::kBusy, "a frame set is on its way to another host, or to this one; ask again after it");
+  const bool others_turn = waiting_ != 0 && waiting_ != client.number() && now < waiting_until_;
+  if (asked_ || others_turn) {
+    if (!others_turn && asked_->client != client.number()) {
+      waiting_ = client.number();
+      waiting_until_ = now + kTurn;
+    }
+    return fail(Errc::kBusy, "a frame set is on its way to another host, or to this one; ask again after it");
+  }
+  waiting_ = 0;
   if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
   SetCopy copy = SetCopy::places_for(heads, memory_);
   if (copy.wanted == 0) return fail(Errc::kNotReady, "no head has delivered a picture yet; status says why");
@@ -16,6 +24,7 @@ Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Ins
   sets_.drop_waiting();
   sets_.set_open(true);
   asked_ = Asked{client.number(), *stream, now, std::move(copy), false, false};
+  client.frame_set = *stream;
   return stream;
 }
 
@@ -33,17 +42,18 @@ bool FrameSender::step(const Clients& clients, Instant now) {
   Client* const client = asking_client(clients);
   if (asked_->sent) {
     const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
-    if (going_out && now - asked_->since <= kSlowest) return false;
+    if (going_out && (client ? keeps_pace(*client, now) : now - asked_->since <= kGrace)) return false;
     if (client) {
-      client->session().close_stream(asked_->stream, Error{Errc::kTimeout, "this host did not take the frame set within " +
+      client->session().close_stream(asked_->stream, Error{Errc::kTimeout, "this host takes the frame set too slowly: it " +
+                                                           std::string("would need more than ") +
                                                            std::to_string(kSlowest.ms() / 1000) + " s"});
     }
     if (going_out) memory_.reset();  // it goes with that host's session
-    end();
+    end(clients);
     return true;
   }
   if (!client) {
-    end();
+    end(clients);
     return true;
   }
   if (!asked_->copied) {
@@ -65,14 +75,27 @@ bool FrameSender::step(const Clients& clients, Instant now) {
   client->session().close_stream(
       asked_->stream, Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
                                                  " s: no frames come, or the blend is behind; status says which"});
-  end();
+  end(clients);
   return true;
 }
 
-void FrameSender::end() {
+void FrameSender::end(const Clients& clients) {
+  for (const auto& client : clients) {
+    if (client->number() == asked_->client) client->frame_set.reset();
+  }
   asked_.reset();
   sets_.set_open(false);
   sets_.drop_waiting();
+}
+
+bool FrameSender::keeps_pace(const Client& client, Instant now) const {
+  const Duration taken = now - asked_->since;
+  if (taken <= kGrace) return true;
+  const auto counts = client.session().counts(asked_->stream);
+  if (!counts || taken > kSlowest) return false;
+  const auto due = memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
+                   static_cast<std::uint64_t>(kSlowest.ms());
+  return counts->bytes >= due;
 }
 
 void FrameSender::follow_adoptions() {

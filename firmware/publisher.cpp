@@ -18,6 +18,9 @@ SharedBytes shared_bytes(const Buffer& loan) {
   return SharedBytes(holder, &**holder);
 }
 
+/// Buffers that a pull may keep.
+std::size_t pins(bool lossless) { return lossless ? Publisher::kLosslessQueue : 1; }
+
 bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
   return std::any_of(clients.begin(), clients.end(), [&](const auto& client) {
     return std::any_of(client->pulls.begin(), client->pulls.end(),
@@ -27,9 +30,23 @@ bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
 
 }  // namespace
 
-Result<StreamId> Publisher::start(Client& client, const wire::PullRequest& request) {
+bool HoldBudget::step(bool held, Instant now) {
+  const Duration passed = last_ ? std::min(now - *last_, kLongestStep) : Duration();
+  last_ = now;
+  left_ = held ? left_ - passed : std::min(kMost, left_ + Duration::nanoseconds(passed.ns() / kShare));
+  return left_ > Duration();
+}
+
+Result<StreamId> Publisher::start(const Clients& clients, Client& client, const wire::PullRequest& request) {
   if (client.pulls.size() >= kMaxPulls) {
     return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
+  }
+  std::size_t pinned = pins(request.lossless());
+  for (const auto& other : clients) {
+    for (const auto& [stream, pull] : other->pulls) pinned += pins(pull.lossless);
+  }
+  if (pinned > kMaxPinned) {
+    return fail(Errc::kOverload, "hosts pull as often as this rig has buffers for; `nodal hosts` lists them and can end one");
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
     return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
@@ -55,10 +72,16 @@ Status Publisher::stop(Client& client, StreamId stream) {
 }
 
 bool Publisher::step(const Clients& clients, Instant now) {
+  const bool in_budget = budget_.step(held_up_, now);
   held_up_ = false;
   for (const auto& client : clients) {
     forget_ended(*client);
-    held_up_ |= holds_up(*client, now);
+    if (!in_budget) end_holding(*client);
+    for (const auto& [stream, pull] : client->pulls) {
+      if (!holds_up(*client, pull, stream)) continue;
+      held_up_ = true;
+      held_by_ = client->name();
+    }
   }
   if (held_up_) return false;
   const auto raymap = raymaps_in_.take();
@@ -70,26 +93,23 @@ bool Publisher::step(const Clients& clients, Instant now) {
   return true;
 }
 
-bool Publisher::holds_up(Client& client, Instant now) {
-  bool held = false;
+bool Publisher::holds_up(const Client& client, const Pull& pull, StreamId stream) const {
+  if (!pull.lossless || pull.ended || client.ending()) return false;
+  const auto counts = client.session().counts(stream);
+  return counts && counts->pending >= kLosslessQueue;
+}
+
+void Publisher::end_holding(Client& client) {
   for (auto& [stream, pull] : client.pulls) {
-    const auto counts = client.session().counts(stream);
-    if (!pull.lossless || pull.ended || !counts || counts->pending < kLosslessQueue) {
-      pull.stuck_since.reset();
-      continue;
-    }
-    if (counts->delivered != pull.delivered || !pull.stuck_since) pull.stuck_since = now;
-    pull.delivered = counts->delivered;
-    if (now - *pull.stuck_since > kPatience) {
-      const Error why{Errc::kTimeout, "this lossless pull held the rig up and took nothing for " +
-                                          std::to_string(kPatience.ms() / 1000) + " s"};
-      client.session().close_stream(stream, why);
-      pull.ended = true;
-      continue;
-    }
-    held = true;
+    if (!holds_up(client, pull, stream)) continue;
+    client.session().close_stream(
+        stream, Error{Errc::kTimeout, "this lossless pull is too slow: hosts may hold the rig up for " +
+                                          std::to_string(HoldBudget::kMost.ms() / 1000) + " s and one part in " +
+                                          std::to_string(HoldBudget::kShare) +
+                                          " of the time, and that is used up; what came so far is complete. Pull JPEGs, "
+                                          "over a faster link, or without --lossless"});
+    pull.ended = true;
   }
-  return held;
 }
 
 bool Publisher::offer(Client& client, const Raymap& raymap) {

@@ -49,7 +49,7 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       break;
     case wire::Request::kUploadBegin: {
       const auto name = sha256_from_wire(request.upload_begin().sha256());
-      const auto offset = name ? uploads_.begin(*name, request.upload_begin().length()) : fail(name.error());
+      const auto offset = name ? uploads_.begin(*name, request.upload_begin().length(), client.number()) : fail(name.error());
       if (offset) answer.mutable_upload()->set_offset(*offset);
       else done = fail(offset.error());
       break;
@@ -65,20 +65,9 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       later = true;
       done = ask_keeper(client, request, keeper_question(request));
       break;
-    case wire::Request::kPull: {
-      if (!keeper_->in_force) {
-        done = fail(Errc::kNotReady, "there are no raymaps yet: " + (keeper_->activity.empty()
-                                         ? "no calibration is in force; upload one: nodal calibration upload FILE"
-                                         : keeper_->activity));
-        break;
-      }
-      const auto stream = publisher_.start(client, request.pull());
-      if (stream) answer.mutable_pull()->set_stream(*stream);
-      else done = fail(stream.error());
-      break;
-    }
+    case wire::Request::kPull:
     case wire::Request::kFrameSet: {
-      const auto stream = frame_sender_.start(client, head_shapes(), now);
+      const auto stream = start_work(client, request, now);
       if (stream) answer.mutable_pull()->set_stream(*stream);
       else done = fail(stream.error());
       break;
@@ -90,6 +79,11 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     case wire::Request::kAuditLog:
       answer.mutable_audit_log()->set_now_ns(static_cast<std::uint64_t>((now - started_).ns()));
       fill_audit(audit_, started_, *answer.mutable_audit_log());
+      break;
+    case wire::Request::kHosts: fill_hosts(clients_, client, now, *answer.mutable_hosts()); break;
+    case wire::Request::kHostEnd:
+      done = end_host(client, request.host_end().number(), now);
+      if (done) answer.mutable_done();
       break;
     case wire::Request::WHAT_NOT_SET:
       done = fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that request");
@@ -118,6 +112,28 @@ void Control::audit(const Open& open, const std::optional<Sha256>& in_force, con
   news_.say(NewsKind::kChanges,
             audit_.record({0, now, open.who, std::string(request_name(open.request)), open.before,
                            values_after(open.request, in_force), std::move(error)}));
+}
+
+Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
+  if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
+  if (request.has_frame_set()) return frame_sender_.start(client, head_shapes(), now);
+  if (!keeper_->in_force) {
+    return fail(Errc::kNotReady, "there are no raymaps yet: " + (keeper_->activity.empty()
+                                     ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                     : keeper_->activity));
+  }
+  return publisher_.start(clients_, client, request.pull());
+}
+
+Status Control::end_host(const Client& client, std::uint64_t number, Instant now) {
+  Client* const ended = find(number);
+  if (!ended || ended->ending()) {
+    return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
+  }
+  if (ended == &client) return fail(Errc::kBadValue, "this is the host that asks");
+  ended->end(Error{Errc::kCancelled, client.name() + " ended this conversation"}, now);
+  news_.say(NewsKind::kHosts, client.name() + " ended " + ended->name());
+  return {};
 }
 
 /// Asks capture for a setting, for a client or one of those that need no answer.

@@ -2,10 +2,40 @@
 
 #include <algorithm>
 
+#include "firmware/publisher.h"
 #include "protocol/base/text.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kLongestSoftware = 60;  ///< bytes of what a host calls itself
+
+}  // namespace
+
+void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into) {
+  const auto since = [&](Instant then) { return static_cast<std::uint64_t>((now - then).ns()); };
+  for (const auto& client : clients) {
+    if (client->ending()) continue;
+    wire::HostState& host = *into.add_hosts();
+    host.set_number(client->number());
+    host.set_peer(client->peer());
+    if (client->said_hello()) host.set_software(printable(client->session().peer_hello()->software(), kLongestSoftware));
+    host.set_connected_ns(since(client->since()));
+    host.set_idle_ns(since(client->idle_since()));
+    for (const auto& [stream, pull] : client->pulls) {
+      const bool jpeg = pull.coding == wire::PullRequest::JPEG;
+      const bool raw = pull.coding == wire::PullRequest::RAW;
+      host.add_streams(std::string("pulls ") + (jpeg ? "jpeg" : raw ? "raw" : "evidence") + (pull.lossless ? " lossless" : ""));
+    }
+    if (client->frame_set) host.add_streams("pulls a frame set");
+    for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");
+    host.set_bytes_in(client->bytes_in());
+    host.set_bytes_out(client->bytes_out());
+    host.set_dropped(Publisher::dropped(*client));
+    host.set_asking(client.get() == &asking);
+  }
+}
 
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count) {
   if (count == 0) return;

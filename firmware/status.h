@@ -3,6 +3,7 @@
 
 #include "firmware/calibration_keeper.h"
 #include "firmware/capture.h"
+#include "firmware/client.h"
 #include "firmware/config.h"
 #include "firmware/raymap.h"
 #include "protocol/nodal.pb.h"
@@ -21,6 +22,8 @@ void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::R
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
+/// Who talks to the rig; `asking` is one of them.
+void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
 
 }  // namespace nodal::firmware

@@ -84,6 +84,7 @@ CommandLine::CommandLine(Console& console)
   app_.add_flag("--json", context_.json, "Answer in JSON, one document a line, for programs");
   add_status(app_, *this);
   add_heads(app_, *this);
+  add_hosts(app_, *this);
   add_exposure(app_, *this);
   add_genlock(app_, *this);
   add_calibration(app_, *this);

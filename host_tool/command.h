@@ -70,6 +70,7 @@ class CommandLine {
 // One a file; each adds its command below `app` and says what it does.
 void add_status(CLI::App& app, CommandLine& line);
 void add_heads(CLI::App& app, CommandLine& line);
+void add_hosts(CLI::App& app, CommandLine& line);
 void add_exposure(CLI::App& app, CommandLine& line);
 void add_genlock(CLI::App& app, CommandLine& line);
 void add_calibration(CLI::App& app, CommandLine& line);

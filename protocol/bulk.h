@@ -71,6 +71,7 @@ struct StreamCounts {
   std::uint64_t delivered = 0;  ///< every byte handed to output()
   std::uint64_t dropped = 0;
   std::uint64_t pending = 0;    ///< waiting, or begun and not finished
+  std::uint64_t bytes = 0;      ///< of items, handed to output()
 };
 
 }  // namespace nodal

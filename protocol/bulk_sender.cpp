@@ -71,6 +71,7 @@ std::optional<StreamCounts> BulkSender::counts(StreamId id) const {
   if (found == streams_.end()) return std::nullopt;
   StreamCounts counts = found->second.counts;
   counts.pending = found->second.queue.size();
+  counts.bytes = found->second.sent;
   return counts;
 }
 

@@ -23,6 +23,8 @@ std::string_view frame_type_name(FrameType type) {
     case FrameType::kRequest: return "request";
     case FrameType::kReply: return "reply";
     case FrameType::kBye: return "bye";
+    case FrameType::kPing: return "ping";
+    case FrameType::kPong: return "pong";
     case FrameType::kStreamOpen: return "stream-open";
     case FrameType::kBulk: return "bulk";
     case FrameType::kCredit: return "credit";

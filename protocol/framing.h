@@ -29,6 +29,8 @@ enum class FrameType : std::uint8_t {
   kRequest = 2,      ///< wire::Request
   kReply = 3,        ///< wire::Reply
   kBye = 4,          ///< wire::Error: the last frame of an end that gives up, and why
+  kPing = 5,         ///< empty; the other end answers with kPong. From protocol 2 on
+  kPong = 6,         ///< empty
   kStreamOpen = 16,  ///< wire::StreamOpen
   kBulk = 17,        ///< a piece of an item; see bulk.h
   kCredit = 18,      ///< wire::StreamCredit
@@ -88,6 +90,10 @@ class FrameDecoder {
 
   /// Whether the stream may end here: no frame is half there.
   bool at_border() const { return !failed_ && have_ == 0; }
+  /// Bytes of the frame under way that have arrived, header included.
+  std::size_t under_way() const { return have_; }
+  /// Whole frames so far.
+  std::uint32_t frames() const { return sequence_; }
 
  private:
   Status check_header();

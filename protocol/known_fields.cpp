@@ -39,6 +39,8 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kPullStop: return drop(request.mutable_pull_stop());
     case wire::Request::kFrameSet: return drop(request.mutable_frame_set());
     case wire::Request::kAuditLog: return drop(request.mutable_audit_log());
+    case wire::Request::kHosts: return drop(request.mutable_hosts());
+    case wire::Request::kHostEnd: return drop(request.mutable_host_end());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }

@@ -93,10 +93,13 @@ void Session::close(const Error& why) {
   if (!dead_) die(why, true);
 }
 
+void Session::ping() { ping_due_ = version_ >= kProtocolPing; }
+
 // --- bytes in ----------------------------------------------------------------------------------------
 
 bool Session::wants_input() const {
-  return !dead_ && event_bytes_ < kMaxEventQueueBytes && control_bytes_ < kMaxControlQueueBytes;
+  const std::size_t most = role_ == Role::kRig ? kMaxRigEventQueueBytes : kMaxEventQueueBytes;
+  return !dead_ && event_bytes_ < most && control_bytes_ < kMaxControlQueueBytes;
 }
 
 Status Session::receive(std::span<const std::uint8_t> bytes) {
@@ -132,6 +135,8 @@ Status Session::handle(const FrameView& frame) {
   switch (type) {
     case FrameType::kHello: return handle_hello(frame);
     case FrameType::kBye: return handle_bye(frame);
+    case FrameType::kPing: pong_due_ = true; return {};
+    case FrameType::kPong: return {};
     case FrameType::kStreamOpen: return handle_stream_open(frame);
     case FrameType::kStreamClose: return handle_stream_close(frame);
     case FrameType::kStreamStop: return handle_stream_stop(frame);
@@ -274,6 +279,8 @@ void Session::next_front() {
     control_.pop_front();
   }
   if (dead_ || front_.size() >= kFrontBytes) return;
+  if (std::exchange(ping_due_, false)) append_control(FrameType::kPing, 0, {});
+  if (std::exchange(pong_due_, false)) append_control(FrameType::kPong, 0, {});
   // Closes and credits are made when they go, so that any number of them takes no place while waiting.
   while (const auto credit = receiver_.next_credit()) {
     wire::StreamCredit message;

@@ -23,12 +23,17 @@ namespace nodal {
 /// Control frames that may wait to be written, and events to be taken, before a session says kOverload.
 inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
 inline constexpr std::size_t kMaxEventQueueBytes = 8U << 20;
+/// The same of a rig, which has many hosts and less memory: requests and pieces of uploads. A request in memory can be
+/// several times as large as on the wire.
+inline constexpr std::size_t kMaxRigEventQueueBytes = 1U << 20;
 
 enum class Role : std::uint8_t { kHost, kRig };
 
 /// What this program speaks. Raise kProtocolMax with CHANGES.md; raise kProtocolMin when something is gone.
 inline constexpr std::uint32_t kProtocolMin = 1;
-inline constexpr std::uint32_t kProtocolMax = 1;
+inline constexpr std::uint32_t kProtocolMax = 2;
+/// From this version on an end answers pings.
+inline constexpr std::uint32_t kProtocolPing = 2;
 
 /// A Hello with this program's versions; the caller adds what else it wants to say.
 wire::Hello make_hello(std::string software);
@@ -96,6 +101,9 @@ class Session {
   Status send(const wire::Reply& reply);
   /// Ends the conversation from this end: the peer is told why.
   void close(const Error& why);
+  /// Asks for a sign of life. Does nothing for a peer of a version without pings. A ping of the peer's is answered
+  /// without a call.
+  void ping();
 
   // --- bulk
   Result<StreamId> open_stream(StreamPolicy policy);
@@ -113,6 +121,9 @@ class Session {
   const wire::Hello* peer_hello() const { return peer_hello_ ? &*peer_hello_ : nullptr; }
   /// The version both ends speak: the highest in common. 0 until the peer's Hello came.
   std::uint32_t version() const { return version_; }
+  /// Of what came: whole frames, and bytes of a frame that is not whole yet.
+  std::uint32_t frames_received() const { return decoder_.frames(); }
+  std::size_t bytes_under_way() const { return decoder_.under_way(); }
   /// Why it is dead, or null.
   const Error* error() const { return dead_ ? &*dead_ : nullptr; }
 
@@ -159,6 +170,8 @@ class Session {
   BulkSender sender_;
   std::deque<QueuedFrame> control_;
   std::size_t control_bytes_ = 0;
+  bool ping_due_ = false;
+  bool pong_due_ = false;  // one answers any number of pings
   std::uint32_t sequence_ = 0;
   // What is being written: frames of our own, then a slice of somebody's body.
   std::vector<std::uint8_t> front_;

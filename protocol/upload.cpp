@@ -28,7 +28,29 @@ std::list<UploadReceiver::Document>::iterator UploadReceiver::find(const Sha256&
                       [&](const Document& document) { return document.sha256 == sha256; });
 }
 
-Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t length) {
+void UploadReceiver::make_room(Owner owner) {
+  const auto of = [&](Owner whose) {
+    return std::count_if(documents_.begin(), documents_.end(), [&](const Document& d) { return d.owner == whose; });
+  };
+  // The one untouched longest is the last.
+  const auto drop_last = [&](Owner whose) {
+    const auto last = std::find_if(documents_.rbegin(), documents_.rend(), [&](const Document& d) { return d.owner == whose; });
+    if (last == documents_.rend()) return false;
+    documents_.erase(std::next(last).base());
+    return true;
+  };
+  if (owner != kNoOwner && static_cast<std::size_t>(of(owner)) >= limits_.documents_of_owner) drop_last(owner);
+  if (documents_.size() < limits_.documents) return;
+  if (!drop_last(kNoOwner)) documents_.pop_back();
+}
+
+void UploadReceiver::leave(Owner owner) {
+  for (Document& document : documents_) {
+    if (document.owner == owner) document.owner = kNoOwner;
+  }
+}
+
+Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t length, Owner owner) {
   if (length > limits_.document_bytes) {
     return fail(Errc::kTooLarge, short_name(sha256) + " has " + std::to_string(length) + " bytes; at most " +
                                      std::to_string(limits_.document_bytes) + " are allowed");
@@ -37,11 +59,12 @@ Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t 
   // The same name with another length: one of the two is wrong, and nobody knows which. The newer is tried.
   if (found != documents_.end() && found->length != length) documents_.erase(found);
   if (const auto again = find(sha256); again != documents_.end()) {
+    if (again->owner == kNoOwner) again->owner = owner;
     documents_.splice(documents_.begin(), documents_, again);
     return documents_.front().bytes.size();
   }
-  if (documents_.size() == limits_.documents) documents_.pop_back();
-  documents_.push_front(Document{sha256, length, {}});
+  make_room(owner);
+  documents_.push_front(Document{sha256, length, {}, owner});
   return 0;
 }
 

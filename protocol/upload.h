@@ -26,7 +26,8 @@ std::string sha256_to_wire(const Sha256& digest);
 
 struct UploadLimits {
   std::uint64_t document_bytes = 1U << 20;  ///< the longest document
-  std::size_t documents = 4;                ///< half there at once; the one untouched longest makes room
+  std::size_t documents = 4;                ///< half there at once; then the one untouched longest makes room
+  std::size_t documents_of_owner = 2;       ///< likewise of one owner, whose own then makes room
 };
 
 /// The rig's half: documents half there, by their SHA-256. It outlives every session, so that an upload goes
@@ -41,8 +42,15 @@ class UploadReceiver {
  public:
   explicit UploadReceiver(UploadLimits limits = {});
 
-  /// The offset to go on from. What is there of a document of the same name is kept.
-  Result<std::uint64_t> begin(const Sha256& sha256, std::uint64_t length);
+  /// Whose upload it is: a number, such as a client's. kNoOwner: of somebody who has left.
+  using Owner = std::uint64_t;
+  static constexpr Owner kNoOwner = 0;
+
+  /// The offset to go on from. What is there of a document of the same name is kept. Room is made first from what has no
+  /// owner, so that who begins uploads in a loop pushes out none but its own.
+  Result<std::uint64_t> begin(const Sha256& sha256, std::uint64_t length, Owner owner = kNoOwner);
+  /// The owner has left. What it began stays for the next who sends it, until its room is needed.
+  void leave(Owner owner);
   /// Bytes of the document at `offset`. Bytes that are there already are passed over, a gap is kBadValue.
   Status write(const Sha256& sha256, std::uint64_t offset, std::span<const std::uint8_t> bytes);
   /// The whole document, checked; it is forgotten here.
@@ -54,7 +62,9 @@ class UploadReceiver {
     Sha256 sha256{};
     std::uint64_t length = 0;
     std::vector<std::uint8_t> bytes;
+    Owner owner = kNoOwner;
   };
+  void make_room(Owner owner);
   std::list<Document>::iterator find(const Sha256& sha256);
 
   UploadLimits limits_;

@@ -286,5 +286,29 @@ TEST_F(Commands, BashCompletion_OffersWhatMayFollow) {
   EXPECT_NE(offered("nodal raymap pull --format ''", "4").find(" jpg png raw"), std::string::npos);
 }
 
+TEST_F(Commands, Hosts_ListsAPullAndEndsIt) {
+  start_nodald();
+  bring_up();
+  const auto pulling = start({"raymap", "pull", "--continuous", "--out", path("live.jpg")});
+  Json puller;
+  ASSERT_TRUE(wait_until([&] {
+    for (const Json& host : nodal_json({"hosts"}).at(0)["hosts"]) {
+      if (host["streams"] == Json{"pulls jpeg"}) puller = host;
+    }
+    return !puller.is_null();
+  }));
+  EXPECT_TRUE(puller["software"].get<std::string>().starts_with("nodal "));
+  EXPECT_FALSE(puller["asking"]);
+  EXPECT_NE(nodal({"hosts"}).out.find("pulls jpeg"), std::string::npos);
+
+  const std::string number = std::to_string(puller["number"].get<int>());
+  EXPECT_EQ(nodal({"hosts", "--end", number}).code, 0);
+  const Finished ended = pulling->wait();
+  EXPECT_NE(ended.code, 0);
+  EXPECT_NE(ended.err.find("ended this conversation"), std::string::npos) << ended.err;
+  EXPECT_NE(nodal({"hosts", "--end", number}).code, 0) << "it is gone";
+  EXPECT_EQ(nodal_json({"hosts"}).at(0)["hosts"].size(), 1U) << "only the one that asks";
+}
+
 }  // namespace
 }  // namespace nodal::command_line

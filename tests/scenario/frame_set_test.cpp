@@ -126,14 +126,33 @@ TEST(FrameSets, AHostThatDoesNotRead_HoldsUpNoRaymapAndNobodyForLong) {
   const wire::RigStatus before = other.status();
   stand.run(Duration::seconds(1));
   EXPECT_GE(other.status().raymaps(), before.raymaps() + 20);
-  // While it goes out, others are told to wait; when the host is gone, they need not.
+  // While it goes out, others are told to wait, but not for long by one that does not read at all.
   wire::Reply waits = ask_set(other);
   EXPECT_TRUE(waits.has_pull() || waits.error().code() == static_cast<std::uint32_t>(Errc::kBusy));
-  stand.run(firmware::FrameSender::kSlowest);
+  stand.run(firmware::FrameSender::kGrace + Duration::seconds(1));
   waits = ask_set(other);
   ASSERT_TRUE(waits.has_pull()) << waits.error().message();
   ASSERT_TRUE(stand.run_until([&] { return other.closed.contains(waits.pull().stream()); }));
   EXPECT_EQ(received(other, waits.pull().stream()).header.heads_size(), kHeads);
+}
+
+TEST(FrameSets, AHostAsksInALoop_AnotherGetsItsTurn) {
+  Stand stand;
+  TestHost& greedy = stand.bring_up();
+  TestHost& other = stand.connect();
+  int of_greedy = 0;
+  bool served = false;
+  for (int i = 0; i < 200 && !served; ++i) {
+    of_greedy += ask_set(greedy).has_pull() ? 1 : 0;
+    stand.run(Duration::milliseconds(2));
+    // The other asks now and then, always while one of the greedy host's is under way.
+    if (i % 10 == 5) {
+      of_greedy += ask_set(greedy).has_pull() ? 1 : 0;
+      served = ask_set(other).has_pull();
+    }
+    stand.run(Duration::milliseconds(50));
+  }
+  EXPECT_TRUE(served) << "after " << of_greedy << " of the greedy host's";
 }
 
 }  // namespace

@@ -128,29 +128,6 @@ TEST(Hosts, OneSpeaksRubbish_ItAloneIsDropped) {
   EXPECT_NEAR(static_cast<double>(good.pulled[stream].size()), 33, 2);
 }
 
-TEST(Hosts, OneSaysNothing_ItIsShownTheDoor) {
-  Stand stand;
-  auto silent = stand.listener.connect();
-  stand.run(Duration::seconds(9));
-  EXPECT_EQ(stand.rig->control().clients(), 1u);
-  stand.run(Duration::seconds(3));
-  EXPECT_EQ(stand.rig->control().clients(), 0u);
-}
-
-TEST(Hosts, MoreThanARigTalksTo_AreRefusedWithAReason) {
-  Stand stand;
-  for (std::size_t i = 0; i < firmware::Control::kMaxClients; ++i) stand.connect();
-  stand.run(Duration::milliseconds(50));
-  TestHost& extra = stand.connect();
-  stand.run(Duration::milliseconds(50));
-  ASSERT_NE(extra.farewell(), nullptr);
-  EXPECT_EQ(extra.farewell()->code, Errc::kOverload);
-  EXPECT_EQ(stand.rig->control().clients(), firmware::Control::kMaxClients);
-  stand.hosts.erase(stand.hosts.begin());
-  stand.run(Duration::milliseconds(50));
-  EXPECT_EQ(stand.connect().status().state(), "no-calibration");
-}
-
 TEST(Hosts, ARequestNobodyKnows_IsAnsweredSo) {
   Stand stand;
   EXPECT_EQ(stand.connect().ask({}).error().code(), static_cast<unsigned>(Errc::kUnsupported));

@@ -33,6 +33,18 @@ TEST(PanelScenario, PressPressHold_StartsMarksAndStopsARigWithoutAHost) {
   EXPECT_FALSE(stand.tally_lamp.level_at(stand.world.clock().now()));
 }
 
+TEST(PanelScenario, MoreMarksThanAreKept_TheOldestGo) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  press(stand, Duration::milliseconds(150));
+  ASSERT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == firmware::GenlockState::kLocked; }));
+  const std::uint64_t before = stand.capture().sets;
+  for (int i = 0; i < 35; ++i) press(stand, Duration::milliseconds(150));
+  const wire::RigStatus status = host.status();
+  ASSERT_EQ(status.marks_size(), 32);  // Control::kMarksKept
+  EXPECT_GE(status.marks(0).set(), before + 3 * 4) << "three are gone, each some seven sets after the one before";
+}
+
 TEST(PanelScenario, StartedByTheButton_ItRollsAgainAfterAPowerLoss) {
   std::unique_ptr<hal::sim::SimDisk> kept;
   {

@@ -24,7 +24,7 @@ class HealthTest : public testing::Test {
   }
   Health judged() {
     const Finding found =
-        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
+        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings, held_by});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -36,6 +36,7 @@ class HealthTest : public testing::Test {
   Duration since_last_set;
   ShedLevel shed;
   std::string settings;
+  std::string held_by;
 };
 
 TEST_F(HealthTest, EverythingRight_IsRunningWithoutAProblem) {
@@ -76,6 +77,18 @@ TEST_F(HealthTest, GenlockLost_IsDegradedAndSaysSo) {
   capture.genlock.state = GenlockState::kLost;
   EXPECT_EQ(judged().state, "degraded");
   EXPECT_NE(judged().problem.find("genlock is lost"), std::string::npos);
+}
+
+TEST_F(HealthTest, SettingsThatCannotBeStored_AreDegradedWithTheReason) {
+  settings = "settings will not survive a restart: no space";
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, settings);
+}
+
+TEST_F(HealthTest, AHostThatHoldsTheRigUp_IsDegradedAndNamed) {
+  held_by = "host 3 at unix:/run/nodal.sock";
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_NE(judged().problem.find(held_by), std::string::npos) << judged().problem;
 }
 
 TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {

@@ -37,6 +37,8 @@ Recording record() {
   EXPECT_TRUE(talk.host->send(request));
   const StreamId up = talk.host->open_stream(StreamPolicy::kLossless).value();
   flow();
+  talk.host->ping();
+  talk.rig->ping();
   EXPECT_TRUE(talk.host->offer(up, BulkItem{"part", shared_bytes(60), 0}));
   EXPECT_TRUE(talk.host->offer(up, BulkItem{"", nullptr, 0}));
   wire::Reply reply;

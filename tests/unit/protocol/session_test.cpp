@@ -176,7 +176,7 @@ TEST(Session, EventsNotTaken_SessionStopsWantingInputAndGoesOnLater) {
   EXPECT_EQ(talk.rig->receive(left).error().code, Errc::kOverload);
   EXPECT_EQ(talk.rig->error(), nullptr);
   const std::size_t before = take_events(*talk.rig).size();
-  EXPECT_LE(before, kMaxEventQueueBytes / 60'000 + 1);
+  EXPECT_LE(before, kMaxRigEventQueueBytes / 60'000 + 1);
   EXPECT_TRUE(talk.rig->receive(left)) << "nothing was lost meanwhile";
   EXPECT_EQ(take_events(*talk.rig).size(), 1u);
 }
@@ -233,6 +233,34 @@ TEST(Session, LinkDownInTheMiddle_EndOfInputSaysOfWhat) {
     EXPECT_EQ(end.error().code, Errc::kLinkClosed);
     EXPECT_NE(end.error().message.find(cut == 0 ? "of a frame" : "of an item"), std::string::npos);
   }
+}
+
+TEST(Session, APing_IsAnsweredByItselfAndIsNoEvent) {
+  Conversation talk;
+  talk.run();
+  talk.rig->ping();
+  const auto ping = take_output(*talk.rig);
+  EXPECT_EQ(ping.size(), kFrameHeaderBytes);
+  for (int i = 0; i < 3; ++i) talk.rig->ping();
+  EXPECT_EQ(take_output(*talk.rig).size(), kFrameHeaderBytes) << "any number of pings before a write are one";
+  ASSERT_TRUE(talk.host->receive(ping));
+  EXPECT_FALSE(talk.host->next_event());
+  const auto pong = take_output(*talk.host);
+  ASSERT_EQ(pong.size(), kFrameHeaderBytes);
+  EXPECT_TRUE(talk.rig->receive(pong));
+  EXPECT_FALSE(talk.rig->next_event());
+}
+
+TEST(Session, APeerOfAVersionWithoutPings_IsNotPinged) {
+  wire::Hello old = make_hello("old");
+  old.set_protocol_max(1);
+  Session host(Role::kHost, old);
+  Session rig(Role::kRig, make_hello("rig"));
+  ASSERT_TRUE(rig.receive(take_output(host)));
+  EXPECT_EQ(rig.version(), 1u);
+  (void)take_output(rig);
+  rig.ping();
+  EXPECT_TRUE(take_output(rig).empty());
 }
 
 }  // namespace

@@ -276,5 +276,31 @@ TEST(UploadSender, OffsetPastTheEnd_Protocol) {
   EXPECT_EQ(sender.item(11).error().code, Errc::kProtocol);
 }
 
+Sha256 name_of(std::uint8_t i) { return sha256(std::span(&i, 1)); }
+
+TEST(UploadReceiver, OneOwnerBeginsManyDocuments_ItsOwnMakeRoom) {
+  UploadReceiver receiver(UploadLimits{1000, 8, 2});
+  const auto good = shared_bytes(600);
+  const Sha256 name = sha256(whole(good));
+  ASSERT_EQ(receiver.begin(name, 600, 1).value(), 0u);
+  ASSERT_TRUE(receiver.write(name, 0, whole(good).first(300)));
+  for (std::uint8_t i = 0; i < 200; ++i) ASSERT_TRUE(receiver.begin(name_of(i), 1000, 2));
+  EXPECT_EQ(receiver.begin(name, 600, 1).value(), 300u) << "what another owner began is untouched";
+  EXPECT_FALSE(receiver.write(name_of(197), 0, whole(good).first(1)));
+  EXPECT_TRUE(receiver.write(name_of(198), 0, whole(good).first(1)));
+  EXPECT_TRUE(receiver.write(name_of(199), 0, whole(good).first(1)));
+}
+
+TEST(UploadReceiver, OwnersThatLeftMakeRoomFirst) {
+  UploadReceiver receiver(UploadLimits{1000, 4, 2});
+  for (std::uint8_t i = 0; i < 4; ++i) ASSERT_TRUE(receiver.begin(name_of(i), 10, 1 + i / 2));
+  receiver.leave(2);
+  EXPECT_TRUE(receiver.begin(name_of(10), 10, 3));
+  EXPECT_TRUE(receiver.begin(name_of(11), 10, 3));
+  const std::vector<std::uint8_t> byte{1};
+  for (const std::uint8_t i : {0, 1, 10, 11}) EXPECT_TRUE(receiver.write(name_of(i), 0, byte)) << int{i};
+  for (const std::uint8_t i : {2, 3}) EXPECT_FALSE(receiver.write(name_of(i), 0, byte)) << int{i};
+}
+
 }  // namespace
 }  // namespace nodal

@@ -1,0 +1,114 @@
+// protocol/LIMITS.md against the tree: what it names exists, and it names every limit that a header states.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tree.h"
+
+namespace nodal::tidy {
+namespace {
+
+constexpr const char* kPage = "protocol/LIMITS.md";
+
+// Counts that no peer can fill, or parts of a limit that is listed.
+const std::set<std::string> kNoLimits{"kMaxPieceBytes",    // of kMaxBulkBytes, without its header
+                                      "kMaxPinholeAngle"};  // an angle
+
+struct Row {
+  std::string limit, test;
+};
+
+std::vector<Row> rows() {
+  std::vector<Row> all;
+  for (const TextFile& file : project_files()) {
+    if (file.path != kPage) continue;
+    for (const std::string& line : file.lines) {
+      static const std::regex row(R"(^\|([^|]*)\|([^|]*)\|([^|]*)\|([^|]*)\|$)");
+      std::smatch cells;
+      if (!std::regex_match(line, cells, row) || cells[1] == "---" || cells[1] == " what ") continue;
+      all.push_back({cells[2], cells[4]});
+    }
+  }
+  return all;
+}
+
+/// What matches `pattern`'s only group in `text`.
+std::vector<std::string> found(const std::string& text, const std::regex& pattern) {
+  std::vector<std::string> all;
+  for (std::sregex_iterator it(text.begin(), text.end(), pattern), end; it != end; ++it) all.push_back((*it)[1]);
+  return all;
+}
+
+/// `kConstant` or `Class::kConstant` in backquotes, without the class.
+std::vector<std::string> constants_in(const std::string& cell) {
+  static const std::regex constant(R"(`(?:\w+::)?(k[A-Z]\w*)`)");
+  return found(cell, constant);
+}
+
+std::set<std::string> constants_of(const std::string& text) {
+  static const std::regex defined(R"(\bconstexpr\b[^=;(]*?\b(k[A-Z]\w*)\s*=)");
+  const std::vector<std::string> all = found(text, defined);
+  return {all.begin(), all.end()};
+}
+
+std::string whole(const TextFile& file) {
+  std::string text;
+  for (const std::string& line : file.lines) text += line + "\n";
+  return text;
+}
+
+TEST(Limits, EveryConstantNamed_IsDefinedInTheCode) {
+  std::set<std::string> defined;
+  for (const TextFile& file : project_files()) {
+    if (is_source(file.path) && !file.path.starts_with("tests/")) defined.merge(constants_of(whole(file)));
+  }
+  ASSERT_GE(rows().size(), 30u);
+  std::size_t named = 0;
+  for (const Row& row : rows()) {
+    for (const std::string& name : constants_in(row.limit)) {
+      ++named;
+      EXPECT_TRUE(defined.contains(name)) << kPage << " names " << name << ", which nothing defines";
+    }
+  }
+  EXPECT_GE(named, 40u);
+}
+
+TEST(Limits, EveryTestNamed_Exists) {
+  std::set<std::string> tests;
+  static const std::regex declared(R"(TEST(?:_F|_P)?\(\s*(\w+\s*,\s*\w+)\s*\))");
+  for (const TextFile& file : project_files()) {
+    if (!file.path.starts_with("tests/") || !file.path.ends_with(".cpp")) continue;
+    for (std::string name : found(whole(file), declared)) {
+      std::erase_if(name, [](unsigned char c) { return std::isspace(c) != 0; });
+      tests.insert(name.replace(name.find(','), 1, "."));
+    }
+  }
+  static const std::regex named(R"(`(\w+\.\w+)`)");
+  for (const Row& row : rows()) {
+    const std::vector<std::string> names = found(row.test, named);
+    EXPECT_FALSE(names.empty()) << "no test in: " << row.limit;
+    for (const std::string& name : names) EXPECT_TRUE(tests.contains(name)) << kPage << " names the test " << name;
+  }
+}
+
+TEST(Limits, EveryMaximumOfAHeader_IsOnThePage) {
+  std::set<std::string> listed = kNoLimits;
+  for (const Row& row : rows()) {
+    for (const std::string& name : constants_in(row.limit)) listed.insert(name);
+  }
+  for (const TextFile& file : project_files()) {
+    const bool ours = file.path.starts_with("protocol/") || file.path.starts_with("firmware/");
+    if (!ours || !file.path.ends_with(".h") || file.path.starts_with("protocol/base/")) continue;
+    for (const std::string& name : constants_of(whole(file))) {
+      if (!name.starts_with("kMax")) continue;
+      EXPECT_TRUE(listed.contains(name)) << file.path << ": " << name << " is not in " << kPage;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace nodal::tidy
