@@ -9,7 +9,7 @@ function(canary name file from to)
     COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
             -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
   nodal_module(swarm_canary_${name} EXECUTABLE SOURCES main.cpp ${mutated}
-    SEES ${swarm_modules} sim_swarm PACKAGES protobuf)
+    SEES ${swarm_modules} sim_hostile sim_swarm PACKAGES protobuf)
   add_test(NAME sim/canary_${name} COMMAND swarm_canary_${name} --canary --seeds 200 --minutes 10 --quiet)
   set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600 PROCESSORS 2)
 endfunction()

@@ -50,6 +50,7 @@ struct Nature {
   bool can_align = false;      ///< and all of them can be brought into step
   Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
   bool hosts = false;          ///< somebody talks to it
+  bool hostile = false;        ///< half of what befalls it is hostile clients
   Duration look_every;         ///< how often the daemon's threads wake when nothing rings
   Duration poll;               ///< devices do not ring: frames are found at multiples of this
   int blend_every = 1;         ///< of the sets, those that are blended
@@ -61,6 +62,7 @@ struct Wish {
   bool faults = true;          ///< false: nothing goes wrong
   int heads = 0;               ///< 0: drawn
   bool ntsc = false;           ///< 29.97 a second and genlocked, not drawn
+  bool hostile = false;        ///< all that befalls the rig is hostile clients
 };
 
 Nature draw_nature(std::uint64_t seed, const Wish& wish);

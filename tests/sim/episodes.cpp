@@ -17,7 +17,8 @@ void Swarm::advance_episode() {
     case Phase::kPrepared:
       phase_ = Phase::kFaulty;
       ++outcome_.tally.episodes;
-      if (episode_.of_heads) begin_head_fault();
+      if (episode_.of_clients) begin_crowd();
+      else if (episode_.of_heads) begin_head_fault();
       else begin_rig_fault();
       return;
     case Phase::kFaulty:
@@ -37,6 +38,10 @@ void Swarm::advance_episode() {
 
 void Swarm::draw_episode() {
   episode_ = {};
+  if (nature_.hostile && (wish_.hostile || crowds_.chance(500'000))) {
+    episode_.of_clients = true;
+    return;
+  }
   episode_.of_heads = random_.chance(700'000);
   episode_.head_fault = static_cast<HeadFault>(random_.below(kHeadFaults));
   episode_.rig_fault = static_cast<RigFault>(random_.below(kRigFaults));
@@ -51,6 +56,11 @@ void Swarm::draw_episode() {
 
 /// Brings the heads to the state that was drawn; the fault begins when they are about there.
 void Swarm::prepare() {
+  if (episode_.of_clients) {
+    crowd_ = std::make_unique<Crowd>(*listener_, oracle_, documents_, outcome_.tally, crowds_.next(), *rig_,
+                                     world_.now());
+    return plan_next(Duration::seconds(1));
+  }
   if (!episode_.of_heads) {
     if (random_.chance(100'000)) host().genlock(genlocked_ = !genlocked_);
     return plan_next(drawn(Duration::milliseconds(20), Duration::seconds(1)));
@@ -142,6 +152,14 @@ void Swarm::begin_storm() {
   if (random_.chance(500'000)) host().genlock(genlocked_ = !genlocked_);
 }
 
+void Swarm::begin_crowd() {
+  crowd_->attack();
+  replugged_ = false;
+  recover_within_ = std::max(kWithinFaults, periods(kPeriodsWithinFaults));
+  constexpr std::uint64_t kShortestMs = 3'000, kLongestMs = 25'000;
+  plan_next(Duration::milliseconds(static_cast<std::int64_t>(kShortestMs + crowds_.below(kLongestMs - kShortestMs))));
+}
+
 void Swarm::begin_rig_fault() {
   ++outcome_.tally.rig_faults[static_cast<std::size_t>(episode_.rig_fault)];
   replugged_ = false;
@@ -201,7 +219,8 @@ void Swarm::end_faults() {
     each->split(0);
     each->stall(false);
   }
-  if (!episode_.of_heads && episode_.rig_fault == RigFault::kTriggerGone) {
+  if (crowd_) crowd_->leave();
+  if (!episode_.of_clients && !episode_.of_heads && episode_.rig_fault == RigFault::kTriggerGone) {
     world_.trigger().replug();
     end_process(false);  // as its message says: restart nodald when it is back
   }
@@ -210,6 +229,8 @@ void Swarm::end_faults() {
 }
 
 void Swarm::check_recovery() {
+  if (crowd_) crowd_->check_end();
+  crowd_.reset();
   if (oracle_.failure()) return;
   const std::optional<Instant> first = oracle_.first_whole();
   const std::optional<Instant> since = oracle_.whole_since();

@@ -1,17 +1,15 @@
 #include "tests/sim/host.h"
 
-#include <array>
-
 namespace nodal::swarm {
 
-Host::Host(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally,
+Host::Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally,
            std::uint64_t seed)
-    : link_(listener.connect()), session_(Role::kHost, make_hello("a swarm's host")), oracle_(oracle),
-      documents_(documents), tally_(tally), random_(seed, "host") {}
+    : link_(*link), line_(std::move(link), "a swarm's host"), oracle_(oracle), documents_(documents), tally_(tally),
+      random_(seed, "host") {}
 
 void Host::send(wire::Request request, Open open) {
   request.set_id(next_id_++);
-  if (session_.send(request)) open_[request.id()] = open;
+  if (line_.session().send(request)) open_[request.id()] = open;
 }
 
 void Host::act() {
@@ -67,16 +65,16 @@ void Host::send_document(int which, std::uint64_t offset) {
   const std::string& json = documents_.json[static_cast<std::size_t>(which)];
   const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(json.begin(), json.end());
   const auto item = UploadSender(bytes).item(offset);
-  const auto stream = session_.open_stream(StreamPolicy::kLossless);
+  const auto stream = line_.session().open_stream(StreamPolicy::kLossless);
   if (!item || !stream) return;
-  (void)session_.offer(*stream, *item);
-  session_.close_stream(*stream);
+  (void)line_.session().offer(*stream, *item);
+  line_.session().close_stream(*stream);
   sending_ = Sending{which, *stream};
 }
 
 /// Control overtakes bulk: the commit waits until the last byte has gone out.
 void Host::commit_when_sent() {
-  if (!sending_ || session_.counts(sending_->stream)) return;
+  if (!sending_ || line_.session().counts(sending_->stream)) return;
   const std::string& json = documents_.json[static_cast<std::size_t>(sending_->which)];
   wire::Request request;
   request.mutable_upload_commit()->set_sha256(
@@ -87,59 +85,39 @@ void Host::commit_when_sent() {
 }
 
 void Host::pump() {
-  if (gone_) return;
-  std::array<std::uint8_t, 4096> bytes;
-  while (session_.wants_input()) {
-    const auto read = link_->read(bytes);
-    if (!read) {
-      gone_ = true;
-      return;
-    }
-    if (*read == 0 || !session_.receive(std::span(bytes).first(*read))) break;
-    while (auto event = session_.next_event()) {
-      if (const auto* reply = std::get_if<wire::Reply>(&*event)) {
-        handle(*reply);
-      } else if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
-        if (piece->first) {
-          pixels_.clear();
-          if (!raymap_.ParseFromString(piece->meta)) oracle_.fail("a raymap's header cannot be read");
-        }
-        pixels_.insert(pixels_.end(), piece->data.begin(), piece->data.end());
-        if (pixels_.size() == std::size_t{raymap_.width()} * raymap_.height()) {
-          oracle_.on_raymap(raymap_, pixels_, documents_.id);
-        }
+  while (auto event = line_.take()) {
+    if (const auto* reply = std::get_if<wire::Reply>(&*event)) {
+      handle(*reply);
+    } else if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
+      if (piece->first) {
+        pixels_.clear();
+        if (!raymap_.ParseFromString(piece->meta)) oracle_.fail("a raymap's header cannot be read");
+      }
+      pixels_.insert(pixels_.end(), piece->data.begin(), piece->data.end());
+      if (pixels_.size() == std::size_t{raymap_.width()} * raymap_.height()) {
+        oracle_.on_raymap(raymap_, pixels_, documents_.id);
       }
     }
   }
-  commit_when_sent();
-  while (!session_.output().empty()) {
-    const auto output = session_.output();
-    const auto wrote = link_->write(output);
-    if (!wrote) {
-      gone_ = true;
-      return;
-    }
-    if (*wrote == 0) break;
-    recently_sent_.assign(output.begin(), output.begin() + static_cast<std::ptrdiff_t>(*wrote));
-    session_.sent(*wrote);
-  }
+  if (!dead()) commit_when_sent();
+  line_.write();
 }
 
-void Host::split(std::uint32_t bytes) { link_->in().split = link_->out().split = bytes; }
-void Host::stall(bool stalled) { link_->in().stalled = link_->out().stalled = stalled; }
-void Host::flip_bit() { link_->out().flip_bit = random_.below(4096); }
+void Host::split(std::uint32_t bytes) { link_.in().split = link_.out().split = bytes; }
+void Host::stall(bool stalled) { link_.in().stalled = link_.out().stalled = stalled; }
+void Host::flip_bit() { link_.out().flip_bit = random_.below(4096); }
 void Host::replay() {
   // What was said is said again, frame borders or not.
-  (void)link_->write(recently_sent_);
+  (void)link_.write(line_.recently_written());
 }
 void Host::leave_mid_upload() {
   const int which = static_cast<int>(random_.below(kCalibrations));
   if (!dead()) send_document(which, 0);
   sending_.reset();
-  link_->out().split = 512;
+  link_.out().split = 512;
   pump();
-  gone_ = true;
-  link_->reset();
+  line_.leave();
+  link_.reset();
 }
 
 }  // namespace nodal::swarm

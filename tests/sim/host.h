@@ -12,9 +12,9 @@
 
 #include "hal/sim/link.h"
 #include "hal/sim/random.h"
-#include "protocol/session.h"
 #include "protocol/upload.h"
 #include "tests/sim/draw.h"
+#include "tests/sim/line.h"
 #include "tests/sim/oracle.h"
 
 namespace nodal::swarm {
@@ -32,18 +32,19 @@ struct Documents {
 /// Errors: what the rig answers is traced; what it may not answer is the oracle's.
 class Host {
  public:
-  Host(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed);
+  Host(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed)
+      : Host(listener.connect(), oracle, documents, tally, seed) {}
 
   /// Does one thing that is drawn.
   void act();
   void genlock(bool start);
   /// Reads and writes what the link has and takes.
   void pump();
-  bool dead() const { return gone_ || session_.error(); }
+  bool dead() const { return line_.dead(); }
 
   // What befalls its link.
   void split(std::uint32_t bytes);
-  void reset() { link_->reset(); }
+  void reset() { link_.reset(); }
   void stall(bool stalled);
   void flip_bit();
   void replay();
@@ -51,6 +52,8 @@ class Host {
   void leave_mid_upload();
 
  private:
+  Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally,
+       std::uint64_t seed);
   struct Open {
     std::optional<int> upload_to_begin, upload_to_commit;  ///< which document
   };
@@ -59,8 +62,8 @@ class Host {
   void send_document(int which, std::uint64_t offset);
   void commit_when_sent();
 
-  std::unique_ptr<hal::sim::SimLink> link_;
-  Session session_;
+  hal::sim::SimLink& link_;  ///< the line's
+  Line line_;
   Oracle& oracle_;
   Documents& documents_;
   Tally& tally_;
@@ -74,8 +77,6 @@ class Host {
   std::optional<Sending> sending_;
   wire::RaymapHeader raymap_;
   std::vector<std::uint8_t> pixels_;
-  std::vector<std::uint8_t> recently_sent_;
-  bool gone_ = false;
 };
 
 }  // namespace nodal::swarm

@@ -45,6 +45,7 @@ std::string replay(const Options& options, std::uint64_t seed) {
   if (!options.wish.faults) command += " --no-faults";
   if (options.wish.heads) command += " --heads " + std::to_string(options.wish.heads);
   if (options.wish.ntsc) command += " --ntsc";
+  if (options.wish.hostile) command += " --hostile";
   return command;
 }
 
@@ -88,6 +89,10 @@ void print_tally(const Tally& tally) {
               static_cast<long long>(tally.slowest_recovery.periods));
   std::printf("  without a trigger %llu sets were locked; heads in step again %lld periods after faults, at worst\n",
               n(tally.aligned_sets), static_cast<long long>(tally.slowest_alignment));
+  std::printf("  %llu crowds of hostile clients; good ones were served %llu times, %lld ms at worst, after %llu refusals and "
+              "%llu dropped connections; %llu KiB of memory at most, %llu KiB of it left\n",
+              n(tally.crowds), n(tally.good_answers), static_cast<long long>(tally.slowest_good / 1'000'000),
+              n(tally.good_refused), n(tally.good_dropped), n(tally.most_live >> 10), n(tally.most_left >> 10));
   std::printf("  frames lost:");
   const std::uint64_t lost = lost_in(tally);
   if (tally.never_came > 0) std::printf(" before they could be taken %llu", n(tally.never_came));
@@ -186,6 +191,7 @@ constexpr const char* kHelp =
     "  --no-faults    nothing goes wrong; with it, a frame lost is a failure\n"
     "  --heads H      not drawn\n"
     "  --ntsc         29.97 a second and genlocked, not drawn\n"
+    "  --hostile      nothing befalls the rigs but hostile clients beside good ones\n"
     "  --canary       a bug was planted in this program: fails when it is not found\n"
     "  --quiet        one line\n";
 
@@ -196,6 +202,7 @@ bool parse(int argc, char** argv, Options& options) {
     if (flag == "--coverage") options.coverage = true;
     else if (flag == "--no-faults") options.wish.faults = false;
     else if (flag == "--ntsc") options.wish.ntsc = true;
+    else if (flag == "--hostile") options.wish.hostile = true;
     else if (flag == "--quiet") options.quiet = true;
     else if (flag == "--canary") options.canary = true;
     else {

@@ -32,13 +32,16 @@ std::string of_head(std::size_t head) { return "head " + std::to_string(head) + 
 void Tally::add(const Tally& other) {
   for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
                       &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
-                      &Tally::uploads, &Tally::never_came, &Tally::aligned_sets}) {
+                      &Tally::uploads, &Tally::never_came, &Tally::aligned_sets, &Tally::crowds, &Tally::good_answers,
+                      &Tally::good_refused, &Tally::good_dropped}) {
     this->*member += other.*member;
   }
   for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment, &Tally::slowest_full_replug,
-                      &Tally::slowest_full_recovery}) {
+                      &Tally::slowest_full_recovery, &Tally::slowest_good}) {
     this->*member = std::max(this->*member, other.*member);
   }
+  for (auto member : {&Tally::most_live, &Tally::most_left}) this->*member = std::max(this->*member, other.*member);
+  for (std::size_t i = 0; i < hostile.size(); ++i) hostile[i] += other.hostile[i];
   for (auto member : {&Tally::slowest_replug, &Tally::slowest_recovery}) {
     (this->*member).ns = std::max((this->*member).ns, (other.*member).ns);
     (this->*member).periods = std::max((this->*member).periods, (other.*member).periods);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "firmware/rig.h"
+#include "tests/sim/hostile.h"
 #include "tests/sim/world.h"
 
 namespace nodal::swarm {
@@ -31,6 +32,13 @@ struct Tally {
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
   std::array<std::uint64_t, kRigFaults> rig_faults{};
   std::array<std::uint64_t, firmware::kLossReasons> losses{};
+  // Of hostile clients, and of good ones beside them.
+  std::uint64_t crowds = 0;                            ///< episodes of them
+  std::array<std::uint64_t, kHostileKinds> hostile{};  ///< how many there were
+  std::uint64_t good_answers = 0;                      ///< requests answered and raymaps given
+  std::uint64_t good_refused = 0, good_dropped = 0;    ///< requests, and connections, before they were tried again
+  std::int64_t slowest_good = 0;                       ///< ns from wanting something to having it
+  std::uint64_t most_live = 0, most_left = 0;          ///< live bytes added while they were there, and after it
   void add(const Tally& other);
 };
 

@@ -6,13 +6,14 @@ namespace nodal::swarm {
 namespace {
 
 constexpr Duration kHostsAct = Duration::milliseconds(1300);
+constexpr int kStepsALook = 16;  ///< of control, which goes on at once while it has something to do
 
 }  // namespace
 
 Swarm::Swarm(std::uint64_t seed, const Wish& wish)
     : wish_(wish), nature_(draw_nature(seed, wish)), random_(seed, "plan"), world_(nature_),
       oracle_(world_, nature_, outcome_.tally), config_(config_of(nature_)),
-      disk_(std::make_unique<hal::sim::SimDisk>(seed)), genlocked_(nature_.genlocked) {
+      disk_(std::make_unique<hal::sim::SimDisk>(seed)), crowds_(seed, "crowds"), genlocked_(nature_.genlocked) {
   for (int i = 0; i < kCalibrations; ++i) {
     const Calibration calibration = calibration_of(nature_, i);
     documents_.json[static_cast<std::size_t>(i)] = canonical_json(calibration);
@@ -27,6 +28,7 @@ Swarm::Swarm(std::uint64_t seed, const Wish& wish)
 
 Swarm::~Swarm() {
   hosts_.clear();
+  crowd_.reset();
   rig_.reset();
 }
 
@@ -43,6 +45,7 @@ Outcome Swarm::run(Duration how_long) {
   }
   if (!oracle_.failure() && rig_) {
     hosts_.clear();
+    crowd_.reset();
     rig_->close();
     oracle_.after_event(*rig_, std::nullopt);
   }
@@ -59,6 +62,7 @@ std::string Swarm::where() const {
                      std::to_string(const_cast<World&>(world_).now().ns() / 1'000) + " us, ";
   if (phase_ == Phase::kCalm) return text + "calm: ";
   text += phase_ == Phase::kRecovering ? "after " : phase_ == Phase::kPrepared ? "before " : "in ";
+  if (episode_.of_clients) return text + "'hostile clients': ";
   if (!episode_.of_heads) return text + "'" + std::string(name_of(episode_.rig_fault)) + "': ";
   return text + "'" + std::string(name_of(episode_.head_fault)) + "' of " + std::string(name_of(episode_.many)) + " " +
          std::string(name_of(episode_.state)) + ": ";
@@ -113,9 +117,15 @@ void Swarm::step_rest(Instant now) {
   if (now >= keeper_until_) rig_->step_keeper();
   if (now < control_until_) return;
   for (const auto& host : hosts_) host->pump();
-  rig_->step_control();
+  if (crowd_) crowd_->act(now);
+  for (int steps = crowd_ ? kStepsALook : 1; steps > 0 && rig_->step_control(); --steps) {
+  }
   for (const auto& host : hosts_) host->pump();
-  (void)rig_->control().take_news();
+  const std::size_t news = rig_->control().take_news().size();
+  if (crowd_ && phase_ != Phase::kRecovering) {
+    crowd_->on_news(news);
+    crowd_->check(now);
+  }
 }
 
 /// Between capture and blend. Most sets are given back here: blending them all would cost more than everything else.
@@ -129,11 +139,14 @@ void Swarm::look_at_set() {
   }
   const bool kept_waiting = world_.now() < blend_until_;
   // What is not offered again is given back with this loan.
-  if (kept_waiting || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) out.offer(*set);
+  if (kept_waiting || crowd_ || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) {
+    out.offer(*set);
+  }
 }
 
 bool Swarm::held_up() const {
   if (phase_ != Phase::kFaulty && phase_ != Phase::kRecovering) return false;
+  if (episode_.of_clients) return false;
   if (episode_.of_heads) return episode_.head_fault == HeadFault::kLate || episode_.head_fault == HeadFault::kStall;
   switch (episode_.rig_fault) {
     case RigFault::kClockStep:
@@ -197,6 +210,7 @@ Host& Swarm::host() {
 
 void Swarm::act_hosts() {
   world_.queue().plan(world_.now() + drawn(kHostsAct / 4, kHostsAct * 2), EventKind::kHost);
+  if (crowd_) return;
   if (hosts_.size() < 3 && random_.chance(200'000)) {
     hosts_.push_back(std::make_unique<Host>(*listener_, oracle_, documents_, outcome_.tally,
                                             nature_.seed + 1000 * ++hosts_made_));

@@ -10,6 +10,7 @@
 #include "hal/sim/disk.h"
 #include "hal/sim/link.h"
 #include "hal/sim/watchdog.h"
+#include "tests/sim/crowd.h"
 #include "tests/sim/host.h"
 #include "tests/sim/oracle.h"
 #include "tests/sim/world.h"
@@ -47,6 +48,7 @@ class Swarm {
  private:
   enum class Phase : std::uint8_t { kCalm, kPrepared, kFaulty, kRecovering };
   struct Episode {
+    bool of_clients = false;  ///< hostile ones come
     bool of_heads = true;
     HeadFault head_fault = HeadFault::kLose;
     RigFault rig_fault = RigFault::kStorm;
@@ -77,6 +79,7 @@ class Swarm {
   void begin_rig_fault();
   void begin_link_fault();
   void begin_storm();
+  void begin_crowd();
   void step_clock(Duration by);
   void end_faults();
   void check_recovery();
@@ -99,6 +102,8 @@ class Swarm {
   std::unique_ptr<firmware::Rig> rig_;
   std::vector<std::unique_ptr<Host>> hosts_;
   std::uint64_t hosts_made_ = 0;
+  hal::sim::Random crowds_;       ///< when, and what a crowd is
+  std::unique_ptr<Crowd> crowd_;  ///< for an episode
 
   Instant end_, next_step_, next_look_;
   std::optional<std::uint64_t> looked_at_;
