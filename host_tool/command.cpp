@@ -4,7 +4,11 @@
 #include <CLI/Formatter.hpp>
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
+#include <new>
+#include <sstream>
 
 #include "host_tool/interrupt.h"
 #include "host_tool/quantities.h"
@@ -39,6 +43,7 @@ std::string footer() {
 }  // namespace
 
 Result<std::unique_ptr<RigConnection>> Context::connect() {
+  if (connect_by) return connect_by();
   const Result<Duration> patience = parse_duration(timeout);
   if (!patience) return fail(patience.error().in("--timeout"));
   const std::string where = rig.empty() ? environment("NODAL_RIG", kDefaultRig) : rig;
@@ -102,10 +107,37 @@ CommandLine::CommandLine(Console& console)
 }
 
 ExitCode CommandLine::run(int argc, const char* const* argv) {
+  ExitCode code = ExitCode::kFailed;
+  try {
+    code = parse_and_dispatch(argc, argv);
+  } catch (const std::bad_alloc&) {
+    console_.error(Error{Errc::kOverload, "not enough memory for this; `ulimit -v` may limit it"});
+    code = exit_code_of(Errc::kOverload);
+  } catch (const std::exception& unexpected) {
+    console_.error(Error{Errc::kInternal, fmt::format("unexpected: {}", unexpected.what())});
+  }
+  return with_lost_output(code);
+}
+
+ExitCode CommandLine::with_lost_output(ExitCode code) {
+  const int lost = console_.end_output();
+  const bool failed = code != ExitCode::kOk && code != ExitCode::kJudged;  // then the first error's code is kept
+  if (lost == 0) return code;
+  if (lost == EPIPE) return failed ? code : ExitCode::kReaderGone;
+  const std::string why = lost == EBADF ? "it is closed" : std::strerror(lost);
+  console_.error(Error{lost == ENOSPC ? Errc::kDiskFull : Errc::kIo,
+                       fmt::format("standard output could not be written ({}); the answer, or the rest of it, is lost", why)});
+  return failed ? code : ExitCode::kOutputLost;
+}
+
+ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
   try {
     app_.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version
-    return app_.exit(success) == 0 ? ExitCode::kOk : ExitCode::kFailed;
+    std::ostringstream out, err;
+    const int code = app_.exit(success, out, err);
+    console_.bytes(out.str());
+    return code == 0 ? ExitCode::kOk : ExitCode::kFailed;
   } catch (const CLI::ParseError& wrong) {
     console_.set_json(context_.json);
     console_.note(fmt::format("nodal: {}\nRun `nodal --help`, or `nodal COMMAND --help`.", wrong.what()));
@@ -122,10 +154,12 @@ ExitCode CommandLine::dispatch() {
   const auto action = actions_.find(chosen);
   NODAL_ASSERT(action != actions_.end());
   watch_interrupts();
+  context_.answer = ExitCode::kOk;
   const Status done = action->second(context_);
   console_.finish_progress();
   if (done) return context_.answer;
   console_.error(done.error());
+  if (done.error().code == Errc::kCancelled && interrupted()) return exit_code_of_signal(interrupting_signal());
   return exit_code_of(done.error().code);
 }
 

@@ -37,6 +37,9 @@ class Context {
   std::string timeout = "10s";
   bool json = false;
 
+  /// What connect() does instead when it is set, for tests: a conversation over a link of their own.
+  std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
+
   /// For a command that did its work and whose answer is no: what the shell is told then.
   ExitCode answer = ExitCode::kOk;
 
@@ -51,15 +54,19 @@ class CommandLine {
  public:
   explicit CommandLine(Console& console);
 
-  /// Parses and runs. Exceptions of the parser end here.
+  /// Parses, runs, and says whether standard output took the answer. Exceptions end here.
   ExitCode run(int argc, const char* const* argv);
 
   CLI::App& app() { return app_; }
+  Context& context() { return context_; }
   /// What `command` does when it is the one asked for.
   void on(const CLI::App* command, Action action) { actions_[command] = std::move(action); }
 
  private:
+  ExitCode parse_and_dispatch(int argc, const char* const* argv);
   ExitCode dispatch();
+  /// The exit code when standard output may have failed: said on standard error, but for a reader that went away.
+  ExitCode with_lost_output(ExitCode code);
 
   Console& console_;
   Context context_;

@@ -216,7 +216,7 @@ void add_completion(CLI::App& app, CommandLine& line) {
                                : *shell == "zsh" ? zsh_completion(words)
                                                  : fish_completion(words);
     context.console().document({{"shell", *shell}, {"script", script}});
-    context.console().line(script);
+    if (!context.console().json()) context.console().bytes(script);
     return {};
   });
 }

@@ -4,10 +4,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
+
+#include "protocol/base/text.h"
 
 namespace nodal::host {
 namespace {
@@ -35,6 +38,24 @@ bool colour_wanted() {
 
 void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, text.size(), file); }
 
+/// Text for people: line ends and the colours of paint() stay; everything else that moves a cursor is replaced, since
+/// names and errors come from rigs and files.
+std::string shown(std::string_view text) {
+  constexpr std::array<std::string_view, 7> kKept{"\n",      kReset,     "\x1b[32m", "\x1b[33m",
+                                                  "\x1b[31m", "\x1b[2m", "\x1b[1m"};
+  std::string result;
+  while (!text.empty()) {
+    const std::size_t plain = std::min(text.find_first_of("\n\x1b"), text.size());
+    result += printable(text.substr(0, plain), std::string::npos);
+    text.remove_prefix(plain);
+    if (text.empty()) break;
+    const auto kept = std::ranges::find_if(kKept, [&](std::string_view code) { return text.starts_with(code); });
+    result += kept == kKept.end() ? std::string_view("?") : *kept;
+    text.remove_prefix(kept == kKept.end() ? 1 : kept->size());
+  }
+  return result;
+}
+
 /// Characters as they are seen: escapes take no room, and a character of many bytes takes one.
 std::size_t width_of(std::string_view text) {
   std::size_t width = 0;
@@ -59,35 +80,33 @@ Console::Console(std::FILE* out, std::FILE* err)
     : out_(out), err_(err), out_terminal_(is_terminal(out)), err_terminal_(is_terminal(err)),
       colour_(colour_wanted()) {}
 
-bool Console::output_gone() const { return std::ferror(out_) != 0; }
+void Console::bytes(std::string_view data) {
+  if (output_error_ != 0) return;
+  const bool written = std::fwrite(data.data(), 1, data.size(), out_) == data.size() && std::fflush(out_) == 0;
+  if (!written) output_error_ = errno;
+}
+
+int Console::end_output() {
+  bytes({});
+  // Some file systems, NFS among them, report only at close that the disk is full. Closing a duplicate is enough.
+  const int duplicate = output_error_ != 0 ? -1 : ::dup(fileno(out_));
+  if (duplicate >= 0 && ::close(duplicate) != 0) output_error_ = errno;
+  return output_error_;
+}
 
 void Console::line(std::string_view text) {
-  if (json_) return;
-  put(out_, text);
-  put(out_, "\n");
-  std::fflush(out_);
+  if (!json_) bytes(shown(text) + "\n");
 }
 
 void Console::document(const Json& document) {
   if (!json_) return;
   // Names that a rig reports may be any bytes: what is not UTF-8 is replaced, never thrown at the user.
-  put(out_, document.dump(-1, ' ', false, Json::error_handler_t::replace));
-  put(out_, "\n");
-  std::fflush(out_);
-}
-
-Status Console::bytes(const void* data, std::size_t size) {
-  if (std::fwrite(data, 1, size, out_) != size || std::fflush(out_) != 0) {
-    return fail(errno == ENOSPC ? Errc::kDiskFull : Errc::kIo,
-                fmt::format("standard output: {}", std::strerror(errno)));
-  }
-  return {};
+  bytes(document.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
 void Console::note(std::string_view text) {
   finish_progress();
-  put(err_, text);
-  put(err_, "\n");
+  put(err_, shown(text) + "\n");
 }
 
 void Console::warning(std::string_view text) {
@@ -110,16 +129,15 @@ std::string Console::paint(Colour colour, std::string_view text) const {
 }
 
 void Console::home() {
-  if (out_terminal_ && !json_) put(out_, "\x1b[H\x1b[J");
+  if (out_terminal_ && !json_) bytes("\x1b[H\x1b[J");
 }
 
 void Console::progress(std::string_view text) {
   if (err_terminal_) {
-    put(err_, fmt::format("\r{}\x1b[K", text));
+    put(err_, fmt::format("\r{}\x1b[K", shown(text)));
     progress_shown_ = true;
   } else {
-    put(err_, text);
-    put(err_, "\n");
+    put(err_, shown(text) + "\n");
   }
   std::fflush(err_);
 }

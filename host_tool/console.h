@@ -21,7 +21,8 @@ enum class Colour { kGood, kWarning, kBad, kDim, kStrong };
 
 /// Threading: thread-bound.
 /// Ownership: the streams are not closed.
-/// Errors: none; a reader that went away (`nodal status | head`) is seen by output_gone().
+/// Errors: what standard output refuses is kept, and said once by end_output(). Commands that go on for long look at
+///   output_gone() and end.
 class Console {
  public:
   Console(std::FILE* out, std::FILE* err);
@@ -30,14 +31,18 @@ class Console {
   bool json() const { return json_; }
   bool out_is_terminal() const { return out_terminal_; }
   bool err_is_terminal() const { return err_terminal_; }
-  bool output_gone() const;
+  /// Whether a write to standard output failed: the rest of the answer is of no use.
+  bool output_gone() const { return output_error_ != 0; }
+  /// Writes what is buffered and learns what the file system reports at close. 0, or the errno of the first write to
+  /// standard output that failed. Call it last.
+  int end_output();
 
   /// Answers, for people: a line on standard output. Nothing when --json was asked for.
   void line(std::string_view text);
   /// Answers, for programs: one JSON document on one line of standard output. Nothing without --json.
   void document(const Json& document);
-  /// Bytes on standard output, as `raymap pull --out -` writes them.
-  Status bytes(const void* data, std::size_t size);
+  /// Bytes on standard output as they are, with --json, too: pictures of `raymap pull --out -`, the text of --help.
+  void bytes(std::string_view data);
 
   /// Remarks on standard error: what was done on the way, notes, warnings.
   void note(std::string_view text);
@@ -62,6 +67,7 @@ class Console {
 
   std::FILE* out_;
   std::FILE* err_;
+  int output_error_ = 0;
   bool out_terminal_;
   bool err_terminal_;
   bool colour_;

@@ -1,5 +1,7 @@
 #include "host_tool/exit_code.h"
 
+#include <csignal>
+
 namespace nodal::host {
 
 ExitCode exit_code_of(Errc code) {
@@ -15,8 +17,12 @@ ExitCode exit_code_of(Errc code) {
   }
 }
 
-const std::array<ExitCodeHelp, 9>& exit_code_help() {
-  static const std::array<ExitCodeHelp, 9> help{{
+ExitCode exit_code_of_signal(int signal) {
+  return signal == SIGTERM ? ExitCode::kTerminated : ExitCode::kInterrupted;
+}
+
+const std::array<ExitCodeHelp, 13>& exit_code_help() {
+  static const std::array<ExitCodeHelp, 13> help{{
       {ExitCode::kOk, "done"},
       {ExitCode::kFailed, "Nodal itself went wrong (errors 9xx)"},
       {ExitCode::kUsage, "the command line cannot be understood"},
@@ -26,6 +32,10 @@ const std::array<ExitCodeHelp, 9>& exit_code_help() {
       {ExitCode::kStorage, "a file or a disk, here or on the rig (5xx)"},
       {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},
       {ExitCode::kJudged, "asked to judge, and the answer is no: heads have moved, or a trial was no better"},
+      {ExitCode::kOutputLost, "standard output could not be written: full, or closed"},
+      {ExitCode::kInterrupted, "Ctrl-C came before the work was done"},
+      {ExitCode::kReaderGone, "the reader of standard output went away, as | head does"},
+      {ExitCode::kTerminated, "SIGTERM came before the work was done"},
   }};
   return help;
 }

@@ -18,16 +18,23 @@ enum class ExitCode : int {
   kStorage = 6,      ///< a file or disk, here or on the rig (5xx)
   kNotNow = 7,       ///< the right request at the wrong moment (6xx)
   kJudged = 8,       ///< asked to judge, and the judgement is no: drifted, no better
+  kOutputLost = 9,   ///< standard output could not be written
+  // 128 + the signal, as shells report a program that the signal ended.
+  kInterrupted = 130,  ///< Ctrl-C (SIGINT) before the work was done
+  kReaderGone = 141,   ///< the reader of standard output went away (SIGPIPE), as `| head` does
+  kTerminated = 143,   ///< SIGTERM before the work was done
 };
 
 /// By the hundreds of the error's number.
 ExitCode exit_code_of(Errc code);
+/// Of a command that SIGINT or SIGTERM stopped.
+ExitCode exit_code_of_signal(int signal);
 
 struct ExitCodeHelp {
   ExitCode code;
   std::string_view meaning;
 };
 /// Every code with one line for --help and the manual page.
-const std::array<ExitCodeHelp, 9>& exit_code_help();
+const std::array<ExitCodeHelp, 13>& exit_code_help();
 
 }  // namespace nodal::host

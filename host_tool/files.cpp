@@ -49,6 +49,16 @@ int write_all(int fd, std::span<const std::uint8_t> bytes) {
   return 0;
 }
 
+/// 0, or what went wrong; a file system that cannot sync (EINVAL) is none of the user's concern.
+int sync(int fd) { return ::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP ? 0 : errno; }
+
+/// Only by setting it can it be read; no other thread makes files meanwhile.
+mode_t current_umask() {
+  const mode_t mask = ::umask(0);
+  ::umask(mask);
+  return mask;
+}
+
 /// The place of "%d" or "%0Nd" in a pattern.
 struct Conversion {
   std::size_t at = 0;
@@ -101,21 +111,23 @@ Result<std::string> read_file(const std::string& path, std::size_t limit) {
   }
 }
 
-Status write_file(const std::string& path, std::span<const std::uint8_t> bytes) {
+Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability) {
   // What is no ordinary file (/dev/null, a pipe) cannot be replaced: it is written to.
   struct stat info {};
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     if (S_ISDIR(info.st_mode)) return system_error(path, EISDIR);
     Descriptor device(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
     if (device.get() < 0) return system_error(path, errno);
-    const int wrong = write_all(device.get(), bytes);
+    int wrong = write_all(device.get(), bytes);
+    if (const int at_close = device.close(); wrong == 0) wrong = at_close;
     return wrong == 0 ? Status{} : system_error(path, wrong);
   }
   std::string temporary = path + ".XXXXXX";
   Descriptor file(::mkstemp(temporary.data()));
   if (file.get() < 0) return system_error(path, errno);
   int wrong = write_all(file.get(), bytes);
-  if (wrong == 0 && ::fchmod(file.get(), 0644) != 0) wrong = errno;
+  if (wrong == 0 && ::fchmod(file.get(), 0666 & ~current_umask()) != 0) wrong = errno;
+  if (wrong == 0 && durability == Durability::kNow) wrong = sync(file.get());
   if (const int at_close = file.close(); wrong == 0) wrong = at_close;
   if (wrong == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) wrong = errno;
   if (wrong == 0) return {};

@@ -14,9 +14,12 @@ namespace nodal::host {
 /// Errors: kNotFound, kTooLarge (over `limit`), kIo.
 Result<std::string> read_file(const std::string& path, std::size_t limit);
 
-/// Writes beside `path`, then renames over it. Nothing of it stays when that fails.
-/// Errors: kDiskFull, kNotFound (the folder), kIo.
-Status write_file(const std::string& path, std::span<const std::uint8_t> bytes);
+/// kNow: on the disk when write_file() returns (fsync). kLater: when the system gets to it.
+enum class Durability { kNow, kLater };
+
+/// Writes beside `path`, then renames over it. Nothing of it stays when that fails. Its mode is 0666 without the umask.
+/// Errors: kDiskFull, kNotFound (the folder), kIo; each names the file.
+Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability = Durability::kNow);
 Status write_file(const std::string& path, std::string_view text);
 
 /// `pattern` with its %d or %06d replaced by `number`, and %% by %. At most one number.

@@ -17,7 +17,7 @@ std::uint64_t losses_of(const wire::HeadState& head) {
 }
 
 std::string show_skew(std::int64_t ns) {
-  return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(static_cast<std::uint64_t>(ns < 0 ? -ns : ns)));
+  return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns)));
 }
 
 void show(Console& console, const wire::Heads& heads) {

@@ -7,7 +7,7 @@ namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
 
-void note_interrupt(int) { interrupt_seen = 1; }
+void note_interrupt(int signal) { interrupt_seen = signal; }
 
 }  // namespace
 
@@ -19,8 +19,11 @@ void watch_interrupts() {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  signal(SIGXFSZ, SIG_IGN);
 }
 
 bool interrupted() { return interrupt_seen != 0; }
+
+int interrupting_signal() { return interrupt_seen; }
 
 }  // namespace nodal::host

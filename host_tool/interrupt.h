@@ -3,9 +3,11 @@
 
 namespace nodal::host {
 
-/// From here on the first SIGINT or SIGTERM is only noted; a second one ends the program at once. Also
-/// ignores SIGPIPE, so that a reader that goes away is an error of write() and nothing worse.
+/// From here on the first SIGINT or SIGTERM is only noted; a second one ends the program at once. Also ignores SIGPIPE
+/// and SIGXFSZ, so that a reader that goes away and a file over its size limit are errors of write().
 void watch_interrupts();
 bool interrupted();
+/// SIGINT or SIGTERM, whichever came; 0 when neither did.
+int interrupting_signal();
 
 }  // namespace nodal::host

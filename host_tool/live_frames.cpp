@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <optional>
 
+#include "hal/replay/image_file.h"
+#include "host_tool/bulk_item.h"
+#include "host_tool/quantities.h"
+#include "host_tool/rig_input.h"
 #include "protocol/base/sha256.h"
 
 namespace nodal::host {
 namespace {
 
 constexpr Duration kBetweenSets = Duration::milliseconds(250);  // so that what moves has moved
-constexpr Duration kLongest = Duration::seconds(10);            // without a piece
 constexpr std::uint64_t kMaxSetBytes = 1ULL << 30;
 constexpr int kTries = 4;  // for a set with every head in it
 
@@ -28,6 +31,30 @@ std::optional<PixelFormat> format_of(const std::string& name) {
   return std::nullopt;
 }
 
+/// Bytes of a head's picture; its format and size are those that a rig may send.
+Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
+  const auto format = format_of(head.format());
+  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= hal::replay::kMaxImageSide &&
+                    head.height() <= hal::replay::kMaxImageSide;
+  if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
+  return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
+}
+
+/// The header, and the bytes that its pictures take together, which the set may have.
+Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
+  if (!header.ParseFromString(first.meta)) {
+    return fail(Errc::kBadFormat, "the rig sent a frame set without a header that can be read");
+  }
+  if (const Status good = check_and_clean(header); !good) return fail(good.error());
+  std::uint64_t sum = 0;
+  for (const wire::HeadPicture& head : header.heads()) {
+    const Result<std::uint64_t> bytes = picture_bytes(head);
+    if (!bytes) return fail(bytes.error());
+    sum += *bytes;
+  }
+  return std::min(sum, kMaxSetBytes);
+}
+
 Result<ReceivedSet> receive_set(RigConnection& rig) {
   wire::Request request;
   request.mutable_frame_set();
@@ -35,43 +62,47 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
   if (!started) return fail(started.error());
   const StreamId stream = started->pull().stream();
   ReceivedSet set;
+  BulkItemBytes bytes;
+  bool begun = false;
   bool whole = false;
   while (true) {
-    const Result<std::optional<Event>> event = rig.next_event(kLongest);
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
     if (!event) return fail(event.error());
-    if (!*event) return fail(Errc::kTimeout, "the rig began a frame set and sent no more of it for 10 s");
-    if (const auto* piece = std::get_if<BulkPiece>(&**event); piece && piece->stream == stream) {
+    if (!*event) {
+      return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent no more of it for {}",
+                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+    }
+    if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
       if (piece->first) {
-        if (!set.header.ParseFromString(piece->meta)) {
-          return fail(Errc::kBadFormat, "the rig sent a frame set without a header that can be read");
-        }
-        if (piece->total > kMaxSetBytes) return fail(Errc::kTooLarge, "the rig sent a frame set of more than 1 GiB");
-        set.bytes.reserve(piece->total);
+        if (begun) return fail(Errc::kProtocol, "the rig sent a second frame set; one was asked for");
+        begun = true;
+        const Result<std::uint64_t> most = read_header(*piece, set.header);
+        if (!most) return fail(most.error());
+        if (const Status good = bytes.begin(*piece, *most, "a frame set"); !good) return fail(good.error());
       }
-      set.bytes.insert(set.bytes.end(), piece->data.begin(), piece->data.end());
+      bytes.add(*piece);
       whole = piece->last;
-    } else if (const auto* closed = std::get_if<StreamClosed>(&**event); closed && closed->stream == stream) {
+    } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
       if (closed->error) return fail(*closed->error);
       if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was whole");
+      set.bytes = bytes.take();
       return set;
     }
   }
 }
 
 Result<hal::replay::DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
+  const Result<std::uint64_t> bytes = picture_bytes(head);
+  if (!bytes) return fail(bytes.error());
   hal::replay::DecodedImage picture;
-  const auto format = format_of(head.format());
-  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= 32768 && head.height() <= 32768;
-  if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
-  picture.format = *format;
+  picture.format = *format_of(head.format());
   picture.width = static_cast<int>(head.width());
   picture.height = static_cast<int>(head.height());
-  const std::size_t bytes = packed_size(picture.format, picture.width, picture.height);
-  if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < bytes) {
+  if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < *bytes) {
     return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is not whole");
   }
   const auto begin = set.bytes.begin() + static_cast<std::ptrdiff_t>(head.offset());
-  picture.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(bytes));
+  picture.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(*bytes));
   return picture;
 }
 
@@ -115,7 +146,7 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
   PictureSets pictures;
   for (int left = sets, tries = kTries; left > 0;) {
     if (tries < kTries || left < sets) {
-      if (const auto waited = rig.next_event(kBetweenSets); !waited) return fail(waited.error());
+      if (const Status rested = rig.rest(kBetweenSets); !rested) return fail(rested.error());
     }
     Result<ReceivedSet> set = receive_set(rig);
     if (!set) return fail(set.error());

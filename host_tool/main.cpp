@@ -1,9 +1,11 @@
 #include <cstdio>
 
+#include "hal/linux/link/standard_descriptors.h"
 #include "host_tool/command.h"
 #include "host_tool/console.h"
 
 int main(int argc, char** argv) {
+  nodal::hal::guard_standard_descriptors();
   nodal::host::Console console(stdout, stderr);
   nodal::host::CommandLine line(console);
   return static_cast<int>(line.run(argc, argv));

@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 #include <sstream>
 
@@ -44,7 +45,7 @@ Result<std::size_t> head_of(const std::string& name, const Calibration& rig) {
 Result<double> number_of(const std::string& text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) {
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
     return fail(Errc::kBadValue, "'" + text + "' is no number");
   }
   return value;
@@ -64,22 +65,6 @@ Result<PointPair> pair_of(const std::vector<std::string>& cells, const Calibrati
     at[k] = *value;
   }
   return PointPair{*a, {at[0], at[1]}, *b, {at[2], at[3]}};
-}
-
-Result<std::vector<PointPair>> pairs_of_csv(const std::string& text, const Calibration& rig) {
-  std::vector<PointPair> pairs;
-  std::istringstream in(text);
-  int number = 0;
-  for (std::string line; std::getline(in, line);) {
-    ++number;
-    const std::vector<std::string> cells = split(line);
-    if (cells.empty() || (cells.size() == 1 && cells[0].empty()) || cells[0].starts_with('#')) continue;
-    if (cells[0] == "head_a") continue;
-    const Result<PointPair> pair = pair_of(cells, rig);
-    if (!pair) return fail(pair.error().in(fmt::format("line {}", number)));
-    pairs.push_back(*pair);
-  }
-  return pairs;
 }
 
 Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const Calibration& rig) {
@@ -142,11 +127,27 @@ class Workshop {
 
 }  // namespace
 
+Result<std::vector<PointPair>> parse_pairs_csv(const std::string& text, const Calibration& rig) {
+  std::vector<PointPair> pairs;
+  std::istringstream in(text);
+  int number = 0;
+  for (std::string line; std::getline(in, line);) {
+    ++number;
+    const std::vector<std::string> cells = split(line);
+    if (cells.empty() || (cells.size() == 1 && cells[0].empty()) || cells[0].starts_with('#')) continue;
+    if (cells[0] == "head_a") continue;
+    const Result<PointPair> pair = pair_of(cells, rig);
+    if (!pair) return fail(pair.error().in(fmt::format("line {}", number)));
+    pairs.push_back(*pair);
+  }
+  return pairs;
+}
+
 Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibration& rig) {
   const Result<std::string> text = read_file(file, interchange::kMaxProjectBytes);
   if (!text) return fail(text.error());
   const bool project = file.ends_with(".pto") || file.ends_with(".pts");
-  Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : pairs_of_csv(*text, rig);
+  Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
   if (!pairs) return fail(pairs.error().in(file));
   if (pairs->empty()) {
     return fail(Errc::kMissingField, file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its c lines");

@@ -15,7 +15,8 @@
 namespace nodal::host {
 namespace {
 
-constexpr std::uint32_t kMaxRaymapSide = 32768;
+constexpr std::uint32_t kMaxRaymapSide = 16384;  // rig.toml's limit for raymap.width
+constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG over its pixels: headers, metadata
 
 std::optional<PixelFormat> raw_format(const std::string& coding) {
   for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kGrey8,
@@ -67,14 +68,26 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
   return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png or .raw, or say --format", name));
 }
 
-Status check_raymap(const ReceivedRaymap& raymap) {
-  const wire::RaymapHeader& header = raymap.header;
-  const std::size_t size = raymap.bytes.size();
+Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
   if (header.width() == 0 || header.height() == 0 || header.width() > kMaxRaymapSide ||
       header.height() > kMaxRaymapSide) {
     return fail(Errc::kBadFormat, fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(),
                                               header.height()));
   }
+  if (header.coding() == "jpeg") return std::uint64_t{header.width()} * header.height() * 3 + kMaxJpegOverhead;
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) {
+    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
+                                                "than this program?", header.set(), header.coding()));
+  }
+  return packed_size(*format, static_cast<int>(header.width()), static_cast<int>(header.height()));
+}
+
+Status check_raymap(const ReceivedRaymap& raymap) {
+  const wire::RaymapHeader& header = raymap.header;
+  const std::size_t size = raymap.bytes.size();
+  const Result<std::uint64_t> wanted = most_raymap_bytes(header);
+  if (!wanted) return fail(wanted.error());
   if (header.coding() == "jpeg") {
     const auto& b = raymap.bytes;
     if (size < 4 || b[0] != 0xFF || b[1] != 0xD8) {
@@ -85,15 +98,8 @@ Status check_raymap(const ReceivedRaymap& raymap) {
     }
     return {};
   }
-  const std::optional<PixelFormat> format = raw_format(header.coding());
-  if (!format) {
-    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
-                                                "than this program?", header.set(), header.coding()));
-  }
-  const std::size_t wanted =
-      packed_size(*format, static_cast<int>(header.width()), static_cast<int>(header.height()));
-  if (size != wanted) {
-    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, wanted));
+  if (size != *wanted) {
+    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, *wanted));
   }
   return {};
 }

@@ -24,6 +24,10 @@ struct ReceivedRaymap {
   std::vector<std::uint8_t> bytes;
 };
 
+/// Bytes that a raymap of this header has at most: exactly so many when it is raw. Errors: kBadFormat for a size that no
+/// rig makes, kUnsupported for a coding that is not known.
+Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header);
+
 /// Refuses what does not hold together: a size that is not what the coding says, a JPEG without its ends.
 /// Errors: kBadFormat, kTruncated, kUnsupported.
 Status check_raymap(const ReceivedRaymap& raymap);

@@ -26,6 +26,11 @@ Result<std::uint32_t> parse_stops(std::string_view text);
 /// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
 Result<FrameRate> parse_rate(std::string_view text);
 
+/// Without its sign, of the lowest number, too, whose negative does not fit.
+constexpr std::uint64_t magnitude(std::int64_t ns) {
+  return ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
+}
+
 std::string show_duration(std::uint64_t ns);       ///< "450 ns", "12.3 µs", "8 ms", "1.5 s", "2 h 03 min"
 std::string show_exposure(std::uint64_t ns);       ///< "8 ms"
 std::string show_gain(std::int32_t mdb);           ///< "6.02 dB"

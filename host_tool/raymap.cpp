@@ -5,17 +5,17 @@
 #include <chrono>
 #include <optional>
 
+#include "host_tool/bulk_item.h"
 #include "host_tool/command.h"
 #include "host_tool/files.h"
 #include "host_tool/interrupt.h"
 #include "host_tool/picture_file.h"
 #include "host_tool/quantities.h"
+#include "host_tool/rig_input.h"
 #include "host_tool/wire_json.h"
 
 namespace nodal::host {
 namespace {
-
-constexpr std::uint64_t kMaxRaymapBytes = 1ULL << 31;
 
 struct Args {
   std::uint64_t count = 1;
@@ -69,28 +69,39 @@ struct Tally {
   }
 };
 
-/// Puts an item's pieces together.
+/// Puts a raymap's pieces together.
 class Assembly {
  public:
+  explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
+
   /// The whole raymap with its last piece.
   Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
     if (piece.first) {
-      raymap_ = {};
-      if (!raymap_.header.ParseFromString(piece.meta)) {
-        return fail(Errc::kBadFormat, "the rig sent a raymap without a header that can be read");
-      }
-      if (piece.total > kMaxRaymapBytes) {
-        return fail(Errc::kTooLarge, fmt::format("the rig sent a raymap of {}", show_bytes(piece.total)));
-      }
-      raymap_.bytes.reserve(piece.total);
+      if (const Status good = begin(piece); !good) return fail(good.error());
     }
-    raymap_.bytes.insert(raymap_.bytes.end(), piece.data.begin(), piece.data.end());
+    bytes_.add(piece);
     if (!piece.last) return std::nullopt;
-    return std::optional<ReceivedRaymap>(std::move(raymap_));
+    return ReceivedRaymap{std::move(header_), bytes_.take()};
   }
 
  private:
-  ReceivedRaymap raymap_;
+  Status begin(const BulkPiece& piece) {
+    header_.Clear();
+    if (!header_.ParseFromString(piece.meta)) {
+      return fail(Errc::kBadFormat, "the rig sent a raymap without a header that can be read");
+    }
+    if (const Status good = check_and_clean(header_); !good) return good;
+    if ((header_.coding() == "jpeg") != jpeg_) {
+      return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
+    }
+    const Result<std::uint64_t> most = most_raymap_bytes(header_);
+    if (!most) return fail(most.error());
+    return bytes_.begin(piece, *most, "a raymap");
+  }
+
+  bool jpeg_;  ///< asked for
+  wire::RaymapHeader header_;
+  BulkItemBytes bytes_;
 };
 
 /// Where raymaps go, and as what.
@@ -134,12 +145,13 @@ Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::u
     bytes = png;
   }
   if (sink.pattern == "-") {
-    if (const Status written = console.bytes(bytes.data(), bytes.size()); !written) return fail(written.error());
+    console.bytes({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     return std::string("-");
   }
   const Result<std::string> name = numbered_name(sink.pattern, number);
   if (!name) return fail(name.error());
-  if (const Status written = write_file(*name, bytes); !written) return fail(written.error());
+  // Not synced: a disk would not keep up with 30 files a second, and each is soon followed by the next.
+  if (const Status written = write_file(*name, bytes, Durability::kLater); !written) return fail(written.error());
   if (sink.format == RaymapFormat::kRaw) {
     if (const Status written = write_file(*name + ".json", raw_sidecar(raymap)); !written) return fail(written.error());
   }
@@ -180,14 +192,14 @@ class Pull {
   Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
       : rig_(rig), stream_(stream), args_(args), sink_(sink), heads_(heads), console_(console),
         endless_(args.continuous || !args.seconds.empty()),
-        progress_(console, "raymap", endless_ ? 0 : args.count) {}
+        progress_(console, "raymap", endless_ ? 0 : args.count), assembly_(sink.format == RaymapFormat::kJpg) {}
 
   /// Until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
   Status run() {
     const double until =
         args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
     while (!enough() && (until == 0 || now_s() < until) && !console_.output_gone()) {
-      const Result<std::optional<Event>> event = rig_.next_event(kRemindAfter);
+      const Result<std::optional<Event>> event = rig_.next_event_of(stream_, kRemindAfter);
       if (interrupted()) break;
       if (!event) return fail(event.error());
       if (!*event) {
@@ -200,24 +212,32 @@ class Pull {
     }
     rig_.stop_stream(stream_);
     console_.finish_progress();
-    if (tally_.pulled != 0) {
-      tell_summary(console_, tally_, name_);
-      return {};
+    return conclude(args_.seconds.empty() || now_s() < until);
+  }
+
+ private:
+  static constexpr Duration kRemindAfter = Duration::seconds(10);
+
+  /// What came of it. Ctrl-C is the usual end of --continuous; any other pull that it ends was not done (`early`).
+  Status conclude(bool early) {
+    if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
+    if (interrupted() && !args_.continuous && !enough() && early) {
+      const std::string wanted = endless_ ? args_.seconds : std::to_string(args_.count) + " raymaps";
+      return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} raymap{}; {} were asked for", tally_.pulled,
+                                                tally_.pulled == 1 ? "" : "s", wanted));
     }
+    if (tally_.pulled != 0 || console_.output_gone()) return {};
     return fail(interrupted() ? Errc::kCancelled : Errc::kNotReady,
                 tally_.incomplete != 0 ? fmt::format("{} raymaps came, and a head was missing in each; `nodal heads` "
                                                      "says which", tally_.incomplete)
                                        : "no raymap came; `nodal status` says what the rig is doing");
   }
 
- private:
-  static constexpr Duration kRemindAfter = Duration::seconds(10);
-
   bool enough() const { return !endless_ && tally_.pulled >= args_.count; }
 
   /// Whether the stream goes on.
   Result<bool> take(const Event& event) {
-    if (const auto* closed = std::get_if<StreamClosed>(&event); closed != nullptr && closed->stream == stream_) {
+    if (const auto* closed = std::get_if<StreamClosed>(&event)) {
       tally_.dropped = closed->dropped;
       if (closed->error) return fail(*closed->error);
       if (endless_) return false;
@@ -225,7 +245,7 @@ class Pull {
                   fmt::format("the rig ended the stream after {} of {} raymaps", tally_.pulled, args_.count));
     }
     const auto* piece = std::get_if<BulkPiece>(&event);
-    if (piece == nullptr || piece->stream != stream_) return true;
+    if (piece == nullptr) return true;
     tally_.dropped = piece->dropped;
     const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
     if (!raymap) return fail(raymap.error());
@@ -288,7 +308,7 @@ Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Co
     if (!status) return fail(status.error());
     if (status->status().activity().empty()) return fail(started.error());
     console.activity(status->status().activity());
-    if (const auto event = rig.next_event(kAskAgainAfter); !event) return fail(event.error());
+    if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
     if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status->status().activity());
   }
 }

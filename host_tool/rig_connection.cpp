@@ -11,6 +11,7 @@
 #include "hal/linux/link/socket_link.h"
 #include "host_tool/interrupt.h"
 #include "host_tool/quantities.h"
+#include "host_tool/rig_input.h"
 
 namespace nodal::host {
 namespace {
@@ -70,36 +71,45 @@ Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::
 RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience,
                              WaitForLink wait)
     : link_(std::move(link)), address_(std::move(address)), patience_(patience), wait_(std::move(wait)),
-      session_(Role::kHost, make_hello(std::string(kSoftware))) {}
+      session_(Role::kHost, make_hello(std::string(kSoftware))), heard_(now()), sent_(heard_) {}
 
 Status RigConnection::say_hello() {
-  return step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello");
+  const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
+  if (!said) return said;
+  std::optional<Event> hello = session_.next_event();  // the first of all events
+  rig_ = std::get<wire::Hello>(std::move(*hello));
+  return check_and_clean(rig_);
 }
 
 Result<std::uint64_t> RigConnection::post(wire::Request& request) {
   if (dead_) return fail(*dead_);
   request.set_id(next_request_++);
   if (const Status sent = session_.send(request); !sent) return fail(sent.error());
+  questions_[request.id()];
   return request.id();
 }
 
-bool RigConnection::answered(std::uint64_t id) const {
-  return std::ranges::any_of(replies_, [id](const wire::Reply& reply) { return reply.id() == id; });
+void RigConnection::sort_answers() {
+  while (std::optional<wire::Reply> reply = session_.take_reply()) {
+    if (reply->id() == probe_) probe_.reset();
+    const auto question = questions_.find(reply->id());
+    if (question != questions_.end() && !question->second) question->second = std::move(*reply);
+  }
 }
 
 Result<wire::Reply> RigConnection::take_answer(std::uint64_t id) {
-  const auto found = std::ranges::find(replies_, id, [](const wire::Reply& reply) { return reply.id(); });
-  NODAL_ASSERT(found != replies_.end());
-  wire::Reply reply = std::move(*found);
-  replies_.erase(found);
-  if (reply.has_error()) return fail(static_cast<Errc>(reply.error().code()), reply.error().message());
-  return reply;
+  wire::Reply reply = std::move(*questions_.at(id));
+  questions_.erase(id);
+  if (const Status good = check_and_clean(reply); !good) return fail(good.error().in(address_));
+  if (!reply.has_error()) return reply;
+  return fail(static_cast<Errc>(std::min<std::uint32_t>(reply.error().code(), UINT16_MAX)), reply.error().message());
 }
 
 Result<wire::Reply> RigConnection::ask(wire::Request request) {
   const Result<std::uint64_t> id = post(request);
   if (!id) return fail(id.error());
-  if (const Status waited = step_until([&] { return answered(*id); }, "an answer"); !waited) {
+  if (const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_); !waited) {
+    questions_.erase(*id);
     return fail(waited.error());
   }
   return take_answer(*id);
@@ -121,26 +131,61 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
   }
 }
 
+Status RigConnection::check_alive() {
+  const Duration at = now();
+  if (!probe_) {
+    if (at - heard_ < patience_ / 4) return {};
+    wire::Request status;
+    status.mutable_status();
+    status.set_id(next_request_++);
+    if (const Status sent = session_.send(status); !sent) return sent;
+    probe_ = status.id();
+    probed_ = at;
+    return {};
+  }
+  // From the question on, not from the last byte: this program may have been stopped for a while.
+  if (at - std::max(heard_, probed_) < patience_ - patience_ / 4) return {};
+  return fail(Errc::kTimeout, fmt::format("{}: the rig has sent nothing for {}; it hangs, or the link to it is stuck "
+                                          "(--timeout waits longer)",
+                                          address_, show_duration(static_cast<std::uint64_t>((at - heard_).ns()))));
+}
+
 Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
   const Duration until = now() + at_most;
   while (true) {
-    // One event at a time: the session gives the rig credit for what is taken, and no more.
-    while (std::optional<Event> event = take_event()) {
-      if (!std::holds_alternative<wire::Reply>(*event)) return event;
-      replies_.push_back(std::get<wire::Reply>(std::move(*event)));
-    }
     if (interrupted()) return cancelled();
+    sort_answers();
+    // One event at a time: the session gives the rig credit for what is taken, and no more.
+    if (std::optional<Event> event = session_.next_event()) return event;
     const Duration left = until - now();
     if (left < Duration()) return std::nullopt;
+    if (const Status alive = check_alive(); !alive) return fail(alive.error());
     if (const Status stepped = step(left); !stepped) return fail(stepped.error());
   }
 }
 
-std::optional<Event> RigConnection::take_event() {
-  if (events_.empty()) return session_.next_event();
-  std::optional<Event> event = std::move(events_.front());
-  events_.pop_front();
-  return event;
+Result<std::optional<Event>> RigConnection::next_event_of(StreamId stream, Duration at_most) {
+  const Duration until = now() + at_most;
+  while (true) {
+    Result<std::optional<Event>> event = next_event(std::max(Duration(), until - now()));
+    if (!event || !*event) return event;
+    const bool wanted = std::visit(
+        [stream](const auto& it) {
+          if constexpr (requires { it.stream; }) return it.stream == stream;
+          return false;
+        },
+        **event);
+    if (wanted) return event;
+    if (now() > until) return std::nullopt;
+  }
+}
+
+Status RigConnection::rest(Duration how_long) {
+  const Duration until = now() + how_long;
+  for (Duration left = how_long; left > Duration(); left = until - now()) {
+    if (const Result<std::optional<Event>> event = next_event(left); !event) return fail(event.error());
+  }
+  return {};
 }
 
 Status RigConnection::send_item(BulkItem item) {
@@ -150,14 +195,14 @@ Status RigConnection::send_item(BulkItem item) {
   if (const Status offered = session_.offer(*stream, std::move(item)); !offered) return offered;
   std::optional<Error> refused;
   const auto taken = [&] {
-    for (const Event& event : events_) {
-      const auto* stopped = std::get_if<StreamStopped>(&event);
-      if (stopped != nullptr && stopped->stream == *stream) refused = stopped->why;
+    while (const std::optional<StreamStopped> stopped = session_.take_stopped()) {
+      if (stopped->stream == *stream) refused = stopped->why;
     }
     const std::optional<StreamCounts> counts = session_.counts(*stream);
     return refused || !counts || counts->delivered == counts->offered;
   };
-  if (const Status sent = step_until(taken, "the rig to take what is sent"); !sent) return sent;
+  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, true);
+  if (!sent) return sent;
   if (refused) return fail(*refused);
   session_.close_stream(*stream);
   return {};
@@ -167,23 +212,21 @@ void RigConnection::stop_stream(StreamId stream) {
   if (!dead_) session_.stop_stream(stream, Error{Errc::kCancelled, "the client has what it wants"});
 }
 
-Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what, Duration within) {
-  const Duration until = now() + within;
+Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what, Duration within,
+                                 bool renewed) {
+  const Duration begun = now();
   while (!done()) {
     if (interrupted()) return cancelled();
-    const Duration left = until - now();
+    const Duration left = within - (now() - (renewed ? std::max(begun, sent_) : begun));
     if (left <= Duration()) {
       return fail(Errc::kTimeout, fmt::format("{}: waited {} for {}; the rig may be busy (--timeout waits longer) or "
                                               "the link stuck", address_,
                                               show_duration(static_cast<std::uint64_t>(within.ns())), what));
     }
     if (const Status stepped = step(left); !stepped) return stepped;
-    while (std::optional<Event> event = session_.next_event()) {
-      if (auto* reply = std::get_if<wire::Reply>(&*event)) {
-        replies_.push_back(std::move(*reply));
-      } else if (!std::holds_alternative<wire::Hello>(*event)) {
-        events_.push_back(std::move(*event));
-      }
+    sort_answers();
+    if (!session_.wants_input() && session_.error() == nullptr) {
+      return fail(Errc::kOverload, fmt::format("{}: the rig sends streams without end, and not {}", address_, what));
     }
   }
   return {};
@@ -199,6 +242,7 @@ Status RigConnection::step(Duration at_most) {
     if (!taken) break;  // reading below says why, and gives first what the rig still had to say
     if (*taken == 0) break;
     session_.sent(*taken);
+    sent_ = now();
     moved = true;
   }
 
@@ -209,6 +253,7 @@ Status RigConnection::step(Duration at_most) {
       dead_ = link_lost(got.error()).value();
       return fail(*dead_);
     }
+    if (*got != 0) heard_ = now();
     moved = moved || *got != 0;
     if (const Status received = session_.receive(std::span(buffer).first(*got)); !received) {
       (void)link_->write(session_.output());  // the farewell, which tells the rig why; one try

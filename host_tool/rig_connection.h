@@ -1,8 +1,8 @@
 // A conversation with a rig: the protocol's session over a link, driven from one thread that waits.
 #pragma once
 
-#include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,7 +24,9 @@ void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most);
 
 /// Threading: thread-bound.
 /// Ownership: owns the link; closes it with the object.
-/// Errors: kUnreachable, kVersionMismatch, kTimeout, kLinkClosed, kProtocol, what the rig answered, and
+/// Memory: what the rig may send without being asked is bounded by the session's windows. What it is asked for is checked
+///   and made printable (rig_input.h) before a command sees it.
+/// Errors: kUnreachable, kVersionMismatch, kTimeout, kLinkClosed, kProtocol, kTooLarge, what the rig answered, and
 ///   kCancelled after Ctrl-C. After an error of the link (3xx) every call gives it again.
 class RigConnection {
  public:
@@ -33,7 +35,7 @@ class RigConnection {
   static Result<std::unique_ptr<RigConnection>> over(std::unique_ptr<hal::LinkPort> link, std::string address,
                                                      Duration patience, WaitForLink wait);
 
-  const wire::Hello& rig() const { return *session_.peer_hello(); }
+  const wire::Hello& rig() const { return rig_; }
   const std::string& address() const { return address_; }
 
   /// Sends the request under a new id and waits for its answer. An error the rig answers is an error here.
@@ -43,11 +45,20 @@ class RigConnection {
   /// waited for, and `meanwhile` is told every second how the rig is.
   Result<wire::Reply> ask_long(wire::Request request, const std::function<void(const wire::RigStatus&)>& meanwhile);
 
-  /// The next of what comes on streams (StreamOpened, BulkPiece, StreamClosed, StreamStopped); nothing when
-  /// `at_most` has passed.
-  Result<std::optional<Event>> next_event(Duration at_most);
+  /// How long the rig may take to answer, and how long it may be silent: --timeout.
+  Duration patience() const { return patience_; }
 
-  /// Sends one item on a lossless stream and waits until the link has taken all of it.
+  /// The next of what comes on streams (StreamOpened, BulkPiece, StreamClosed, StreamStopped); nothing when
+  /// `at_most` has passed. A rig that is silent is asked for its status, so that one that has nothing to send can be told
+  /// from one that hangs; kTimeout when nothing at all came from it for patience().
+  Result<std::optional<Event>> next_event(Duration at_most);
+  /// The same of one stream; what comes on others is dropped.
+  Result<std::optional<Event>> next_event_of(StreamId stream, Duration at_most);
+  /// Waits so long, and sees meanwhile that the rig hangs or the link is lost. What comes on streams is dropped.
+  Status rest(Duration how_long);
+
+  /// Sends one item on a lossless stream and waits until the link has taken all of it; kTimeout when it takes no byte for
+  /// patience().
   Status send_item(BulkItem item);
 
   /// Ends a stream of the rig's; its StreamClosed does not come any more.
@@ -56,18 +67,18 @@ class RigConnection {
  private:
   RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience, WaitForLink wait);
   Status say_hello();
-  /// What was put aside, then what the session has.
-  std::optional<Event> take_event();
+  /// Puts answers where ask() looks for them; those to questions that nobody asked, or gave up, are dropped.
+  void sort_answers();
+  /// Asks a rig that has been silent for a while for its status; an error when it stays silent.
+  Status check_alive();
   /// Moves bytes both ways once; waits at most so long when there was nothing to move.
   Status step(Duration at_most);
-  /// Steps until `done` says so, with what comes meanwhile put aside. `what` names what was waited for.
-  Status step_until(const std::function<bool()>& done, const std::string& what, Duration within);
-  Status step_until(const std::function<bool()>& done, const std::string& what) {
-    return step_until(done, what, patience_);
-  }
+  /// Steps until `done` says so; what comes on streams stays in the session. `what` names what was waited for. With
+  /// `renewed`, `within` counts from when the link last took a byte.
+  Status step_until(const std::function<bool()>& done, const std::string& what, Duration within, bool renewed = false);
   /// Sends the request; the id that its answer will have.
   Result<std::uint64_t> post(wire::Request& request);
-  bool answered(std::uint64_t id) const;
+  bool answered(std::uint64_t id) const { return questions_.at(id).has_value(); }
   Result<wire::Reply> take_answer(std::uint64_t id);
   tl::unexpected<Error> link_lost(const Error& error) const;
 
@@ -76,9 +87,13 @@ class RigConnection {
   Duration patience_;
   WaitForLink wait_;
   Session session_;
+  wire::Hello rig_;
   std::uint64_t next_request_ = 1;
-  std::deque<wire::Reply> replies_;
-  std::deque<Event> events_;  // of streams, that came while an answer was waited for
+  std::map<std::uint64_t, std::optional<wire::Reply>> questions_;  // by id, with the answer once it is there
+  Duration heard_;                          // when bytes last came from the rig
+  Duration sent_;                           // when the link last took bytes
+  std::optional<std::uint64_t> probe_;      // the status request that a silent rig has not answered yet
+  Duration probed_;                         // when it was sent
   std::optional<Error> dead_;
 };
 

@@ -108,10 +108,11 @@ Status run(Context& context, const Args& args) {
   Console& console = context.console();
   wire::Request request;
   request.mutable_status();
+  const bool endless = args.watch && args.count == 0;  // then Ctrl-C is its usual end
   for (std::uint64_t shown = 0;;) {
     const Result<wire::Reply> reply = (*rig)->ask(request);
     if (!reply) {
-      if (args.watch && interrupted()) return {};
+      if (endless && interrupted()) return {};
       return fail(reply.error());
     }
     const wire::RigStatus& status = reply->status();
@@ -126,8 +127,8 @@ Status run(Context& context, const Args& args) {
     ++shown;
     if (!args.watch || shown == args.count || console.output_gone()) return {};
     // Nothing is expected on streams: this waits, and sees the link go down at once.
-    const Result<std::optional<Event>> waited = (*rig)->next_event(*interval);
-    if (interrupted()) return {};
+    const Status waited = (*rig)->rest(*interval);
+    if (endless && interrupted()) return {};
     if (!waited) return fail(waited.error());
   }
 }

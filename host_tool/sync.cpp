@@ -3,6 +3,8 @@
 #include "host_tool/command.h"
 #include "host_tool/files.h"
 #include "host_tool/interrupt.h"
+#include "host_tool/quantities.h"
+#include "host_tool/rig_input.h"
 #include "host_tool/sync_report.h"
 
 namespace nodal::host {
@@ -25,23 +27,26 @@ Result<std::vector<std::string>> head_names(RigConnection& rig) {
 
 /// Takes the evidence of sets as they come, until there are enough, Ctrl-C, or the rig ends the stream.
 Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& console, SyncReport& report) {
-  constexpr Duration kPatience = Duration::seconds(10);
   Progress progress(console, "set", args.sets);
   while (report.sets() < args.sets) {
-    const Result<std::optional<Event>> event = rig.next_event(kPatience);
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
     if (interrupted()) break;
     if (!event) return fail(event.error());
-    if (!*event) return fail(Errc::kTimeout, "no set for 10 s; `nodal status` says why");
-    if (const auto* closed = std::get_if<StreamClosed>(&**event); closed != nullptr && closed->stream == stream) {
+    if (!*event) {
+      return fail(Errc::kTimeout, fmt::format("no set for {}; `nodal status` says why",
+                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+    }
+    if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
       if (closed->error) return fail(*closed->error);
       break;
     }
     const auto* piece = std::get_if<BulkPiece>(&**event);
-    if (piece == nullptr || piece->stream != stream || !piece->first) continue;
+    if (piece == nullptr || !piece->first) continue;
     wire::RaymapHeader header;
     if (!header.ParseFromString(piece->meta)) {
       return fail(Errc::kBadFormat, "the rig sent a set's evidence that cannot be read");
     }
+    if (const Status good = check_and_clean(header); !good) return good;
     report.add(header);
     report.set_dropped(piece->dropped);
     progress.update(report.sets(), header.genlock());
@@ -64,12 +69,17 @@ Status run(Context& context, const Args& args) {
   const Status collected = collect(**rig, StreamId{started->pull().stream()}, args, console, report);
   console.finish_progress();
   if (!collected) return fail(collected.error());
+  if (report.sets() == 0 && interrupted()) return fail(Errc::kCancelled, "stopped by a signal before the first set");
   if (report.sets() == 0) return fail(Errc::kNotReady, "no set came; `nodal status` says what the rig is doing");
   console.document(report.json());
   for (const std::string& line : report.lines()) console.line(line);
-  if (args.svg.empty()) return {};
-  if (const Status written = write_file(args.svg, report.svg()); !written) return fail(written.error());
-  console.note("drawn in " + args.svg);
+  if (!args.svg.empty()) {
+    if (const Status written = write_file(args.svg, report.svg()); !written) return fail(written.error());
+    console.note("drawn in " + args.svg);
+  }
+  if (interrupted() && report.sets() < args.sets) {
+    return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} of {} sets", report.sets(), args.sets));
+  }
   return {};
 }
 

@@ -11,7 +11,7 @@ namespace nodal::host {
 namespace {
 
 std::string signed_time(std::int64_t ns) {
-  return (ns < 0 ? "-" : "+") + show_duration(static_cast<std::uint64_t>(std::abs(ns)));
+  return (ns < 0 ? "-" : "+") + show_duration(magnitude(ns));
 }
 std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64_t>(ns)); }
 
@@ -45,7 +45,7 @@ std::vector<SyncReport::Head> SyncReport::heads() const {
       }
       head.offsets.back() = set.offset_ns(static_cast<int>(i));
       seen.push_back(*head.offsets.back());
-      off.push_back(std::abs(seen.back()));
+      off.push_back(static_cast<std::int64_t>(std::min<std::uint64_t>(magnitude(seen.back()), INT64_MAX)));
     }
     head.median_ns = SyncFigures::of(std::move(seen)).median_ns;
     const SyncFigures figures = SyncFigures::of(std::move(off));

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/base/text.h"
+#include "protocol/reply_size.h"
 #include "protocol/known_fields.h"
 
 namespace nodal {
@@ -150,6 +151,7 @@ Status Session::handle(const FrameView& frame) {
       return {};
     }
     case FrameType::kReply: {
+      if (const Status fits = check_reply_size(frame.payload); !fits) return fits;
       auto reply = parse<wire::Reply>(frame);
       if (!reply) return fail(reply.error());
       push_event(std::move(*reply), frame.payload.size());

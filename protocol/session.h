@@ -2,6 +2,7 @@
 // same but for their roles.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -87,6 +88,9 @@ class Session {
   bool wants_input() const;
   /// The oldest event not yet taken. The peer's Hello is the first of them.
   std::optional<Event> next_event();
+  /// The oldest event of its kind, past others, which stay. While pieces stay, the peer gets no credit for more.
+  std::optional<wire::Reply> take_reply();
+  std::optional<StreamStopped> take_stopped();
   /// Says whether the stream may end here; kLinkClosed when the link went down inside a frame or an item.
   Status end_of_input() const;
 
@@ -147,6 +151,8 @@ class Session {
   Status handle_credit(const FrameView& frame);
   Status handle_bulk(const FrameView& frame);
   void push_event(Event event, std::size_t bytes);
+  template <class Kind>
+  std::optional<Kind> take();
 
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
   void push_control(FrameType type, StreamId stream, std::string payload);
@@ -179,5 +185,18 @@ class Session {
   std::span<const std::uint8_t> front_slice_;
   std::size_t front_sent_ = 0;
 };
+
+template <class Kind>
+std::optional<Kind> Session::take() {
+  const auto of_kind = [](const QueuedEvent& queued) { return std::holds_alternative<Kind>(queued.event); };
+  const auto found = std::ranges::find_if(events_, of_kind);
+  if (found == events_.end()) return std::nullopt;
+  std::optional<Kind> taken(std::get<Kind>(std::move(found->event)));
+  event_bytes_ -= found->bytes;
+  events_.erase(found);
+  return taken;
+}
+inline std::optional<wire::Reply> Session::take_reply() { return take<wire::Reply>(); }
+inline std::optional<StreamStopped> Session::take_stopped() { return take<StreamStopped>(); }
 
 }  // namespace nodal

@@ -20,6 +20,7 @@
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
 #include "firmware/daemon/world.h"
+#include "hal/linux/link/standard_descriptors.h"
 
 namespace nodal::daemon {
 namespace {
@@ -191,6 +192,7 @@ int main(int argc, char** argv, EndDeadline& deadline) {
 }  // namespace nodal::daemon
 
 int main(int argc, char** argv) {
+  nodal::hal::guard_standard_descriptors();
   nodal::daemon::EndDeadline deadline;
   const int exit_code = nodal::daemon::main(argc, argv, deadline);
   deadline.finished(exit_code);

@@ -75,7 +75,13 @@ Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, s
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
                                   std::optional<PixelFormat> as) {
   if (as == PixelFormat::kMjpeg) return fail(Errc::kUnsupported, "picture '" + name + "': is not decoded to MJPEG");
-  if (const auto header = header_of(bytes, name); !header) return fail(header.error());
+  const auto header = header_of(bytes, name);
+  if (!header) return fail(header.error());
+  if (packed_size(header->natural, header->width, header->height) > kSmallImageBytes + kMaxExpansion * bytes.size()) {
+    return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
+                                      std::to_string(header->width) + "x" + std::to_string(header->height) +
+                                      " pixels; fetch or export it again");
+  }
   auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name) : decode_png(bytes, name);
   if (!image || !as || *as == image->format) return image;
   return convert_image(image->view(), *as);

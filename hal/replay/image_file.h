@@ -25,6 +25,10 @@ struct DecodedImage {
 
 inline constexpr std::uint64_t kMaxImageFileBytes = std::uint64_t{256} << 20;
 inline constexpr int kMaxImageSide = 32768;
+/// Bytes of picture that a byte of file can hold: deflate gives 1032 for one (zlib's technical details), a baseline JPEG at
+/// most 512 samples a component. A file that claims more is refused before memory is taken; small ones always pass.
+inline constexpr std::uint64_t kMaxExpansion = 3096;
+inline constexpr std::uint64_t kSmallImageBytes = std::uint64_t{1} << 20;
 
 /// Decodes a JPEG or PNG, told by its first bytes. A 4:2:0 JPEG gives I420 as it was coded, a grey picture GREY,
 /// anything else RGB24 (alpha is dropped, 16 bits are rounded to 8); `as` asks for another format (not kMjpeg).

@@ -72,7 +72,8 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
   DecodedImage image{h->image.natural, h->image.width, h->image.height, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
   // Where data end or break, libjpeg warns and paints grey; here that is an error.
-  constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT;
+  // A progressive JPEG may have any number of scans, each of which costs time for every pixel; 500 are taken.
+  constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS;
   int status = 0;
   if (image.format == PixelFormat::kI420) {
     const MutableImageView view = packed_image(image.format, image.width, image.height, image.bytes.data());

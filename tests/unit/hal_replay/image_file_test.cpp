@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tests/support/pictures.h"
@@ -108,6 +110,19 @@ TEST_P(Broken, BytesChanged_NeverMoreThanAnError) {
 
 INSTANTIATE_TEST_SUITE_P(Kind, Broken, testing::Values(true, false),
                          [](const auto& kind) { return kind.param ? "Jpeg" : "Png"; });
+
+TEST(DecodeJpeg, FewBytesThatClaimAGreatPicture_AreRefusedBeforeMemoryIsTaken) {
+  std::vector<std::uint8_t> bytes = test::jpeg_of(picture(), kWidth, kHeight, Sampling::k420);
+  const std::array<std::uint8_t, 2> frame_header{0xFF, 0xC0};
+  const auto found = std::ranges::search(bytes, frame_header);
+  ASSERT_FALSE(found.empty());
+  // Behind the marker: length (2), precision (1), height (2), width (2), high byte first.
+  found.begin()[5] = found.begin()[7] = 0x7F;
+  const auto image = decode_image(bytes, "great.jpg");
+  ASSERT_FALSE(image);
+  EXPECT_EQ(image.error().code, Errc::kTruncated);
+  EXPECT_NE(image.error().message.find("bytes cannot hold"), std::string::npos) << image.error().message;
+}
 
 TEST(ReadImage, NotAPicture_SaysSoByName) {
   const test::TemporaryFolder folder;

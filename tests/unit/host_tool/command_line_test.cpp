@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
+#include <new>
 #include <nlohmann/json.hpp>
 
 #include "host_tool/completion.h"
@@ -21,9 +23,9 @@ TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
     words.push_back("--help");
     const Outcome run(words);
     EXPECT_EQ(run.code, ExitCode::kOk);
-    EXPECT_NE(run.help.find("Usage: nodal"), std::string::npos) << run.help;
+    EXPECT_NE(run.out.find("Usage: nodal"), std::string::npos) << run.out;
     if (command.subcommands.empty() || command.path.empty()) {
-      EXPECT_NE(run.help.find("Examples:\n  "), std::string::npos) << run.help;
+      EXPECT_NE(run.out.find("Examples:\n  "), std::string::npos) << run.out;
     }
   }
 }
@@ -105,6 +107,22 @@ TEST(ExampleCalibration, TenHeads_SeeTheWholeSphere) {
 
 TEST(CalibrationCheck, FileThatIsNotThere_IsAStorageError) {
   EXPECT_EQ(Outcome({"calibration", "check", "/nonexistent.json"}).code, ExitCode::kStorage);
+}
+
+TEST(CommandLine, MemoryThatRunsOut_IsOneErrorAndNoAbort) {
+  std::FILE* out = std::tmpfile();
+  std::FILE* err = std::tmpfile();
+  Console console(out, err);
+  CommandLine line(console);
+  line.on(line.app().add_subcommand("eat"), [](Context&) -> Status { throw std::bad_alloc(); });
+  const std::array<const char*, 2> words{"nodal", "eat"};
+  EXPECT_EQ(line.run(2, words.data()), ExitCode::kNotNow);
+  std::rewind(err);
+  std::array<char, 200> said{};
+  ASSERT_NE(std::fgets(said.data(), said.size(), err), nullptr);
+  EXPECT_NE(std::string(said.data()).find("not enough memory"), std::string::npos) << said.data();
+  std::fclose(out);
+  std::fclose(err);
 }
 
 }  // namespace

@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-
+#include "fake_rig.h"
 #include "hal/sim/link.h"
 #include "host_tool/console.h"
 #include "host_tool/upload.h"
@@ -11,62 +10,6 @@
 
 namespace nodal::host {
 namespace {
-
-/// The rig's half of a conversation over a simulated link: answers what a test tells it to.
-class FakeRig {
- public:
-  using Answer = std::function<std::optional<wire::Reply>(const wire::Request&)>;
-
-  explicit FakeRig(wire::Hello hello = make_hello("fake")) : session_(Role::kRig, hello) {
-    auto [host, rig] = hal::sim::make_link_pair("sim:rig", "sim:host");
-    host_end = std::move(host);
-    link_ = std::move(rig);
-  }
-
-  Answer answer;
-  std::unique_ptr<hal::sim::SimLink> host_end;
-  UploadReceiver* uploads = nullptr;
-  std::vector<wire::Request> requests;
-
-  Session& session() { return session_; }
-  hal::sim::SimLink* link() { return link_.get(); }
-  void hang_up() { link_.reset(); }
-
-  void step() {
-    if (link_ == nullptr) return;
-    std::vector<std::uint8_t> buffer(4096);
-    const auto got = link_->read(buffer);
-    if (got) (void)session_.receive(std::span(buffer).first(*got));
-    while (std::optional<Event> event = session_.next_event()) handle(*event);
-    for (auto out = session_.output(); !out.empty(); out = session_.output()) {
-      const auto taken = link_->write(out);
-      if (!taken || *taken == 0) break;
-      session_.sent(*taken);
-    }
-  }
-
-  WaitForLink waiter() {
-    return [this](hal::LinkPort&, bool, Duration) { step(); };
-  }
-
- private:
-  void handle(const Event& event) {
-    if (const auto* request = std::get_if<wire::Request>(&event)) {
-      requests.push_back(*request);
-      if (std::optional<wire::Reply> reply = answer ? answer(*request) : std::nullopt) {
-        reply->set_id(request->id());
-        EXPECT_TRUE(session_.send(*reply));
-      }
-    }
-    if (const auto* piece = std::get_if<BulkPiece>(&event); piece != nullptr && uploads != nullptr) {
-      EXPECT_TRUE(upload_stream_.piece(*piece, *uploads));
-    }
-  }
-
-  Session session_;
-  std::unique_ptr<hal::sim::SimLink> link_;
-  UploadStream upload_stream_;
-};
 
 constexpr Duration kPatience = Duration::milliseconds(50);
 
@@ -225,6 +168,67 @@ TEST(RigConnection, PiecesThatComeWithTheAnswer_AreKeptInOrder) {
     }
   }
   EXPECT_EQ(next, 5);
+}
+
+// --- a rig that hangs, and one that is only quiet --------------------------------------------------------
+
+TEST(RigConnection, SilentRig_IsGivenUpWhileItsEventsAreWaitedFor) {
+  FakeRig rig;
+  auto connection = talk_to(rig);
+  ASSERT_TRUE(connection);
+  const auto event = (*connection)->next_event(Duration::seconds(5));
+  ASSERT_FALSE(event) << "waited for a rig that hangs";
+  EXPECT_EQ(event.error().code, Errc::kTimeout);
+  EXPECT_NE(event.error().message.find("the rig has sent nothing for"), std::string::npos) << event.error().message;
+}
+
+TEST(RigConnection, QuietRigThatAnswers_IsWaitedForLongerThanThePatience) {
+  FakeRig rig;
+  rig.answer = [](const wire::Request&) { return status_reply(1); };
+  auto connection = talk_to(rig);
+  ASSERT_TRUE(connection);
+  const auto event = (*connection)->next_event(kPatience * 4);
+  ASSERT_TRUE(event) << event.error().text();
+  EXPECT_FALSE(*event);
+  EXPECT_GE(rig.requests.size(), 3U);  // signs of life that it was asked for
+}
+
+TEST(RigConnection, PiecesWhileAnAnswerIsDue_GiveTheRigNoCreditForMore) {
+  FakeRig rig;
+  StreamId stream = 0;
+  rig.answer = [&](const wire::Request&) -> std::optional<wire::Reply> {
+    stream = *rig.session().open_stream(StreamPolicy::kLossless);
+    const auto body = std::make_shared<const std::vector<std::uint8_t>>(1 << 20);
+    for (std::size_t i = 0; i < kLosslessQueueItems; ++i) EXPECT_TRUE(rig.session().offer(stream, {"meta", body, 0}));
+    return std::nullopt;
+  };
+  auto connection = RigConnection::over(std::move(rig.host_end), "sim:rig", Duration::seconds(1), rig.waiter());
+  ASSERT_TRUE(connection);
+  EXPECT_EQ((*connection)->ask(status_request()).error().code, Errc::kTimeout);
+  const auto counts = rig.session().counts(stream);
+  ASSERT_TRUE(counts);
+  EXPECT_LE(counts->delivered, kHostLosslessWindowBytes >> 20);  // items of 1 MiB; all 8 when each piece gave credit
+}
+
+TEST(RigConnection, AnswerToAQuestionThatWasGivenUp_IsNoAnswerToTheNext) {
+  FakeRig rig;
+  std::optional<wire::Request> unanswered;
+  rig.answer = [&](const wire::Request& request) -> std::optional<wire::Reply> {
+    if (!unanswered) {
+      unanswered = request;
+      return std::nullopt;
+    }
+    wire::Reply late = status_reply(1);
+    late.set_id(unanswered->id());
+    EXPECT_TRUE(rig.session().send(late));
+    return status_reply(2);
+  };
+  auto connection = talk_to(rig);
+  ASSERT_TRUE(connection);
+  EXPECT_EQ((*connection)->ask(status_request()).error().code, Errc::kTimeout);
+  const auto reply = (*connection)->ask(status_request());
+  ASSERT_TRUE(reply) << reply.error().text();
+  EXPECT_EQ(reply->status().sets(), 2U);
 }
 
 // --- uploads -------------------------------------------------------------------------------------------

@@ -20,16 +20,14 @@ struct Outcome {
     std::FILE* err_file = std::tmpfile();
     Console console(out_file, err_file);
     CommandLine line(console);
-    testing::internal::CaptureStdout();  // the parser prints help there by itself
     code = line.run(static_cast<int>(all.size()), all.data());
-    help = testing::internal::GetCapturedStdout();
     out = content_of(out_file);
     err = content_of(err_file);
     std::fclose(out_file);
     std::fclose(err_file);
   }
   ExitCode code;
-  std::string help, out, err;
+  std::string out, err;
 
  private:
   static std::string content_of(std::FILE* file) {

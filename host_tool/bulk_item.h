@@ -1,0 +1,31 @@
+// One item of a stream, put together from its pieces.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/bulk.h"
+
+namespace nodal::host {
+
+/// Memory grows with the bytes that came (to at most twice as much), never with the length that the rig announced.
+///
+/// Threading: thread-bound.
+/// Ownership: owns the bytes until take().
+/// Errors: kTooLarge.
+class BulkItemBytes {
+ public:
+  /// Begins an item that may have `limit` bytes; `what` names it in the error.
+  Status begin(const BulkPiece& first, std::uint64_t limit, std::string_view what);
+  void add(const BulkPiece& piece);
+  std::size_t size() const { return bytes_.size(); }
+  std::vector<std::uint8_t> take() { return std::move(bytes_); }
+
+ private:
+  std::uint64_t total_ = 0;
+  std::vector<std::uint8_t> bytes_;
+};
+
+}  // namespace nodal::host

@@ -1,0 +1,25 @@
+// What a rig sends, before a command sees it. A rig may be broken or hostile: every list has a limit, and every text is
+// made fit for a terminal.
+#pragma once
+
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::host {
+
+inline constexpr int kMaxCounts = 64;        ///< reasons in one list of losses, or clients in one of drops
+inline constexpr int kMaxMarks = 256;        ///< a rig keeps the last 32
+inline constexpr int kMaxSentences = 64;     ///< in a list of problems
+inline constexpr int kMaxCalibrations = 1024;
+inline constexpr std::size_t kMaxNameBytes = 200;
+inline constexpr std::size_t kMaxSentenceBytes = 1000;
+
+/// Texts are made printable (protocol/base/text.h) and cut at the limits above.
+/// Errors: kTooLarge for a list over its limit, kBadFormat for an id that is no SHA-256.
+Status check_and_clean(wire::Hello& hello);
+Status check_and_clean(wire::Reply& reply);
+Status check_and_clean(wire::RaymapHeader& header);
+Status check_and_clean(wire::FrameSetHeader& header);
+
+}  // namespace nodal::host

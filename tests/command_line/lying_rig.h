@@ -1,0 +1,56 @@
+// A rig that says what a test wants, in frames that hold together and mean nothing good.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/link.h"
+#include "hal/linux/link/socket_link.h"
+#include "protocol/bulk.h"
+#include "protocol/framing.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::command_line {
+
+/// Listens on a Unix socket and speaks to one host at a time, frame by frame, without a session's checks.
+///
+/// Threading: thread-bound; step() does what there is to do now.
+/// Ownership: the socket goes with the object.
+/// Errors: a host that hangs up is forgotten.
+class LyingRig {
+ public:
+  explicit LyingRig(const std::string& socket);
+  virtual ~LyingRig() = default;
+  LyingRig(const LyingRig&) = delete;
+  LyingRig& operator=(const LyingRig&) = delete;
+
+  void step();
+
+ protected:
+  /// What it answers; it may send any frames.
+  virtual void on(const wire::Request& request) = 0;
+
+  void reply(const wire::Request& request, wire::Reply reply);
+  void frame(FrameType type, StreamId stream, const std::string& payload);
+  void open_stream(StreamId stream, StreamPolicy policy);
+  /// A piece of an item whose body is said to have `total` bytes, with `body` at its beginning.
+  void first_piece(StreamId stream, std::uint64_t item, const std::string& meta, std::uint64_t total,
+                   const std::string& body);
+
+  wire::Hello hello;
+  /// Bytes that wait until the host takes them.
+  std::size_t waiting() const { return out_.size(); }
+
+ private:
+  void greet();
+
+  std::unique_ptr<hal::LinkListenerPort> listener_;
+  std::unique_ptr<hal::LinkPort> link_;
+  std::unique_ptr<FrameDecoder> decoder_;
+  std::uint32_t sequence_ = 0;
+  std::vector<std::uint8_t> out_;
+};
+
+}  // namespace nodal::command_line
