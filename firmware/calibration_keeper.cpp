@@ -6,6 +6,7 @@
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
 
+#include "firmware/calibration_signature.h"
 #include "firmware/durable_file.h"
 #include "firmware/settings.h"
 
@@ -127,7 +128,7 @@ void CalibrationKeeper::load_at_start() {
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
-  auto calibration = load_permitted(entry.id);
+  auto calibration = load_permitted(*store_, config_.signers, entry.id);
   Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
                              : Status(fail(calibration.error()));
   if (!begun) end(begun);
@@ -186,7 +187,7 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
 
 Status CalibrationKeeper::install(const KeeperRequest& request) {
   const auto& upload = std::get<KeeperRequest::Install>(request.what);
-  if (Status permitted = check_signature({upload.signature, upload.json}); !permitted) {
+  if (Status permitted = check_signature(config_.signers, {upload.signature, upload.json}); !permitted) {
     return fail(permitted.error().in("calibration"));
   }
   auto calibration = parse_calibration(upload.json);
@@ -273,32 +274,9 @@ void CalibrationKeeper::hand_over(InstalledPtr installed) {
 }
 
 Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
-  auto calibration = load_permitted(id);
+  auto calibration = load_permitted(*store_, config_.signers, id);
   if (!calibration) return fail(calibration.error());
   return begin(request.ticket, std::move(*calibration), id, false, request.heads);
-}
-
-Status CalibrationKeeper::check_signature(const SignedDocument& original) const {
-  if (!config_.signers) return {};
-  const std::span bytes(reinterpret_cast<const std::uint8_t*>(original.json.data()), original.json.size());
-  const auto signer = config_.signers->verify(bytes, original.signature, kCalibrationNamespace);
-  return signer ? Status() : fail(signer.error());
-}
-
-/// A stored calibration, held to the signers of this start: they may have changed since it came.
-Result<Calibration> CalibrationKeeper::load_permitted(const Sha256& id) const {
-  auto calibration = store_->load(id);
-  if (!calibration || !config_.signers) return calibration;
-  const std::string name = "stored calibration " + short_id(id);
-  const auto original = store_->original(id);
-  if (!original) return fail(original.error().in(name));
-  const SignedDocument document = original->value_or(SignedDocument{});
-  if (Status permitted = check_signature(document); !permitted) return fail(permitted.error().in(name));
-  const auto was_signed = parse_calibration(document.json);
-  if (!was_signed || calibration_id(*was_signed) != id) {
-    return fail(Errc::kChecksum, name + ": its signature is of another calibration");
-  }
-  return calibration;
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,

@@ -142,8 +142,6 @@ class CalibrationKeeper {
   Status install(const KeeperRequest& request);
   Status install_on_trial(const KeeperRequest& request, Calibration calibration,
                           std::optional<SignedDocument> original, Duration trial);
-  Status check_signature(const SignedDocument& original) const;
-  Result<Calibration> load_permitted(const Sha256& id) const;
   Status use(const KeeperRequest& request, const Sha256& id);
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish);
   bool watch_trial();

@@ -68,6 +68,8 @@ class Control {
   std::size_t clients() const { return clients_.size(); }
   void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
   wire::RigStatus status(Instant now);
+  /// Frame sets that the blend had no room for, as of the newest step.
+  std::uint64_t sets_missed_by_blend() const;
 
   static constexpr Duration kFarewell = Duration::milliseconds(500);
   /// Without a hanging stage, after which a start counts as good: twice what a stage may hang unnoticed.
@@ -98,6 +100,9 @@ class Control {
     wire::Reply reply;
   };
   static constexpr std::size_t kMarksKept = 32;
+  // Tickets of Control's own, which no host waits for.
+  static constexpr std::uint64_t kRememberTicket = 0;
+  static constexpr std::uint64_t kRunsWellTicket = ~std::uint64_t{0};
   static constexpr std::uint64_t kNobody = 0;  ///< a setting that is made again after a start
   static constexpr std::uint64_t kPanel = ~std::uint64_t{0};
 
@@ -135,7 +140,6 @@ class Control {
   void watch(Instant now);
   void tell_that_it_runs_well(Instant now);
   std::uint32_t rate_wanted_millihertz() const;  ///< of raymaps
-  std::uint64_t sets_missed_by_blend() const;
   void shed(Instant now);
   void end(Instant now);
   wire::Hello hello(Access access) const;

@@ -3,14 +3,9 @@
 #include "host_tool/command.h"
 #include "host_tool/quantities.h"
 #include "host_tool/wire_json.h"
-#include "protocol/base/text.h"
 
 namespace nodal::host {
 namespace {
-
-constexpr std::size_t kLongestText = 300;  // bytes
-
-std::string shown(const std::string& text) { return printable(text, kLongestText); }
 
 Json to_json(const wire::AuditEntry& entry) {
   Json json{{"number", entry.number()}, {"at_ns", entry.at_ns()},   {"who", entry.who()},
@@ -31,9 +26,9 @@ Status run_audit(Context& context) {
                {"result"}});
   for (const wire::AuditEntry& entry : log.entries()) {
     list.push_back(to_json(entry));
-    table.row({std::to_string(entry.number()), show_duration(log.now_ns() - entry.at_ns()), shown(entry.who()),
-               shown(entry.what()), shown(entry.before()), shown(entry.after()),
-               entry.has_error() ? context.console().paint(Colour::kBad, shown(entry.error().message())) : "done"});
+    table.row({std::to_string(entry.number()), show_duration(log.now_ns() - entry.at_ns()), entry.who(),
+               entry.what(), entry.before(), entry.after(),
+               entry.has_error() ? context.console().paint(Colour::kBad, entry.error().message()) : "done"});
   }
   context.console().document({{"now_ns", log.now_ns()}, {"entries", list}});
   if (list.empty()) {

@@ -81,6 +81,27 @@ void clean(Check& check, wire::Heads& heads) {
   }
 }
 
+void clean(Check& check, wire::AuditLog& log) {
+  check.list(log.entries(), kMaxAuditEntries, "changes");
+  for (wire::AuditEntry& entry : *log.mutable_entries()) {
+    check.sentence(entry.mutable_who());
+    check.name(entry.mutable_what());
+    check.sentence(entry.mutable_before());
+    check.sentence(entry.mutable_after());
+    if (entry.has_error()) check.sentence(entry.mutable_error()->mutable_message());
+  }
+}
+
+void clean(Check& check, wire::Hosts& hosts) {
+  check.list(hosts.hosts(), kMaxHosts, "hosts");
+  for (wire::HostState& host : *hosts.mutable_hosts()) {
+    check.sentence(host.mutable_peer());
+    check.name(host.mutable_software());
+    check.list(host.streams(), kMaxSentences, "streams of a host");
+    for (std::string& stream : *host.mutable_streams()) check.name(&stream);
+  }
+}
+
 void clean(Check& check, wire::Calibrations& calibrations) {
   check.list(calibrations.entries(), kMaxCalibrations, "calibrations");
   for (wire::CalibrationEntry& entry : *calibrations.mutable_entries()) {
@@ -113,6 +134,8 @@ Status check_and_clean(wire::Reply& reply) {
       check.by_head(reply.exposure().heads());
       check.name(reply.mutable_exposure()->mutable_wish()->mutable_program());
       break;
+    case wire::Reply::kAuditLog: clean(check, *reply.mutable_audit_log()); break;
+    case wire::Reply::kHosts: clean(check, *reply.mutable_hosts()); break;
     case wire::Reply::kCalibration: check.id(reply.calibration().id()); break;
     case wire::Reply::kDone:
     case wire::Reply::kUpload:

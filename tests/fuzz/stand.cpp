@@ -86,7 +86,7 @@ void Stand::start() {
   watchdog_ = std::make_unique<hal::sim::SimWatchdog>(world_.clock());
   rig_ = std::make_unique<firmware::Rig>(
       config(),
-      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {listener_.get()},
+      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {{listener_.get()}},
                          watchdog_.get(), {}, nullptr},
       "a fuzzed rig");
   news_ = 0;

@@ -20,9 +20,9 @@ TEST(Hosts, ALosslessPullThatReadsEveryFiveSeconds_CostsTheOthersATenthAndIsEnde
   for (int i = 0; i < 6; ++i) {
     slow.reading = false;
     for (int k = 0; k < 50; ++k) {
-      const std::uint64_t lost = stand.capture().sets_not_taken;
+      const std::uint64_t lost = stand.rig->control().sets_missed_by_blend();
       stand.run(Duration::milliseconds(100));
-      if (stand.capture().sets_not_taken != lost) said_of_losses.push_back(other.status().problem());
+      if (stand.rig->control().sets_missed_by_blend() != lost) said_of_losses.push_back(other.status().problem());
     }
     slow.reading = true;
     stand.run(Duration::milliseconds(100));

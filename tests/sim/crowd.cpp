@@ -61,7 +61,7 @@ void Crowd::act(Instant now) {
 }
 
 std::uint64_t Crowd::sets_lost() const {
-  return rig_.capture().report().sets_not_taken + rig_.blender().counts().without_buffer.load() +
+  return rig_.control().sets_missed_by_blend() + rig_.blender().counts().without_buffer.load() +
          rig_.blender().counts().shed.load();
 }
 

@@ -10,8 +10,8 @@ class Hardening : public testing::TestWithParam<const char*> {};
 
 TEST_P(Hardening, PieStackProtectorFortifyRelroAndBindNow_AreAllOn) {
   // Not asked for: control flow integrity, which is x86's only, and stack clash, which it cannot find in every program.
-  const test::Finished check = test::Process({"hardening-check", "--nocfprotection", "--nobranchprotection",
-                                              std::string(NODAL_BIN_DIR "/") + GetParam()}).wait();
+  const test::Finished check =
+      test::Process({"hardening-check", "--nocfprotection", std::string(NODAL_BIN_DIR "/") + GetParam()}).wait();
   for (const char* wanted : {"Position Independent Executable: yes", "Stack protected: yes",
                              "Fortify Source functions: yes", "Read-only relocations: yes", "Immediate binding: yes"}) {
     EXPECT_NE(check.out.find(wanted), std::string::npos) << wanted << "\n" << check.out << check.err;
