@@ -45,8 +45,9 @@ inline constexpr std::uint8_t kFramingVersion = 1;
 inline constexpr std::size_t kFrameHeaderBytes = 28;
 /// A reply may hold one calibration document and what is around it.
 inline constexpr std::size_t kMaxReplyBytes = (1U << 20) + (1U << 14);
-/// Of a reply without what is in its calibration document: see reply_size.h.
-inline constexpr std::size_t kMaxListReplyBytes = 64U << 10;
+/// Of a reply without what is in its calibration document: see reply_size.h. The longest is the audit log, 256 entries of
+/// five texts of 240 bytes.
+inline constexpr std::size_t kMaxListReplyBytes = 384U << 10;
 inline constexpr std::size_t kMaxRequestBytes = 64U << 10;
 /// Of every other message. Small, because a message in memory can be tens of times what it was on the wire.
 inline constexpr std::size_t kMaxMessageBytes = 8U << 10;

@@ -193,6 +193,8 @@ TEST_F(LyingRigs, ListsOverTheirLimits_AreRefused) {
       {"status", "losses", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_status()->add_losses(); }},
       {"status", "SHA-256|id of 5 bytes", [](wire::Reply& r) { r.mutable_status()->set_calibration_id("12345"); }},
       {"genlock show", "aligned", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_genlock()->add_unaligned(); }},
+      {"hosts", "hosts", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_hosts()->add_hosts(); }},
+      {"audit", "changes", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_audit_log()->add_entries(); }},
       {"calibration list", "calibrations",
        [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_calibrations()->add_entries(); }},
   };
@@ -271,6 +273,15 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
       for (std::string* text : {head.mutable_name(), head.mutable_path(), head.mutable_format(), head.mutable_problem()}) {
         *text = evil;
       }
+    } else if (request.has_hosts()) {
+      wire::HostState& host = *reply.mutable_hosts()->add_hosts();
+      for (std::string* text : {host.mutable_peer(), host.mutable_software(), host.add_streams()}) *text = evil;
+    } else if (request.has_audit_log()) {
+      wire::AuditEntry& entry = *reply.mutable_audit_log()->add_entries();
+      for (std::string* text : {entry.mutable_who(), entry.mutable_what(), entry.mutable_before(), entry.mutable_after(),
+                                entry.mutable_error()->mutable_message()}) {
+        *text = evil;
+      }
     } else if (request.has_calibration_list()) {
       reply.mutable_calibrations()->add_entries()->set_name(evil);
     } else {
@@ -280,7 +291,7 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
     rig.reply(request, reply);
   };
   for (const std::string words : {"status", "status --watch --count 2 --interval 1ms", "heads", "calibration list",
-                                  "genlock show", "exposure show"}) {
+                                  "genlock show", "exposure show", "hosts", "audit"}) {
     const Finished run = against(lie, words);
     EXPECT_FALSE(has_controls(run.out)) << words << ": " << run.out;
     EXPECT_FALSE(has_controls(run.err)) << words << ": " << run.err;
