@@ -78,7 +78,9 @@ Result<Exposure> parse_exposure(std::string_view text) {
     const auto numerator = whole<std::uint32_t>(text.substr(0, slash));
     const auto denominator = whole<std::uint32_t>(below);
     if (!numerator || !denominator || *numerator == 0 || *denominator == 0) return bad("exposure", text, kAllowed);
-    return Exposure::of(Duration::nanoseconds(std::llround(1e9 * *numerator / *denominator)));
+    const double ns = std::round(1e9 * *numerator / *denominator);
+    if (ns < 1 || ns > kLongestNs) return bad("exposure", text, kAllowed);
+    return Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(ns)));
   }
   const std::optional<std::int64_t> ns = to_ns(text);
   if (!ns || *ns == 0) return bad("exposure", text, kAllowed);

@@ -1,0 +1,43 @@
+// A picture file of any bytes, for the targets png and jpeg.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "hal/replay/image_file.h"
+#include "memory_limit.h"
+
+namespace nodal::fuzz {
+
+inline constexpr std::size_t kLongestPicture = 16U << 10;
+/// What decoding may take: the picture (image_file.h limits it by the file's length) three times over, for a decoder's own
+/// coefficients and rows.
+inline constexpr std::size_t kPictureMemory =
+    3 * (hal::replay::kSmallImageBytes + hal::replay::kMaxExpansion * kLongestPicture) + (std::size_t{32} << 20);
+/// More pixels are left out: each of a progressive JPEG's scans takes time for every one.
+inline constexpr std::size_t kMostPixels = 1U << 20;
+
+/// Decodes it as it is and to another format. What is decoded has the bytes that its size says.
+template <class Header>
+void decode_any(std::span<const std::uint8_t> bytes, Header header) {
+  static const bool limited = (limit_memory(kPictureMemory), true);
+  (void)limited;
+  if (bytes.size() > kLongestPicture) return;
+  const auto size = header(bytes, "fuzz");
+  if (size && static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) > kMostPixels) {
+    // Only whether it is refused, or would be decoded within its memory, matters here.
+    const std::uint64_t decoded = packed_size(size->natural, size->width, size->height);
+    if (decoded <= hal::replay::kSmallImageBytes + hal::replay::kMaxExpansion * bytes.size()) return;
+    NODAL_ASSERT(!hal::replay::decode_image(bytes, "fuzz").has_value());
+    return;
+  }
+  const auto image = hal::replay::decode_image(bytes, "fuzz");
+  if (!image) return;
+  NODAL_ASSERT(image->width > 0 && image->height > 0);
+  NODAL_ASSERT(image->bytes.size() == packed_size(image->format, image->width, image->height));
+  const auto rgb = hal::replay::decode_image(bytes, "fuzz", PixelFormat::kRgb24);
+  NODAL_ASSERT(rgb.has_value() && rgb->bytes.size() == packed_size(PixelFormat::kRgb24, image->width, image->height));
+}
+
+}  // namespace nodal::fuzz
