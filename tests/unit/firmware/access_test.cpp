@@ -73,8 +73,9 @@ TEST(Access, EveryRequestOfTheProtocol_IsJudgedInThisTest) {
     // An empty message in field `number`: a request when the oneof knows that number, else an unknown field.
     const int tag = number << 3 | 2;
     std::string bytes;
-    if (tag < 128) bytes = {static_cast<char>(tag), '\0'};
-    else bytes = {static_cast<char>((tag & 127) | 128), static_cast<char>(tag >> 7), '\0'};
+    bytes.push_back(static_cast<char>(tag < 128 ? tag : (tag & 127) | 128));
+    if (tag >= 128) bytes.push_back(static_cast<char>(tag >> 7));
+    bytes.push_back('\0');
     wire::Request request;
     if (!request.ParseFromString(bytes) || request.what_case() == wire::Request::WHAT_NOT_SET) continue;
     EXPECT_TRUE(judged.contains(number)) << "request " << number << " is in no list of this test";
