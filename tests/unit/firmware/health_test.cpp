@@ -130,6 +130,7 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "DDDDDDX",  // kHoldover
     "DDDDDDX",  // kUnfitFrames
     "DDDDDDX",  // kStoreTrouble
+    "DDDDDDX",  // kHostHoldsUp
     "DDDDDDX",  // kHeadTrouble
     "DDDDDDX",  // kTooSlow
     "RRRRRRX",  // kWell

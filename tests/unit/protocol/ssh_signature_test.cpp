@@ -82,6 +82,10 @@ TEST_F(SshSignature, WithAnyCharacterChangedOrCutOff_IsRefused) {
   expect_error(verify(std::string(10'000, 'x')), Errc::kTooLarge, "4096");
 }
 
+TEST_F(SshSignature, LongerThanTheLimit_IsRefused) {
+  expect_error(verify(std::string(kMaxSignatureBytes + 1, 'A')), Errc::kTooLarge, std::to_string(kMaxSignatureBytes));
+}
+
 TEST_F(SshSignature, AllowedSignersThatWouldTrustTooMuchIfReadLightly_AreRefusedByLine) {
   const std::vector<std::string> lines{"ann cert-authority " + ann_,
                                        "ann valid-before=\"20200101\" " + ann_,
