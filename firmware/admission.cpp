@@ -28,6 +28,8 @@ Error too_many(std::size_t limit, const char* of_what) {
                                     " at once; another one came, and this one was idle longest"};
 }
 
+constexpr Duration kSpared = Duration::seconds(2);  ///< in which a new host asks its first question
+
 bool is_stranger(const Client& client) { return !client.said_hello(); }
 bool is_host(const Client& client) { return client.said_hello(); }
 
@@ -52,7 +54,10 @@ void Admission::make_room(Clients& clients, Instant now) {
     idle_longest(clients, is_stranger)->end(too_many(kMaxStrangers, "programs that have not said hello"), now);
   }
   while (count(clients, is_host) > kMaxClients) {
-    Client* one = idle_longest(clients, [&](const Client& c) { return is_host(c) && !c.active(now); });
+    // Beside hosts that ask all the time, the one idle longest is the one that has just come: it is spared for a while.
+    const auto spared = [&](const Client& c) { return now - c.since() < kSpared; };
+    Client* one = idle_longest(clients, [&](const Client& c) { return is_host(c) && !c.active(now) && !spared(c); });
+    if (!one) one = idle_longest(clients, [&](const Client& c) { return is_host(c) && !c.works() && !spared(c); });
     if (!one) one = idle_longest(clients, [](const Client& c) { return is_host(c) && !c.works(); });
     if (!one) one = idle_longest(clients, is_host);
     one->end(too_many(kMaxClients, "hosts"), now);

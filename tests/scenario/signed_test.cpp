@@ -19,9 +19,10 @@ class Signed : public testing::Test {
     return options;
   }
   /// Uploads it with that signature; `trial_ns` 0 is for good.
-  wire::Reply upload(TestHost& host, const std::string& document, const std::string& signature,
+  wire::Reply upload(Stand& stand, TestHost& host, const std::string& document, const std::string& signature,
                      std::uint64_t trial_ns = 0) {
     host.send_document(document);
+    stand.run(Duration::seconds(1));  // control frames overtake bulk ones
     wire::Request commit;
     const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(document.begin(), document.end());
     *commit.mutable_upload_commit() = UploadSender(bytes).commit();
@@ -48,7 +49,7 @@ TEST_F(Signed, OnlyWhatASignerSignedForCalibrations_ComesIntoForce) {
   stand.run(Duration::milliseconds(100));
   const std::string document = to_json(first_);
   const auto refused_as = [&](const std::string& signature, Errc code) {
-    const wire::Reply reply = upload(host, document, signature);
+    const wire::Reply reply = upload(stand, host, document, signature);
     EXPECT_EQ(reply.error().code(), static_cast<std::uint32_t>(code)) << reply.error().message();
     EXPECT_EQ(host.status().calibration_id(), "");
   };
@@ -57,7 +58,7 @@ TEST_F(Signed, OnlyWhatASignerSignedForCalibrations_ComesIntoForce) {
   refused_as(keys_.sign("ann", document, "git"), Errc::kBadValue);
   refused_as(keys_.sign("ann", to_json(second_)), Errc::kChecksum);
   refused_as(std::string(5000, 'x'), Errc::kTooLarge);
-  EXPECT_TRUE(upload(host, document, keys_.sign("ann", document)).has_done());
+  EXPECT_TRUE(upload(stand, host, document, keys_.sign("ann", document)).has_done());
   EXPECT_EQ(host.status().calibration_id(), id_of(first_));
 }
 
@@ -76,7 +77,7 @@ TEST_F(Signed, AfterARestart_WhatWasSignedRunsAndWhatWasNotDoesNot) {
   use.mutable_calibration_use()->set_id(id_of(first_));
   EXPECT_EQ(other.ask(use).error().code(), static_cast<std::uint32_t>(Errc::kBadValue));
   const std::string document = to_json(first_);
-  ASSERT_TRUE(upload(other, document, keys_.sign("ann", document)).has_done()) << "the same, signed by now";
+  ASSERT_TRUE(upload(strict, other, document, keys_.sign("ann", document)).has_done()) << "the same, signed by now";
 
   Stand again(trusting(ann_), strict.disk->after_power_loss(2));
   TestHost& last = again.connect();
@@ -88,8 +89,8 @@ TEST_F(Signed, ASignerWhoIsNoLongerTrusted_IsNoWayBack) {
   Stand stand(trusting(ann_ + bob_));
   TestHost& host = stand.connect();
   stand.run(Duration::milliseconds(100));
-  ASSERT_TRUE(upload(host, to_json(first_), keys_.sign("ann", to_json(first_))).has_done());
-  ASSERT_TRUE(upload(host, to_json(second_), keys_.sign("bob", to_json(second_))).has_done());
+  ASSERT_TRUE(upload(stand, host, to_json(first_), keys_.sign("ann", to_json(first_))).has_done());
+  ASSERT_TRUE(upload(stand, host, to_json(second_), keys_.sign("bob", to_json(second_))).has_done());
 
   Stand strict(trusting(bob_), stand.disk->after_power_loss(3));
   TestHost& other = strict.connect();
@@ -104,10 +105,10 @@ TEST_F(Signed, ATrial_NeedsASignatureAndKeepsIt) {
   Stand stand(trusting(ann_));
   TestHost& host = stand.connect();
   stand.run(Duration::milliseconds(100));
-  ASSERT_TRUE(upload(host, to_json(first_), keys_.sign("ann", to_json(first_))).has_done());
-  EXPECT_EQ(upload(host, to_json(second_), "", kTrial_ns).error().code(),
+  ASSERT_TRUE(upload(stand, host, to_json(first_), keys_.sign("ann", to_json(first_))).has_done());
+  EXPECT_EQ(upload(stand, host, to_json(second_), "", kTrial_ns).error().code(),
             static_cast<std::uint32_t>(Errc::kBadValue));
-  ASSERT_TRUE(upload(host, to_json(second_), keys_.sign("ann", to_json(second_)), kTrial_ns).has_done());
+  ASSERT_TRUE(upload(stand, host, to_json(second_), keys_.sign("ann", to_json(second_)), kTrial_ns).has_done());
   wire::Request keep;
   keep.mutable_trial_end()->set_keep(true);
   ASSERT_TRUE(host.ask(keep).has_done());

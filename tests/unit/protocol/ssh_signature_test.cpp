@@ -77,7 +77,9 @@ TEST_F(SshSignature, WithAnyCharacterChangedOrCutOff_IsRefused) {
     // What follows the end line is no part of the signature.
     const bool after = at >= whole.find("END SSH SIGNATURE-----") + 22;
     EXPECT_EQ(verify(damaged).has_value(), after) << at;
-    if (at < whole.size() - 1) EXPECT_FALSE(verify(whole.substr(0, at))) << at;
+    if (at < whole.size() - 1) {
+      EXPECT_FALSE(verify(whole.substr(0, at))) << at;
+    }
   }
   expect_error(verify(std::string(10'000, 'x')), Errc::kTooLarge, "4096");
 }

@@ -298,8 +298,8 @@ TEST(UploadReceiver, OwnersThatLeftMakeRoomFirst) {
   EXPECT_TRUE(receiver.begin(name_of(10), 10, 3));
   EXPECT_TRUE(receiver.begin(name_of(11), 10, 3));
   const std::vector<std::uint8_t> byte{1};
-  for (const std::uint8_t i : {0, 1, 10, 11}) EXPECT_TRUE(receiver.write(name_of(i), 0, byte)) << int{i};
-  for (const std::uint8_t i : {2, 3}) EXPECT_FALSE(receiver.write(name_of(i), 0, byte)) << int{i};
+  for (const int i : {0, 1, 10, 11}) EXPECT_TRUE(receiver.write(name_of(static_cast<std::uint8_t>(i)), 0, byte)) << i;
+  for (const int i : {2, 3}) EXPECT_FALSE(receiver.write(name_of(static_cast<std::uint8_t>(i)), 0, byte)) << i;
 }
 
 }  // namespace
