@@ -198,13 +198,13 @@ void Capture::stop_genlock(Instant now) {
 
 Outlet<SetLoan>& Capture::add_outlet(const OutletSpec& spec, bool open) {
   NODAL_ASSERT(!sets_);
+  report_.outlets.push_back({spec.name, {}});
   return outlets_.add(spec, open);
 }
 
 void Capture::make_sets() {
   // One more than can be held: a new set is opened before the oldest one is closed.
   sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
-  for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets.push_back({outlet.spec().name, {}});
 }
 
 void Capture::release_frames(FrameSet& set) {

@@ -35,9 +35,10 @@ class HoldBudget {
   std::optional<Instant> last_;
 };
 
-/// Hands raymaps to the clients that pull, all from the same memory, which is free again when the last has sent it. A slow client is given the newest it can take and told how many it missed; a lossless one holds the
-/// rig up until it has taken its share, within HoldBudget: who holds the rig up when that is used up has its pull ended
-/// with an error, since what it was promised cannot be kept.
+/// Hands raymaps to the clients that pull, all from the same memory, which is free again when the last has sent it. A slow
+/// client is given the newest it can take and told how many it missed; a lossless one holds the rig up until it has taken
+/// its share, within HoldBudget: who holds the rig up when that is used up has its pull ended with an error, since what it
+/// was promised cannot be kept.
 ///
 /// Threading: thread-bound to control; the outlet's other end is the encoder's.
 /// Ownership: sessions hold loans of the raymaps that they send.

@@ -292,7 +292,8 @@ TEST_F(Commands, Hosts_ListsAPullAndEndsIt) {
   const auto pulling = start({"raymap", "pull", "--continuous", "--out", path("live.jpg")});
   Json puller;
   ASSERT_TRUE(wait_until([&] {
-    for (const Json& host : nodal_json({"hosts"}).at(0)["hosts"]) {
+    const auto answer = nodal_json({"hosts"});
+    for (const Json& host : answer.at(0).at("hosts")) {
       if (host["streams"] == Json{"pulls jpeg"}) puller = host;
     }
     return !puller.is_null();
