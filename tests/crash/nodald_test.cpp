@@ -132,13 +132,6 @@ TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
   ::close(writer);
 }
 
-std::uint64_t address_bytes(pid_t pid) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/statm");
-  std::uint64_t pages = 0;
-  file >> pages;
-  return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-}
-
 // Whatever the limit, it serves or says in one sentence why it cannot.
 TEST(Nodald, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
   int refused = 0;
@@ -160,31 +153,6 @@ TEST(Nodald, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
         << finished.err;
   }
   EXPECT_GT(refused, 0);
-}
-
-TEST(Nodald, NoMemoryForAnotherTable_IsAnErrorAndTheOldOneStays) {
-  const RigFolder folder;
-  std::ifstream small(folder.config());
-  std::string toml(std::istreambuf_iterator<char>(small), {});
-  toml.replace(toml.find("width = 256\nheight = 128"), 24, "width = 2048\nheight = 1024");
-  std::ofstream(folder.config()) << toml;
-  test::Process daemon(nodald({"--config", folder.config(), "--blend-threads", "1"}));
-  const auto host = LinkHost::connect(folder.socket());
-  ASSERT_TRUE(host) << daemon.complained();
-  const Calibration first = scenario::small_calibration("first");
-  ASSERT_TRUE(host->upload_and_commit(to_json(first)));
-  ASSERT_TRUE(in_force(*host, id_of(first)));
-  // A mebibyte more than it has: a second table of several is refused, small blocks are not.
-  const rlimit limit{address_bytes(daemon.pid()) + (1 << 20), RLIM_INFINITY};
-  ASSERT_EQ(::prlimit(daemon.pid(), RLIMIT_AS, &limit, nullptr), 0);
-  ASSERT_TRUE(host->upload_and_commit(to_json(scenario::small_calibration("second"))));
-  std::optional<wire::Reply> answer;
-  while (!(answer = host->take_reply(host->last_id()))) ASSERT_TRUE(host->pump()) << daemon.complained();
-  ASSERT_TRUE(answer->has_error());
-  EXPECT_NE(answer->error().message().find("not enough memory"), std::string::npos) << answer->error().message();
-  const auto status = host->status();
-  ASSERT_TRUE(status);
-  EXPECT_EQ(status->calibration_id(), id_of(first));
 }
 
 TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {
