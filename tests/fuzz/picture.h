@@ -7,6 +7,8 @@
 
 #include "hal/replay/image_file.h"
 #include "memory_limit.h"
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
 
 namespace nodal::fuzz {
 

@@ -1,6 +1,8 @@
 // Everything a user writes on nodal's command line that is not a file's name: each parser, on any text.
 #include "host_tool/quantities.h"
 
+#include <cstdint>
+#include <cstdlib>
 #include <string>
 
 #include "host_tool/files.h"
@@ -13,12 +15,16 @@ namespace {
 
 using namespace nodal;
 
+constexpr std::int64_t kDayNs = std::int64_t{86'400} * 1'000'000'000;  // the longest that quantities.cpp takes
+
 void parse_all(const std::string& text) {
   if (const auto value = host::parse_duration(text)) {
-    NODAL_ASSERT(value->ns() > 0);
+    NODAL_ASSERT(value->ns() >= 0 && value->ns() <= kDayNs);
     NODAL_ASSERT(!host::show_duration(static_cast<std::uint64_t>(value->ns())).empty());
   }
-  if (const auto value = host::parse_exposure(text)) NODAL_ASSERT(value->duration().ns() > 0);
+  if (const auto value = host::parse_exposure(text)) {
+    NODAL_ASSERT(value->duration().ns() > 0 && value->duration().ns() <= kDayNs);
+  }
   if (const auto value = host::parse_gain(text)) {
     const auto again = host::parse_gain(host::show_gain(value->mdb()));
     // What is shown has two digits behind the point.
@@ -40,7 +46,7 @@ void parse_all(const std::string& text) {
   if (const auto address = host::parse_rig_address(text, "ssh")) NODAL_ASSERT(address->command.empty() != address->link.empty());
   if (const auto name = host::numbered_name(text, 7)) NODAL_ASSERT(name->size() <= text.size() + 100);
   (void)host::raymap_format_of_name(text);
-  if (const auto nominal = host::parse_nominal(text)) NODAL_ASSERT(host::nominal_rig(*nominal, 640, 480).has_value());
+  if (const auto nominal = host::parse_nominal(text)) (void)host::nominal_rig(*nominal, 640, 480);  // may be refused
   if (const auto circle = host::parse_circle(text)) NODAL_ASSERT(circle->radius > 1);
 }
 

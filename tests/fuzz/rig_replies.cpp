@@ -1,8 +1,9 @@
 // A rig that answers anything, to every command of nodal that asks one. The input: a byte for the command, a byte of
 // flags (bit 0: --json), then frames as (type u8, stream u8, length u16, payload). The hello goes first, and every reply
 // gets the next question's number, so that what is fuzzed is what commands do with answers. Then the link is lost.
-#include <array>
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,6 +12,8 @@
 #include "host_tool/command.h"
 #include "memory_limit.h"
 #include "protocol/base/bytes.h"
+#include "protocol/framing.h"
+#include "protocol/session.h"
 
 namespace nodal {
 namespace {
@@ -30,6 +33,7 @@ class CannedLink final : public hal::LinkPort {
   }
   Result<std::size_t> write(std::span<const std::uint8_t> from) override { return from.size(); }
   const std::string& peer() const override { return peer_; }
+  std::optional<hal::PeerIdentity> identity() const override { return std::nullopt; }
 
  private:
   std::vector<std::uint8_t> bytes_;
@@ -154,6 +158,8 @@ const std::vector<std::vector<std::string>>& commands() {
       {"raymap", "pull", "-n", "2", "--out", "/dev/null", "--format", "png", "--complete"},
       {"sync", "report", "-n", "3", "--svg", "/dev/null"},
       {"drift", "--sets", "1", "--threads", "1"},
+      {"hosts"},
+      {"audit"},
   };
   return all;
 }

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "protocol/base/bytes.h"
+#include "protocol/base/image.h"
+#include "protocol/base/sha256.h"
 #include "protocol/calibration.h"
 #include "protocol/framing.h"
 #include "protocol/nodal.pb.h"
@@ -22,7 +23,7 @@ namespace fs = std::filesystem;
 // As commands() in rig_replies.cpp counts them.
 enum Command : char {
   kStatus, kHeads, kHeadSet, kExposureShow, kExposureSet, kGenlock, kCalibrationList, kCalibrationShow,
-  kCalibrationRollback, kPullJpeg, kPullPng, kSync, kDrift
+  kCalibrationRollback, kPullJpeg, kPullPng, kSync, kDrift, kHosts, kAudit
 };
 constexpr char kText = 0;
 constexpr char kJson = 1;
@@ -172,6 +173,17 @@ void write_answers(const fs::path& corpus) {
   Talk(kCalibrationShow, kText).reply(calibration_of(test::ring(3, 64, 48))).write(corpus / "calibration");
   Talk(kCalibrationShow, kJson).reply(calibration_of(test::ring(3, 64, 48))).write(corpus / "calibration-json");
   Talk(kCalibrationRollback, kText).reply(done).reply(list).write(corpus / "rollback");
+  wire::Reply hosts;
+  wire::HostState& host = *hosts.mutable_hosts()->add_hosts();
+  host.set_peer("unix:a\x1b[2J");
+  host.set_software("b\n");
+  host.add_streams("pulls jpeg");
+  host.set_idle_ns(UINT64_MAX);
+  Talk(kHosts, kText).reply(hosts).write(corpus / "hosts");
+  wire::Reply audit;
+  audit.mutable_audit_log()->add_entries()->set_who("c\r\n");
+  audit.mutable_audit_log()->mutable_entries(0)->set_at_ns(UINT64_MAX);
+  Talk(kAudit, kText).reply(audit).write(corpus / "audit");
   wire::Reply error;
   error.mutable_error()->set_code(UINT32_MAX);
   error.mutable_error()->set_message("a\x1b]0;b\x07");
