@@ -106,8 +106,8 @@ bool Capture::run_commands(Instant now) {
       status = change_heads(*change);
     } else if (const auto* start = std::get_if<GenlockStart>(&command->what)) {
       status = start_genlock(*start, now);
-    } else if (const auto* wish = std::get_if<ExposureWish>(&command->what)) {
-      exposure_.wish(*wish);
+    } else if (const auto* exposing = std::get_if<ExposureChange>(&command->what)) {
+      exposure_.wish(exposing->applied_to(exposure_.report().wish));
     } else {
       stop_genlock(now);
     }

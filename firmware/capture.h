@@ -39,7 +39,7 @@ struct GenlockStart {
 struct GenlockStop {};
 struct CaptureCommand {
   std::uint64_t ticket = 0;
-  std::variant<HeadChange, GenlockStart, GenlockStop, ExposureWish> what;
+  std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange> what;
 };
 struct CaptureAnswer {
   std::uint64_t ticket = 0;

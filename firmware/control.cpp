@@ -169,13 +169,18 @@ bool Control::take_answers(Instant now) {
 }
 
 void Control::take_answer(const CaptureAnswer& answer, Instant now) {
-  const auto [client, open] = close(answer.ticket);
+  auto [client, open] = close(answer.ticket);
   audit(open, std::nullopt, answer.status, now);
   if (!answer.status) {
     if (open.client == kPanel) news_.say(NewsKind::kRig, "the button did nothing: " + answer.status.error().message);
     if (open.client == kNobody) news_.say(NewsKind::kRig, "a remembered setting is not made: " + answer.status.error().message);
     if (client) refuse(*client, open.request.id(), answer.status.error(), now);
     return;
+  }
+  // The program is stored even when the request names none: it may be rig.toml's, and after a restart the settings
+  // of heads are made under "manual" first.
+  if (open.request.has_exposure()) {
+    open.request.mutable_exposure()->set_program(std::string(exposure_program_name(answer.exposure.wish.program)));
   }
   if (open.client != kNobody && settings_.remember(open.request, config_.heads.size())) settings_writer_.changed();
   if (!client) return;

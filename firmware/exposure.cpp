@@ -55,6 +55,18 @@ std::optional<ExposureProgram> exposure_program_of(std::string_view name) {
   return std::nullopt;
 }
 
+ExposureWish ExposureChange::applied_to(ExposureWish wish) const {
+  wish.program = program.value_or(wish.program);
+  wish.anchor = anchor.value_or(wish.anchor);
+  wish.target = target.value_or(wish.target);
+  wish.difference = difference.value_or(wish.difference);
+  wish.ramp = ramp.value_or(wish.ramp);
+  wish.longest = longest.value_or(wish.longest);
+  wish.highest = highest.value_or(wish.highest);
+  wish.locked = locked.value_or(wish.locked);
+  return wish;
+}
+
 std::pair<Stops, Stops> reach(const ExposureRange& range) {
   return {stops_of(range.shortest) + stops_of(range.lowest), stops_of(range.longest) + stops_of(range.highest)};
 }

@@ -37,6 +37,19 @@ struct ExposureWish {
   friend bool operator==(const ExposureWish&, const ExposureWish&) = default;
 };
 
+/// What a request changes of an ExposureWish: the fields that it names. Capture applies it to the wish that is in effect
+/// then, so that two requests that come one right after the other both count.
+struct ExposureChange {
+  std::optional<ExposureProgram> program;
+  std::optional<std::optional<HeadIndex>> anchor;  ///< the inner one is empty: no head is the anchor
+  std::optional<Stops> target, difference, ramp;
+  std::optional<Exposure> longest;
+  std::optional<Gain> highest;
+  std::optional<bool> locked;
+
+  ExposureWish applied_to(ExposureWish wish) const;
+};
+
 /// What a head can do, in its own units.
 struct ExposureRange {
   Exposure shortest, longest;

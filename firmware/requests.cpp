@@ -208,20 +208,20 @@ Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) c
 }
 
 Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wish) const {
-  ExposureWish now = capture_->exposure.wish;
+  ExposureChange change;
   if (wish.has_program()) {
     const auto program = exposure_program_of(wish.program());
     if (!program) {
       return fail(Errc::kBadValue, "there is no exposure program '" + wish.program() + "'; manual, each and joint are");
     }
-    now.program = *program;
+    change.program = *program;
   }
   if (wish.has_anchor()) {
     if (wish.anchor() < -1 || wish.anchor() >= static_cast<std::int32_t>(config_.heads.size())) {
       return fail(Errc::kBadValue, "there is no head " + std::to_string(wish.anchor()) + " to anchor on");
     }
-    now.anchor.reset();
-    if (wish.anchor() >= 0) now.anchor = static_cast<HeadIndex>(wish.anchor());
+    change.anchor.emplace();
+    if (wish.anchor() >= 0) *change.anchor = static_cast<HeadIndex>(wish.anchor());
   }
   // Only of what is within(): a larger number times 1024 exceeds 32 bits.
   const auto stops = [](std::uint32_t thousandths) { return static_cast<Stops>((thousandths * kStop + 500) / 1000); };
@@ -233,29 +233,29 @@ Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wi
   Status good;
   if (wish.has_target_below()) {
     good = within(wish.target_below(), 500, "the target");
-    if (good) now.target = -stops(wish.target_below());
+    if (good) change.target = -stops(wish.target_below());
   }
   if (good && wish.has_difference()) {
     good = within(wish.difference(), 0, "the difference");
-    if (good) now.difference = stops(wish.difference());
+    if (good) change.difference = stops(wish.difference());
   }
   if (good && wish.has_ramp()) {
     good = within(wish.ramp(), 1, "the ramp");
-    if (good) now.ramp = stops(wish.ramp());
+    if (good) change.ramp = stops(wish.ramp());
   }
   if (good && wish.has_longest_ns()) {
     if (wish.longest_ns() < 1000 || wish.longest_ns() > 10'000'000'000) {
       return fail(Errc::kBadValue, "the longest shutter is 1 us to 10 s");
     }
-    now.longest = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.longest_ns())));
+    change.longest = Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(wish.longest_ns())));
   }
   if (good && wish.has_highest_gain_mdb()) {
     good = gain_allowed(wish.highest_gain_mdb());
-    now.highest = Gain::millidecibels(wish.highest_gain_mdb());
+    change.highest = Gain::millidecibels(wish.highest_gain_mdb());
   }
-  if (wish.has_locked()) now.locked = wish.locked();
+  if (wish.has_locked()) change.locked = wish.locked();
   if (!good) return fail(good.error());
-  return CaptureCommand{0, now};
+  return CaptureCommand{0, change};
 }
 
 Result<CaptureCommand> Control::genlock_command(const wire::GenlockRequest& wish) const {

@@ -80,6 +80,45 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
 }
 
+/// The exposure wish after a kill, and a start from the disk as it was then.
+firmware::ExposureWish wish_after_restart(Stand& stand, const StandOptions& options) {
+  stand.run(Duration::seconds(2));
+  Stand again(options, stand.disk->after_kill());
+  again.run(Duration::seconds(2));
+  return again.capture().exposure.wish;
+}
+
+// A host may send the second request before the first is in effect.
+TEST(Settings, TwoExposureRequestsAtOnce_BothAreInEffectNowAndAfterARestart) {
+  const StandOptions options;
+  Stand stand(options);
+  TestHost& host = stand.bring_up();
+  wire::Request ramp, difference;
+  ramp.mutable_exposure()->set_ramp(250);
+  difference.mutable_exposure()->set_difference(500);
+  host.post(ramp);
+  host.post(difference);
+  stand.run(Duration::milliseconds(100));
+  firmware::ExposureWish wanted = options.config.exposure;
+  wanted.ramp = kStop / 4;
+  wanted.difference = kStop / 2;
+  EXPECT_EQ(stand.capture().exposure.wish, wanted);
+  EXPECT_EQ(wish_after_restart(stand, options), wanted);
+}
+
+TEST(Settings, TheProgramIsOfRigTomlAndAHostLocksIt_ItIsTheSameAndLockedAfterARestart) {
+  StandOptions options;
+  options.config.exposure.program = firmware::ExposureProgram::kJoint;
+  Stand stand(options);
+  wire::Request lock;
+  lock.mutable_exposure()->set_locked(true);
+  ASSERT_TRUE(stand.bring_up().ask(lock).has_exposure());
+  firmware::ExposureWish wanted = options.config.exposure;
+  wanted.locked = true;
+  EXPECT_EQ(stand.capture().exposure.wish, wanted);
+  EXPECT_EQ(wish_after_restart(stand, options), wanted);
+}
+
 // A nodald before 64-bit products were bounded has stored it.
 TEST(Settings, AStoredRateThatIsNotAllowed_IsToldAndNotMade) {
   const StandOptions options;
