@@ -1,14 +1,40 @@
 #include "firmware/daemon/end_deadline.h"
 
 #include <poll.h>
+#include <pthread.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <new>
 #include <utility>
 
 #include "firmware/daemon/options.h"
 
 namespace nodal::daemon {
+namespace {
+
+EndDeadline* of_this_process = nullptr;  ///< for the terminate handler, which takes no argument
+
+/// Past the log, whose thread may be what hangs, and only when somebody reads.
+void say(const char* line, int length) {
+  constexpr int kPatienceMs = 100;
+  pollfd out{STDERR_FILENO, POLLOUT, 0};
+  if (length > 0 && ::poll(&out, 1, kPatienceMs) == 1) {
+    (void)!::write(STDERR_FILENO, line, static_cast<std::size_t>(length));
+  }
+}
+
+template <class... Values>
+void say_line(const char* format, Values... values) {
+  char line[512];
+  const int length = std::snprintf(line, sizeof line, format, values...);
+  say(line, std::min(length, static_cast<int>(sizeof line) - 1));
+}
+
+}  // namespace
 
 EndDeadline::~EndDeadline() {
   if (!thread_.joinable()) return;
@@ -20,16 +46,36 @@ EndDeadline::~EndDeadline() {
   thread_.join();
 }
 
-void EndDeadline::protect(std::function<void()> make_safe) {
-  const std::lock_guard lock(mutex_);
-  make_safe_ = std::move(make_safe);
+EndDeadline::Protection EndDeadline::protect(std::function<void()> make_safe) {
+  // Now, not in arm(): by then the system may refuse a thread.
+  thread_ = std::thread([this] { wait_for_the_end(); });
+  {
+    const std::lock_guard lock(mutex_);
+    make_safe_ = std::move(make_safe);
+  }
+  of_this_process = this;
+  std::set_terminate([] { of_this_process->end_by_exception(); });
+  return Protection(*this);
+}
+
+EndDeadline::Protection::~Protection() {
+  const std::lock_guard lock(deadline_.mutex_);
+  deadline_.make_safe_ = {};
 }
 
 void EndDeadline::arm(std::chrono::milliseconds at_most) {
-  thread_ = std::thread([this, at_most] {
-    std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, at_most, [this] { return ended_; })) end_by_force();
-  });
+  {
+    const std::lock_guard lock(mutex_);
+    until_ = std::chrono::steady_clock::now() + at_most;
+  }
+  changed_.notify_one();
+}
+
+void EndDeadline::wait_for_the_end() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return ended_ || until_; });
+  if (ended_ || changed_.wait_until(lock, *until_, [this] { return ended_; })) return;
+  end_by_force();
 }
 
 /// With the lock held, so that what is made safe stays alive meanwhile.
@@ -37,15 +83,30 @@ void EndDeadline::end_by_force() {
   if (make_safe_) make_safe_();
   const int exit_code = finished_.load();
   if (exit_code >= 0) ::_exit(exit_code);
-  // Past the log, whose thread may be what hangs, and only when somebody reads.
-  char line[256];
-  const int length = std::snprintf(line, sizeof line,
-                                   "nodald: did not end in time, since %s hangs; outputs are at their safe levels, and "
-                                   "it ends by force\n", what_.load());
-  constexpr int kPatienceMs = 100;
-  pollfd out{STDERR_FILENO, POLLOUT, 0};
-  if (::poll(&out, 1, kPatienceMs) == 1) (void)!::write(STDERR_FILENO, line, static_cast<std::size_t>(length));
+  say_line("nodald: did not end in time, since %s hangs; outputs are at their safe levels, and it ends by force\n",
+           what_.load());
   ::_exit(kExitStageHung);
+}
+
+/// On the thread that threw. The lock is kept: a second thread that comes here waits for the end.
+void EndDeadline::end_by_exception() {
+  mutex_.lock();
+  if (make_safe_) make_safe_();
+  char thread[16] = "a thread";
+  (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);
+  try {
+    if (std::current_exception()) throw;
+    say_line("nodald: a check failed in %s; outputs are at their safe levels, and it aborts\n", thread);
+  } catch (const std::bad_alloc&) {
+    say_line("nodald: %s was refused memory; outputs are at their safe levels, and it ends; raise the limits on addresses "
+             "and memory (ulimit -v, MemoryMax=), or make the raymap in rig.toml smaller\n", thread);
+    ::_exit(kExitFailed);
+  } catch (const std::exception& error) {
+    say_line("nodald: unexpected in %s: %s; outputs are at their safe levels, and it aborts\n", thread, error.what());
+  } catch (...) {
+    say_line("nodald: unexpected in %s; outputs are at their safe levels, and it aborts\n", thread);
+  }
+  std::abort();
 }
 
 }  // namespace nodal::daemon

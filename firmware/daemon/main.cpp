@@ -72,7 +72,8 @@ void end_while_starting() {
   ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
 }
 
-void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) {
+/// noexcept, as close() below: once the rig runs, an exception ends nodald by EndDeadline's terminate handler.
+void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) noexcept {
   const sigset_t signals = stop_signals();
   const timespec second{1, 0};
   for (;;) {
@@ -90,6 +91,14 @@ void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) {
     }
     return;
   }
+}
+
+void close(firmware::Rig& rig) noexcept {
+  rig.close();
+  const firmware::CaptureReport& capture = rig.capture().report();
+  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
+                                        capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
+                                        capture.sets, rig.blender().counts().blended.load()));
 }
 
 /// Until a signal comes.
@@ -114,11 +123,7 @@ void run_rig(World& world, const Options& options, const firmware::RigConfig& co
     wait_for_signal(rig, deadline);
   }
   deadline.waits_for("closing the heads and the trigger");
-  rig.close();
-  const firmware::CaptureReport& capture = rig.capture().report();
-  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
-                                        capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
-                                        capture.sets, rig.blender().counts().blended.load()));
+  close(rig);
 }
 
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
@@ -140,9 +145,8 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   // From here on outputs are driven, and a signal is taken by main.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  deadline.protect([&world = **world] { world.make_safe(); });
+  const EndDeadline::Protection protection = deadline.protect([&world = **world] { world.make_safe(); });
   run_rig(**world, options, config, deadline);
-  deadline.protect({});
   return kExitFine;
 }
 

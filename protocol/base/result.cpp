@@ -1,7 +1,7 @@
 #include "protocol/base/result.h"
 
 #include <cstdio>
-#include <cstdlib>
+#include <exception>
 
 namespace nodal {
 
@@ -56,7 +56,7 @@ Error Error::in(std::string_view where) const& {
 
 void assertion_failed(const char* condition, const char* file, int line) {
   std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);
-  std::abort();
+  std::terminate();  // aborts; nodald's handler makes outputs safe first
 }
 
 }  // namespace nodal

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include <fcntl.h>
-#include <sys/resource.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -132,27 +132,60 @@ TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
   ::close(writer);
 }
 
-// Whatever the limit, it serves or says in one sentence why it cannot.
-TEST(Nodald, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
-  int refused = 0;
-  for (const int mib : {60, 80, 120, 180, 260, 380}) {
-    const RigFolder folder;
-    std::vector<std::string> command = nodald({"--config", folder.config(), "--blend-threads", "16"});
-    command.insert(command.begin(), {"prlimit", "--as=" + std::to_string(mib * 1024 * 1024)});
-    test::Process daemon(command);
-    ASSERT_TRUE(test::wait_until([&] {
-      const std::string said = daemon.complained();
-      return said.find("hosts can connect") != std::string::npos || said.find("cannot start") != std::string::npos;
-    })) << daemon.complained();
-    daemon.signal(SIGTERM);
-    const test::Finished finished = daemon.wait(std::chrono::seconds(20));
-    EXPECT_TRUE(finished.code == 0 || finished.code == 3) << finished.code << " at " << mib << " MiB\n" << finished.err;
-    if (finished.code != 3) continue;
-    ++refused;
-    EXPECT_NE(finished.err.find("the limit (ulimit -v) is " + std::to_string(mib) + " MiB"), std::string::npos)
-        << finished.err;
+// Any user who may read the folder can hold such a lock.
+TEST(Nodald, SomebodyHoldsALockOnItsSocketsFolder_ItServesAndEndsWhenTold) {
+  const RigFolder folder;
+  const int held = ::open(folder.path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  ASSERT_EQ(::flock(held, LOCK_EX), 0);
+  test::Process daemon(nodald({"--config", folder.config()}));
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  EXPECT_TRUE(host->status());
+  expect_end(daemon, 0);
+  ::close(held);
+}
+
+TEST(Nodald, RatesWhoseProductsOverflow_ItAnswersGoesOnAndEndsWhenTold) {
+  const RigFolder folder;
+  test::Process daemon(nodald({"--config", folder.config()}));
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  for (const auto& [numerator, denominator] :
+       {std::pair{299'700'300U, 10'000'000U}, {2'997'003U, 100'000U}, {4'294'967'295U, 4'294'967'295U}}) {
+    wire::Request request;
+    request.mutable_genlock()->set_action(wire::GenlockRequest::START);
+    request.mutable_genlock()->set_rate_numerator(numerator);
+    request.mutable_genlock()->set_rate_denominator(denominator);
+    const auto reply = host->ask(request);
+    ASSERT_TRUE(reply) << daemon.complained();
+    EXPECT_EQ(reply->has_error(), numerator != denominator) << numerator;
   }
-  EXPECT_GT(refused, 0);
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(host->status()) << i;
+  const auto asked = std::chrono::steady_clock::now();
+  expect_end(daemon, 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - asked, std::chrono::seconds(2));
+}
+
+TEST(Nodald, AUmaskOfOneUserOnly_HoldsForEveryFileItMakes) {
+  const RigFolder folder;
+  test::Process daemon({"sh", "-c", "umask 077; exec " NODAL_BIN_DIR "/nodald --config " + folder.config()});
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  const Calibration calibration = scenario::small_calibration("truth");
+  ASSERT_TRUE(host->upload_and_commit(to_json(calibration)));
+  ASSERT_TRUE(in_force(*host, id_of(calibration)));
+  wire::Request exposure;
+  exposure.mutable_head_set()->set_exposure_ns(1'000'000);
+  ASSERT_TRUE(host->ask(exposure));
+  expect_end(daemon, 0);
+  int files = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder.path / "store")) {
+    struct stat info {};
+    ASSERT_EQ(::lstat(entry.path().c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 077, 0u) << entry.path();
+    files += S_ISREG(info.st_mode) ? 1 : 0;
+  }
+  EXPECT_GE(files, 2) << "a calibration and settings";
 }
 
 TEST(Nodald, ThroughTheBridge_ItAnswersAsOnItsSocket) {

@@ -1,0 +1,82 @@
+// The end by force, without a rig: what is called, what is said, and the exit code.
+#include "firmware/daemon/end_deadline.h"
+
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <csignal>
+#include <new>
+#include <stdexcept>
+
+#include "protocol/base/result.h"
+
+namespace nodal::daemon {
+namespace {
+
+using std::chrono::milliseconds;
+
+void make_safe() { (void)!::write(STDERR_FILENO, "safe. ", 6); }
+
+/// Its argument runs on a thread of its own while outputs are protected.
+[[noreturn]] void run_protected(void (*work)()) {
+  EndDeadline deadline;
+  const EndDeadline::Protection protection = deadline.protect(make_safe);
+  std::thread([work] {
+    pthread_setname_np(pthread_self(), "a-stage");
+    work();
+  }).join();
+  ::_exit(77);
+}
+
+TEST(EndDeadline, RefusedMemory_IsTheEndWithOutputsSafe) {
+  EXPECT_EXIT(run_protected([] { throw std::bad_alloc(); }), testing::ExitedWithCode(1),
+              "safe\\. nodald: a-stage was refused memory");
+}
+
+TEST(EndDeadline, AnotherException_AbortsWithOutputsSafe) {
+  EXPECT_EXIT(run_protected([] { throw std::runtime_error("nobody expects this"); }), testing::KilledBySignal(SIGABRT),
+              "safe\\. nodald: unexpected in a-stage: nobody expects this");
+}
+
+TEST(EndDeadline, AFailedAssertion_AbortsWithOutputsSafe) {
+  EXPECT_EXIT(run_protected([] { NODAL_ASSERT(2 < 1); }), testing::KilledBySignal(SIGABRT),
+              "this must hold and does not: 2 < 1\nsafe\\. nodald: a check failed in a-stage");
+}
+
+TEST(EndDeadline, NotEndedInTime_IsTheEndWithOutputsSafeAndSaysWhatHangs) {
+  EXPECT_EXIT(
+      {
+        EndDeadline deadline;
+        const EndDeadline::Protection protection = deadline.protect(make_safe);
+        deadline.waits_for("a-stage");
+        deadline.arm(milliseconds(20));
+        for (;;) ::pause();
+      },
+      testing::ExitedWithCode(4), "safe\\. nodald: did not end in time, since a-stage hangs");
+}
+
+TEST(EndDeadline, OutputsThatAreClosed_AreNotTouchedAnyMore) {
+  EXPECT_EXIT(
+      {
+        EndDeadline deadline;
+        { const EndDeadline::Protection protection = deadline.protect(make_safe); }
+        deadline.finished(0);
+        deadline.arm(milliseconds(20));
+        for (;;) ::pause();
+      },
+      testing::ExitedWithCode(0), "^$");
+}
+
+TEST(EndDeadline, EndedInTime_NothingIsDone) {
+  int calls = 0;
+  {
+    EndDeadline deadline;
+    const EndDeadline::Protection protection = deadline.protect([&] { ++calls; });
+    deadline.arm(std::chrono::hours(1));
+  }
+  EXPECT_EQ(calls, 0);
+}
+
+}  // namespace
+}  // namespace nodal::daemon
