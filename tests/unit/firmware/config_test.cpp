@@ -188,6 +188,11 @@ TEST(RigConfig, RatesThatAreNoFraction_AreRefused) {
   EXPECT_EQ(reduced->rate, (FrameRate{1, 1}));
 }
 
+TEST(RigConfig, ATcpPort_IsRefusedAndSaysWhatServesInItsPlace) {
+  expect_refused(kSmall + "[links]\ntcp_port = 7700\n", Errc::kBadValue, "is not served any more");
+  expect_refused(kSmall + "[links]\ntcp_port = 7700\n", Errc::kBadValue, "ssh");
+}
+
 TEST(RigConfig, TwoHeadsOfOneNameOrPort_AreRefused) {
   expect_refused(kSmall + "[[heads]]\nname='cam0'\nport='sim:cam1'\n", Errc::kBadValue, "taken by a head above");
   expect_refused(kSmall + "[[heads]]\nname='cam1'\nport='sim:cam0'\n", Errc::kBadValue, "heads[1].port is taken");
