@@ -1,8 +1,8 @@
 #include <cstdio>
 
 #include "hal/linux/link/standard_descriptors.h"
-#include "host_tool/command.h"
-#include "host_tool/console.h"
+#include "host_tool/commands/command.h"
+#include "host_tool/console/console.h"
 
 int main(int argc, char** argv) {
   nodal::hal::guard_standard_descriptors();

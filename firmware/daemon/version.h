@@ -1,7 +1,8 @@
+// What nodald calls itself in its hello and its log.
 #pragma once
 
+#include "protocol/base/version.h"
+
 namespace nodal::daemon {
-
-inline constexpr const char* kSoftware = "nodald 0.1.0";
-
-}  // namespace nodal::daemon
+inline constexpr const char* kSoftware = "nodald " NODAL_VERSION;
+}

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "host_tool/pairs_file.h"
+#include "host_tool/input/pairs_file.h"
 #include "memory_limit.h"
 #include "tests/support/rigs.h"
 

@@ -1,14 +1,14 @@
 // Everything a user writes on nodal's command line that is not a file's name: each parser, on any text.
-#include "host_tool/quantities.h"
+#include "host_tool/console/quantities.h"
 
 #include <cstdint>
 #include <cstdlib>
 #include <string>
 
-#include "host_tool/files.h"
-#include "host_tool/picture_file.h"
-#include "host_tool/registration_input.h"
-#include "host_tool/rig_address.h"
+#include "host_tool/console/files.h"
+#include "host_tool/commands/picture_file.h"
+#include "host_tool/input/registration_input.h"
+#include "host_tool/rig/rig_address.h"
 #include "memory_limit.h"
 
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/link.h"
-#include "host_tool/command.h"
+#include "host_tool/commands/command.h"
 #include "memory_limit.h"
 #include "protocol/base/bytes.h"
 #include "protocol/framing.h"

@@ -100,9 +100,9 @@ TEST(IncludeRules, PlantedOffences_AreAllFound) {
   EXPECT_TRUE(violation("firmware/capture.cpp", angled("thread")));
   EXPECT_TRUE(violation("firmware/capture.cpp", angled("Eigen/Dense")));
   EXPECT_TRUE(violation("firmware/daemon/main.cpp", angled("linux/videodev2.h")));
-  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("hal/head.h")));
-  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("firmware/config.h")));
-  EXPECT_TRUE(violation("host_tool/status.cpp", quoted("link.h")));
+  EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("hal/head.h")));
+  EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("firmware/config.h")));
+  EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("link.h")));
   EXPECT_TRUE(violation("new_folder/file.cpp", quoted("protocol/base/units.h")));
 }
 
@@ -115,7 +115,7 @@ TEST(IncludeRules, WhatTheTableAllows_IsNotAnOffence) {
   EXPECT_FALSE(violation("stitch/geometry/lens/lens.cpp", angled("cmath")));
   EXPECT_FALSE(violation("stitch/geometry/head.cpp", quoted("protocol/calibration.h")));
   EXPECT_FALSE(violation("stitch/table/compile.cpp", quoted("stitch/geometry/lens/lens.h")));
-  EXPECT_FALSE(violation("host_tool/status.cpp", quoted("hal/link.h")));
+  EXPECT_FALSE(violation("host_tool/commands/status.cpp", quoted("hal/link.h")));
   EXPECT_FALSE(violation("tests/unit/hal/head_test.cpp", quoted("fixture.h")));
 }
 

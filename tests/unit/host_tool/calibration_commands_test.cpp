@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "hal/replay/image_file.h"
-#include "host_tool/files.h"
-#include "host_tool/png_file.h"
+#include "host_tool/console/files.h"
+#include "host_tool/report/png_file.h"
 #include "protocol/calibration.h"
 #include "run_nodal.h"
 #include "tests/support/photographer.h"

@@ -1,4 +1,4 @@
-#include "host_tool/command.h"
+#include "host_tool/commands/command.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,7 +9,7 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
-#include "host_tool/completion.h"
+#include "host_tool/commands/completion.h"
 #include "run_nodal.h"
 
 namespace nodal::host {

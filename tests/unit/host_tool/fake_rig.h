@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/sim/link.h"
-#include "host_tool/rig_connection.h"
+#include "host_tool/rig/rig_connection.h"
 #include "protocol/upload.h"
 
 namespace nodal::host {

@@ -1,4 +1,4 @@
-#include "host_tool/files.h"
+#include "host_tool/console/files.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

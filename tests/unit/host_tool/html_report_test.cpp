@@ -1,4 +1,4 @@
-#include "host_tool/html_report.h"
+#include "host_tool/report/html_report.h"
 
 #include <gtest/gtest.h>
 

@@ -6,8 +6,8 @@
 #include <set>
 #include <sstream>
 
-#include "host_tool/command.h"
-#include "host_tool/completion.h"
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/completion.h"
 
 namespace nodal::host {
 namespace {

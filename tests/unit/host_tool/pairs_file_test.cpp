@@ -1,5 +1,5 @@
 // Point pairs in files: what is read, and what is said about what cannot be.
-#include "host_tool/pairs_file.h"
+#include "host_tool/input/pairs_file.h"
 
 #include <gtest/gtest.h>
 

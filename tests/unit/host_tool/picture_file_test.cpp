@@ -1,4 +1,4 @@
-#include "host_tool/picture_file.h"
+#include "host_tool/commands/picture_file.h"
 
 #include <gtest/gtest.h>
 #include <png.h>

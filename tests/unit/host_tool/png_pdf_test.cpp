@@ -1,5 +1,5 @@
-#include "host_tool/grey_pdf.h"
-#include "host_tool/png_file.h"
+#include "host_tool/report/grey_pdf.h"
+#include "host_tool/report/png_file.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>

@@ -1,4 +1,4 @@
-#include "host_tool/quantities.h"
+#include "host_tool/console/quantities.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -1,4 +1,4 @@
-#include "host_tool/rig_address.h"
+#include "host_tool/rig/rig_address.h"
 
 #include <gtest/gtest.h>
 

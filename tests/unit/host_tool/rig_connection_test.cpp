@@ -1,11 +1,11 @@
-#include "host_tool/rig_connection.h"
+#include "host_tool/rig/rig_connection.h"
 
 #include <gtest/gtest.h>
 
 #include "fake_rig.h"
 #include "hal/sim/link.h"
-#include "host_tool/console.h"
-#include "host_tool/upload.h"
+#include "host_tool/console/console.h"
+#include "host_tool/rig/upload.h"
 #include "protocol/upload.h"
 
 namespace nodal::host {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "host_tool/command.h"
+#include "host_tool/commands/command.h"
 
 namespace nodal::host {
 

@@ -1,4 +1,4 @@
-#include "host_tool/sphere_graph.h"
+#include "host_tool/report/sphere_graph.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "host_tool/sync_report.h"
+#include "host_tool/report/sync_report.h"
 
 #include <gtest/gtest.h>
 

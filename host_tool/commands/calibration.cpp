@@ -1,0 +1,241 @@
+#include <fmt/format.h>
+
+#include <charconv>
+
+#include "host_tool/report/calibration_report.h"
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/input/live_frames.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/commands/trial.h"
+#include "host_tool/rig/upload.h"
+#include "host_tool/rig/wire_json.h"
+#include "protocol/calibration.h"
+#include "protocol/ssh_signature.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr int kUploadAttempts = 4;
+
+struct Args {
+  std::string file;
+  std::string id;
+  std::string out;
+  bool unchecked = false;
+  bool trial = false;
+  std::string signature;
+};
+
+/// The bytes that an id's first digits stand for; an odd digit would be half a byte.
+Result<std::string> parse_id(const std::string& text) {
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2) {
+    std::uint8_t byte = 0;
+    const auto [end, error] = std::from_chars(text.data() + i, text.data() + i + 2, byte, 16);
+    if (error != std::errc() || end != text.data() + i + 2) break;
+    bytes.push_back(static_cast<char>(byte));
+  }
+  if (text.empty() || text.size() > 64 || bytes.size() * 2 != text.size()) {
+    return fail(Errc::kBadValue, fmt::format("calibration id '{}': an even number of its first hexadecimal digits, as "
+                                             "`nodal calibration list` shows them", text));
+  }
+  return bytes;
+}
+
+Result<Calibration> read_calibration(const std::string& file, std::string* content) {
+  Result<std::string> text = read_file(file, kMaxCalibrationBytes);
+  if (!text) return fail(text.error());
+  Result<Calibration> calibration = parse_calibration(*text);
+  if (content != nullptr) *content = std::move(*text);
+  if (!calibration) return fail(calibration.error().in(file));
+  return calibration;
+}
+
+/// The file that --signature names; else FILE.sig when it is there; else nothing.
+Result<std::string> read_signature(const Args& args) {
+  const std::string file = args.signature.empty() ? args.file + ".sig" : args.signature;
+  Result<std::string> text = read_file(file, kMaxSignatureBytes);
+  if (!text && args.signature.empty() && text.error().code == Errc::kNotFound) return std::string();
+  return text;
+}
+
+Status run_trial(Context& context, const Args& args) {
+  std::string content;
+  const Result<Calibration> calibration = read_calibration(args.file, &content);
+  if (!calibration) return fail(calibration.error());
+  const Result<std::string> signature = read_signature(args);
+  if (!signature) return fail(signature.error());
+  const Result<TrialVerdict> verdict =
+      try_out(context, *calibration, kLiveSets, kTrialLimit, std::move(content), *signature);
+  if (!verdict) return fail(verdict.error());
+  tell_verdict(context, *verdict);
+  return {};
+}
+
+Status run_upload(Context& context, const Args& args) {
+  if (args.trial) return run_trial(context, args);
+  std::string content;
+  const Result<Calibration> calibration = read_calibration(args.file, &content);
+  if (!calibration) {
+    if (content.empty() || !args.unchecked) return fail(calibration.error());
+    context.console().warning(calibration.error().text() + "; sent all the same, since --unchecked");
+  }
+  const Result<std::string> signature = read_signature(args);
+  if (!signature) return fail(signature.error());
+  const Reconnect connect = [&context] { return context.connect(); };
+  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(),
+                                       std::nullopt, *signature);
+  if (!done) return fail(done.error());
+  const std::string id = calibration ? to_hex(calibration_id(*calibration)) : "";
+  context.console().document({{"id", id},
+                              {"bytes", done->bytes},
+                              {"resumed_at", done->resumed_at},
+                              {"links", done->links},
+                              {"in_force", true}});
+  context.console().line(fmt::format("{} ({}) is in force, id {}", calibration ? calibration->name : args.file,
+                                     show_bytes(done->bytes), id.substr(0, 12)));
+  return {};
+}
+
+Status run_list(Context& context) {
+  wire::Request request;
+  request.mutable_calibration_list();
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  Json list = Json::array();
+  Table table({{""}, {"id"}, {"generation", Table::Align::kRight}, {"heads", Table::Align::kRight}, {"name"}});
+  for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
+    list.push_back(to_json(entry));
+    table.row({entry.on_trial() ? "* trial" : entry.in_force() ? "*" : "", show_id(entry.id()), std::to_string(entry.generation()),
+               std::to_string(entry.heads()), entry.name()});
+  }
+  context.console().document({{"calibrations", list}});
+  if (list.empty()) {
+    context.console().line("the rig has no calibration; `nodal calibration upload FILE` brings one");
+    return {};
+  }
+  for (const std::string& line : table.lines()) context.console().line(line);
+  return {};
+}
+
+Status run_show(Context& context, const Args& args) {
+  wire::Request request;
+  request.mutable_calibration_get();
+  if (!args.id.empty()) {
+    const Result<std::string> id = parse_id(args.id);
+    if (!id) return fail(id.error());
+    request.mutable_calibration_get()->set_id(*id);
+  }
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  const std::string& json = reply->calibration().json();
+  const Result<Calibration> calibration = parse_calibration(json);
+  if (!calibration) return fail(calibration.error().in("the rig's calibration"));
+  if (!args.out.empty()) {
+    if (const Status written = write_file(args.out, to_json(*calibration)); !written) return written;
+    context.console().note("wrote " + args.out);
+  }
+  if (context.console().json()) {
+    context.console().document(Json::parse(canonical_json(*calibration), nullptr, false));
+    return {};
+  }
+  const Result<CalibrationReport> report = report_on(*calibration);
+  if (!report) return fail(report.error());
+  show(context.console(), *report);
+  return {};
+}
+
+/// Tells which calibration is in force after `use` and `rollback`.
+Status tell_in_force(Context& context, const wire::Request& request) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const auto show_activity = [&](const wire::RigStatus& status) { context.console().activity(status.activity()); };
+  if (const Result<wire::Reply> done = (*rig)->ask_long(request, show_activity); !done) return fail(done.error());
+  context.console().finish_progress();
+  wire::Request list;
+  list.mutable_calibration_list();
+  const Result<wire::Reply> reply = (*rig)->ask(list);
+  if (!reply) return fail(reply.error());
+  for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
+    if (!entry.in_force()) continue;
+    context.console().document(to_json(entry));
+    context.console().line(fmt::format("{} is in force, id {}, generation {}", entry.name(), show_id(entry.id()),
+                                       entry.generation()));
+  }
+  return {};
+}
+
+Status run_use(Context& context, const Args& args) {
+  const Result<std::string> id = parse_id(args.id);
+  if (!id) return fail(id.error());
+  wire::Request request;
+  request.mutable_calibration_use()->set_id(*id);
+  return tell_in_force(context, request);
+}
+
+Status run_rollback(Context& context) {
+  wire::Request request;
+  request.mutable_calibration_rollback();
+  return tell_in_force(context, request);
+}
+
+Status run_check(Context& context, const Args& args) {
+  const Result<Calibration> calibration = read_calibration(args.file, nullptr);
+  if (!calibration) return fail(calibration.error());
+  const Result<CalibrationReport> report = report_on(*calibration);
+  if (!report) return fail(report.error().in(args.file));
+  context.console().document(to_json(*report));
+  show(context.console(), *report);
+  return {};
+}
+
+}  // namespace
+
+void add_calibration(CLI::App& app, CommandLine& line) {
+  CLI::App* group = add_command(app, "calibration", "The rig document: check it, upload it, choose among the rig's", "");
+  group->require_subcommand(1);
+  auto args = std::make_shared<Args>();
+  const auto add = [&](const std::string& name, const std::string& description, const std::string& examples) {
+    return add_command(*group, name, description, examples);
+  };
+
+  CLI::App* upload = add("upload", "Check a calibration, send it, and put it in force between two frame sets",
+                         "  nodal calibration upload rig.json\n"
+                         "An upload that is cut off goes on where it stopped, even by a second `nodal`.\n");
+  upload->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
+  CLI::Option* unchecked =
+      upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
+  upload->add_flag("--trial", args->trial, "Keep it only if the heads differ by less with it; else the rig goes back")
+      ->excludes(unchecked);
+  upload->add_option("--signature", args->signature, "What ssh-keygen -Y sign made of it; FILE.sig when not given")
+      ->type_name("FILE");
+  line.on(upload, [args](Context& context) { return run_upload(context, *args); });
+
+  line.on(add("list", "The calibrations that the rig keeps; * is the one in force", "  nodal calibration list\n"),
+          run_list);
+
+  CLI::App* show = add("show", "A calibration of the rig: fields of view, places, coverage",
+                       "  nodal calibration show                  the one in force\n"
+                       "  nodal calibration show 3fa2 --out copy.json\n");
+  show->add_option("ID", args->id, "The first digits of its id; the one in force when not given")->type_name("");
+  show->add_option("-o,--out", args->out, "Save the document, too")->type_name("FILE");
+  line.on(show, [args](Context& context) { return run_show(context, *args); });
+
+  CLI::App* use = add("use", "Put another calibration of the rig in force", "  nodal calibration use 3fa2b1\n");
+  use->add_option("ID", args->id, "The first digits of its id")->required()->type_name("");
+  line.on(use, [args](Context& context) { return run_use(context, *args); });
+
+  line.on(add("rollback", "Back to the calibration that was in force before", "  nodal calibration rollback\n"),
+          run_rollback);
+
+  CLI::App* check = add("check", "Say whether a file is a good calibration, and what it means; needs no rig",
+                        "  nodal calibration check rig.json\n"
+                        "  nodal calibration check rig.json --json | jq .unseen\n");
+  check->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
+  line.on(check, [args](Context& context) { return run_check(context, *args); });
+
+  add_calibration_diff(*group, line);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,167 @@
+#include "host_tool/commands/command.h"
+
+#include <CLI/Config.hpp>
+#include <CLI/Formatter.hpp>
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <sstream>
+
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "protocol/base/text.h"
+#include "protocol/base/version.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::size_t kLongestReason = 500;  ///< bytes of a rig's sentence
+
+std::string environment(const char* name, std::string_view otherwise) {
+  const char* value = std::getenv(name);
+  return value == nullptr || *value == '\0' ? std::string(otherwise) : std::string(value);
+}
+
+std::string footer() {
+  std::string text =
+      "Examples:\n"
+      "  nodal status --watch\n"
+      "  nodal --rig ssh://rig.local heads\n"
+      "  nodal calibration upload rig.json && nodal genlock start && nodal raymap pull\n"
+      "\n"
+      "The rig: --rig, else $NODAL_RIG, else " + std::string(kDefaultRig) + ".\n"
+      "`nodal COMMAND --help` explains a command; `man nodal` has it all.\n"
+      "\nExit codes:\n";
+  for (const ExitCodeHelp& help : exit_code_help()) {
+    text += fmt::format("  {}  {}\n", static_cast<int>(help.code), help.meaning);
+  }
+  return text;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RigConnection>> Context::connect() {
+  if (connect_by) return connect_by();
+  const Result<Duration> patience = parse_duration(timeout);
+  if (!patience) return fail(patience.error().in("--timeout"));
+  const std::string where = rig.empty() ? environment("NODAL_RIG", kDefaultRig) : rig;
+  const Result<RigAddress> address = parse_rig_address(where, environment("NODAL_SSH", "ssh"));
+  if (!address) return fail(address.error());
+  return RigConnection::open(*address, *patience);
+}
+
+Result<wire::Reply> Context::ask(const wire::Request& request) {
+  Result<std::unique_ptr<RigConnection>> rig_connection = connect();
+  if (!rig_connection) return fail(rig_connection.error());
+  return (*rig_connection)->ask(request);
+}
+
+void show_setting(Console& console, Json document, const wire::Reply& reply) {
+  const std::string reason = printable(reply.not_stored(), kLongestReason);
+  if (!reason.empty()) document["not_stored"] = reason;
+  console.document(document);
+  if (!reason.empty()) console.note("nodal: in effect, but not stored on the rig: " + reason);
+}
+
+CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
+                      const std::string& examples) {
+  CLI::App* command = parent.add_subcommand(name, description);
+  command->fallthrough();  // --rig and --json may stand after the command, too
+  if (!examples.empty()) command->footer("Examples:\n" + examples);
+  return command;
+}
+
+CommandLine::CommandLine(Console& console)
+    : console_(console), context_(console),
+      app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
+  app_.set_help_flag("-h,--help", "Explain, and stop");
+  app_.set_version_flag("--version", "nodal " NODAL_VERSION, "Say the version, and stop");
+  app_.require_subcommand(1);
+  app_.footer(footer());
+  app_.add_option("--rig", context_.rig, "Where the rig is: unix:PATH or ssh://[USER@]HOST[:PORT]")
+      ->type_name("ADDRESS")
+      ->check(checked_by([](const std::string& text) { return parse_rig_address(text, "ssh"); }));
+  app_.add_option("--timeout", context_.timeout, "How long the rig may take to answer (10s when not given)")
+      ->type_name("DURATION")
+      ->check(checked_by(parse_duration));
+  app_.add_flag("--json", context_.json, "Answer in JSON, one document a line, for programs");
+  add_status(app_, *this);
+  add_heads(app_, *this);
+  add_hosts(app_, *this);
+  add_exposure(app_, *this);
+  add_genlock(app_, *this);
+  add_calibration(app_, *this);
+  add_audit(app_, *this);
+  add_sync(app_, *this);
+  add_raymap(app_, *this);
+  add_import(app_, *this);
+  add_pairs(app_, *this);
+  add_register(app_, *this);
+  add_drift(app_, *this);
+  add_export(app_, *this);
+  add_pattern(app_, *this);
+  add_calibrate(app_, *this);
+  add_completion(app_, *this);
+}
+
+ExitCode CommandLine::run(int argc, const char* const* argv) {
+  ExitCode code = ExitCode::kFailed;
+  try {
+    code = parse_and_dispatch(argc, argv);
+  } catch (const std::bad_alloc&) {
+    console_.error(Error{Errc::kOverload, "not enough memory for this; `ulimit -v` may limit it"});
+    code = exit_code_of(Errc::kOverload);
+  } catch (const std::exception& unexpected) {
+    console_.error(Error{Errc::kInternal, fmt::format("unexpected: {}", unexpected.what())});
+  }
+  return with_lost_output(code);
+}
+
+ExitCode CommandLine::with_lost_output(ExitCode code) {
+  const int lost = console_.end_output();
+  const bool failed = code != ExitCode::kOk && code != ExitCode::kJudged;  // then the first error's code is kept
+  if (lost == 0) return code;
+  if (lost == EPIPE) return failed ? code : ExitCode::kReaderGone;
+  const std::string why = lost == EBADF ? "it is closed" : std::strerror(lost);
+  console_.error(Error{lost == ENOSPC ? Errc::kDiskFull : Errc::kIo,
+                       fmt::format("standard output could not be written ({}); the answer, or the rest of it, is lost", why)});
+  return failed ? code : ExitCode::kOutputLost;
+}
+
+ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
+  try {
+    app_.parse(argc, argv);
+  } catch (const CLI::Success& success) {  // --help, --version
+    std::ostringstream out, err;
+    const int code = app_.exit(success, out, err);
+    console_.bytes(out.str());
+    return code == 0 ? ExitCode::kOk : ExitCode::kFailed;
+  } catch (const CLI::ParseError& wrong) {
+    console_.set_json(context_.json);
+    console_.note(fmt::format("nodal: {}\nRun `nodal --help`, or `nodal COMMAND --help`.", wrong.what()));
+    console_.document({{"error", {{"code", 0}, {"name", "usage"}, {"message", wrong.what()}}}});
+    return ExitCode::kUsage;
+  }
+  console_.set_json(context_.json);
+  return dispatch();
+}
+
+ExitCode CommandLine::dispatch() {
+  const CLI::App* chosen = &app_;
+  while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
+  const auto action = actions_.find(chosen);
+  NODAL_ASSERT(action != actions_.end());
+  watch_interrupts();
+  context_.answer = ExitCode::kOk;
+  const Status done = action->second(context_);
+  console_.finish_progress();
+  if (done) return context_.answer;
+  console_.error(done.error());
+  if (done.error().code == Errc::kCancelled && interrupted()) return exit_code_of_signal(interrupting_signal());
+  return exit_code_of(done.error().code);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,118 @@
+// What every command of `nodal` is made from: options that all share, a rig to talk to, and the table of
+// commands that main, completion and the manual page's test all read.
+#pragma once
+
+#include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "host_tool/console/console.h"
+#include "host_tool/console/exit_code.h"
+#include "host_tool/rig/rig_connection.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+
+namespace nodal::host {
+
+/// What a command gets to work with.
+///
+/// Threading: thread-bound.
+/// Ownership: owns nothing of the console.
+/// Errors: those of RigConnection.
+class Context {
+ public:
+  explicit Context(Console& console) : console_(console) {}
+
+  Console& console() { return console_; }
+  /// A new conversation with the rig that --rig names.
+  Result<std::unique_ptr<RigConnection>> connect();
+  /// Connects, asks this one question and hangs up.
+  Result<wire::Reply> ask(const wire::Request& request);
+
+  // Set from the command line before a command runs.
+  std::string rig;
+  std::string timeout = "10s";
+  bool json = false;
+
+  /// What connect() does instead when it is set, for tests: a conversation over a link of their own.
+  std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
+
+  /// For a command that did its work and whose answer is no: what the shell is told then.
+  ExitCode answer = ExitCode::kOk;
+
+ private:
+  Console& console_;
+};
+
+using Action = std::function<Status(Context&)>;
+
+/// The whole command line of `nodal`.
+class CommandLine {
+ public:
+  explicit CommandLine(Console& console);
+
+  /// Parses, runs, and says whether standard output took the answer. Exceptions end here.
+  ExitCode run(int argc, const char* const* argv);
+
+  CLI::App& app() { return app_; }
+  Context& context() { return context_; }
+  /// What `command` does when it is the one asked for.
+  void on(const CLI::App* command, Action action) { actions_[command] = std::move(action); }
+
+ private:
+  ExitCode parse_and_dispatch(int argc, const char* const* argv);
+  ExitCode dispatch();
+  /// The exit code when standard output may have failed: said on standard error, but for a reader that went away.
+  ExitCode with_lost_output(ExitCode code);
+
+  Console& console_;
+  Context context_;
+  CLI::App app_;
+  std::map<const CLI::App*, Action> actions_;
+};
+
+// One a file; each adds its command below `app` and says what it does.
+void add_status(CLI::App& app, CommandLine& line);
+void add_heads(CLI::App& app, CommandLine& line);
+void add_hosts(CLI::App& app, CommandLine& line);
+void add_exposure(CLI::App& app, CommandLine& line);
+void add_genlock(CLI::App& app, CommandLine& line);
+void add_calibration(CLI::App& app, CommandLine& line);
+void add_audit(CLI::App& app, CommandLine& line);
+void add_sync(CLI::App& app, CommandLine& line);
+void add_raymap(CLI::App& app, CommandLine& line);
+void add_import(CLI::App& app, CommandLine& line);
+void add_pairs(CLI::App& app, CommandLine& line);
+void add_drift(CLI::App& app, CommandLine& line);
+void add_register(CLI::App& app, CommandLine& line);
+void add_export(CLI::App& app, CommandLine& line);
+void add_pattern(CLI::App& app, CommandLine& line);
+void add_calibrate(CLI::App& app, CommandLine& line);
+/// `calibration diff`, below `calibration`.
+void add_calibration_diff(CLI::App& group, CommandLine& line);
+/// `calibrate light`, below `calibrate`.
+void add_calibrate_light(CLI::App& group, CommandLine& line);
+void add_completion(CLI::App& app, CommandLine& line);
+
+/// The document of a setting that the rig confirmed, with a warning when the setting will not survive a restart.
+void show_setting(Console& console, Json document, const wire::Reply& reply);
+
+/// A command with the help text's examples below its options.
+CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
+                      const std::string& examples);
+
+/// A parser as a check on an option's value, so that what it refuses is a usage error that names the option.
+template <class Parse>
+CLI::Validator checked_by(Parse parse) {
+  return CLI::Validator(
+      [parse](std::string& text) {
+        const auto value = parse(text);
+        return value ? std::string() : value.error().message;
+      },
+      "", "");
+}
+
+}  // namespace nodal::host

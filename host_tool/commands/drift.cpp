@@ -1,0 +1,163 @@
+#include "stitch/registration/drift.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/input/live_frames.h"
+
+namespace nodal::host {
+namespace {
+
+using registration::DriftReport;
+using registration::HeadDrift;
+using registration::Standing;
+
+struct Args {
+  std::vector<std::string> inputs;
+  int sets = kLiveSets;
+  registration::DriftOptions options;
+  std::string out;
+};
+
+struct Input {
+  Calibration calibration;
+  PictureSets pictures;
+};
+
+Result<Input> input_from_rig(Context& context, const Args& args) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  if (const Status has = require_feature(**rig, "frame-sets", "nodal drift"); !has) return fail(has.error());
+  Result<Calibration> calibration = calibration_in_force(**rig);
+  if (!calibration) return fail(calibration.error());
+  Result<PictureSets> pictures = pull_frame_sets(**rig, *calibration, args.sets, context.console());
+  if (!pictures) return fail(pictures.error());
+  return Input{std::move(*calibration), std::move(*pictures)};
+}
+
+Result<Input> input_from_files(const Args& args) {
+  Result<CalibratedPictures> read = read_calibrated_pictures(args.inputs);
+  if (!read) return fail(read.error());
+  return Input{std::move(read->calibration), std::move(read->pictures)};
+}
+
+Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json to_json(const DriftReport& report, double tolerance_px) {
+  Json heads = Json::array();
+  for (const HeadDrift& head : report.heads) {
+    heads.push_back({{"name", head.name},
+                     {"standing", standing_name(head.standing)},
+                     {"why", head.why},
+                     {"moved_deg", head.moved_deg},
+                     {"sigma_deg", finite(head.sigma_deg)},
+                     {"moved_px", head.moved_px},
+                     {"sigma_px", finite(head.sigma_px)},
+                     {"up_deg", head.up_deg},
+                     {"right_deg", head.right_deg},
+                     {"roll_deg", head.roll_deg}});
+  }
+  return {{"moved", report.any(Standing::kMoved)},
+          {"tolerance_px", tolerance_px},
+          {"heads", heads},
+          {"objective_before", report.objective_before},
+          {"objective_after", report.objective_after},
+          {"warnings", report.warnings}};
+}
+
+std::string verdict_on(const HeadDrift& head) {
+  switch (head.standing) {
+    case Standing::kStands: return "stands as calibrated";
+    case Standing::kMoved: return "has moved";
+    case Standing::kUnknown: return "cannot be told: " + head.why;
+  }
+  return "";
+}
+
+void tell(Console& console, const DriftReport& report) {
+  using Align = Table::Align;
+  Table table({{"head"}, {"moved", Align::kRight}, {"", Align::kRight}, {"sure to", Align::kRight}, {""}});
+  for (const HeadDrift& head : report.heads) {
+    const bool known = std::isfinite(head.sigma_deg);
+    table.row({head.name, fmt::format("{:.3f}°", head.moved_deg), fmt::format("{:.2f} px", head.moved_px),
+               known ? fmt::format("{:.2g}°", head.sigma_deg) : std::string("?"), verdict_on(head)});
+  }
+  for (const std::string& line : table.lines()) console.line(line);
+  console.line(fmt::format("where they overlap the heads differ by {:.2f} levels; stood they as now found, by {:.2f}",
+                           std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
+}
+
+/// Which heads moved, in a sentence; empty when none did.
+std::string verdict(const DriftReport& report, bool live) {
+  std::string moved;
+  for (const HeadDrift& head : report.heads) {
+    if (head.standing != Standing::kMoved) continue;
+    moved += fmt::format("{}'{}' by {:.3f}° ({:.1f} px)", moved.empty() ? "" : ", ", head.name, head.moved_deg, head.moved_px);
+  }
+  if (moved.empty()) return "";
+  return "the rig is no longer as it was calibrated: moved " + moved +
+         (live ? "; `nodal register --trial` registers it anew as it runs" : "; `nodal register` registers it anew");
+}
+
+Status run(Context& context, const Args& args) {
+  const bool live = args.inputs.empty();
+  Result<Input> input = live ? input_from_rig(context, args)
+                             : interruptible(context.console(), [&] { return input_from_files(args); });
+  if (!input) return fail(input.error());
+  registration::DriftOptions options = args.options;
+  Result<DriftReport> report = fail(Errc::kInternal, "");
+  {
+    Progress bar(context.console(), "comparing", 1000);
+    options.progress = [&](const registration::Step& step, double done) {
+      bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("raymap {} wide", step.width));
+    };
+    report = interruptible(context.console(), [&] {
+      return registration::measure_drift(input->calibration, input->pictures.frames(), options);
+    });
+  }
+  if (!report) return fail(report.error());
+  if (!args.out.empty()) {
+    if (const Status written = write_file(args.out, nodal::to_json(report->calibration)); !written) return written;
+  }
+  context.console().document(to_json(*report, options.tolerance_px));
+  tell(context.console(), *report);
+  for (const std::string& warning : report->warnings) context.console().warning(warning);
+  if (!args.out.empty()) context.console().line("wrote how the heads stand now to " + args.out);
+  if (const std::string moved = verdict(*report, live); !moved.empty()) {
+    context.console().warning(moved);
+    context.answer = ExitCode::kJudged;
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_drift(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(
+      app, "drift", "Say whether the heads still stand as calibrated, from what they see of each other now",
+      "  nodal drift                            the running rig against its calibration in force\n"
+      "  nodal drift --json | jq -r '.heads[] | select(.standing == \"moved\") | .name'\n"
+      "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
+      "Exit code 8: a head has moved. Which one is told by what most heads agree on; of two that moved apart each is\n"
+      "given half.\n");
+  auto args = std::make_shared<Args>();
+  command->add_option("INPUT", args->inputs, "A calibration and pictures taken since, instead of the running rig")
+      ->type_name("");
+  command->add_option("--sets", args->sets, "Frame sets to take from the rig (3 when not given); more see more detail")
+      ->type_name("N")
+      ->check(CLI::Range(1, kMostLiveSets));
+  command->add_option("--tolerance", args->options.tolerance_px, "Pixels a head may be off (0.5 when not given)")
+      ->type_name("PX")
+      ->check(CLI::Range(0.001, 1000.0));
+  command->add_option("-o,--out", args->out, "Save the calibration with the heads as they stand now")->type_name("FILE");
+  command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

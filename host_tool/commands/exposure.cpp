@@ -1,0 +1,164 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::string program;
+  std::string anchor;
+  std::string target;
+  std::string difference;
+  std::string ramp;
+  std::string longest;
+  std::string gain;
+};
+
+std::string stops(std::int64_t thousandths) { return fmt::format("{:+.2f}", static_cast<double>(thousandths) / 1000); }
+std::string percent(std::uint32_t ppm) { return fmt::format("{:.1f} %", ppm / 1e4); }
+
+void show(Console& console, const wire::ExposureState& state, const wire::Heads& heads) {
+  const wire::ExposureRequest& wish = state.wish();
+  const auto name = [&](std::uint32_t index) {
+    const auto found = std::ranges::find_if(heads.heads(), [&](const auto& head) { return head.index() == index; });
+    return found == heads.heads().end() ? std::to_string(index) : found->name();
+  };
+  const bool automatic = wish.program() != "manual";
+  std::string line = "exposure " + wish.program();
+  if (wish.locked()) line += ", locked";
+  else if (automatic) line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
+  line += fmt::format("; mean light {} stops below full, shutters to {}, gain to {}", wish.target_below() / 1000.0,
+                      show_exposure(wish.longest_ns()), show_gain(wish.highest_gain_mdb()));
+  if (wish.program() == "joint") {
+    line += fmt::format("; neighbours within {} stops", wish.difference() / 1000.0);
+    if (wish.anchor() >= 0) line += ", anchored on " + name(static_cast<std::uint32_t>(wish.anchor()));
+  }
+  console.line(line);
+  using Align = Table::Align;
+  Table table({{"head"}, {"exposure", Align::kRight}, {"goal", Align::kRight}, {"mean", Align::kRight},
+               {"clipped", Align::kRight}, {"black", Align::kRight}});
+  for (const wire::HeadExposure& head : state.heads()) {
+    if (!head.metered()) {
+      table.row({name(head.index()), "-", "-", "-", "-", "-"});
+      continue;
+    }
+    table.row({name(head.index()), stops(head.exposure()), automatic ? stops(head.goal()) : "-",
+               stops(std::int64_t{head.light()} + head.exposure()), percent(head.clipped_ppm()),
+               percent(head.black_ppm())});
+  }
+  for (const std::string& row : table.lines()) console.line(row);
+}
+
+Status ask_and_show(Context& context, RigConnection& rig, const wire::Request& request) {
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  wire::Request names;
+  names.mutable_heads();
+  const Result<wire::Reply> heads = rig.ask(names);
+  if (!heads) return fail(heads.error());
+  show_setting(context.console(), to_json(reply->exposure()), *reply);
+  show(context.console(), reply->exposure(), heads->heads());
+  return {};
+}
+
+Status run_lock(Context& context, bool locked) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  request.mutable_exposure()->set_locked(locked);
+  return ask_and_show(context, **rig, request);
+}
+
+Status run_show(Context& context) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  request.mutable_exposure();
+  return ask_and_show(context, **rig, request);
+}
+
+/// The index of the head that is called so; -1 for "none".
+Result<std::int32_t> anchor_of(RigConnection& rig, const std::string& name) {
+  if (name == "none") return -1;
+  wire::Request request;
+  request.mutable_heads();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  std::string known;
+  for (const wire::HeadState& head : reply->heads().heads()) {
+    if (head.name() == name) return static_cast<std::int32_t>(head.index());
+    known += (known.empty() ? "" : ", ") + head.name();
+  }
+  return fail(Errc::kNoSuchDevice, fmt::format("no head is called '{}'; there are {}, or say `none`", name, known));
+}
+
+Status run_set(Context& context, const Args& args) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  wire::ExposureRequest& wish = *request.mutable_exposure();
+  if (!args.program.empty()) wish.set_program(args.program);
+  if (!args.anchor.empty()) {
+    const Result<std::int32_t> anchor = anchor_of(**rig, args.anchor);
+    if (!anchor) return fail(anchor.error());
+    wish.set_anchor(*anchor);
+  }
+  if (const auto target = parse_stops(args.target)) wish.set_target_below(*target);
+  if (const auto difference = parse_stops(args.difference)) wish.set_difference(*difference);
+  if (const auto ramp = parse_stops(args.ramp)) wish.set_ramp(*ramp);
+  if (const auto longest = parse_exposure(args.longest)) {
+    wish.set_longest_ns(static_cast<std::uint64_t>(longest->duration().ns()));
+  }
+  if (const auto gain = parse_gain(args.gain)) wish.set_highest_gain_mdb(gain->mdb());
+  return ask_and_show(context, **rig, request);
+}
+
+}  // namespace
+
+void add_exposure(CLI::App& app, CommandLine& line) {
+  CLI::App* exposure = add_command(app, "exposure", "Who sets shutters and gains: hosts, every head, or all together", "");
+  exposure->require_subcommand(1);
+
+  CLI::App* show_it = add_command(*exposure, "show", "The program, what every head sees, and where it should be",
+                                  "  nodal exposure show --json | jq .settled\n");
+  line.on(show_it, run_show);
+
+  auto args = std::make_shared<Args>();
+  CLI::App* set = add_command(*exposure, "set", "Choose the program, and how it exposes",
+                              "  nodal exposure set joint\n"
+                              "  nodal exposure set joint --difference 2 --anchor cam0\n"
+                              "  nodal exposure set --target 3 --longest 1/100\n"
+                              "  nodal exposure set manual\n");
+  set->add_option("PROGRAM", args->program, "manual, each or joint")
+      ->type_name("")
+      ->check(CLI::IsMember({"manual", "each", "joint"}));
+  set->add_option("--anchor", args->anchor, "joint: a head that is exposed for what it sees; none")->type_name("HEAD");
+  const auto stops_option = [&](const char* name, std::string& into, const char* help) {
+    set->add_option(name, into, help)->type_name("STOPS")->check(checked_by(parse_stops));
+  };
+  stops_option("--target", args->target, "Mean light, in stops below a full sample: 2.5");
+  stops_option("--difference", args->difference, "joint: between heads that overlap, at most: 1; 0 is all alike");
+  stops_option("--ramp", args->ramp, "From one set to the next, at most: 4; 0.02 cannot be seen in a film");
+  set->add_option("--longest", args->longest, "No shutter is longer: 16ms, 1/60")
+      ->type_name("TIME")
+      ->check(checked_by(parse_exposure));
+  set->add_option("--highest-gain", args->gain, "No gain is higher: 12dB")
+      ->type_name("GAIN")
+      ->check(checked_by(parse_gain));
+  set->parse_complete_callback([args, set] {
+    if (set->count_all() <= 1) throw CLI::RequiredError("a program, or at least one option");
+  });
+  line.on(set, [args](Context& context) { return run_set(context, *args); });
+
+  CLI::App* lock = add_command(*exposure, "lock", "Exposures stay as they are now", "  nodal exposure lock\n");
+  line.on(lock, [](Context& context) { return run_lock(context, true); });
+  CLI::App* unlock = add_command(*exposure, "unlock", "The program goes on", "  nodal exposure unlock\n");
+  line.on(unlock, [](Context& context) { return run_lock(context, false); });
+}
+
+}  // namespace nodal::host

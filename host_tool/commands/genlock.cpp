@@ -1,0 +1,73 @@
+#include <fmt/format.h>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::string rate;
+  std::string pulse;
+};
+
+Status run(Context& context, wire::GenlockRequest::Action action, const Args& args) {
+  wire::Request request;
+  wire::GenlockRequest& genlock = *request.mutable_genlock();
+  genlock.set_action(action);
+  if (!args.rate.empty()) {
+    const Result<FrameRate> rate = parse_rate(args.rate);
+    if (!rate) return fail(rate.error());
+    genlock.set_rate_numerator(rate->numerator);
+    genlock.set_rate_denominator(rate->denominator);
+  }
+  if (!args.pulse.empty()) {
+    const Result<Duration> pulse = parse_duration(args.pulse);
+    if (!pulse) return fail(pulse.error().in("--pulse"));
+    genlock.set_pulse_width_ns(static_cast<std::uint64_t>(pulse->ns()));
+  }
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  const wire::Genlock& now = reply->genlock();
+  show_setting(context.console(), to_json(now), *reply);
+  const std::string by = now.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", now.triggers());
+  context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
+                                     now.rate_numerator(), now.rate_denominator(), by,
+                                     show_duration(now.spread_ns()), show_duration(now.spread_worst_ns())));
+  for (const std::string& why : now.unaligned()) {
+    context.console().line(context.console().paint(Colour::kWarning, why));
+  }
+  std::string drift = "not known yet";
+  if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
+  context.console().line(fmt::format("lost {} times, in holdover {} times; {} triggers missing; drift {}", now.losses(),
+                                     now.holdovers(), now.missing_triggers(), drift));
+  return {};
+}
+
+}  // namespace
+
+void add_genlock(CLI::App& app, CommandLine& line) {
+  CLI::App* genlock = add_command(app, "genlock", "All heads exposed together: start it, stop it, see how well it holds",
+                                  "");
+  genlock->require_subcommand(1);
+  auto args = std::make_shared<Args>();
+
+  CLI::App* start = add_command(*genlock, "start", "Expose the heads together from now on: by a trigger, or by moving heads\nthat run free, as rig.toml says",
+                                "  nodal genlock start                     at the rig's own rate\n"
+                                "  nodal genlock start --rate 30000/1001\n");
+  start->add_option("--rate", args->rate, "Frames a second: 30000/1001, 29.97, 25")->type_name("RATE")
+      ->check(checked_by(parse_rate));
+  start->add_option("--pulse", args->pulse, "Width of the trigger pulse, such as 100us")->type_name("DURATION")
+      ->check(checked_by(parse_duration));
+  line.on(start, [args](Context& context) { return run(context, wire::GenlockRequest::START, *args); });
+
+  CLI::App* stop = add_command(*genlock, "stop", "Every head by its own clock again", "  nodal genlock stop\n");
+  line.on(stop, [](Context& context) { return run(context, wire::GenlockRequest::STOP, {}); });
+
+  CLI::App* show = add_command(*genlock, "show", "State, rate, triggers and spread",
+                               "  nodal genlock show --json | jq .spread_ns\n");
+  line.on(show, [](Context& context) { return run(context, wire::GenlockRequest::SHOW, {}); });
+}
+
+}  // namespace nodal::host

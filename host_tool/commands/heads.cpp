@@ -1,0 +1,177 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+std::uint64_t losses_of(const wire::HeadState& head) {
+  std::uint64_t sum = 0;
+  for (const wire::Count& loss : head.losses()) sum += loss.frames();
+  return sum;
+}
+
+std::string show_skew(std::int64_t ns) {
+  return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns)));
+}
+
+void show(Console& console, const wire::Heads& heads) {
+  Table table({{"#", Table::Align::kRight}, {"name"}, {"port"}, {"format"}, {"exposure", Table::Align::kRight},
+               {"gain", Table::Align::kRight}, {"red, blue"}, {"frames", Table::Align::kRight},
+               {"lost", Table::Align::kRight}, {"skew", Table::Align::kRight}, {"clock", Table::Align::kRight}, {"problem"}});
+  for (const wire::HeadState& head : heads.heads()) {
+    const std::string problem = head.problem().empty() && !head.present() ? "not there" : head.problem();
+    table.row({std::to_string(head.index()), head.name(), head.path(), head.format(),
+               show_exposure(head.exposure_ns()), show_gain(head.gain_mdb()),
+               show_white_balance(head.red_q12(), head.blue_q12()), std::to_string(head.frames()),
+               std::to_string(losses_of(head)), show_skew(head.skew_ns()),
+               head.has_drift_ppb() ? fmt::format("{:+.1f} ppm", head.drift_ppb() / 1000.0) : "",
+               console.paint(Colour::kBad, problem)});
+  }
+  for (const std::string& line : table.lines()) console.line(line);
+}
+
+Result<wire::Heads> ask_heads(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_heads();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  return reply->heads();
+}
+
+Json to_json(const wire::Heads& heads) {
+  Json list = Json::array();
+  for (const wire::HeadState& head : heads.heads()) list.push_back(host::to_json(head));
+  return {{"heads", list}};
+}
+
+Status run_heads(Context& context) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const Result<wire::Heads> heads = ask_heads(**rig);
+  if (!heads) return fail(heads.error());
+  context.console().document(to_json(*heads));
+  show(context.console(), *heads);
+  return {};
+}
+
+struct SetArgs {
+  std::vector<std::string> heads;
+  std::string exposure;
+  std::string gain;
+  std::string white_balance;
+  std::string gamma;
+};
+
+/// The index of the head that is called so, by name first: a head may be called "2".
+Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name) {
+  for (const wire::HeadState& head : heads.heads()) {
+    if (head.name() == name) return head.index();
+  }
+  std::uint32_t index = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
+  if (error == std::errc() && end == name.data() + name.size()) {
+    for (const wire::HeadState& head : heads.heads()) {
+      if (head.index() == index) return index;
+    }
+  }
+  std::string known;
+  for (const wire::HeadState& head : heads.heads()) known += (known.empty() ? "" : ", ") + head.name();
+  return fail(Errc::kNoSuchDevice, fmt::format("no head is called '{}'; there are {}, or say `all`", name, known));
+}
+
+Result<wire::HeadSetRequest> parse_settings(const SetArgs& args) {
+  wire::HeadSetRequest settings;
+  if (!args.exposure.empty()) {
+    const Result<Exposure> exposure = parse_exposure(args.exposure);
+    if (!exposure) return fail(exposure.error());
+    settings.set_exposure_ns(static_cast<std::uint64_t>(exposure->duration().ns()));
+  }
+  if (!args.gain.empty()) {
+    const Result<Gain> gain = parse_gain(args.gain);
+    if (!gain) return fail(gain.error());
+    settings.set_gain_mdb(gain->mdb());
+  }
+  if (!args.white_balance.empty()) {
+    const Result<WhiteBalance> balance = parse_white_balance(args.white_balance);
+    if (!balance) return fail(balance.error());
+    settings.set_red_q12(balance->red_q12);
+    settings.set_blue_q12(balance->blue_q12);
+  }
+  if (!args.gamma.empty()) {
+    const Result<std::uint32_t> gamma = parse_gamma(args.gamma);
+    if (!gamma) return fail(gamma.error());
+    settings.set_gamma(*gamma);
+  }
+  return settings;
+}
+
+Status run_set(Context& context, const SetArgs& args) {
+  const Result<wire::HeadSetRequest> settings = parse_settings(args);
+  if (!settings) return fail(settings.error());
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const Result<wire::Heads> heads = ask_heads(**rig);
+  if (!heads) return fail(heads.error());
+
+  wire::Request request;
+  *request.mutable_head_set() = *settings;
+  std::string names;
+  const bool all = std::ranges::find(args.heads, "all") != args.heads.end();
+  for (const std::string& name : args.heads) {
+    if (all) break;
+    const Result<std::uint32_t> index = find_head(*heads, name);
+    if (!index) return fail(index.error());
+    request.mutable_head_set()->add_heads(*index);
+    names += (names.empty() ? "" : ", ") + name;
+  }
+  const Result<wire::Reply> reply = (*rig)->ask(request);
+  if (!reply) return fail(reply.error());
+  const std::string whom = all ? fmt::format("all {} heads", heads->heads_size()) : names;
+  context.console().line(whom + ": set; frames that carry it come in a moment, `nodal heads` shows");
+  show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, *reply);
+  return {};
+}
+
+}  // namespace
+
+void add_heads(CLI::App& app, CommandLine& line) {
+  CLI::App* heads = add_command(app, "heads", "Every head: what it is, its settings in effect, its losses and skew",
+                                "  nodal heads\n"
+                                "  nodal heads --json | jq '.heads[] | select(.present|not).name'\n");
+  line.on(heads, run_heads);
+
+  CLI::App* head = add_command(app, "head", "Change a head's settings", "");
+  head->require_subcommand(1);
+  CLI::App* set = add_command(*head, "set", "Set exposure, gain, white balance or gamma of one head, of some or of all",
+                              "  nodal head set all --exposure 1/125 --gain 6dB\n"
+                              "  nodal head set cam3 cam4 --exposure 8ms\n"
+                              "  nodal head set 0 --wb 1.5,1.25          red and blue against green\n");
+  auto args = std::make_shared<SetArgs>();
+  set->add_option("HEAD", args->heads, "Names or indices of heads, or `all`")->required()->type_name("");
+  set->add_option("--exposure", args->exposure, "8ms, 500us, or a fraction of a second: 1/125")
+      ->type_name("TIME")
+      ->check(checked_by(parse_exposure));
+  set->add_option("--gain", args->gain, "Decibels: 6dB; 6.02dB is one stop")
+      ->type_name("GAIN")
+      ->check(checked_by(parse_gain));
+  set->add_option("--wb", args->white_balance, "Red and blue against green: 1.5,1.25")
+      ->type_name("RED,BLUE")
+      ->check(checked_by(parse_white_balance));
+  set->add_option("--gamma", args->gamma, "Numbers = light^(1/gamma): 2.2; `own` for the curve it was calibrated with")
+      ->type_name("GAMMA")
+      ->check(checked_by(parse_gamma));
+  set->parse_complete_callback([args] {
+    if (args->exposure.empty() && args->gain.empty() && args->white_balance.empty() && args->gamma.empty()) {
+      throw CLI::RequiredError("at least one of --exposure, --gain, --wb and --gamma");
+    }
+  });
+  line.on(set, [args](Context& context) { return run_set(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,179 @@
+#include "stitch/interchange/import.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <numbers>
+
+#include "host_tool/report/calibration_report.h"
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "stitch/geometry/head.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Args {
+  std::vector<std::string> files;
+  std::string out = "calibration.json";
+  std::string name;
+  std::string rig_toml;
+};
+
+/// How well the project's control points agree through the imported calibration, per pair of heads.
+struct Residual {
+  std::size_t points = 0;
+  double sum_of_squares = 0;  ///< degrees squared
+  double worst = 0;           ///< degrees
+  double rms() const { return points == 0 ? 0 : std::sqrt(sum_of_squares / static_cast<double>(points)); }
+  void add(double degrees) {
+    ++points;
+    sum_of_squares += degrees * degrees;
+    worst = std::max(worst, degrees);
+  }
+};
+using Residuals = std::map<std::pair<std::size_t, std::size_t>, Residual>;
+
+Result<Residuals> residuals_of(const interchange::ImportResult& imported) {
+  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(imported.calibration);
+  if (!heads) return fail(heads.error());
+  Residuals residuals;
+  for (const interchange::ControlPoint& point : imported.control_points) {
+    const auto a = (*heads)[point.head_a].unproject(point.pixel_a);
+    const auto b = (*heads)[point.head_b].unproject(point.pixel_b);
+    if (!a || !b) continue;  // outside the lens; the importer's notes say so
+    residuals[std::minmax(point.head_a, point.head_b)].add(geometry::angle_between(*a, *b) * 180 / std::numbers::pi);
+  }
+  return residuals;
+}
+
+Residual total_of(const Residuals& residuals) {
+  Residual total;
+  for (const auto& [pair, residual] : residuals) {
+    total.points += residual.points;
+    total.sum_of_squares += residual.sum_of_squares;
+    total.worst = std::max(total.worst, residual.worst);
+  }
+  return total;
+}
+
+std::string toml_string(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  quoted += '"';
+  return quoted;
+}
+
+/// A rig of replay heads on the project's pictures. Paths below rig.toml's folder count from it.
+Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const Args& args) {
+  std::string text = fmt::format(
+      "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
+      "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
+      "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
+      "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
+      fs::path(args.files.front()).filename().string(), toml_string(imported.calibration.name));
+  const fs::path from = fs::absolute(args.files.front()).parent_path();
+  const fs::path to = fs::absolute(args.rig_toml).parent_path();
+  for (std::size_t i = 0; i < imported.images.size(); ++i) {
+    const std::string& head = imported.calibration.heads[i].name;
+    if (imported.images[i].empty()) {
+      return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
+                                                   "leave out --rig-toml", args.files.front(), head));
+    }
+    const fs::path picture = (from / imported.images[i]).lexically_normal();
+    const fs::path relative = picture.lexically_relative(to);
+    const bool nearby = !relative.empty() && *relative.begin() != "..";
+    text += fmt::format("\n[[heads]]\nname = {}\nport = {}\n", toml_string(head),
+                        toml_string("replay:" + (nearby ? relative : picture).string()));
+  }
+  return text;
+}
+
+void tell(Console& console, const interchange::ImportResult& imported, const CalibrationReport& report,
+          const Residuals& residuals, const Args& args) {
+  Json pairs = Json::array();
+  for (const auto& [pair, residual] : residuals) {
+    pairs.push_back({{"heads", {imported.calibration.heads[pair.first].name,
+                                imported.calibration.heads[pair.second].name}},
+                     {"points", residual.points},
+                     {"rms_deg", residual.rms()},
+                     {"worst_deg", residual.worst}});
+  }
+  console.document({{"out", args.out},
+                    {"notes", imported.notes},
+                    {"residuals", pairs},
+                    {"calibration", to_json(report)}});
+  show(console, report);
+  for (const std::string& note : imported.notes) console.note("note: " + note);
+  if (const Residual total = total_of(residuals); total.points != 0) {
+    console.line(fmt::format("  {} control points of {} pairs of heads agree within {:.3f}° rms, {:.3f}° at worst",
+                             total.points, residuals.size(), total.rms(), total.worst));
+  }
+  console.line("wrote " + args.out + (args.rig_toml.empty() ? "" : " and " + args.rig_toml));
+}
+
+/// Errors name the file.
+Result<interchange::ImportResult> imported_from(const Args& args) {
+  std::vector<interchange::CameraFile> files;
+  for (const std::string& path : args.files) {
+    Result<std::string> text = read_file(path, interchange::kMaxProjectBytes);
+    if (!text) return fail(text.error());
+    files.push_back({path, std::move(*text)});
+  }
+  const std::string& first = args.files.front();
+  const std::string name = args.name.empty() ? fs::path(first).stem().string() : args.name;
+  if (files.size() > 1) return interchange::import_opencv_cameras(files, name);
+  Result<interchange::ImportResult> imported = interchange::import_project(files.front().text, name);
+  if (!imported) return fail(imported.error().in(first));
+  return imported;
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<interchange::ImportResult> imported = imported_from(args);
+  if (!imported) return fail(imported.error());
+  const Result<CalibrationReport> report = report_on(imported->calibration);
+  if (!report) return fail(report.error().in(args.files.front()));
+  const Result<Residuals> residuals = residuals_of(*imported);
+  if (!residuals) return fail(residuals.error().in(args.files.front()));
+
+  if (!args.rig_toml.empty()) {
+    const Result<std::string> toml = rig_toml_of(*imported, args);
+    if (!toml) return fail(toml.error());
+    if (const Status written = write_file(args.rig_toml, *toml); !written) return written;
+  }
+  if (const Status written = write_file(args.out, to_json(imported->calibration)); !written) return written;
+  tell(context.console(), *imported, *report, *residuals, args);
+  return {};
+}
+
+}  // namespace
+
+void add_import(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(app, "import", "Make a calibration from another program's project; needs no rig",
+                                  "  nodal import rig.pts -o calibration.json\n"
+                                  "  nodal import hugin.pto --rig-toml rig.toml     and replay its pictures\n"
+                                  "  nodal import camchain.yaml -o rig.json\n"
+                                  "  nodal import left.yaml right.yaml -o rig.json  OpenCV's cameras, one a file\n"
+                                  "Knows Hugin's projects (.pto), PTGui's text ones (.pts), VideoStitch's (.ptv),\n"
+                                  "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
+                                  "what did not fit, and how well a project's control points agree.\n");
+  auto args = std::make_shared<Args>();
+  command->add_option("FILE", args->files, "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
+      ->required()
+      ->type_name("");
+  command->add_option("-o,--out", args->out, "The calibration (calibration.json when not given)")->type_name("FILE");
+  command->add_option("--name", args->name, "The calibration's name; the (first) file's when not given")
+      ->type_name("NAME");
+  command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
+      ->type_name("FILE");
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,96 @@
+#include "stitch/registration/pairs.h"
+
+#include <fmt/format.h>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/input/pairs_file.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::string calibration, csv;
+  std::vector<std::string> inputs;
+  std::string out = "calibration.json";
+  bool focals = false, cpfind = false;
+};
+
+void tell(Console& console, const registration::PairFit& fit, const Args& args) {
+  Json agreements = Json::array(), heads = Json::array();
+  using Align = Table::Align;
+  Table table({{"heads"}, {"pairs", Align::kRight}, {"rejected", Align::kRight}, {"rms", Align::kRight},
+               {"worst", Align::kRight}});
+  for (const registration::PairAgreement& each : fit.agreements) {
+    const std::string &a = fit.heads[each.a].name, &b = fit.heads[each.b].name;
+    agreements.push_back({{"heads", {a, b}},
+                          {"used", each.used},
+                          {"rejected", each.rejected},
+                          {"rms_deg", each.rms_deg},
+                          {"worst_deg", each.worst_deg}});
+    table.row({a + " " + b, std::to_string(each.used), std::to_string(each.rejected), fmt::format("{:.3f}°", each.rms_deg),
+               fmt::format("{:.3f}°", each.worst_deg)});
+  }
+  for (const registration::HeadReport& head : fit.heads) {
+    heads.push_back({{"name", head.name},
+                     {"placed", head.placed},
+                     {"turned_deg", head.turned_deg},
+                     {"sigma_deg", head.placed ? Json(head.sigma_deg) : Json(nullptr)},
+                     {"focal_change_percent", head.focal_change_percent}});
+  }
+  console.document({{"out", args.out},
+                    {"rms_deg", fit.rms_deg},
+                    {"heads", heads},
+                    {"pairs", agreements},
+                    {"warnings", fit.warnings}});
+  for (const std::string& line : table.lines()) console.line(line);
+  for (const std::string& warning : fit.warnings) console.warning(warning);
+  console.line(fmt::format("the point pairs agree within {:.3f}° rms; wrote {}", fit.rms_deg, args.out));
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<std::string> text = read_file(args.calibration, kMaxCalibrationBytes);
+  if (!text) return fail(text.error());
+  const Result<Calibration> prior = parse_calibration(*text);
+  if (!prior) return fail(prior.error().in(args.calibration));
+  if (!args.cpfind && args.inputs.size() != 1) {
+    return fail(Errc::kBadValue, "give one file with point pairs, or --cpfind and a picture of each head");
+  }
+  const auto pairs = args.cpfind ? find_pairs(args.inputs, *prior) : read_pairs(args.inputs.front(), *prior);
+  if (!pairs) return fail(pairs.error());
+  if (!args.csv.empty()) {
+    if (const Status written = write_file(args.csv, pairs_csv(*pairs, *prior)); !written) return written;
+  }
+  const Result<registration::PairFit> fit = interruptible(context.console(), [&] {
+    return registration::fit_to_pairs(*prior, *pairs,
+                                      args.focals ? registration::Free::kFocals : registration::Free::kRotations);
+  });
+  if (!fit) return fail(fit.error());
+  if (const Status written = write_file(args.out, to_json(fit->calibration)); !written) return written;
+  tell(context.console(), *fit, args);
+  return {};
+}
+
+}  // namespace
+
+void add_pairs(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(app, "pairs", "Place the heads by point pairs, however far off they are; needs no rig",
+                                  "  nodal pairs rig.json points.csv -o near.json     head_a,x_a,y_a,head_b,x_b,y_b\n"
+                                  "  nodal pairs rig.json project.pto                 its control points\n"
+                                  "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
+                                  "A start for `nodal register`, which is far more exact.\n");
+  auto args = std::make_shared<Args>();
+  command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
+  command->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts); with --cpfind a picture of each head")
+      ->required()
+      ->type_name("");
+  command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
+      ->type_name("FILE");
+  command->add_flag("--focals", args->focals, "Seek focal lengths, too");
+  command->add_flag("--cpfind", args->cpfind, "Find the pairs in pictures by Hugin's cpfind");
+  command->add_option("--csv", args->csv, "Write the pairs as CSV, too")->type_name("FILE");
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,178 @@
+#include "host_tool/commands/picture_file.h"
+
+#include <fmt/format.h>
+#include <turbojpeg.h>
+
+#include <array>
+#include <memory>
+#include <optional>
+
+#include "host_tool/console/console.h"
+#include "host_tool/report/png_file.h"
+#include "host_tool/rig/wire_json.h"
+#include "protocol/base/image.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::uint32_t kMaxRaymapSide = 16384;  // rig.toml's limit for raymap.width
+constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG over its pixels: headers, metadata
+
+std::optional<PixelFormat> raw_format(const std::string& coding) {
+  for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kGrey8,
+                                   PixelFormat::kRgb48, PixelFormat::kGrey16}) {
+    if (coding == pixel_format_name(format)) return format;
+  }
+  return std::nullopt;
+}
+
+/// Of I420 or NV12.
+Result<std::vector<std::uint8_t>> to_rgb(PixelFormat format, const ReceivedRaymap& raymap) {
+  const int width = static_cast<int>(raymap.header.width());
+  const int height = static_cast<int>(raymap.header.height());
+  ImageView view = packed_image(format, width, height, raymap.bytes.data());
+  std::array<std::vector<std::uint8_t>, 3> apart;  // chroma that lies interleaved
+  for (std::size_t c = 1; c < view.planes.size() && view.planes[c].pixel_stride > 1; ++c) {
+    PlaneView& plane = view.planes[c];
+    for (int y = 0; y < plane.height; ++y) {
+      const std::uint8_t* row = plane.data + y * plane.row_stride;
+      for (int x = 0; x < plane.width; ++x, row += plane.pixel_stride) apart[c].push_back(*row);
+    }
+    plane = {apart[c].data(), plane.width, plane.height, plane.width, 1};
+  }
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3);
+  const std::unique_ptr<void, int (*)(void*)> decoder(tjInitDecompress(), tjDestroy);
+  std::array<const unsigned char*, 3> planes{view.planes[0].data, view.planes[1].data, view.planes[2].data};
+  std::array<int, 3> strides{static_cast<int>(view.planes[0].row_stride), static_cast<int>(view.planes[1].row_stride),
+                             static_cast<int>(view.planes[2].row_stride)};
+  if (decoder == nullptr || tjDecodeYUVPlanes(decoder.get(), planes.data(), strides.data(), TJSAMP_420, rgb.data(),
+                                              width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT) != 0) {
+    return fail(Errc::kInternal, fmt::format("colours of the raymap: {}", tjGetErrorStr2(decoder.get())));
+  }
+  return rgb;
+}
+
+}  // namespace
+
+Result<RaymapFormat> parse_raymap_format(std::string_view text) {
+  if (text == "jpg") return RaymapFormat::kJpg;
+  if (text == "png") return RaymapFormat::kPng;
+  if (text == "raw") return RaymapFormat::kRaw;
+  return fail(Errc::kBadValue, fmt::format("format '{}': it is jpg, png or raw", text));
+}
+
+Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
+  if (name.ends_with(".jpg") || name.ends_with(".jpeg")) return RaymapFormat::kJpg;
+  if (name.ends_with(".png")) return RaymapFormat::kPng;
+  if (name.ends_with(".raw") || name.ends_with(".yuv")) return RaymapFormat::kRaw;
+  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png or .raw, or say --format", name));
+}
+
+Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
+  if (header.width() == 0 || header.height() == 0 || header.width() > kMaxRaymapSide ||
+      header.height() > kMaxRaymapSide) {
+    return fail(Errc::kBadFormat, fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(),
+                                              header.height()));
+  }
+  if (header.coding() == "jpeg") return std::uint64_t{header.width()} * header.height() * 3 + kMaxJpegOverhead;
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) {
+    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
+                                                "than this program?", header.set(), header.coding()));
+  }
+  return packed_size(*format, static_cast<int>(header.width()), static_cast<int>(header.height()));
+}
+
+Status check_raymap(const ReceivedRaymap& raymap) {
+  const wire::RaymapHeader& header = raymap.header;
+  const std::size_t size = raymap.bytes.size();
+  const Result<std::uint64_t> wanted = most_raymap_bytes(header);
+  if (!wanted) return fail(wanted.error());
+  if (header.coding() == "jpeg") {
+    const auto& b = raymap.bytes;
+    if (size < 4 || b[0] != 0xFF || b[1] != 0xD8) {
+      return fail(Errc::kBadFormat, fmt::format("raymap of set {}: it does not begin as a JPEG", header.set()));
+    }
+    if (b[size - 2] != 0xFF || b[size - 1] != 0xD9) {
+      return fail(Errc::kTruncated, fmt::format("raymap of set {}: its JPEG has no end", header.set()));
+    }
+    return {};
+  }
+  if (size != *wanted) {
+    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, *wanted));
+  }
+  return {};
+}
+
+std::string gpano_xmp(std::uint32_t width, std::uint32_t height) {
+  return fmt::format(
+      "<?xpacket begin=\"\xEF\xBB\xBF\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>"
+      "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">"
+      "<rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\""
+      " GPano:ProjectionType=\"equirectangular\" GPano:UsePanoramaViewer=\"True\" GPano:PoseHeadingDegrees=\"0\""
+      " GPano:CroppedAreaImageWidthPixels=\"{0}\" GPano:CroppedAreaImageHeightPixels=\"{1}\""
+      " GPano:FullPanoWidthPixels=\"{0}\" GPano:FullPanoHeightPixels=\"{1}\""
+      " GPano:CroppedAreaLeftPixels=\"0\" GPano:CroppedAreaTopPixels=\"0\"/>"
+      "</rdf:RDF></x:xmpmeta><?xpacket end=\"r\"?>",
+      width, height);
+}
+
+Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
+  const wire::RaymapHeader& header = raymap.header;
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", header.coding()));
+  std::vector<std::uint8_t> rgb;
+  PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()), component_count(*format),
+                     is_linear16(*format) ? 16 : 8, raymap.bytes};
+  if (has_chroma(*format)) {
+    Result<std::vector<std::uint8_t>> converted = to_rgb(*format, raymap);
+    if (!converted) return fail(converted.error());
+    rgb = std::move(*converted);
+    picture.samples = rgb;
+  }
+  PngNotes notes;
+  notes.effort = 3;  // a third of the time of the usual 6 for a twentieth more bytes
+  if (header.layout() == "equirectangular") notes.xmp = gpano_xmp(header.width(), header.height());
+  if (is_linear16(*format)) {
+    notes.numbers = PngNotes::Numbers::kLinear;
+    notes.comment = "Numbers are proportional to light.";
+    if (header.has_full_exposure_ns()) {
+      notes.comment += fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
+                                   header.full_exposure_ns());
+    }
+  }
+  return png_file(picture, notes);
+}
+
+std::string raw_sidecar(const ReceivedRaymap& raymap) {
+  Json json = to_json(raymap.header);
+  const std::optional<PixelFormat> format = raw_format(raymap.header.coding());
+  Json planes = Json::array();
+  if (format) {
+    const ImageView view = packed_image(*format, static_cast<int>(raymap.header.width()),
+                                        static_cast<int>(raymap.header.height()), raymap.bytes.data());
+    const bool rgb = in_8_bits(*format) == PixelFormat::kRgb24;
+    const std::array<std::string_view, 3> names = rgb ? std::array<std::string_view, 3>{"R", "G", "B"}
+                                                      : std::array<std::string_view, 3>{"Y", "U", "V"};
+    for (int c = 0; c < component_count(*format); ++c) {
+      const PlaneView& plane = view.planes[static_cast<std::size_t>(c)];
+      planes.push_back({{"component", names[static_cast<std::size_t>(c)]},
+                        {"offset", plane.data - raymap.bytes.data()},
+                        {"width", plane.width},
+                        {"height", plane.height},
+                        {"row_stride", plane.row_stride},
+                        {"pixel_stride", plane.pixel_stride}});
+    }
+  }
+  json["planes"] = planes;
+  json["range"] = "full";
+  const bool linear = format && is_linear16(*format);
+  json["bits"] = linear ? 16 : 8;
+  if (linear) {
+    json["byte_order"] = "little";
+    json["numbers"] = "linear";
+  }
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,364 @@
+#include <fmt/format.h>
+
+#include <bit>
+#include <charconv>
+#include <chrono>
+#include <optional>
+
+#include "host_tool/rig/bulk_item.h"
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/commands/picture_file.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/rig_input.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::uint64_t count = 1;
+  bool continuous = false;
+  bool lossless = false;
+  bool complete = false;
+  std::string seconds;
+  std::string out;
+  std::string format;
+};
+
+double now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+Result<std::uint64_t> parse_count(std::string_view text) {
+  std::uint64_t count = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
+  if (error != std::errc() || end != text.data() + text.size() || count == 0) {
+    return fail(Errc::kBadValue, fmt::format("count '{}': 1 or more; --continuous goes on until Ctrl-C", text));
+  }
+  return count;
+}
+
+/// What a pull has come to so far.
+struct Tally {
+  std::uint64_t pulled = 0;
+  std::uint64_t incomplete = 0;  ///< passed over, since a head is missing in them
+  std::uint64_t dropped = 0;
+  std::uint64_t bytes = 0;
+  double first_s = 0;
+  double last_s = 0;
+  std::uint64_t first_exposure_ns = 0;
+  std::uint64_t last_exposure_ns = 0;
+  std::uint64_t worst_spread_ns = 0;
+
+  void add(const ReceivedRaymap& raymap) {
+    last_s = now_s();
+    last_exposure_ns = raymap.header.mid_exposure_ns();
+    if (pulled == 0) {
+      first_s = last_s;
+      first_exposure_ns = last_exposure_ns;
+    }
+    ++pulled;
+    bytes += raymap.bytes.size();
+    worst_spread_ns = std::max(worst_spread_ns, raymap.header.spread_ns());
+  }
+  /// Raymaps a second as they arrived; 0 for fewer than two.
+  double rate() const {
+    return pulled < 2 || last_s <= first_s ? 0 : static_cast<double>(pulled - 1) / (last_s - first_s);
+  }
+};
+
+/// Puts a raymap's pieces together.
+class Assembly {
+ public:
+  explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
+
+  /// The whole raymap with its last piece.
+  Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
+    if (piece.first) {
+      if (const Status good = begin(piece); !good) return fail(good.error());
+    }
+    bytes_.add(piece);
+    if (!piece.last) return std::nullopt;
+    return ReceivedRaymap{std::move(header_), bytes_.take()};
+  }
+
+ private:
+  Status begin(const BulkPiece& piece) {
+    header_.Clear();
+    if (!header_.ParseFromString(piece.meta)) {
+      return fail(Errc::kBadFormat, "the rig sent a raymap without a header that can be read");
+    }
+    if (const Status good = check_and_clean(header_); !good) return good;
+    if ((header_.coding() == "jpeg") != jpeg_) {
+      return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
+    }
+    const Result<std::uint64_t> most = most_raymap_bytes(header_);
+    if (!most) return fail(most.error());
+    return bytes_.begin(piece, *most, "a raymap");
+  }
+
+  bool jpeg_;  ///< asked for
+  wire::RaymapHeader header_;
+  BulkItemBytes bytes_;
+};
+
+/// Where raymaps go, and as what.
+struct Sink {
+  std::string pattern;  ///< "-": standard output
+  RaymapFormat format = RaymapFormat::kJpg;
+};
+
+Result<Sink> make_sink(const Args& args, Console& console) {
+  Sink sink;
+  if (!args.format.empty()) {
+    sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
+  } else if (!args.out.empty() && args.out != "-") {
+    const Result<RaymapFormat> format = raymap_format_of_name(args.out);
+    if (!format) return fail(format.error());
+    sink.format = *format;
+  }
+  const bool many = args.continuous || args.count != 1 || !args.seconds.empty();
+  const std::string end = sink.format == RaymapFormat::kJpg ? "jpg" : sink.format == RaymapFormat::kPng ? "png" : "raw";
+  sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
+  if (sink.pattern == "-") {
+    if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
+    if (console.out_is_terminal()) {
+      return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+    }
+    return sink;
+  }
+  if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error());
+  if (many && !has_number(sink.pattern)) console.note(sink.pattern + " holds the newest raymap only; %06d keeps all");
+  return sink;
+}
+
+/// The name it went to.
+Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
+  std::vector<std::uint8_t> png;
+  std::span<const std::uint8_t> bytes = raymap.bytes;
+  if (sink.format == RaymapFormat::kPng) {
+    Result<std::vector<std::uint8_t>> encoded = encode_png(raymap);
+    if (!encoded) return fail(encoded.error());
+    png = std::move(*encoded);
+    bytes = png;
+  }
+  if (sink.pattern == "-") {
+    console.bytes({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    return std::string("-");
+  }
+  const Result<std::string> name = numbered_name(sink.pattern, number);
+  if (!name) return fail(name.error());
+  // Not synced: a disk would not keep up with 30 files a second, and each is soon followed by the next.
+  if (const Status written = write_file(*name, bytes, Durability::kLater); !written) return fail(written.error());
+  if (sink.format == RaymapFormat::kRaw) {
+    if (const Status written = write_file(*name + ".json", raw_sidecar(raymap)); !written) return fail(written.error());
+  }
+  return *name;
+}
+
+void tell_frame(Console& console, const ReceivedRaymap& raymap, const std::string& name, std::uint64_t dropped) {
+  Json json = to_json(raymap.header);
+  json["file"] = name;
+  json["bytes"] = raymap.bytes.size();
+  json["dropped"] = dropped;
+  console.document({{"raymap", json}});
+}
+
+void tell_summary(Console& console, const Tally& tally, const std::string& last_name) {
+  console.document({{"summary",
+                     {{"pulled", tally.pulled},
+                      {"incomplete", tally.incomplete},
+                      {"dropped", tally.dropped},
+                      {"bytes", tally.bytes},
+                      {"rate", tally.rate()},
+                      {"seconds", tally.last_s - tally.first_s},
+                      {"exposure_seconds", static_cast<double>(tally.last_exposure_ns - tally.first_exposure_ns) / 1e9},
+                      {"worst_spread_ns", tally.worst_spread_ns}}}});
+  if (last_name == "-") return;  // standard output holds pictures
+  std::string text = fmt::format("{} raymap{} ({})", tally.pulled, tally.pulled == 1 ? "" : "s", show_bytes(tally.bytes));
+  if (tally.pulled > 1) {
+    text += fmt::format(", {:.2f} a second, {} dropped on the way, worst spread {}", tally.rate(), tally.dropped,
+                        show_duration(tally.worst_spread_ns));
+  }
+  if (tally.incomplete != 0) text += fmt::format(", {} passed over for a missing head", tally.incomplete);
+  console.line(text + "; the last is " + last_name);
+}
+
+/// One pull, from the rig's first piece to the sum.
+class Pull {
+ public:
+  Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
+      : rig_(rig), stream_(stream), args_(args), sink_(sink), heads_(heads), console_(console),
+        endless_(args.continuous || !args.seconds.empty()),
+        progress_(console, "raymap", endless_ ? 0 : args.count), assembly_(sink.format == RaymapFormat::kJpg) {}
+
+  /// Until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
+  Status run() {
+    const double until =
+        args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
+    while (!enough() && (until == 0 || now_s() < until) && !console_.output_gone()) {
+      const Result<std::optional<Event>> event = rig_.next_event_of(stream_, kRemindAfter);
+      if (interrupted()) break;
+      if (!event) return fail(event.error());
+      if (!*event) {
+        console_.note("no raymap for 10 s; `nodal status` says why (no calibration? genlock stopped?)");
+        continue;
+      }
+      const Result<bool> more = take(**event);
+      if (!more) return fail(more.error());
+      if (!*more) break;
+    }
+    rig_.stop_stream(stream_);
+    console_.finish_progress();
+    return conclude(args_.seconds.empty() || now_s() < until);
+  }
+
+ private:
+  static constexpr Duration kRemindAfter = Duration::seconds(10);
+
+  /// What came of it. Ctrl-C is the usual end of --continuous; any other pull that it ends was not done (`early`).
+  Status conclude(bool early) {
+    if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
+    if (interrupted() && !args_.continuous && !enough() && early) {
+      const std::string wanted = endless_ ? args_.seconds : std::to_string(args_.count) + " raymaps";
+      return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} raymap{}; {} were asked for", tally_.pulled,
+                                                tally_.pulled == 1 ? "" : "s", wanted));
+    }
+    if (tally_.pulled != 0 || console_.output_gone()) return {};
+    return fail(interrupted() ? Errc::kCancelled : Errc::kNotReady,
+                tally_.incomplete != 0 ? fmt::format("{} raymaps came, and a head was missing in each; `nodal heads` "
+                                                     "says which", tally_.incomplete)
+                                       : "no raymap came; `nodal status` says what the rig is doing");
+  }
+
+  bool enough() const { return !endless_ && tally_.pulled >= args_.count; }
+
+  /// Whether the stream goes on.
+  Result<bool> take(const Event& event) {
+    if (const auto* closed = std::get_if<StreamClosed>(&event)) {
+      tally_.dropped = closed->dropped;
+      if (closed->error) return fail(*closed->error);
+      if (endless_) return false;
+      return fail(Errc::kLinkClosed,
+                  fmt::format("the rig ended the stream after {} of {} raymaps", tally_.pulled, args_.count));
+    }
+    const auto* piece = std::get_if<BulkPiece>(&event);
+    if (piece == nullptr) return true;
+    tally_.dropped = piece->dropped;
+    const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
+    if (!raymap) return fail(raymap.error());
+    if (!*raymap) return true;
+    if (const Status kept = keep(**raymap); !kept) return fail(kept.error());
+    return true;
+  }
+
+  Status keep(const ReceivedRaymap& raymap) {
+    if (const Status good = check_raymap(raymap); !good) return good;
+    if (args_.complete && std::popcount(raymap.header.heads_mask()) < heads_) {
+      ++tally_.incomplete;
+      return {};
+    }
+    tally_.add(raymap);
+    const Result<std::string> stored = store(sink_, raymap, tally_.pulled, console_);
+    if (!stored) return fail(stored.error());
+    name_ = *stored;
+    tell_frame(console_, raymap, name_, tally_.dropped);
+    progress_.update(tally_.pulled, fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped,
+                                                raymap.header.set()));
+    return {};
+  }
+
+  RigConnection& rig_;
+  StreamId stream_;
+  const Args& args_;
+  const Sink& sink_;
+  int heads_;
+  Console& console_;
+  bool endless_;
+  Progress progress_;
+  Tally tally_;
+  Assembly assembly_;
+  std::string name_;
+};
+
+/// How many heads the rig has, for --complete.
+Result<int> count_heads(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_heads();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  return reply->heads().heads_size();
+}
+
+/// Asks for raymaps, again each second while the rig is still making the table they come from.
+Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Console& console) {
+  constexpr Duration kAskAgainAfter = Duration::seconds(1);
+  while (true) {
+    const Result<wire::Reply> started = rig.ask(request);
+    if (started) {
+      console.finish_progress();
+      return StreamId{started->pull().stream()};
+    }
+    if (started.error().code != Errc::kNotReady) return fail(started.error());
+    wire::Request how;
+    how.mutable_status();
+    const Result<wire::Reply> status = rig.ask(how);
+    if (!status) return fail(status.error());
+    if (status->status().activity().empty()) return fail(started.error());
+    console.activity(status->status().activity());
+    if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
+    if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status->status().activity());
+  }
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<Sink> sink = make_sink(args, context.console());
+  if (!sink) return fail(sink.error());
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const Result<int> heads = args.complete ? count_heads(**rig) : 0;
+  if (!heads) return fail(heads.error());
+  wire::Request request;
+  wire::PullRequest& wanted = *request.mutable_pull();
+  wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
+  wanted.set_count(0);  // this end stops when it has enough: what is dropped on the way does not count
+  wanted.set_lossless(args.lossless);
+  const Result<StreamId> stream = start_pull(**rig, request, context.console());
+  if (!stream) return fail(stream.error());
+  return Pull(**rig, *stream, args, *sink, *heads, context.console()).run();
+}
+
+}  // namespace
+
+void add_raymap(CLI::App& app, CommandLine& line) {
+  CLI::App* raymap = add_command(app, "raymap", "The stitched sphere", "");
+  raymap->require_subcommand(1);
+  CLI::App* command = add_command(*raymap, "pull", "Get raymaps as files, as they are made",
+                                  "  nodal raymap pull                            raymap.jpg\n"
+                                  "  nodal raymap pull -n 100 --out r-%04d.png\n"
+                                  "  nodal raymap pull --continuous --out live.jpg    always the newest\n"
+                                  "  nodal raymap pull --continuous --out - | ffplay -f mjpeg -\n"
+                                  "With --json: one document a raymap, and one with the sum at the end.\n");
+  auto args = std::make_shared<Args>();
+  CLI::Option* count = command->add_option("-n,--count", args->count, "How many (1 when not given)")
+                           ->type_name("N")
+                           ->check(checked_by(parse_count));
+  CLI::Option* continuous = command->add_flag("--continuous", args->continuous, "Go on until Ctrl-C");
+  CLI::Option* seconds = command->add_option("--for", args->seconds, "Go on for so long, such as 10s")
+                             ->type_name("DURATION")
+                             ->check(checked_by(parse_duration));
+  count->excludes(continuous)->excludes(seconds);
+  continuous->excludes(seconds);
+  command->add_option("-o,--out", args->out, "File; %06d is replaced by the number, - is standard output")
+      ->type_name("PATTERN");
+  command->add_option("--format", args->format, "jpg as it comes, png, or raw with a .json beside it; else by --out")
+      ->type_name("jpg|png|raw")
+      ->check(checked_by(parse_raymap_format));
+  command->add_flag("--complete", args->complete, "Only raymaps that every head of the rig is in");
+  command->add_flag("--lossless", args->lossless, "Every raymap, or an error: the rig waits, but not for long, instead of dropping");
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,301 @@
+#include "stitch/registration/registration.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <ctime>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/input/live_frames.h"
+#include "host_tool/input/pairs_file.h"
+#include "host_tool/input/registration_input.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/report/registration_report.h"
+#include "host_tool/commands/trial.h"
+#include "stitch/registration/pairs.h"
+
+namespace nodal::host {
+namespace {
+
+using registration::Options;
+using registration::Report;
+
+struct Args {
+  std::vector<std::string> inputs;
+  std::string nominal, circle, pairs, report;
+  double roll = 0;
+  std::string out = "calibration.json";
+  std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "own", gauge;
+  bool no_search = false;
+  int sets = kLiveSets;
+  bool trial = false;
+  std::string limit = "60s";
+  Options options;
+};
+
+template <class Value>
+using Choices = std::map<std::string, Value>;
+// "light" frees nothing of the geometry.
+const Choices<registration::Free> kFree{{"light", registration::Free::kRotations},
+                                        {"rotations", registration::Free::kRotations},
+                                        {"focals", registration::Free::kFocals},
+                                        {"lens", registration::Free::kLens}};
+const Choices<registration::Norm> kNorm{{"sum", registration::Norm::kSum}, {"max", registration::Norm::kMax}};
+const Choices<registration::Colour> kColour{{"luminance", registration::Colour::kLuminance},
+                                            {"rgb", registration::Colour::kRgb}};
+const Choices<registration::VignettingModel> kVignetting{{"fixed", registration::VignettingModel::kFixed},
+                                                         {"shared", registration::VignettingModel::kShared},
+                                                         {"own", registration::VignettingModel::kOwn}};
+const Choices<registration::Gauge> kGauge{{"first", registration::Gauge::kFirstHead},
+                                          {"mean", registration::Gauge::kMean},
+                                          {"most", registration::Gauge::kMost}};
+
+template <class Value>
+CLI::IsMember one_of(const Choices<Value>& choices) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : choices) names.push_back(name);
+  return CLI::IsMember(names);
+}
+
+using Input = CalibratedPictures;
+
+Result<Input> input_from_nominal(const Args& args) {
+  Result<Nominal> nominal = parse_nominal(args.nominal);
+  if (!nominal) return fail(nominal.error().in("--nominal"));
+  nominal->roll_deg = args.roll;
+  if (!args.circle.empty()) {
+    const Result<Region::Circle> circle = parse_circle(args.circle);
+    if (!circle) return fail(circle.error().in("--circle"));
+    nominal->circle = *circle;
+  }
+  std::vector<std::string> names;
+  for (int h = 0; h < nominal->heads; ++h) names.push_back("cam" + std::to_string(h));
+  Result<PictureSets> pictures = read_pictures(args.inputs, names);
+  if (!pictures) return fail(pictures.error());
+  if (pictures->sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  const hal::replay::DecodedImage& first = pictures->sets.front().front();
+  Result<Calibration> prior = nominal_rig(*nominal, first.width, first.height);
+  if (!prior) return fail(prior.error());
+  return Input{std::move(*prior), std::move(*pictures)};
+}
+
+Result<Input> input_from_rig(Context& context, const Args& args) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has) return fail(has.error());
+  Result<Calibration> prior = calibration_in_force(**rig);
+  if (!prior) return fail(prior.error());
+  Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
+  if (!pictures) return fail(pictures.error());
+  return Input{std::move(*prior), std::move(*pictures)};
+}
+
+Result<Input> read_input(Context& context, const Args& args) {
+  if (args.inputs.empty() && !args.nominal.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  if (args.inputs.empty()) return input_from_rig(context, args);
+  return interruptible(context.console(), [&] {
+    return args.nominal.empty() ? read_calibrated_pictures(args.inputs) : input_from_nominal(args);
+  });
+}
+
+// JSON has no infinity; null stands for "nothing is known".
+Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json to_json(const Report& report) {
+  Json heads = Json::array(), pairs = Json::array(), steps = Json::array();
+  for (const registration::HeadReport& head : report.heads) {
+    heads.push_back({{"name", head.name},
+                     {"placed", head.placed},
+                     {"why_not", head.why_not},
+                     {"turned_deg", head.turned_deg},
+                     {"sigma_deg", finite(head.sigma_deg)},
+                     {"focal_change_percent", head.focal_change_percent},
+                     {"sigma_focal_percent", head.sigma_focal_percent},
+                     {"shared_sr", head.shared_sr}});
+  }
+  for (const registration::PairReport& pair : report.pairs) {
+    pairs.push_back({{"heads", {report.heads[static_cast<std::size_t>(pair.a)].name,
+                                report.heads[static_cast<std::size_t>(pair.b)].name}},
+                     {"shared_sr", pair.shared_sr},
+                     {"rms_before", pair.rms_before},
+                     {"rms_after", pair.rms_after},
+                     {"agreement", pair.agreement}});
+  }
+  for (const registration::Step& step : report.steps) {
+    steps.push_back({{"width", step.width},
+                     {"level", step.level},
+                     {"iteration", step.iteration},
+                     {"objective", step.objective},
+                     {"turned_deg", step.turned_deg}});
+  }
+  return {{"objective_before", report.objective_before},
+          {"objective_after", report.objective_after},
+          {"heads", heads},
+          {"pairs", pairs},
+          {"steps", steps},
+          {"warnings", report.warnings}};
+}
+
+// Degrees that are told in thousandths or less, without a tail of zeros.
+std::string small_angle(double degrees) {
+  return std::isfinite(degrees) ? fmt::format("{:.2g}°", degrees) : std::string("?");
+}
+
+void tell(Console& console, const Report& report, bool focals, const std::string& out, double seconds) {
+  using Align = Table::Align;
+  std::vector<Table::Column> columns{{"head"}, {"turned", Align::kRight}, {"sure to", Align::kRight},
+                                     {"shares", Align::kRight}};
+  if (focals) columns.insert(columns.end(), {{"focal", Align::kRight}, {"sure to", Align::kRight}});
+  columns.push_back({""});
+  Table table(columns);
+  for (const registration::HeadReport& head : report.heads) {
+    std::vector<std::string> row{head.name, fmt::format("{:.3f}°", head.turned_deg), small_angle(head.sigma_deg),
+                                 fmt::format("{:.2f} sr", head.shared_sr)};
+    if (focals) {
+      row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
+      row.push_back(fmt::format("{:.2g} %", head.sigma_focal_percent));
+    }
+    row.push_back(head.placed ? "" : "not placed, kept as it was");
+    table.row(row);
+  }
+  for (const std::string& line : table.lines()) console.line(line);
+  console.line(fmt::format("the heads differ by {:.2f} levels where they overlap, {:.2f} before ({:.1f} s)",
+                           std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
+  for (const std::string& warning : report.warnings) console.warning(warning);
+  console.line("wrote " + out);
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<Duration> limit = parse_duration(args.limit);
+  if (!limit) return fail(limit.error().in("--limit"));
+  Result<Input> input = read_input(context, args);
+  if (!input) return fail(input.error());
+  if (!args.pairs.empty()) {
+    const auto pairs = read_pairs(args.pairs, input->calibration);
+    if (!pairs) return fail(pairs.error());
+    Result<registration::PairFit> fit = interruptible(context.console(), [&] {
+      return registration::fit_to_pairs(input->calibration, *pairs, registration::Free::kRotations);
+    });
+    if (!fit) return fail(fit.error().in(args.pairs));
+    input->calibration = std::move(fit->calibration);
+    for (const std::string& warning : fit->warnings) context.console().note(args.pairs + ": " + warning);
+  }
+  Options options = args.options;
+  options.free = kFree.at(args.free);
+  options.geometry = args.free != "light";
+  options.norm = kNorm.at(args.norm);
+  options.colour = kColour.at(args.colour);
+  options.vignetting = kVignetting.at(args.vignetting);
+  // Of a rig that runs, the heads that stand must not be turned by the one that does not.
+  options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
+                  : args.inputs.empty() ? registration::Gauge::kMost
+                                        : registration::Gauge::kFirstHead;
+  options.search = !args.no_search;
+  options.lens_far_off = !args.nominal.empty();  // a data sheet knows a field of view, not a lens
+  Result<Report> report = fail(Errc::kInternal, "");
+  const auto wall = std::chrono::steady_clock::now();
+  const std::clock_t cpu = std::clock();
+  {
+    Progress bar(context.console(), "registering", 1000);
+    options.progress = [&](const registration::Step& step, double done) {
+      bar.update(static_cast<std::uint64_t>(1000 * done),
+                 fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
+    };
+    report = interruptible(context.console(), [&] {
+      return registration::register_heads(input->calibration, input->pictures.frames(), options);
+    });
+  }
+  if (!report) return fail(report.error());
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+  if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
+  if (!args.report.empty()) {
+    const Result<std::string> page = interruptible(context.console(), [&] {
+      return registration_report(input->calibration, input->pictures.frames().front(), *report);
+    });
+    if (!page) return fail(page.error());
+    if (const Status written = write_file(args.report, *page); !written) return written;
+  }
+  Json document = to_json(*report);
+  document["out"] = args.out;
+  document["seconds"] = seconds;
+  document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
+  context.console().document(document);
+  tell(context.console(), *report, options.free != registration::Free::kRotations, args.out, seconds);
+  if (!args.trial) return {};
+  const Result<TrialVerdict> verdict = try_out(context, report->calibration, args.sets, *limit);
+  if (!verdict) return fail(verdict.error());
+  tell_verdict(context, *verdict);
+  return {};
+}
+
+}  // namespace
+
+void add_register(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(
+      app, "register", "Find how the heads stand to each other, from pictures they took together",
+      "  nodal register rig.json cam0.png cam1.png cam2.png -o found.json\n"
+      "  nodal register rig.json noon/ evening/ --free focals     folders with pictures called as the heads are\n"
+      "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
+      "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps what is found if it is better\n"
+      "Gain and fall-off are found with the rest. A head that the pictures do not place is named and kept as it was.\n");
+  auto args = std::make_shared<Args>();
+  command->add_option("INPUT", args->inputs, "The calibration to start from (none with --nominal), and the pictures; "
+                                             "nothing: the running rig's")
+      ->type_name("");
+  command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
+      ->type_name("FILE");
+  command->add_option("--free", args->free, "What is sought: rotations (when not given); focals, too; the whole lens, too; or "
+                                          "light alone, with the heads where they are")
+      ->type_name("light|rotations|focals|lens")
+      ->check(one_of(kFree));
+  command->add_option("--vignetting", args->vignetting, "Fall-off: each head's own (when not given), shared by all, or fixed")
+      ->type_name("own|shared|fixed")
+      ->check(one_of(kVignetting));
+  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")
+      ->type_name("NAME");
+  command->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
+      ->type_name("PX")
+      ->check(CLI::Range(64, 32768));
+  command->add_option("--norm", args->norm, "Differences of all heads on a ray count, or the largest")
+      ->type_name("sum|max")
+      ->check(one_of(kNorm));
+  command->add_option("--colour", args->colour, "Compare luminance, or red, green and blue with a gain each")
+      ->type_name("luminance|rgb")
+      ->check(one_of(kColour));
+  command->add_option("--gauge", args->gauge, "What stays: the first head (of files), the heads' mean, what most heads agree on "
+                                              "(of a rig)")
+      ->type_name("first|mean|most")
+      ->check(one_of(kGauge));
+  command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
+  command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts")
+      ->type_name("FILE");
+  command->add_option("--report", args->report, "A page to look at: convergence, differences, seams, uncertainties")
+      ->type_name("HTML");
+  command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+  command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(1, kMostLiveSets));
+  CLI::Option* trial = command->add_flag("--trial", args->trial, "Put it in force on trial; the rig keeps it if it is better "
+                                                                 "on frames taken then, and else goes back");
+  command->add_option("--limit", args->limit, "The rig goes back by itself after so long (60s when not given)")
+      ->type_name("DURATION")
+      ->needs(trial)
+      ->check(checked_by(parse_duration));
+  CLI::Option* nominal =
+      command->add_option("--nominal", args->nominal, "Start from fisheyes evenly round the horizon: heads x field of view")
+          ->type_name("NxDEGREES")
+          ->check(checked_by(parse_nominal));
+  command->add_option("--circle", args->circle, "Their picture circle, px; the largest in the middle when not given")
+      ->type_name("X,Y,RADIUS")
+      ->needs(nominal)
+      ->check(checked_by(parse_circle));
+  command->add_option("--roll", args->roll, "Their roll, degrees clockwise")->type_name("DEGREES")->needs(nominal);
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

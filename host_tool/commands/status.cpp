@@ -1,0 +1,153 @@
+#include <fmt/format.h>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  bool watch = false;
+  std::string interval = "1s";
+  std::uint64_t count = 0;
+};
+
+std::uint64_t lost_frames(const wire::RigStatus& status) {
+  std::uint64_t lost = 0;
+  for (const wire::Count& loss : status.losses()) lost += loss.frames();
+  return lost;
+}
+
+std::string list_of(const google::protobuf::RepeatedPtrField<wire::Count>& counts) {
+  std::string text;
+  for (const wire::Count& count : counts) {
+    if (count.frames() != 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count.reason(), count.frames());
+  }
+  return text.empty() ? "none" : text;
+}
+
+Colour colour_of(const std::string& state) {
+  if (state == "running" || state == "locked") return Colour::kGood;
+  if (state == "degraded" || state == "lost") return Colour::kBad;
+  return Colour::kWarning;
+}
+
+void show(Console& console, const wire::RigStatus& status, const std::string& name, const std::string& address) {
+  const auto row = [&](std::string_view what, const std::string& value) {
+    console.line(fmt::format("  {:<12} {}", what, value));
+  };
+  const wire::Genlock& genlock = status.genlock();
+  console.line(fmt::format("{} at {}: {}", console.paint(Colour::kStrong, name), address,
+                           console.paint(colour_of(status.state()), status.state())));
+  if (!status.problem().empty()) row("problem", console.paint(Colour::kWarning, status.problem()));
+  if (!status.activity().empty()) row("now", status.activity());
+  row("up", show_duration(status.uptime_ns()));
+  row("calibration", status.calibration_id().empty()
+                         ? "none; `nodal calibration upload FILE` brings one"
+                         : fmt::format("{} ({})", status.calibration_name(), show_id(status.calibration_id())));
+  if (status.has_trial()) {
+    row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it", show_id(status.trial().before()),
+                             show_duration(status.trial().left_ns())));
+  }
+  const std::string by = genlock.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", genlock.triggers());
+  row("genlock", fmt::format("{} at {}/{} Hz, {}, spread {} (worst {})",
+                             console.paint(colour_of(genlock.state()), genlock.state()), genlock.rate_numerator(),
+                             genlock.rate_denominator(), by, show_duration(genlock.spread_ns()),
+                             show_duration(genlock.spread_worst_ns())));
+  for (const std::string& why : genlock.unaligned()) row("", console.paint(Colour::kWarning, why));
+  if (genlock.missing_triggers() != 0) {
+    row("", console.paint(Colour::kBad, fmt::format("{} trigger pulses were not sent", genlock.missing_triggers())));
+  }
+  row("raymaps", fmt::format("{} of {} a second{}, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
+                             show_rate(status.rate_wanted_millihertz()),
+                             status.raymaps_a_set() == 2 ? ", one a field" : "", status.raymap_width(),
+                             status.raymap_height(), show_duration(status.blend_ns()),
+                             show_duration(status.encode_ns())));
+  const std::uint64_t lost = lost_frames(status);
+  const std::uint64_t sum = status.frames_in_sets() + lost + status.frames_held();
+  row("frames", fmt::format("{} taken = {} in sets + {} lost + {} held", status.frames_taken(),
+                            status.frames_in_sets(), lost, status.frames_held()));
+  if (sum != status.frames_taken()) {
+    row("", console.paint(Colour::kBad, fmt::format("frames are not conserved: {} against {}; this is a bug of nodald",
+                                                    status.frames_taken(), sum)));
+  }
+  row("losses", list_of(status.losses()));
+  row("sets", fmt::format("{} ({} with every head); lost: {}", status.sets(), status.full_sets(),
+                          list_of(status.set_losses())));
+  if (status.encode_failures() != 0) {
+    row("encoding", console.paint(Colour::kBad, fmt::format("{} raymaps could not be encoded",
+                                                            status.encode_failures())));
+  }
+  row("published", fmt::format("{} of {} raymaps; dropped for slow clients: {}", status.published(), status.raymaps(),
+                               list_of(status.publish_drops())));
+  if (status.publish_shed() != 0) {
+    row("", fmt::format("{} not published: the board had no time for it", status.publish_shed()));
+  }
+  row("memory", show_bytes(status.resident_bytes()));
+  if (status.marks().empty()) return;
+  const wire::Mark& newest = status.marks(status.marks_size() - 1);
+  row("marks", fmt::format("{} by the button, the newest at set {}, {} ago", status.marks_size(), newest.set(),
+                           show_duration(status.uptime_ns() - newest.at_ns())));
+}
+
+/// One line for --watch where nobody redraws.
+std::string one_line(const wire::RigStatus& status) {
+  return fmt::format("{}  raymaps {} at {}/s  genlock {} spread {}  frames {} in sets {}  losses: {}", status.state(),
+                     status.raymaps(), show_rate(status.rate_millihertz()), status.genlock().state(),
+                     show_duration(status.genlock().spread_ns()), status.frames_taken(), status.frames_in_sets(),
+                     list_of(status.losses()));
+}
+
+Status run(Context& context, const Args& args) {
+  const Result<Duration> interval = parse_duration(args.interval);
+  if (!interval) return fail(interval.error().in("--interval"));
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  Console& console = context.console();
+  wire::Request request;
+  request.mutable_status();
+  const bool endless = args.watch && args.count == 0;  // then Ctrl-C is its usual end
+  for (std::uint64_t shown = 0;;) {
+    const Result<wire::Reply> reply = (*rig)->ask(request);
+    if (!reply) {
+      if (endless && interrupted()) return {};
+      return fail(reply.error());
+    }
+    const wire::RigStatus& status = reply->status();
+    console.document(to_json(status, (*rig)->rig().rig_name(), (*rig)->address()));
+    if (args.watch && !console.out_is_terminal()) {
+      console.line(one_line(status));
+    } else {
+      if (args.watch) console.home();
+      show(console, status, (*rig)->rig().rig_name(), (*rig)->address());
+      if (args.watch) console.line(console.paint(Colour::kDim, "  Ctrl-C ends"));
+    }
+    ++shown;
+    if (!args.watch || shown == args.count || console.output_gone()) return {};
+    // Nothing is expected on streams: this waits, and sees the link go down at once.
+    const Status waited = (*rig)->rest(*interval);
+    if (endless && interrupted()) return {};
+    if (!waited) return fail(waited.error());
+  }
+}
+
+}  // namespace
+
+void add_status(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(app, "status", "How the rig is: state, rate, sync, losses, memory",
+                                  "  nodal status\n"
+                                  "  nodal status --watch                    redrawn every second, Ctrl-C ends\n"
+                                  "  nodal status --watch --interval 10s >> rig.log\n"
+                                  "  nodal status --json | jq .losses\n");
+  auto args = std::make_shared<Args>();
+  command->add_flag("-w,--watch", args->watch, "Go on; redrawn on a terminal, a line each time elsewhere");
+  command->add_option("--interval", args->interval, "With --watch: how often (1s when not given)")
+      ->type_name("DURATION")
+      ->check(checked_by(parse_duration));
+  command->add_option("--count", args->count, "With --watch: end after so many")->type_name("N");
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,103 @@
+#include <fmt/format.h>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/rig_input.h"
+#include "host_tool/report/sync_report.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::uint64_t sets = 300;
+  std::string svg;
+};
+
+Result<std::vector<std::string>> head_names(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_heads();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  std::vector<std::string> names;
+  for (const wire::HeadState& head : reply->heads().heads()) names.push_back(head.name());
+  return names;
+}
+
+/// Takes the evidence of sets as they come, until there are enough, Ctrl-C, or the rig ends the stream.
+Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& console, SyncReport& report) {
+  Progress progress(console, "set", args.sets);
+  while (report.sets() < args.sets) {
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
+    if (interrupted()) break;
+    if (!event) return fail(event.error());
+    if (!*event) {
+      return fail(Errc::kTimeout, fmt::format("no set for {}; `nodal status` says why",
+                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+    }
+    if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+      if (closed->error) return fail(*closed->error);
+      break;
+    }
+    const auto* piece = std::get_if<BulkPiece>(&**event);
+    if (piece == nullptr || !piece->first) continue;
+    wire::RaymapHeader header;
+    if (!header.ParseFromString(piece->meta)) {
+      return fail(Errc::kBadFormat, "the rig sent a set's evidence that cannot be read");
+    }
+    if (const Status good = check_and_clean(header); !good) return good;
+    report.add(header);
+    report.set_dropped(piece->dropped);
+    progress.update(report.sets(), header.genlock());
+  }
+  rig.stop_stream(stream);
+  return {};
+}
+
+Status run(Context& context, const Args& args) {
+  Console& console = context.console();
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  Result<std::vector<std::string>> names = head_names(**rig);
+  if (!names) return fail(names.error());
+  wire::Request request;
+  request.mutable_pull()->set_coding(wire::PullRequest::EVIDENCE);
+  const Result<wire::Reply> started = (*rig)->ask(request);
+  if (!started) return fail(started.error());
+  SyncReport report(std::move(*names));
+  const Status collected = collect(**rig, StreamId{started->pull().stream()}, args, console, report);
+  console.finish_progress();
+  if (!collected) return fail(collected.error());
+  if (report.sets() == 0 && interrupted()) return fail(Errc::kCancelled, "stopped by a signal before the first set");
+  if (report.sets() == 0) return fail(Errc::kNotReady, "no set came; `nodal status` says what the rig is doing");
+  console.document(report.json());
+  for (const std::string& line : report.lines()) console.line(line);
+  if (!args.svg.empty()) {
+    if (const Status written = write_file(args.svg, report.svg()); !written) return fail(written.error());
+    console.note("drawn in " + args.svg);
+  }
+  if (interrupted() && report.sets() < args.sets) {
+    return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} of {} sets", report.sets(), args.sets));
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_sync(CLI::App& app, CommandLine& line) {
+  CLI::App* sync = add_command(app, "sync", "How well the heads are exposed together", "");
+  sync->require_subcommand(1);
+  CLI::App* report = add_command(*sync, "report", "Skew of every head, drift and losses, over many sets",
+                                 "  nodal sync report                          ten seconds at 29.97\n"
+                                 "  nodal sync report -n 1800 --svg sync.svg\n"
+                                 "  nodal sync report --json | jq '.heads[] | {name, worst_ns}'\n");
+  auto args = std::make_shared<Args>();
+  report->add_option("-n,--sets", args->sets, "How many sets (300 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}));
+  report->add_option("--svg", args->svg, "Draw every head's skew in this file")->type_name("FILE");
+  line.on(report, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

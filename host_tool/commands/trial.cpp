@@ -1,0 +1,92 @@
+#include "host_tool/commands/trial.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "host_tool/console/interrupt.h"
+#include "host_tool/input/live_frames.h"
+#include "host_tool/rig/upload.h"
+#include "stitch/registration/drift.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr int kUploadAttempts = 4;
+constexpr double kLeastFall = 0.001;  // share of the objective; the same calibration twice is no better
+
+/// Until the trial has come to an end that the rig knows of.
+class TrialUnderWay {
+ public:
+  TrialUnderWay(RigConnection& rig, const Calibration& tried) : rig_(rig) {
+    const Sha256 id = calibration_id(tried);
+    id_.assign(id.begin(), id.end());
+  }
+  TrialUnderWay(const TrialUnderWay&) = delete;
+  TrialUnderWay& operator=(const TrialUnderWay&) = delete;
+  ~TrialUnderWay() {
+    if (!ended_) (void)end(false);  // when the rig does not hear it, its own clock says the same
+  }
+
+  Status end(bool keep) {
+    wire::Request request;
+    request.mutable_trial_end()->set_id(id_);
+    request.mutable_trial_end()->set_keep(keep);
+    const Result<wire::Reply> done = rig_.ask(request);
+    if (!done) return fail(done.error());
+    ended_ = true;
+    return {};
+  }
+
+ private:
+  RigConnection& rig_;
+  std::string id_;
+  bool ended_ = false;
+};
+
+}  // namespace
+
+Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit,
+                             std::string document, const std::string& signature) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  for (const char* feature : {"calibration-trial", "frame-sets"}) {
+    if (const Status has = require_feature(**rig, feature, "a trial"); !has) return fail(has.error());
+  }
+  const Result<Calibration> before = calibration_in_force(**rig);
+  if (!before) return fail(before.error());
+  if (document.empty()) document = to_json(tried);
+  const Reconnect connect = [&context] { return context.connect(); };
+  const Result<Uploaded> uploaded =
+      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit,
+             signature);
+  if (!uploaded) return fail(uploaded.error());
+  TrialUnderWay trial(**rig, tried);
+  const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());
+  if (!pictures) return fail(pictures.error());
+  // A signal that ends it here is a link that is lost for the rig, which goes back by itself.
+  const auto objectives = interruptible(context.console(), [&] {
+    return registration::objectives_of({*before, tried}, pictures->frames(), {});
+  });
+  if (!objectives) return fail(objectives.error());
+  TrialVerdict verdict{objectives->front(), objectives->back(), false};
+  verdict.kept = verdict.after < verdict.before * (1 - kLeastFall);
+  if (const Status ended = trial.end(verdict.kept); !ended) return fail(ended.error());
+  return verdict;
+}
+
+void tell_verdict(Context& context, const TrialVerdict& verdict) {
+  Console& console = context.console();
+  console.document({{"trial",
+                     {{"objective_before", verdict.before}, {"objective_after", verdict.after}, {"kept", verdict.kept}}}});
+  const std::string figures = fmt::format("on frames of the trial the heads differ by {:.3f} levels, {:.3f} before",
+                                          std::sqrt(verdict.after), std::sqrt(verdict.before));
+  if (!verdict.kept) {
+    console.warning("what was tried is no better, and the rig is back to what was in force: " + figures);
+    context.answer = ExitCode::kJudged;
+    return;
+  }
+  console.line("kept: " + figures);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,217 @@
+#include "host_tool/console/console.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+
+#include "protocol/base/text.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::string_view kReset = "\x1b[0m";
+
+std::string_view escape(Colour colour) {
+  switch (colour) {
+    case Colour::kGood: return "\x1b[32m";
+    case Colour::kWarning: return "\x1b[33m";
+    case Colour::kBad: return "\x1b[31m";
+    case Colour::kDim: return "\x1b[2m";
+    case Colour::kStrong: return "\x1b[1m";
+  }
+  return "";
+}
+
+bool is_terminal(std::FILE* file) { return file != nullptr && isatty(fileno(file)) == 1; }
+
+bool colour_wanted() {
+  const char* no_color = std::getenv("NO_COLOR");  // https://no-color.org: set and not empty
+  const char* term = std::getenv("TERM");
+  return (no_color == nullptr || *no_color == '\0') && (term == nullptr || std::strcmp(term, "dumb") != 0);
+}
+
+void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, text.size(), file); }
+
+/// Text for people: line ends and the colours of paint() stay; everything else that moves a cursor is replaced, since
+/// names and errors come from rigs and files.
+std::string shown(std::string_view text) {
+  constexpr std::array<std::string_view, 7> kKept{"\n",      kReset,     "\x1b[32m", "\x1b[33m",
+                                                  "\x1b[31m", "\x1b[2m", "\x1b[1m"};
+  std::string result;
+  while (!text.empty()) {
+    const std::size_t plain = std::min(text.find_first_of("\n\x1b"), text.size());
+    result += printable(text.substr(0, plain), std::string::npos);
+    text.remove_prefix(plain);
+    if (text.empty()) break;
+    const auto kept = std::ranges::find_if(kKept, [&](std::string_view code) { return text.starts_with(code); });
+    result += kept == kKept.end() ? std::string_view("?") : *kept;
+    text.remove_prefix(kept == kKept.end() ? 1 : kept->size());
+  }
+  return result;
+}
+
+/// Names that a rig reports may be any bytes: what is not UTF-8 is replaced, never thrown at the user.
+std::string line_of(const Json& document) {
+  return document.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+/// Characters as they are seen: escapes take no room, and a character of many bytes takes one.
+std::size_t width_of(std::string_view text) {
+  std::size_t width = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '\x1b') {
+      while (i < text.size() && text[i] != 'm') ++i;
+    } else if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) {
+      ++width;
+    }
+  }
+  return width;
+}
+
+std::int64_t now_ns() {
+  using namespace std::chrono;
+  return duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+Console::Console(std::FILE* out, std::FILE* err)
+    : out_(out), err_(err), out_terminal_(is_terminal(out)), err_terminal_(is_terminal(err)),
+      colour_(colour_wanted()) {}
+
+void Console::bytes(std::string_view data) {
+  if (output_error_ != 0) return;
+  const bool written = std::fwrite(data.data(), 1, data.size(), out_) == data.size() && std::fflush(out_) == 0;
+  if (!written) output_error_ = errno;
+}
+
+int Console::end_output() {
+  bytes({});
+  // Some file systems, NFS among them, report only at close that the disk is full. Closing a duplicate is enough.
+  const int duplicate = output_error_ != 0 ? -1 : ::dup(fileno(out_));
+  if (duplicate >= 0 && ::close(duplicate) != 0) output_error_ = errno;
+  return output_error_;
+}
+
+void Console::line(std::string_view text) {
+  if (!json_) bytes(shown(text) + "\n");
+}
+
+void Console::document(const Json& document) {
+  if (json_) bytes(line_of(document));
+}
+
+void Console::note(std::string_view text) {
+  finish_progress();
+  put(err_, shown(text) + "\n");
+}
+
+void Console::warning(std::string_view text) {
+  note(paint_for(err_terminal_, Colour::kWarning, "warning: ") + std::string(text));
+}
+
+void Console::error(const Error& error) {
+  finish_progress();
+  put(err_, error_text(error));
+  if (json_) bytes(error_document(error));
+}
+
+std::string Console::error_text(const Error& error) const {
+  return paint_for(err_terminal_, Colour::kBad, "nodal: ") + shown(error.text()) + "\n";
+}
+
+std::string Console::error_document(const Error& error) const {
+  return line_of(
+      {{"error", {{"code", static_cast<int>(error.code)}, {"name", errc_name(error.code)}, {"message", error.message}}}});
+}
+
+std::string Console::paint_for(bool terminal, Colour colour, std::string_view text) const {
+  if (!terminal || !colour_) return std::string(text);
+  return fmt::format("{}{}{}", escape(colour), text, kReset);
+}
+
+std::string Console::paint(Colour colour, std::string_view text) const {
+  return paint_for(out_terminal_ && !json_, colour, text);
+}
+
+void Console::home() {
+  if (out_terminal_ && !json_) bytes("\x1b[H\x1b[J");
+}
+
+void Console::progress(std::string_view text) {
+  if (err_terminal_) {
+    put(err_, fmt::format("\r{}\x1b[K", shown(text)));
+    progress_shown_ = true;
+  } else {
+    put(err_, shown(text) + "\n");
+  }
+  std::fflush(err_);
+}
+
+void Console::activity(const std::string& text) {
+  if (text.empty() || text == activity_) return;
+  activity_ = text;
+  progress(text);
+}
+
+void Console::finish_progress() {
+  if (progress_shown_) put(err_, "\r\x1b[K");
+  progress_shown_ = false;
+}
+
+void Table::row(std::vector<std::string> cells) {
+  NODAL_ASSERT(cells.size() == columns_.size());
+  rows_.push_back(std::move(cells));
+}
+
+std::vector<std::string> Table::lines() const {
+  std::vector<std::size_t> widths;
+  for (std::size_t c = 0; c < columns_.size(); ++c) {
+    std::size_t width = width_of(columns_[c].title);
+    for (const auto& row : rows_) width = std::max(width, width_of(row[c]));
+    widths.push_back(width);
+  }
+  const auto lay_out = [&](auto cell_of) {
+    std::string line;
+    for (std::size_t c = 0; c < columns_.size(); ++c) {
+      const std::string& cell = cell_of(c);
+      const std::string room(widths[c] - width_of(cell), ' ');
+      line += columns_[c].align == Align::kRight ? room + cell : cell + room;
+      if (c + 1 < columns_.size()) line += "  ";
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    return line;
+  };
+  std::vector<std::string> lines;
+  lines.push_back(lay_out([&](std::size_t c) -> const std::string& { return columns_[c].title; }));
+  for (const auto& row : rows_) lines.push_back(lay_out([&](std::size_t c) -> const std::string& { return row[c]; }));
+  return lines;
+}
+
+Progress::Progress(Console& console, std::string what, std::uint64_t total)
+    : console_(console), what_(std::move(what)), total_(total), last_ns_(now_ns()) {}
+
+Progress::~Progress() { console_.finish_progress(); }
+
+void Progress::update(std::uint64_t done, std::string_view remark) {
+  const std::int64_t now = now_ns();
+  const std::int64_t every = console_.err_is_terminal() ? 100'000'000 : 2'000'000'000;
+  if (now - last_ns_ < every) return;
+  last_ns_ = now;
+  if (total_ == 0) {
+    console_.progress(fmt::format("{} {}  {}", what_, done, remark));
+    return;
+  }
+  constexpr std::uint64_t kBar = 24;
+  const std::uint64_t filled = std::min(done, total_) * kBar / total_;
+  const std::string bar = std::string(filled, '#') + std::string(kBar - filled, '.');
+  console_.progress(fmt::format("{} [{}] {}/{}  {}", what_, bar, done, total_, remark));
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,156 @@
+#include "host_tool/console/files.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+namespace nodal::host {
+namespace {
+
+tl::unexpected<Error> system_error(const std::string& path, int number) {
+  switch (number) {
+    case ENOSPC:
+    case EDQUOT: return fail(Errc::kDiskFull, path + ": the disk is full; make room, or write elsewhere with --out");
+    case ENOENT: return fail(Errc::kNotFound, path + ": there is no such file or folder");
+    default: return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(number)));
+  }
+}
+
+/// A descriptor that closes with its scope.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+  /// 0, or the number of what went wrong: some file systems only tell now that the disk is full.
+  int close() { return ::close(std::exchange(fd_, -1)) == 0 ? 0 : errno; }
+
+ private:
+  int fd_;
+};
+
+int write_all(int fd, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
+    if (written < 0 && errno != EINTR) return errno;
+    if (written > 0) bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+  return 0;
+}
+
+/// 0, or what went wrong; a file system that cannot sync (EINVAL) is none of the user's concern.
+int sync(int fd) { return ::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP ? 0 : errno; }
+
+/// Only by setting it can it be read; no other thread makes files meanwhile.
+mode_t current_umask() {
+  const mode_t mask = ::umask(0);
+  ::umask(mask);
+  return mask;
+}
+
+/// The place of "%d" or "%0Nd" in a pattern.
+struct Conversion {
+  std::size_t at = 0;
+  std::size_t length = 0;
+  int digits = 0;
+};
+
+Result<std::optional<Conversion>> find_conversion(const std::string& pattern) {
+  std::optional<Conversion> found;
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    if (pattern[i] != '%') continue;
+    if (i + 1 < pattern.size() && pattern[i + 1] == '%') {
+      ++i;
+      continue;
+    }
+    std::size_t end = i + 1;
+    while (end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9') ++end;
+    const std::string width = pattern.substr(i + 1, end - i - 1);
+    if (end == pattern.size() || pattern[end] != 'd' || width.size() > 2 || found) {
+      return fail(Errc::kBadValue, fmt::format("file name '{}': it may hold one %d or %06d for the number, and %% for "
+                                               "a percent sign", pattern));
+    }
+    found = Conversion{i, end + 1 - i, width.empty() ? 1 : std::atoi(width.c_str())};
+    i = end;
+  }
+  return found;
+}
+
+std::string unescaped(std::string text) {
+  for (std::size_t i = 0; (i = text.find("%%", i)) != std::string::npos; ++i) text.erase(i, 1);
+  return text;
+}
+
+}  // namespace
+
+Result<std::string> read_file(const std::string& path, std::size_t limit) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) return system_error(path, errno);
+  std::string content;
+  char buffer[65536];
+  while (true) {
+    const ssize_t got = ::read(file.get(), buffer, sizeof buffer);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return system_error(path, errno);
+    if (got == 0) return content;
+    content.append(buffer, static_cast<std::size_t>(got));
+    if (content.size() > limit) {
+      return fail(Errc::kTooLarge, fmt::format("{}: over {} bytes; is it the right file?", path, limit));
+    }
+  }
+}
+
+Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability) {
+  // What is no ordinary file (/dev/null, a pipe) cannot be replaced: it is written to.
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
+    if (S_ISDIR(info.st_mode)) return system_error(path, EISDIR);
+    Descriptor device(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
+    if (device.get() < 0) return system_error(path, errno);
+    int wrong = write_all(device.get(), bytes);
+    if (const int at_close = device.close(); wrong == 0) wrong = at_close;
+    return wrong == 0 ? Status{} : system_error(path, wrong);
+  }
+  std::string temporary = path + ".XXXXXX";
+  Descriptor file(::mkstemp(temporary.data()));
+  if (file.get() < 0) return system_error(path, errno);
+  int wrong = write_all(file.get(), bytes);
+  if (wrong == 0 && ::fchmod(file.get(), 0666 & ~current_umask()) != 0) wrong = errno;
+  if (wrong == 0 && durability == Durability::kNow) wrong = sync(file.get());
+  if (const int at_close = file.close(); wrong == 0) wrong = at_close;
+  if (wrong == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) wrong = errno;
+  if (wrong == 0) return {};
+  ::unlink(temporary.c_str());
+  return system_error(path, wrong);
+}
+
+Status write_file(const std::string& path, std::string_view text) {
+  return write_file(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
+Result<std::string> numbered_name(const std::string& pattern, std::uint64_t number) {
+  const Result<std::optional<Conversion>> conversion = find_conversion(pattern);
+  if (!conversion) return fail(conversion.error());
+  if (!*conversion) return unescaped(pattern);
+  const Conversion& at = **conversion;
+  return unescaped(pattern.substr(0, at.at)) + fmt::format("{:0{}}", number, at.digits) +
+         unescaped(pattern.substr(at.at + at.length));
+}
+
+bool has_number(const std::string& pattern) {
+  const Result<std::optional<Conversion>> conversion = find_conversion(pattern);
+  return conversion && conversion->has_value();
+}
+
+}  // namespace nodal::host

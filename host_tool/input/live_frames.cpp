@@ -1,0 +1,168 @@
+#include "host_tool/input/live_frames.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "hal/replay/image_file.h"
+#include "host_tool/rig/bulk_item.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/rig_input.h"
+#include "protocol/base/sha256.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr Duration kBetweenSets = Duration::milliseconds(250);  // so that what moves has moved
+constexpr std::uint64_t kMaxSetBytes = 1ULL << 30;
+constexpr int kTries = 4;  // for a set with every head in it
+
+struct ReceivedSet {
+  wire::FrameSetHeader header;
+  std::vector<std::uint8_t> bytes;
+};
+
+std::optional<PixelFormat> format_of(const std::string& name) {
+  for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
+                                   PixelFormat::kUyvy, PixelFormat::kRgb24}) {
+    if (pixel_format_name(format) == name) return format;
+  }
+  return std::nullopt;
+}
+
+/// Bytes of a head's picture; its format and size are those that a rig may send.
+Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
+  const auto format = format_of(head.format());
+  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= hal::replay::kMaxImageSide &&
+                    head.height() <= hal::replay::kMaxImageSide;
+  if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
+  return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
+}
+
+/// The header, and the bytes that its pictures take together, which the set may have.
+Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
+  if (!header.ParseFromString(first.meta)) {
+    return fail(Errc::kBadFormat, "the rig sent a frame set without a header that can be read");
+  }
+  if (const Status good = check_and_clean(header); !good) return fail(good.error());
+  std::uint64_t sum = 0;
+  for (const wire::HeadPicture& head : header.heads()) {
+    const Result<std::uint64_t> bytes = picture_bytes(head);
+    if (!bytes) return fail(bytes.error());
+    sum += *bytes;
+  }
+  return std::min(sum, kMaxSetBytes);
+}
+
+Result<ReceivedSet> receive_set(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_frame_set();
+  const Result<wire::Reply> started = rig.ask(request);
+  if (!started) return fail(started.error());
+  const StreamId stream = started->pull().stream();
+  ReceivedSet set;
+  BulkItemBytes bytes;
+  bool begun = false;
+  bool whole = false;
+  while (true) {
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
+    if (!event) return fail(event.error());
+    if (!*event) {
+      return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent no more of it for {}",
+                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+    }
+    if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
+      if (piece->first) {
+        if (begun) return fail(Errc::kProtocol, "the rig sent a second frame set; one was asked for");
+        begun = true;
+        const Result<std::uint64_t> most = read_header(*piece, set.header);
+        if (!most) return fail(most.error());
+        if (const Status good = bytes.begin(*piece, *most, "a frame set"); !good) return fail(good.error());
+      }
+      bytes.add(*piece);
+      whole = piece->last;
+    } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+      if (closed->error) return fail(*closed->error);
+      if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was whole");
+      set.bytes = bytes.take();
+      return set;
+    }
+  }
+}
+
+Result<hal::replay::DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
+  const Result<std::uint64_t> bytes = picture_bytes(head);
+  if (!bytes) return fail(bytes.error());
+  hal::replay::DecodedImage picture;
+  picture.format = *format_of(head.format());
+  picture.width = static_cast<int>(head.width());
+  picture.height = static_cast<int>(head.height());
+  if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < *bytes) {
+    return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is not whole");
+  }
+  const auto begin = set.bytes.begin() + static_cast<std::ptrdiff_t>(head.offset());
+  picture.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(*bytes));
+  return picture;
+}
+
+/// In the calibration's order; which head is missing is an error.
+Result<std::vector<hal::replay::DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
+  std::vector<hal::replay::DecodedImage> pictures;
+  for (const HeadCalibration& head : calibration.heads) {
+    const auto found = std::ranges::find(set.header.heads(), head.name, &wire::HeadPicture::name);
+    if (found == set.header.heads().end()) {
+      return fail(Errc::kDeviceGone, "head '" + head.name + "' delivers no pictures; `nodal heads` says why");
+    }
+    Result<hal::replay::DecodedImage> picture = picture_of(set, *found);
+    if (!picture) return fail(picture.error());
+    pictures.push_back(std::move(*picture));
+  }
+  return pictures;
+}
+
+}  // namespace
+
+Status require_feature(const RigConnection& rig, const std::string& feature, const std::string& what) {
+  const auto& features = rig.rig().features();
+  if (std::ranges::find(features, feature) != features.end()) return {};
+  return fail(Errc::kUnsupported, fmt::format("{} needs a newer nodald on the rig; {} at {} does not have it", what,
+                                              rig.rig().software(), rig.address()));
+}
+
+Result<Calibration> calibration_in_force(RigConnection& rig) {
+  wire::Request request;
+  request.mutable_calibration_get();
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply) return fail(reply.error());
+  Result<Calibration> calibration = parse_calibration(reply->calibration().json());
+  if (!calibration) return fail(calibration.error().in("the rig's calibration"));
+  return calibration;
+}
+
+Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
+  const Sha256 id = calibration_id(calibration);
+  const std::string wanted(id.begin(), id.end());
+  PictureSets pictures;
+  for (int left = sets, tries = kTries; left > 0;) {
+    if (tries < kTries || left < sets) {
+      if (const Status rested = rig.rest(kBetweenSets); !rested) return fail(rested.error());
+    }
+    Result<ReceivedSet> set = receive_set(rig);
+    if (!set) return fail(set.error());
+    if (set->header.calibration_id() != wanted) {
+      return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
+    }
+    Result<std::vector<hal::replay::DecodedImage>> all = pictures_of(*set, calibration);
+    if (!all && --tries > 0) continue;  // a head may miss a set now and then
+    if (!all) return fail(all.error());
+    pictures.sets.push_back(std::move(*all));
+    console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));
+    --left;
+    tries = kTries;
+  }
+  console.finish_progress();
+  return pictures;
+}
+
+}  // namespace nodal::host

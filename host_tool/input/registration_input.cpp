@@ -1,0 +1,169 @@
+#include "host_tool/input/registration_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <numbers>
+
+#include "host_tool/console/files.h"
+#include "stitch/geometry/rotation.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+// Numbers with one separator between them; nothing when it is not that.
+std::vector<double> numbers(std::string_view text, char between) {
+  std::vector<double> all;
+  while (!text.empty()) {
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc()) return {};
+    all.push_back(value);
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    if (text.empty()) break;
+    if (text.front() != between || text.size() == 1) return {};
+    text.remove_prefix(1);
+  }
+  return all;
+}
+
+// The picture of a head in a folder: its file is called as the head is.
+Result<std::string> picture_of(const fs::path& folder, const std::string& head) {
+  std::vector<std::string> found;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    std::string ending = entry.path().extension().string();
+    std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    const bool picture = ending == ".png" || ending == ".jpg" || ending == ".jpeg";
+    if (picture && entry.path().stem() == head) found.push_back(entry.path().string());
+  }
+  if (error) return fail(Errc::kIo, folder.string() + ": " + error.message());
+  if (found.empty()) {
+    return fail(Errc::kNotFound, fmt::format("{}: no picture of head '{}' ({}.png or {}.jpg)", folder.string(), head,
+                                             head, head));
+  }
+  if (found.size() > 1) {
+    return fail(Errc::kBadValue, fmt::format("{}: two pictures of head '{}'; leave one", folder.string(), head));
+  }
+  return found.front();
+}
+
+}  // namespace
+
+std::vector<registration::FrameSet> PictureSets::frames() const {
+  std::vector<registration::FrameSet> all;
+  for (const auto& set : sets) {
+    all.emplace_back();
+    for (const hal::replay::DecodedImage& picture : set) all.back().push_back(picture.view());
+  }
+  return all;
+}
+
+Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names) {
+  std::vector<std::vector<std::string>> files;
+  const auto is_folder = [](const std::string& name) {
+    std::error_code error;
+    return fs::is_directory(name, error);
+  };
+  if (std::ranges::any_of(arguments, is_folder)) {
+    for (const std::string& argument : arguments) {
+      if (!is_folder(argument)) {
+        return fail(Errc::kBadValue, argument + " is no folder; give folders only, or pictures only");
+      }
+      files.emplace_back();
+      for (const std::string& name : names) {
+        Result<std::string> file = picture_of(argument, name);
+        if (!file) return fail(file.error());
+        files.back().push_back(std::move(*file));
+      }
+    }
+  } else {
+    if (arguments.size() % names.size() != 0) {
+      return fail(Errc::kBadValue, fmt::format("{} pictures for {} heads; give one a head, in the calibration's order, "
+                                               "set after set, or folders with pictures called as the heads are",
+                                               arguments.size(), names.size()));
+    }
+    for (std::size_t k = 0; k < arguments.size(); ++k) {
+      if (k % names.size() == 0) files.emplace_back();
+      files.back().push_back(arguments[k]);
+    }
+  }
+  PictureSets pictures;
+  for (const auto& set : files) {
+    pictures.sets.emplace_back();
+    for (const std::string& file : set) {
+      Result<hal::replay::DecodedImage> picture = hal::replay::read_image(file);
+      if (!picture) return fail(picture.error());
+      pictures.sets.back().push_back(std::move(*picture));
+    }
+  }
+  return pictures;
+}
+
+Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments) {
+  const std::string& file = arguments.front();
+  const Result<std::string> text = read_file(file, kMaxCalibrationBytes);
+  if (!text) return fail(text.error());
+  Result<Calibration> calibration = parse_calibration(*text);
+  if (!calibration) return fail(calibration.error().in(file));
+  const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
+  if (rest.empty()) {
+    return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}",
+                                                 calibration->heads.size(), file));
+  }
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : calibration->heads) names.push_back(head.name);
+  Result<PictureSets> pictures = read_pictures(rest, names);
+  if (!pictures) return fail(pictures.error());
+  return CalibratedPictures{std::move(*calibration), std::move(*pictures)};
+}
+
+Result<Nominal> parse_nominal(const std::string& text) {
+  const std::vector<double> two = numbers(text, 'x');
+  const bool good = two.size() == 2 && two[0] == static_cast<int>(two[0]) && two[0] >= 2 && two[0] <= 64 &&
+                    two[1] >= 20 && two[1] <= 300;
+  if (!good) return fail(Errc::kBadValue, "'" + text + "': heads and their field of view in degrees, such as 3x190");
+  return Nominal{static_cast<int>(two[0]), two[1], 0, {}};
+}
+
+Result<Region::Circle> parse_circle(const std::string& text) {
+  const std::vector<double> three = numbers(text, ',');
+  if (three.size() != 3 || !(three[2] > 1)) {
+    return fail(Errc::kBadValue, "'" + text + "': x, y and radius in pixels, such as 1920,1080,1587");
+  }
+  return Region::Circle{three[0], three[1], three[2]};
+}
+
+Result<Calibration> nominal_rig(const Nominal& nominal, int width, int height) {
+  Calibration rig;
+  rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
+  rig.comment = "From the data sheet: fisheyes evenly round the horizon.";
+  Region::Circle circle = nominal.circle;
+  if (circle.radius <= 0) circle = {width / 2.0, height / 2.0, std::min(width, height) / 2.0};
+  for (int h = 0; h < nominal.heads; ++h) {
+    HeadCalibration head;
+    head.name = "cam" + std::to_string(h);
+    head.width = width;
+    head.height = height;
+    head.center_x = circle.x;
+    head.center_y = circle.y;
+    head.max_angle = nominal.view_deg / 2 * kRadians;
+    head.lens = EquidistantLens{{circle.radius / head.max_angle}};
+    double yaw = 360.0 * h / nominal.heads;
+    if (yaw > 180) yaw -= 360;
+    head.R_head_rig = geometry::rows_of(geometry::to_R_head_rig({yaw, 0, nominal.roll_deg}));
+    head.region = {0, 0, static_cast<double>(width), static_cast<double>(height), circle};
+    head.vignetting = {circle.x, circle.y, circle.radius, {}};
+    rig.heads.push_back(head);
+  }
+  if (Status good = check_calibration(rig); !good) return fail(good.error().in("--nominal"));
+  return rig;
+}
+
+}  // namespace nodal::host

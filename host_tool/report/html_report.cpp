@@ -1,0 +1,189 @@
+#include "host_tool/report/html_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace nodal::host {
+namespace {
+
+constexpr std::array kColours{"#0b6e99", "#d9480f", "#2b8a3e", "#862e9c", "#c92a2a", "#5f3dc4", "#087f5b", "#a61e4d"};
+
+constexpr const char* kStyle =
+    "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:1100px;margin:2em auto;padding:0 1em}"
+    "h1{font-size:1.6em;margin-bottom:0}h2{font-size:1.15em;margin:2em 0 .5em;border-bottom:1px solid #ddd}"
+    "p.summary{color:#555;margin-top:.2em}p.warning{background:#fff3bf;border-left:4px solid #f08c00;padding:.5em 1em}"
+    "table{border-collapse:collapse;font-size:14px}td,th{padding:.25em .8em;border-bottom:1px solid #eee;"
+    "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}"
+    "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:340px}figure img{width:100%}"
+    "figcaption{font-size:13px;color:#555}svg{background:#fafafa;border:1px solid #eee}"
+    "@media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}svg{background:#eee}p.warning{color:#222}"
+    "td,th{border-color:#333}p.summary,figcaption{color:#aaa}}";
+
+/// RFC 4648.
+std::string base64(std::span<const std::uint8_t> bytes) {
+  constexpr const char* kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
+    std::uint32_t group = 0;
+    for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (k < left ? bytes[i + k] : 0U);
+    for (std::size_t k = 0; k < 4; ++k) out += k <= left ? kDigits[group >> (18 - 6 * k) & 63U] : '=';
+  }
+  return out;
+}
+
+bool is_number(const std::string& text) {
+  return !text.empty() && text.find_first_of("0123456789") != std::string::npos &&
+         text.find_first_not_of("0123456789.,+-eE %/°±") == std::string::npos;
+}
+
+struct Axis {
+  double low = 0, high = 1, step = 0.2;
+};
+
+/// About five round steps over the values.
+Axis axis_of(double low, double high) {
+  if (!(high > low)) {
+    const double about = std::max(std::abs(low), 1e-9);
+    low -= 0.5 * about;
+    high += 0.5 * about;
+  }
+  const double rough = (high - low) / 5;
+  const double power = std::pow(10.0, std::floor(std::log10(rough)));
+  double step = 10 * power;
+  for (const double round : {5.0, 2.0, 1.0}) {
+    if (round * power >= rough) step = round * power;
+  }
+  return {std::floor(low / step) * step, std::ceil(high / step) * step, step};
+}
+
+constexpr double kWidth = 520, kHeight = 300, kLeft = 62, kRight = 14, kTop = 26, kBottom = 42;
+
+double place_x(const Axis& axis, double x) {
+  return kLeft + (x - axis.low) / (axis.high - axis.low) * (kWidth - kLeft - kRight);
+}
+double place_y(const Axis& axis, double y) {
+  return kHeight - kBottom - (y - axis.low) / (axis.high - axis.low) * (kHeight - kTop - kBottom);
+}
+
+std::string grid(const Axis& x, const Axis& y, bool log_y) {
+  std::string svg;
+  const auto line = [&](double x0, double y0, double x1, double y1) {
+    svg += fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ddd\"/>", x0, y0, x1,
+                       y1);
+  };
+  for (int k = 0; x.low + k * x.step <= x.high + 1e-9 * x.step; ++k) {
+    const double value = x.low + k * x.step;
+    line(place_x(x, value), kTop, place_x(x, value), kHeight - kBottom);
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{:.4g}</text>", place_x(x, value),
+                       kHeight - kBottom + 15, std::abs(value) < 1e-12 ? 0 : value);
+  }
+  for (int k = 0; y.low + k * y.step <= y.high + 1e-9 * y.step; ++k) {
+    const double value = y.low + k * y.step;
+    line(kLeft, place_y(y, value), kWidth - kRight, place_y(y, value));
+    const double shown = log_y ? std::pow(10.0, value) : std::abs(value) < 1e-12 ? 0 : value;
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{:.4g}</text>", kLeft - 5,
+                       place_y(y, value) + 4, shown);
+  }
+  return svg;
+}
+
+}  // namespace
+
+std::string html_escaped(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&') out += "&amp;";
+    else if (c == '<') out += "&lt;";
+    else if (c == '>') out += "&gt;";
+    else if (c == '"') out += "&quot;";
+    else out += c;
+  }
+  return out;
+}
+
+HtmlReport::HtmlReport(std::string_view title, std::string_view summary) : title_(html_escaped(title)) {
+  body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + html_escaped(summary) + "</p>\n";
+}
+
+void HtmlReport::heading(std::string_view text) { body_ += "<h2>" + html_escaped(text) + "</h2>\n"; }
+void HtmlReport::paragraph(std::string_view text) { body_ += "<p>" + html_escaped(text) + "</p>\n"; }
+void HtmlReport::warning(std::string_view text) { body_ += "<p class=\"warning\">" + html_escaped(text) + "</p>\n"; }
+
+void HtmlReport::table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows) {
+  body_ += "<table><tr>";
+  for (const std::string& title : titles) body_ += "<th>" + html_escaped(title) + "</th>";
+  body_ += "</tr>\n";
+  for (const auto& row : rows) {
+    body_ += "<tr>";
+    for (const std::string& cell : row) {
+      body_ += (is_number(cell) ? "<td class=\"n\">" : "<td>") + html_escaped(cell) + "</td>";
+    }
+    body_ += "</tr>\n";
+  }
+  body_ += "</table>\n";
+}
+
+void HtmlReport::pictures(const std::vector<std::pair<std::vector<std::uint8_t>, std::string>>& files_and_captions) {
+  body_ += "<div>\n";
+  for (const auto& [file, caption] : files_and_captions) {
+    const bool jpeg = file.size() > 1 && file[0] == 0xFF && file[1] == 0xD8;
+    body_ += std::string("<figure><img src=\"data:image/") + (jpeg ? "jpeg" : "png") + ";base64," + base64(file) +
+             "\" alt=\"\"><figcaption>" + html_escaped(caption) + "</figcaption></figure>\n";
+  }
+  body_ += "</div>\n";
+}
+
+void HtmlReport::chart(std::string_view title, std::string_view x_label, std::string_view y_label,
+                       const std::vector<ChartSeries>& series, bool log_y) {
+  const auto shown = [log_y](double y) { return log_y ? std::log10(y) : y; };
+  double x_low = HUGE_VAL, x_high = -HUGE_VAL, y_low = HUGE_VAL, y_high = -HUGE_VAL;
+  for (const ChartSeries& s : series) {
+    for (const auto& [x, y] : s.points) {
+      if (!std::isfinite(x) || !std::isfinite(shown(y))) continue;
+      x_low = std::min(x_low, x), x_high = std::max(x_high, x);
+      y_low = std::min(y_low, shown(y)), y_high = std::max(y_high, shown(y));
+    }
+  }
+  if (!(x_high >= x_low)) return;
+  const Axis x_axis = axis_of(x_low, x_high);
+  const Axis y_axis = axis_of(y_low, y_high);
+  std::string svg = fmt::format("<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
+                                "font-family=\"sans-serif\" font-size=\"11\">",
+                                kWidth, kHeight);
+  svg += grid(x_axis, y_axis, log_y);
+  for (std::size_t n = 0; n < series.size(); ++n) {
+    const char* colour = kColours[n % kColours.size()];
+    svg += fmt::format("<polyline fill=\"none\" stroke-width=\"1.6\" stroke=\"{}\" points=\"", colour);
+    for (const auto& [x, y] : series[n].points) {
+      if (!std::isfinite(x) || !std::isfinite(shown(y))) continue;
+      svg += fmt::format("{:.1f},{:.1f} ", place_x(x_axis, x), place_y(y_axis, shown(y)));
+    }
+    svg += "\"/>";
+    if (series.size() > 1) {
+      svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" fill=\"{}\">{}</text>", kLeft + 8,
+                         kTop + 14 + 13 * static_cast<double>(n), colour, html_escaped(series[n].name));
+    }
+  }
+  svg += fmt::format("<text x=\"{:.0f}\" y=\"16\" font-size=\"13\" font-weight=\"bold\">{}</text>", kLeft,
+                     html_escaped(title));
+  svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>", (kLeft + kWidth - kRight) / 2,
+                     kHeight - 8, html_escaped(x_label));
+  svg += fmt::format("<text transform=\"translate(13 {:.0f}) rotate(-90)\" text-anchor=\"middle\">{}</text></svg>\n",
+                     (kTop + kHeight - kBottom) / 2, html_escaped(y_label));
+  body_ += svg;
+}
+
+void HtmlReport::drawing(std::string_view svg) { body_ += svg; }
+
+std::string HtmlReport::finish() const {
+  return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+         "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
+         title_ + "</title><style>" + kStyle + "</style></head>\n<body>\n" + body_ + "</body></html>\n";
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,265 @@
+#include "host_tool/report/registration_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "host_tool/report/png_file.h"
+#include "host_tool/report/html_report.h"
+#include "host_tool/report/sphere_graph.h"
+#include "stitch/geometry/head.h"
+#include "stitch/geometry/response.h"
+
+namespace nodal::host {
+namespace {
+
+using geometry::Head;
+using geometry::Ray;
+using registration::FrameSet;
+using registration::Report;
+
+constexpr int kWidth = 768, kHeight = 384;
+constexpr int kClose = 288;         // px of a close-up
+constexpr int kChecker = 36;        // px of a square that one head fills
+constexpr std::size_t kSeams = 6;
+constexpr double kStretch = 8;      // a difference of 32 levels is white
+
+// One calibration's heads on their pictures.
+class Rig {
+ public:
+  static Result<Rig> make(const Calibration& calibration, const FrameSet& frames) {
+    Result<std::vector<Head>> heads = geometry::make_heads(calibration);
+    if (!heads) return fail(heads.error());
+    return Rig(std::move(*heads), frames);
+  }
+
+  const std::vector<Head>& heads() const { return heads_; }
+
+  /// Light that a head saw along a ray, its gain and fall-off undone, 0..255.
+  std::optional<double> light(std::size_t head, const Ray& ray) const {
+    const auto at = heads_[head].project(ray);
+    if (!at || !heads_[head].contains(*at)) return std::nullopt;
+    const HeadCalibration& own = heads_[head].calibration();
+    const double encoded = sample(frames_[head], at->x - 0.5, at->y - 0.5) / 255;
+    const double gain = (own.gain[0] + own.gain[1] + own.gain[2]) / 3;
+    return 255 * geometry::decode(own.response, encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
+  }
+
+  /// As the eye expects it: through the first head's response again.
+  std::uint8_t shown(double light) const {
+    const double encoded = geometry::encode(heads_.front().calibration().response, std::clamp(light / 255, 0.0, 1.0));
+    return static_cast<std::uint8_t>(std::lround(255 * std::clamp(encoded, 0.0, 1.0)));
+  }
+
+ private:
+  Rig(std::vector<Head> heads, const FrameSet& frames) : heads_(std::move(heads)), frames_(frames) {}
+
+  static double value(const ImageView& image, int x, int y) {
+    const auto component = [&](std::size_t c) {
+      const PlaneView& plane = image.planes[c];
+      return static_cast<double>(plane.data[y * plane.row_stride + x * plane.pixel_stride]);
+    };
+    if (image.format != PixelFormat::kRgb24) return component(0);
+    return 0.299 * component(0) + 0.587 * component(1) + 0.114 * component(2);
+  }
+
+  static double sample(const ImageView& image, double x, double y) {
+    const int i = std::clamp(static_cast<int>(std::floor(x)), 0, image.width - 2);
+    const int j = std::clamp(static_cast<int>(std::floor(y)), 0, image.height - 2);
+    const double fx = std::clamp(x - i, 0.0, 1.0), fy = std::clamp(y - j, 0.0, 1.0);
+    return (1 - fy) * ((1 - fx) * value(image, i, j) + fx * value(image, i + 1, j)) +
+           fy * ((1 - fx) * value(image, i, j + 1) + fx * value(image, i + 1, j + 1));
+  }
+
+  std::vector<Head> heads_;
+  const FrameSet& frames_;
+};
+
+struct Spheres {
+  std::vector<std::uint8_t> mean, difference, seers;
+};
+
+Spheres spheres_of(const Rig& rig) {
+  Spheres spheres;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const Ray ray = Ray::at({((x + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi,
+                               ((y + 0.5) / kHeight - 0.5) * std::numbers::pi});
+      double sum = 0, squares = 0, count = 0;
+      for (std::size_t h = 0; h < rig.heads().size(); ++h) {
+        const std::optional<double> light = rig.light(h, ray);
+        if (!light) continue;
+        sum += *light;
+        squares += *light * *light;
+        ++count;
+      }
+      const double mean = count > 0 ? sum / count : 0;
+      const double spread = count > 1 ? std::sqrt(std::max(0.0, squares / count - mean * mean)) : 0;
+      spheres.mean.push_back(rig.shown(mean));
+      spheres.difference.push_back(static_cast<std::uint8_t>(std::min(255.0, kStretch * spread)));
+      spheres.seers.push_back(static_cast<std::uint8_t>(count));
+    }
+  }
+  const int most = std::max(1, static_cast<int>(std::ranges::max(spheres.seers)));
+  for (std::uint8_t& seers : spheres.seers) seers = static_cast<std::uint8_t>(255 * seers / most);
+  return spheres;
+}
+
+std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
+  return png_file({width, height, 1, 8, values}, {PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
+      .value_or(std::vector<std::uint8_t>());
+}
+
+// The middle of what two heads share, as rays of the rig.
+std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
+  double x = 0, y = 0, z = 0;
+  for (int j = 0; j < kHeight; j += 6) {
+    for (int i = 0; i < kWidth; i += 6) {
+      const Ray ray = Ray::at({((i + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi,
+                               ((j + 0.5) / kHeight - 0.5) * std::numbers::pi});
+      if (!rig.light(a, ray) || !rig.light(b, ray)) continue;
+      const double weight = std::sin((j + 0.5) / kHeight * std::numbers::pi);
+      x += weight * ray.x();
+      y += weight * ray.y();
+      z += weight * ray.z();
+    }
+  }
+  if (std::hypot(x, y, z) < 1e-9) return std::nullopt;
+  return Ray::towards(x, y, z);
+}
+
+// A plane view along `axis` where squares of one head alternate with the other's: what does not continue is a fault.
+std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b, const Ray& axis) {
+  const double pixel = 1 / (rig.heads()[a].lens().slope(0.1));
+  // Two directions across the axis.
+  const bool steep = std::abs(axis.y()) > 0.9;
+  const Ray up = steep ? Ray::towards(0, 0, 1) : Ray::towards(0, 1, 0);
+  const Ray right = Ray::towards(up.y() * axis.z() - up.z() * axis.y(), up.z() * axis.x() - up.x() * axis.z(),
+                                 up.x() * axis.y() - up.y() * axis.x());
+  const Ray down = Ray::towards(axis.y() * right.z() - axis.z() * right.y(), axis.z() * right.x() - axis.x() * right.z(),
+                                axis.x() * right.y() - axis.y() * right.x());
+  std::vector<std::uint8_t> values;
+  for (int j = 0; j < kClose; ++j) {
+    for (int i = 0; i < kClose; ++i) {
+      const double u = (i + 0.5 - kClose / 2.0) * pixel, v = (j + 0.5 - kClose / 2.0) * pixel;
+      const Ray ray = Ray::towards(axis.x() + u * right.x() + v * down.x(), axis.y() + u * right.y() + v * down.y(),
+                                   axis.z() + u * right.z() + v * down.z());
+      const bool first = (i / kChecker + j / kChecker) % 2 == 0;
+      const auto mine = rig.light(first ? a : b, ray), other = rig.light(first ? b : a, ray);
+      values.push_back(mine ? rig.shown(*mine) : other ? rig.shown(*other) : std::uint8_t{0});
+    }
+  }
+  return values;
+}
+
+void add_heads(const Report& report, HtmlReport& page) {
+  std::vector<std::vector<std::string>> rows;
+  const auto sure = [](double value, const char* unit) {
+    return std::isfinite(value) ? fmt::format("{:.2g}{}", value, unit) : std::string("?");
+  };
+  for (const registration::HeadReport& head : report.heads) {
+    rows.push_back({head.name, head.placed ? "placed" : "kept as it was", fmt::format("{:.4f}", head.turned_deg),
+                    sure(head.sigma_deg, "°"), fmt::format("{:.4f}", head.focal_change_percent),
+                    sure(head.sigma_focal_percent, " %"), fmt::format("{:.3f}", head.shared_sr), head.why_not});
+  }
+  page.heading("Heads");
+  page.table({"head", "", "turned, °", "± rotation", "focal, %", "± focal", "shared, sr", ""}, rows);
+}
+
+void add_convergence(const Report& report, HtmlReport& page) {
+  std::vector<ChartSeries> series;
+  double step = 0;
+  for (const registration::Step& each : report.steps) {
+    const std::string name = fmt::format("{} wide", each.width);
+    if (each.iteration == 0 || series.empty()) series.push_back({name, {}});
+    series.back().points.emplace_back(step++, each.objective);
+  }
+  page.heading("How the objective fell");
+  page.paragraph("The mean squared difference of the rays that heads share. Each finer raymap sees more of the detail, so "
+                 "its curve starts anew.");
+  page.chart("Objective", "step", "levels squared", series, true);
+}
+
+void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlReport& page) {
+  std::vector<registration::PairReport> pairs = report.pairs;
+  std::ranges::stable_sort(pairs, std::greater<>(), &registration::PairReport::shared_sr);
+  page.heading("Seams, before and after");
+  page.paragraph("Squares of one head alternate with the other's, both with their light undone. Lines go on from square "
+                 "to square where the heads stand right.");
+  for (std::size_t k = 0; k < std::min(kSeams, pairs.size()); ++k) {
+    const auto a = static_cast<std::size_t>(pairs[k].a), b = static_cast<std::size_t>(pairs[k].b);
+    const std::optional<Ray> old_axis = middle_of(before, a, b), axis = middle_of(after, a, b);
+    if (!old_axis || !axis) continue;
+    const std::string names = report.heads[a].name + " and " + report.heads[b].name;
+    page.pictures({{png(close_up(before, a, b, *old_axis), kClose, kClose), names + ", before"},
+                   {png(close_up(after, a, b, *axis), kClose, kClose), names + ", after"}});
+  }
+}
+
+// Where the head looks, as people say it.
+GraphNode node_of(const Head& head, const registration::HeadReport& report) {
+  const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis, in the rig's frame
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)), !report.placed};
+}
+
+void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
+  std::vector<GraphNode> nodes;
+  for (std::size_t h = 0; h < report.heads.size(); ++h) nodes.push_back(node_of(rig.heads()[h], report.heads[h]));
+  double most = 0;
+  for (const registration::PairReport& pair : report.pairs) most = std::max(most, pair.shared_sr);
+  std::vector<GraphLink> links;
+  for (const registration::PairReport& pair : report.pairs) {
+    const auto a = static_cast<std::size_t>(pair.a), b = static_cast<std::size_t>(pair.b);
+    links.push_back({a, b, most > 0 ? pair.shared_sr / most : 0, pair.agreement,
+                     fmt::format("{} and {}: {:.3f} sr, {:.2f} levels, agreement {:.2f}", report.heads[a].name,
+                                 report.heads[b].name, pair.shared_sr, pair.rms_after, pair.agreement)});
+  }
+  page.heading("Who overlaps with whom");
+  page.paragraph("Heads where they look, on the unrolled sphere. A head that hangs by thin or red lines alone is not to be "
+                 "trusted.");
+  page.drawing(sphere_graph(nodes, links));
+}
+
+void add_pairs(const Report& report, HtmlReport& page) {
+  std::vector<std::vector<std::string>> rows;
+  for (const registration::PairReport& pair : report.pairs) {
+    rows.push_back({report.heads[static_cast<std::size_t>(pair.a)].name, report.heads[static_cast<std::size_t>(pair.b)].name,
+                    fmt::format("{:.3f}", pair.shared_sr), fmt::format("{:.2f}", pair.rms_before),
+                    fmt::format("{:.2f}", pair.rms_after), fmt::format("{:.3f}", pair.agreement)});
+  }
+  page.heading("Overlaps");
+  page.paragraph("Differences are in levels of 255; agreement is that of the detail both see, 1 being the same.");
+  page.table({"head", "and", "shared, sr", "rms before", "rms after", "agreement"}, rows);
+}
+
+}  // namespace
+
+Result<std::string> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
+  const Result<Rig> before = Rig::make(prior, frames), after = Rig::make(report.calibration, frames);
+  if (!before) return fail(before.error());
+  if (!after) return fail(after.error());
+  HtmlReport page("Registration of " + prior.name,
+                  fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before",
+                              prior.heads.size(), std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
+  for (const std::string& warning : report.warnings) page.warning(warning);
+  add_heads(report, page);
+  add_convergence(report, page);
+  const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
+  page.heading("The sphere");
+  page.pictures({{png(old_spheres.mean, kWidth, kHeight), "mean of the heads, before"},
+                 {png(spheres.mean, kWidth, kHeight), "mean of the heads, after"}});
+  page.heading("What the heads differ by");
+  page.pictures({{png(old_spheres.difference, kWidth, kHeight), "before; white is 32 levels or more"},
+                 {png(spheres.difference, kWidth, kHeight), "after"}});
+  page.pictures({{png(spheres.seers, kWidth, kHeight), "how many heads see each ray; black is none"}});
+  add_graph(*after, report, page);
+  add_pairs(report, page);
+  add_seams(*before, *after, report, page);
+  return page.finish();
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,278 @@
+#include "host_tool/rig/rig_connection.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <utility>
+
+#include "hal/linux/link/socket_link.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/rig_input.h"
+#include "protocol/base/version.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr Duration kLookEvery = Duration::seconds(1);
+constexpr std::string_view kSoftware = "nodal " NODAL_VERSION;
+
+Duration now() {
+  using namespace std::chrono;
+  return Duration::nanoseconds(duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count());
+}
+
+tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by Ctrl-C"); }
+
+/// The link's own words, and how else to get there.
+tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
+  if (address.command.empty()) {
+    return fail(error.code, fmt::format("{} (--rig or NODAL_RIG say where else to look)", error.message));
+  }
+  return fail(Errc::kUnreachable, fmt::format("no rig at {}: {}; does `{}` work when you run it yourself?", address.text,
+                                              error.message, fmt::join(address.command, " ")));
+}
+
+}  // namespace
+
+void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
+  const hal::LinkDescriptors descriptors = hal::link_descriptors(link);
+  std::array<pollfd, 2> fds{};
+  fds[0] = {descriptors.read_from, POLLIN, 0};
+  fds[1] = {to_write ? descriptors.write_to : -1, POLLOUT, 0};
+  const std::int64_t ms = std::clamp<std::int64_t>((at_most.ns() + 999'999) / 1'000'000, 0, 250);
+  poll(fds.data(), fds.size(), static_cast<int>(ms));  // EINTR: the caller looks at interrupted()
+}
+
+Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience) {
+  Result<std::unique_ptr<hal::LinkPort>> link =
+      address.command.empty() ? hal::connect_link(address.link) : hal::spawn_link(address.command);
+  if (!link) return no_rig(address, link.error());
+  auto connection = over(std::move(*link), address.text, patience, wait_by_poll);
+  if (!connection && connection.error().code == Errc::kLinkClosed) {
+    const std::string why = address.command.empty() ? address.text + ": " + connection.error().message
+                                                    : connection.error().message;
+    return no_rig(address, Error{Errc::kUnreachable, why});
+  }
+  return connection;
+}
+
+Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::LinkPort> link,
+                                                           std::string address, Duration patience,
+                                                           WaitForLink wait) {
+  std::unique_ptr<RigConnection> connection(
+      new RigConnection(std::move(link), std::move(address), patience, std::move(wait)));
+  if (const Status hello = connection->say_hello(); !hello) return fail(hello.error());
+  return connection;
+}
+
+RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience,
+                             WaitForLink wait)
+    : link_(std::move(link)), address_(std::move(address)), patience_(patience), wait_(std::move(wait)),
+      session_(Role::kHost, make_hello(std::string(kSoftware))), heard_(now()), sent_(heard_) {}
+
+Status RigConnection::say_hello() {
+  const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
+  if (!said) return said;
+  std::optional<Event> hello = session_.next_event();  // the first of all events
+  rig_ = std::get<wire::Hello>(std::move(*hello));
+  return check_and_clean(rig_);
+}
+
+Result<std::uint64_t> RigConnection::post(wire::Request& request) {
+  if (dead_) return fail(*dead_);
+  request.set_id(next_request_++);
+  if (const Status sent = session_.send(request); !sent) return fail(sent.error());
+  questions_[request.id()];
+  return request.id();
+}
+
+void RigConnection::sort_answers() {
+  while (std::optional<wire::Reply> reply = session_.take_reply()) {
+    if (reply->id() == probe_) probe_.reset();
+    const auto question = questions_.find(reply->id());
+    if (question != questions_.end() && !question->second) question->second = std::move(*reply);
+  }
+}
+
+Result<wire::Reply> RigConnection::take_answer(std::uint64_t id) {
+  wire::Reply reply = std::move(*questions_.at(id));
+  questions_.erase(id);
+  if (const Status good = check_and_clean(reply); !good) return fail(good.error().in(address_));
+  if (!reply.has_error()) return reply;
+  return fail(static_cast<Errc>(std::min<std::uint32_t>(reply.error().code(), UINT16_MAX)), reply.error().message());
+}
+
+Result<wire::Reply> RigConnection::ask(wire::Request request) {
+  const Result<std::uint64_t> id = post(request);
+  if (!id) return fail(id.error());
+  if (const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_); !waited) {
+    questions_.erase(*id);
+    return fail(waited.error());
+  }
+  return take_answer(*id);
+}
+
+Result<wire::Reply> RigConnection::ask_long(wire::Request request,
+                                            const std::function<void(const wire::RigStatus&)>& meanwhile) {
+  const Result<std::uint64_t> id = post(request);
+  if (!id) return fail(id.error());
+  while (true) {
+    const Status waited = step_until([&] { return answered(*id); }, "an answer", std::min(kLookEvery, patience_));
+    if (waited) return take_answer(*id);
+    if (waited.error().code != Errc::kTimeout) return fail(waited.error());
+    wire::Request status;
+    status.mutable_status();
+    const Result<wire::Reply> how = ask(status);
+    if (!how) return fail(how.error());
+    meanwhile(how->status());
+  }
+}
+
+Status RigConnection::check_alive() {
+  const Duration at = now();
+  if (!probe_) {
+    if (at - heard_ < patience_ / 4) return {};
+    wire::Request status;
+    status.mutable_status();
+    status.set_id(next_request_++);
+    if (const Status sent = session_.send(status); !sent) return sent;
+    probe_ = status.id();
+    probed_ = at;
+    return {};
+  }
+  // From the question on, not from the last byte: this program may have been stopped for a while.
+  if (at - std::max(heard_, probed_) < patience_ - patience_ / 4) return {};
+  return fail(Errc::kTimeout, fmt::format("{}: the rig has sent nothing for {}; it hangs, or the link to it is stuck "
+                                          "(--timeout waits longer)",
+                                          address_, show_duration(static_cast<std::uint64_t>((at - heard_).ns()))));
+}
+
+Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
+  const Duration until = now() + at_most;
+  while (true) {
+    if (interrupted()) return cancelled();
+    sort_answers();
+    // One event at a time: the session gives the rig credit for what is taken, and no more.
+    if (std::optional<Event> event = session_.next_event()) return event;
+    const Duration left = until - now();
+    if (left < Duration()) return std::nullopt;
+    if (const Status alive = check_alive(); !alive) return fail(alive.error());
+    if (const Status stepped = step(left); !stepped) return fail(stepped.error());
+  }
+}
+
+Result<std::optional<Event>> RigConnection::next_event_of(StreamId stream, Duration at_most) {
+  const Duration until = now() + at_most;
+  while (true) {
+    Result<std::optional<Event>> event = next_event(std::max(Duration(), until - now()));
+    if (!event || !*event) return event;
+    const bool wanted = std::visit(
+        [stream](const auto& it) {
+          if constexpr (requires { it.stream; }) return it.stream == stream;
+          return false;
+        },
+        **event);
+    if (wanted) return event;
+    if (now() > until) return std::nullopt;
+  }
+}
+
+Status RigConnection::rest(Duration how_long) {
+  const Duration until = now() + how_long;
+  for (Duration left = how_long; left > Duration(); left = until - now()) {
+    if (const Result<std::optional<Event>> event = next_event(left); !event) return fail(event.error());
+  }
+  return {};
+}
+
+Status RigConnection::send_item(BulkItem item) {
+  if (dead_) return fail(*dead_);
+  const Result<StreamId> stream = session_.open_stream(StreamPolicy::kLossless);
+  if (!stream) return fail(stream.error());
+  if (const Status offered = session_.offer(*stream, std::move(item)); !offered) return offered;
+  std::optional<Error> refused;
+  const auto taken = [&] {
+    while (const std::optional<StreamStopped> stopped = session_.take_stopped()) {
+      if (stopped->stream == *stream) refused = stopped->why;
+    }
+    const std::optional<StreamCounts> counts = session_.counts(*stream);
+    return refused || !counts || counts->delivered == counts->offered;
+  };
+  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, true);
+  if (!sent) return sent;
+  if (refused) return fail(*refused);
+  session_.close_stream(*stream);
+  return {};
+}
+
+void RigConnection::stop_stream(StreamId stream) {
+  if (!dead_) session_.stop_stream(stream, Error{Errc::kCancelled, "the client has what it wants"});
+}
+
+Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what, Duration within,
+                                 bool renewed) {
+  const Duration begun = now();
+  while (!done()) {
+    if (interrupted()) return cancelled();
+    const Duration left = within - (now() - (renewed ? std::max(begun, sent_) : begun));
+    if (left <= Duration()) {
+      return fail(Errc::kTimeout, fmt::format("{}: waited {} for {}; the rig may be busy (--timeout waits longer) or "
+                                              "the link stuck", address_,
+                                              show_duration(static_cast<std::uint64_t>(within.ns())), what));
+    }
+    if (const Status stepped = step(left); !stepped) return stepped;
+    sort_answers();
+    if (!session_.wants_input() && session_.error() == nullptr) {
+      return fail(Errc::kOverload, fmt::format("{}: the rig sends streams without end, and not {}", address_, what));
+    }
+  }
+  return {};
+}
+
+Status RigConnection::step(Duration at_most) {
+  if (dead_) return fail(*dead_);
+  bool moved = false;
+
+  // Out: as much as the link takes.
+  for (std::span<const std::uint8_t> out = session_.output(); !out.empty(); out = session_.output()) {
+    const Result<std::size_t> taken = link_->write(out);
+    if (!taken) break;  // reading below says why, and gives first what the rig still had to say
+    if (*taken == 0) break;
+    session_.sent(*taken);
+    sent_ = now();
+    moved = true;
+  }
+
+  if (session_.wants_input()) {
+    std::array<std::uint8_t, 65536> buffer;
+    const Result<std::size_t> got = link_->read(buffer);
+    if (!got) {
+      dead_ = link_lost(got.error()).value();
+      return fail(*dead_);
+    }
+    if (*got != 0) heard_ = now();
+    moved = moved || *got != 0;
+    if (const Status received = session_.receive(std::span(buffer).first(*got)); !received) {
+      (void)link_->write(session_.output());  // the farewell, which tells the rig why; one try
+      dead_ = received.error().in(address_);
+      return fail(*dead_);
+    }
+  }
+  if (!moved) wait_(*link_, !session_.output().empty(), at_most);
+  return {};
+}
+
+tl::unexpected<Error> RigConnection::link_lost(const Error& error) const {
+  if (session_.peer_hello() == nullptr) {
+    return fail(error.code, fmt::format("the link closed before the rig said hello ({})", error.message));
+  }
+  return fail(error.code, fmt::format("{}: the link was lost ({}); the rig goes on with what it was doing, and "
+                                      "`nodal status` tells whether it can be reached again",
+                                      address_, error.message));
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,70 @@
+#include "host_tool/rig/upload.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "host_tool/console/quantities.h"
+#include "protocol/upload.h"
+
+namespace nodal::host {
+namespace {
+
+/// One conversation's part of the upload.
+Status send(RigConnection& rig, const UploadSender& sender, std::optional<Duration> trial, const std::string& signature,
+            Uploaded& state, Console& console) {
+  wire::Request begin;
+  *begin.mutable_upload_begin() = sender.begin();
+  const Result<wire::Reply> answer = rig.ask(begin);
+  if (!answer) return fail(answer.error());
+  const std::uint64_t offset = answer->upload().offset();
+  if (offset != 0) {
+    console.note(fmt::format("the rig has {} of {} already; going on from there", show_bytes(offset),
+                             show_bytes(state.bytes)));
+    state.resumed_at = offset;
+  }
+  if (offset < state.bytes) {
+    Result<BulkItem> item = sender.item(offset);
+    if (!item) return fail(item.error());
+    if (const Status sent = rig.send_item(std::move(*item)); !sent) return sent;
+  }
+  wire::Request commit;
+  *commit.mutable_upload_commit() = sender.commit();
+  if (trial) commit.mutable_upload_commit()->set_trial_ns(static_cast<std::uint64_t>(trial->ns()));
+  commit.mutable_upload_commit()->set_signature(signature);
+  const Result<wire::Reply> done =
+      rig.ask_long(commit, [&](const wire::RigStatus& status) { console.activity(status.activity()); });
+  console.finish_progress();
+  if (!done) return fail(done.error());
+  return {};
+}
+
+bool worth_another_link(Errc code) {
+  return code == Errc::kLinkClosed || code == Errc::kTimeout || code == Errc::kChecksum || code == Errc::kProtocol;
+}
+
+}  // namespace
+
+Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
+                        std::optional<Duration> trial, const std::string& signature) {
+  Uploaded state;
+  state.bytes = document.size();
+  const UploadSender sender(std::make_shared<const std::vector<std::uint8_t>>(std::move(document)));
+  for (state.links = 1;; ++state.links) {
+    Status done;
+    Result<std::unique_ptr<RigConnection>> rig = connect();
+    if (rig) {
+      done = send(**rig, sender, trial, signature, state, console);
+    } else {
+      done = fail(rig.error());
+    }
+    if (done) return state;
+    // The first conversation must be there; a later one may find the rig still coming back.
+    const Errc code = done.error().code;
+    const bool again = worth_another_link(code) || (state.links > 1 && code == Errc::kUnreachable);
+    if (!again || state.links >= attempts) return fail(done.error());
+    console.warning(done.error().message + "; trying again");
+  }
+}
+
+}  // namespace nodal::host
