@@ -77,6 +77,12 @@ std::vector<wire::Request> Settings::requests() const {
   std::vector<wire::Request> all;
   // Heads are set by hand while no program does, so that comes first whatever rig.toml says.
   if (exposure_) all.emplace_back().mutable_exposure()->set_program("manual");
+  for (wire::Request& request : kept()) all.push_back(std::move(request));
+  return all;
+}
+
+std::vector<wire::Request> Settings::kept() const {
+  std::vector<wire::Request> all;
   for (const auto& [head, wish] : heads_) {
     wire::HeadSetRequest& request = *all.emplace_back().mutable_head_set();
     request = wish;
@@ -90,7 +96,7 @@ std::vector<wire::Request> Settings::requests() const {
 std::string Settings::encode(const Sha256& rig_toml) const {
   wire::RigSettings stored;
   stored.set_rig_toml(sha256_to_wire(rig_toml));
-  for (const wire::Request& request : requests()) *stored.add_requests() = request;
+  for (const wire::Request& request : kept()) *stored.add_requests() = request;
   const std::string body = stored.SerializeAsString();
   std::string file = std::string(kHead) + sha256_to_wire(sha256_of(body)) + body;
   NODAL_ASSERT(file.size() <= kMaxSettingsBytes);  // by construction: known fields of kMaxHeads heads

@@ -34,6 +34,8 @@ class Settings {
   static Result<Settings> decode(std::span<const std::uint8_t> file, const Sha256& rig_toml);
 
  private:
+  std::vector<wire::Request> kept() const;
+
   std::map<std::uint32_t, wire::HeadSetRequest> heads_;
   std::optional<wire::GenlockRequest> genlock_;
   std::optional<wire::ExposureRequest> exposure_;

@@ -37,7 +37,9 @@ void add_unknown(ByteReader& in, MessageLite& request, MessageLite& inner) {
 
 std::string draw_id(ByteReader& in) {
   const unsigned kind = in.u8();
-  const std::string id = sha256_to_wire(calibration_id(Stand::calibrations()[kind / 4 % 2]));
+  static const std::array ids{sha256_to_wire(calibration_id(Stand::calibrations()[0])),
+                              sha256_to_wire(calibration_id(Stand::calibrations()[1]))};
+  const std::string& id = ids[kind / 4 % 2];
   switch (kind % 4) {
     case 0: return {};
     case 1: return id;

@@ -1,10 +1,13 @@
 // The settings file from a disk that anything may have been written to: decode() gives settings within their limits or
-// says why not, and a rig starts by them and makes raymaps. The input's first byte says whether the rest is the whole
-// file, or a body that gets the head, checksum and rig.toml that decode() wants, so that more than these are tested.
+// says why not, and a rig starts by them. The input's first byte says what the rest is: the whole file; a body that gets
+// the head, checksum and rig.toml that decode() wants; or what requests with extreme values and unknown fields are drawn
+// from, which such a body holds. It also says what is done with the file, as a start costs a hundred times as much.
 #include "firmware/settings.h"
 
 #include <algorithm>
 
+#include "draw_request.h"
+#include "tests/fuzz/live_heap.h"
 #include "tests/fuzz/stand.h"
 
 namespace {
@@ -28,6 +31,22 @@ std::vector<std::uint8_t> file_of(std::span<const std::uint8_t> body) {
   return all;
 }
 
+/// With its head, no longer than a settings file may be.
+constexpr std::size_t kMostOfABody = firmware::kMaxSettingsBytes - 256;
+
+std::vector<std::uint8_t> drawn_body(std::span<const std::uint8_t> input) {
+  constexpr int kMostRequests = 64;
+  ByteReader in(input);
+  wire::RigSettings stored;
+  for (int i = 0; i < kMostRequests && in.left() > 0; ++i) *stored.add_requests() = fuzz::draw_request(in);
+  std::string body = stored.SerializePartialAsString();
+  if (body.size() > kMostOfABody) body.resize(kMostOfABody);
+  return {body.begin(), body.end()};
+}
+
+/// As much as known fields take: 16 heads of 54 bytes, one genlock of 30, one exposure of 60, and what wraps them.
+constexpr std::size_t kMostOfKnownFields = 2048;
+
 void check_decoded(std::span<const std::uint8_t> file) {
   const Sha256& rig = fuzz::Stand::config().text_id;
   const auto settings = firmware::Settings::decode(file, rig);
@@ -36,6 +55,7 @@ void check_decoded(std::span<const std::uint8_t> file) {
     return;
   }
   const std::string again = settings->encode(rig);
+  NODAL_ASSERT(again.size() <= kMostOfKnownFields);
   const auto twice =
       firmware::Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(again.data()), again.size()), rig);
   NODAL_ASSERT(twice && twice->encode(rig) == again);
@@ -44,13 +64,18 @@ void check_decoded(std::span<const std::uint8_t> file) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const bool kept = (fuzz::keep_freed_memory(), true);
+  (void)kept;
   if (size == 0 || size > 4 * firmware::kMaxSettingsBytes) return 0;
-  const unsigned how = data[0];
+  const unsigned what = data[0] % 4, start = data[0] / 4;
   const std::span rest(data + 1, size - 1);
-  const std::vector<std::uint8_t> file = how % 8 == 0 ? std::vector(rest.begin(), rest.end()) : file_of(rest);
+  const std::vector<std::uint8_t> file = what == 0   ? std::vector(rest.begin(), rest.end())
+                                         : what == 1 ? file_of(rest)
+                                                     : file_of(drawn_body(rest));
   check_decoded(file);
-  if (how % 4 == 3) return 0;  // a start costs a hundred times as much
-  auto disk = fuzz::Stand::new_disk();
+  if (start % 4 != 0 || file.size() > firmware::kMaxSettingsBytes) return 0;
+  const bool calibrated = start == 0;
+  auto disk = calibrated ? fuzz::Stand::new_disk() : std::make_unique<hal::sim::SimDisk>();
   fuzz::write_file(*disk, firmware::kSettingsFile, file);
   fuzz::Stand stand(std::move(disk));
   stand.check();

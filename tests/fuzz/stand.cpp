@@ -9,8 +9,8 @@
 namespace nodal::fuzz {
 namespace {
 
-constexpr Duration kTick = Duration::milliseconds(25);       ///< how often the rig looks round when nothing happens
-constexpr Duration kWarmUp = Duration::milliseconds(300);    ///< a few frame sets
+constexpr Duration kTick = Duration::milliseconds(50);       ///< how often the rig looks round when nothing happens
+constexpr Duration kWarmUp = Duration::milliseconds(150);    ///< a frame set
 constexpr Duration kConverge = Duration::milliseconds(1500); ///< settings are on the disk, heads have followed
 constexpr Duration kWatch = Duration::seconds(2);
 constexpr std::int64_t kEventsOfACheck = 2500;
@@ -211,14 +211,17 @@ void Stand::check() {
   program_ran_ |= rig_->capture().report().exposure.wish.program != firmware::ExposureProgram::kManual;
 }
 
-void Stand::check_recovery() {
-  events_left_ = std::max(events_left_, kEventsOfACheck);
+void Stand::check_left_behind() {
   leave_all();
   check();
   const std::int64_t live = live_heap_bytes() - heap_before_;
   const std::int64_t uploaded = std::min(bytes_sent_, kMostUploaded);
   NODAL_ASSERT(live <= heap_steady_ * 3 / 2 + kLeftBehindBytes + uploaded);
+}
 
+void Stand::check_recovery() {
+  events_left_ = std::max(events_left_, kEventsOfACheck);
+  check_left_behind();
   Guest& good = connect();
   wire::Request request;
   request.mutable_status();

@@ -64,6 +64,8 @@ class Stand {
   // What must hold.
   /// After every operation: replies, memory, log, frames.
   void check();
+  /// All hosts leave, and memory is as it was but for what they uploaded.
+  void check_left_behind();
   /// All hosts leave and one good one comes: it is served, memory is as it was, and raymaps come at 90 % of the rate.
   void check_recovery();
   /// What hosts set is in effect again after the program was killed, and the file of it is no longer than it may be.

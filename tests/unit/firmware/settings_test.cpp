@@ -69,6 +69,19 @@ TEST(SettingsSize, AProgramThatDoesNotExist_IsNotKept) {
   EXPECT_LT(settings.encode(Sha256{}).size(), 200u);
 }
 
+TEST(SettingsFile, ARequestThatNamesNoProgram_IsReadBackWithoutOne) {
+  Settings settings;
+  wire::Request lock;
+  lock.mutable_exposure()->set_locked(true);
+  settings.remember(lock, 6);
+  const std::string file = settings.encode(Sha256{});
+  const auto again = Settings::decode({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, Sha256{});
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->encode(Sha256{}), file);
+  EXPECT_FALSE(again->requests().back().exposure().has_program());
+  EXPECT_EQ(again->requests().front().exposure().program(), "manual") << "under which heads are set first";
+}
+
 class SettingsWriterTest : public testing::Test {
  protected:
   hal::sim::SimClock clock;
