@@ -1,5 +1,4 @@
 // Surround360's rig JSON, OpenCV's camera YAML and Kalibr's chain.
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -8,6 +7,7 @@
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/export_heads.h"
 #include "stitch/interchange/pinhole_lens.h"
+#include "stitch/solve/normal_equations.h"
 
 namespace nodal::interchange {
 namespace {
@@ -39,8 +39,7 @@ Rational fit_rational(const SampledHead& head) {
   const geometry::Lens& lens = head.head.lens();
   Eigen::Matrix<double, 7, 1> x = Eigen::Matrix<double, 7, 1>::Zero();
   for (int pass = 0; pass < 12; ++pass) {
-    Eigen::Matrix<double, 7, 7> A = Eigen::Matrix<double, 7, 7>::Zero();
-    Eigen::Matrix<double, 7, 1> b = Eigen::Matrix<double, 7, 1>::Zero();
+    solve::NormalEquations sum(7);
     constexpr int kRadii = 400;
     for (int i = 1; i <= kRadii; ++i) {
       const double a = head.farthest_angle * i / kRadii;
@@ -51,14 +50,10 @@ Rational fit_rational(const SampledHead& head) {
       row << t, t * s, t * s * s, t * s * s * s, -r * s, -r * s * s, -r * s * s * s;
       row /= under;
       // Farther out there are more pixels.
-      A += r * row * row.transpose();
-      b += r * (r / under) * row;
+      sum.add(row.data(), -r / under, r);
     }
-    const Eigen::Matrix<double, 7, 1> scale = (A.diagonal().array() + 1e-30).rsqrt();
-    Eigen::Matrix<double, 7, 7> scaled = scale.asDiagonal() * A * scale.asDiagonal();
-    scaled.diagonal().array() += 1e-13;
-    const Eigen::Matrix<double, 7, 1> right = scale.asDiagonal() * b;
-    x = scale.asDiagonal() * scaled.ldlt().solve(right);
+    constexpr double kDamping = 1e-13;  // powers of a tangent are nearly dependent: keeps the smallest pivots positive
+    x = sum.step(kDamping, {});
   }
   return {x[0], {x[1] / x[0], x[2] / x[0], 0, 0, x[3] / x[0], x[4], x[5], x[6]}};
 }

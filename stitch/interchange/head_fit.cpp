@@ -1,18 +1,19 @@
 #include "stitch/interchange/head_fit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
 #include "stitch/geometry/rotation.h"
+#include "stitch/solve/levenberg_marquardt.h"
 
 namespace nodal::interchange {
 namespace {
 
 constexpr int kSteps = 25;
-constexpr double kStill = 1e-10;
+constexpr int kMostRefusals = 3;     // steps are nearly exact: when some fail, only rounding is left
+constexpr double kEnough = 1e-14;    // of the cost
+constexpr double kDamping = 1e-13;   // powers of an angle are nearly dependent: keeps the smallest pivots positive
 constexpr double kMostTangent = 89.5 * std::numbers::pi / 180;
 constexpr int kPlace = 6;  // cx, cy, aspect and three of the turn come before the coefficients
 
@@ -66,38 +67,15 @@ Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head,
   return J;
 }
 
-std::vector<Eigen::Index> free_columns(const PolynomialHead& head, const FitFreedom& freedom) {
-  std::vector<Eigen::Index> free;
-  const std::array<bool, kPlace> moves{freedom.center, freedom.center, freedom.aspect,
-                                       freedom.turn,   freedom.turn,   freedom.turn};
-  for (std::size_t k = 0; k < kPlace + head.exponents.size(); ++k) {
-    if (k >= kPlace || moves[k]) free.push_back(static_cast<Eigen::Index>(k));
-  }
-  return free;
+/// Which of the unknowns stay.
+std::vector<bool> fixed_columns(const PolynomialHead& head, const FitFreedom& freedom) {
+  std::vector<bool> fixed{!freedom.center, !freedom.center, !freedom.aspect, !freedom.turn, !freedom.turn, !freedom.turn};
+  fixed.resize(kPlace + head.exponents.size(), false);
+  return fixed;
 }
 
-/// One Gauss-Newton step; gives how far it moved in scaled unknowns.
-double improve(const std::vector<geometry::RayPixel>& samples, const std::vector<Eigen::Index>& free,
-               PolynomialHead& head) {
-  const auto n = static_cast<Eigen::Index>(free.size());
-  const bool by_turn = std::ranges::any_of(free, [](Eigen::Index k) { return k >= 3 && k < kPlace; });
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
-  for (const geometry::RayPixel& sample : samples) {
-    const Eigen::Matrix<double, 2, Eigen::Dynamic> all = derivatives(head, sample.ray, by_turn);
-    Eigen::Matrix<double, 2, Eigen::Dynamic> J(2, n);
-    for (Eigen::Index k = 0; k < n; ++k) J.col(k) = all.col(free[static_cast<std::size_t>(k)]);
-    const geometry::Pixel p = head.project(sample.ray);
-    A += J.transpose() * J;
-    b += J.transpose() * Eigen::Vector2d(sample.pixel.x - p.x, sample.pixel.y - p.y);
-  }
-  // Powers of an angle differ by orders: scaled to ones on the diagonal, the matrix stays solvable.
-  const Eigen::VectorXd scale = (A.diagonal().array() + 1e-30).rsqrt();
-  Eigen::MatrixXd scaled = scale.asDiagonal() * A * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-13;
-  const Eigen::VectorXd x = scaled.ldlt().solve(Eigen::VectorXd(scale.asDiagonal() * b));
-  Eigen::VectorXd step = Eigen::VectorXd::Zero(kPlace + static_cast<Eigen::Index>(head.exponents.size()));
-  for (Eigen::Index k = 0; k < n; ++k) step[free[static_cast<std::size_t>(k)]] = scale[k] * x[k];
+PolynomialHead moved(const PolynomialHead& from, const Eigen::VectorXd& step) {
+  PolynomialHead head = from;
   head.cx += step[0];
   head.cy += step[1];
   head.aspect += step[2];
@@ -105,7 +83,30 @@ double improve(const std::vector<geometry::RayPixel>& samples, const std::vector
   for (std::size_t k = 0; k < head.exponents.size(); ++k) {
     head.coefficients[k] += step[kPlace + static_cast<Eigen::Index>(k)];
   }
-  return x.norm() / std::sqrt(static_cast<double>(samples.size()));
+  return head;
+}
+
+/// The best head by at most `steps` steps from `start`.
+PolynomialHead improved(const std::vector<geometry::RayPixel>& samples, const PolynomialHead& start,
+                        const FitFreedom& freedom, int steps) {
+  const auto evaluate = [&](const PolynomialHead& head) {
+    solve::Evaluation sum{solve::NormalEquations(kPlace + static_cast<int>(head.exponents.size()))};
+    for (const geometry::RayPixel& sample : samples) {
+      const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J = derivatives(head, sample.ray, freedom.turn);
+      const geometry::Pixel p = head.project(sample.ray);
+      sum.equations.add(J.row(0).data(), p.x - sample.pixel.x, 1);
+      sum.equations.add(J.row(1).data(), p.y - sample.pixel.y, 1);
+    }
+    sum.cost = sum.equations.cost();
+    return sum;
+  };
+  return solve::descend(start, evaluate, moved, fixed_columns(start, freedom),
+                        {.most_steps = steps,
+                         .most_refusals = kMostRefusals,
+                         .enough = kEnough,
+                         .first_damping = kDamping,
+                         .least_damping = kDamping})
+      .state;
 }
 
 }  // namespace
@@ -137,11 +138,8 @@ Result<PolynomialHead> fit_polynomial_head(const std::vector<geometry::RayPixel>
   PolynomialHead head = start;
   head.coefficients.assign(head.exponents.size(), 0.0);
   // Linear in the coefficients: they alone first, then everything.
-  improve(held, free_columns(head, {false, false, false}), head);
-  const std::vector<Eigen::Index> free = free_columns(head, freedom);
-  for (int n = 0; n < kSteps; ++n) {
-    if (improve(held, free, head) < kStill) break;
-  }
+  head = improved(held, head, {false, false, false}, 1);
+  head = improved(held, head, freedom, kSteps);
   double square = 0;
   for (const geometry::RayPixel& sample : held) {
     const geometry::Pixel p = head.project(sample.ray);

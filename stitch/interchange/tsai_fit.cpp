@@ -1,9 +1,10 @@
 #include "stitch/interchange/tsai_fit.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+
+#include "stitch/solve/normal_equations.h"
 
 namespace nodal::interchange {
 namespace {
@@ -31,16 +32,14 @@ std::optional<TsaiFit> fit_tsai(const std::vector<geometry::RayPixel>& samples, 
   // f t - k1 r^3 - k2 r^5 = r is linear; divided by the slope it is px of the picture. Radii in units of the largest.
   Eigen::Vector3d x(0, 0, 0);
   for (int pass = 0; pass < kPasses; ++pass) {
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    solve::NormalEquations sum(3);
     for (const Radius& p : radii) {
       const double r = p.r / unit, s = r * r;
       const double under = std::max(slope(x, s), 0.1);
       const Eigen::Vector3d row = Eigen::Vector3d(p.tangent, -r * s, -r * s * s) / under;
-      A += row * row.transpose();
-      b += row * (r / under);
+      sum.add(row.data(), -r / under, 1);
     }
-    x = A.ldlt().solve(b);
+    x = sum.step(0, {});
     if (!x.allFinite() || !(x[0] > 0)) return std::nullopt;
   }
   TsaiFit fit{{x[0] * unit, x[1] / (unit * unit), x[2] / std::pow(unit, 4)}, 0, 0};

@@ -1,10 +1,12 @@
 #include "stitch/registration/descent.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cmath>
+#include <limits>
+#include <optional>
 #include <vector>
+
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/symmetric.h"
 
 namespace nodal::registration {
 namespace {
@@ -12,16 +14,12 @@ namespace {
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
 constexpr int kMostRefusals = 4;
 constexpr double kGrain = 2e-4;  // of the objective: what rays that come and go at the rims make of it, up or down
-constexpr double kLeastPivot = 1e-9;
+constexpr double kSameObjective = 1.001;  // a step that raises the objective by less may still be one in the right direction
+constexpr double kLeastPivot = 1e-9;      // sums are of single-precision products: smaller pivots are their rounding
 
-// row . step <= room keeps a head's fall-off plausible at one place.
-struct Bound {
-  Eigen::VectorXd row;
-  double room = 0;
-};
-
-std::vector<Bound> bounds_of(const Parameters& parameters, const std::vector<HeadState>& heads) {
-  std::vector<Bound> bounds;
+/// Bounds on a step that keep every head's fall-off plausible at some places.
+std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vector<HeadState>& heads) {
+  std::vector<solve::Bound> bounds;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const int slot = parameters.slots()[h].vignetting;
     // One that starts outside goes where it wants.
@@ -39,68 +37,72 @@ std::vector<Bound> bounds_of(const Parameters& parameters, const std::vector<Hea
   return bounds;
 }
 
-// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's sweeps: each in turn to where its own bound is met.
-Eigen::VectorXd multipliers_of(const Eigen::MatrixXd& gram, const Eigen::VectorXd& crossed) {
-  constexpr int kMostSweeps = 2000;
-  Eigen::VectorXd multipliers = Eigen::VectorXd::Zero(crossed.size());
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
-    double beyond = 0;
-    for (Eigen::Index k = 0; k < crossed.size(); ++k) {
-      const double left = crossed[k] - gram.row(k).dot(multipliers);
-      const double next = gram(k, k) > 0 ? std::max(0.0, multipliers[k] + left / gram(k, k)) : 0.0;
-      beyond = std::max(beyond, std::abs(next - multipliers[k]) * gram(k, k));
-      multipliers[k] = next;
-    }
-    if (beyond < 1e-9) break;
+/// The objective as the descent sees it: nothing where a lens does not rise over its region.
+using Evaluation = std::optional<Normal>;
+using Heads = std::vector<HeadState>;
+using Trial = solve::Trial<Heads, Evaluation>;
+
+class LevelProblem {
+ public:
+  LevelProblem(Objective& objective, const Parameters& parameters, const Sought& sought, const DescentOptions& options)
+      : objective_(objective), parameters_(parameters), sought_(sought), options_(options) {}
+
+  Evaluation evaluate(const Heads& heads) {
+    Result<Normal> normal = objective_.evaluate(heads, sought_, true);
+    return normal ? Evaluation(std::move(*normal)) : std::nullopt;
   }
-  return multipliers;
-}
+  double cost(const Evaluation& at) const { return at ? at->objective() : solve::kImpossible; }
+  Eigen::VectorXd step(const Heads& heads, const Evaluation& at, double damping) const {
+    return step_to_minimum(parameters_, heads, *at, options_.curvature, damping);
+  }
+  double promised(const Evaluation& at, const Eigen::VectorXd& step) const {
+    return -step.dot(parameters_.gradient(*at)) / at->cost;
+  }
+  Heads moved(const Heads& heads, const Eigen::VectorXd& step) const { return parameters_.moved(heads, step); }
+
+  bool accepts(const Trial& trial) {
+    if (!refused_) promised_ = trial.promised;
+    if (!trial.there) return false;
+    const double here = cost(trial.here), there = cost(trial.there);
+    if (there < here) return true;
+    if (options_.curvature != Curvature::kCommon || !(there < here * kSameObjective)) return false;
+    // The derivative holds the weights still, the objective does not: near the end the zero of the one is not quite the
+    // minimum of the other. There the promise of the next step, which goes to nothing where the derivative is zero,
+    // decides.
+    const Eigen::VectorXd next = step(trial.state, trial.there, trial.next_damping);
+    return promised(trial.there, next) < 0.5 * promised_;
+  }
+  bool ends(const Trial& trial, bool accepted) {
+    ++tried_;
+    refused_ = !accepted;
+    const double turn = parameters_.largest_turn(trial.step);
+    const bool still = sought_.rotation && turn < options_.turn_rad;
+    if (!accepted) return still || promised_ < kGrain;
+    if (options_.accepted) options_.accepted(tried_, cost(trial.there), turn);
+    const double share = 1 - cost(trial.there) / cost(trial.here);
+    return still || (options_.curvature == Curvature::kOwn && share < options_.gain);
+  }
+
+ private:
+  Objective& objective_;
+  const Parameters& parameters_;
+  const Sought& sought_;
+  const DescentOptions& options_;
+  int tried_ = 0;
+  bool refused_ = false;  // the latest step
+  double promised_ = 0;   // by the first step tried from the best heads
+};
 
 }  // namespace
 
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g) {
-  // Unit diagonal first: px, radians and logarithms differ by orders of magnitude, and a pivot's size means nothing
-  // before they do not.
-  Eigen::VectorXd scale(H.rows());
-  for (Eigen::Index k = 0; k < H.rows(); ++k) scale[k] = H(k, k) > 0 ? 1 / std::sqrt(H(k, k)) : 0.0;
-  const Eigen::MatrixXd unit = scale.asDiagonal() * H * scale.asDiagonal();
-  const Eigen::VectorXd right = scale.asDiagonal() * g;
-  const Eigen::LDLT<Eigen::MatrixXd> cholesky(unit);
-  if (cholesky.info() == Eigen::Success && cholesky.vectorD().minCoeff() > kLeastPivot) {
-    return scale.asDiagonal() * cholesky.solve(right);
-  }
-  // Symmetric, so its eigenvalues are its singular values up to sign; a negative one is noise and is left out too.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit);
-  Eigen::VectorXd inverse = eigen.eigenvalues();
-  for (double& each : inverse) each = each > kLeastPivot ? 1 / each : 0.0;
-  return scale.asDiagonal() *
-         (eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * right)));
+  return solve::solve_symmetric(H, g, {}, {.least_pivot = kLeastPivot});
 }
 
 Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads, const Normal& normal,
                                 Curvature curvature, double damping) {
-  Eigen::MatrixXd H = parameters.hessian(normal, curvature);
-  H.diagonal() *= 1 + damping;
-  const Eigen::VectorXd free = -solve_symmetric(H, parameters.gradient(normal));
-  Eigen::VectorXd step = free;
-  std::vector<Bound> bounds = bounds_of(parameters, heads);
-  Eigen::MatrixXd rows(0, step.size()), toward(step.size(), 0);  // of the bounds met so far
-  Eigen::VectorXd crossed(0);
-  while (true) {
-    constexpr double kTouched = 1e-8;
-    const auto beyond = [&](const Bound& bound) { return bound.row.dot(step) - bound.room; };
-    const auto worst = std::ranges::max_element(bounds, {}, beyond);
-    if (worst == bounds.end() || beyond(*worst) <= kTouched) return step;
-    const Eigen::Index n = rows.rows();
-    rows.conservativeResize(n + 1, Eigen::NoChange);
-    rows.row(n) = worst->row.transpose();
-    toward.conservativeResize(Eigen::NoChange, n + 1);
-    toward.col(n) = solve_symmetric(H, worst->row);
-    crossed.conservativeResize(n + 1);
-    crossed[n] = worst->row.dot(free) - worst->room;
-    bounds.erase(worst);
-    step = free - toward * multipliers_of(rows * toward, crossed);
-  }
+  return solve::solve_bounded(parameters.hessian(normal, curvature), -parameters.gradient(normal),
+                              bounds_of(parameters, heads), {.damping = damping, .least_pivot = kLeastPivot});
 }
 
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought,
@@ -108,47 +110,18 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   const Parameters parameters(heads, sought, held);
   Result<Normal> start = objective.evaluate(heads, sought, true);
   if (!start) return fail(start.error());
-  Descended best{std::move(heads), std::move(*start), 0};
-  if (options.accepted) options.accepted(0, best.normal.objective(), 0);
-  double damping = kFirstDamping;
-  int refusals = 0;
-  const auto step_from = [&](const std::vector<HeadState>& from, const Normal& normal, double lambda) {
-    const Eigen::VectorXd step = step_to_minimum(parameters, from, normal, options.curvature, lambda);
-    return std::pair{step, -step.dot(parameters.gradient(normal)) / normal.cost};
-  };
-  auto [step, promised] = step_from(best.heads, best.normal, damping);
-  while (best.iterations < options.most_iterations && refusals < kMostRefusals && parameters.free_count() > 0) {
-    const double turn = parameters.largest_turn(step);
-    const bool still = sought.rotation && turn < options.turn_rad;
-    std::vector<HeadState> tried = parameters.moved(best.heads, step);
-    Result<Normal> there = objective.evaluate(tried, sought, true);
-    ++best.iterations;
-    const double next_damping = std::max(damping / 10, kLeastDamping);
-    // A lens that no longer rises is a refusal like any other.
-    bool better = there && there->objective() < best.normal.objective();
-    auto [next_step, next_promised] = there ? step_from(tried, *there, next_damping) : std::pair{step, promised};
-    // The derivative holds the weights still, the objective does not: near the end the one's zero is not quite the
-    // other's minimum. There the promise of the next step, which the derivative's zero takes to nothing, decides.
-    if (there && options.curvature == Curvature::kCommon && next_promised < 0.5 * promised &&
-        there->objective() < best.normal.objective() * 1.001) better = true;
-    if (!better) {
-      damping *= 10;
-      ++refusals;
-      if (still || promised < kGrain) break;
-      step = step_from(best.heads, best.normal, damping).first;
-      continue;
-    }
-    const double share = 1 - there->objective() / best.normal.objective();
-    best.heads = std::move(tried);
-    best.normal = std::move(*there);
-    damping = next_damping;
-    refusals = 0;
-    if (options.accepted) options.accepted(best.iterations, best.normal.objective(), turn);
-    if (still || (options.curvature == Curvature::kOwn && share < options.gain)) break;
-    step = next_step;
-    promised = next_promised;
-  }
-  return best;
+  if (options.accepted) options.accepted(0, start->objective(), 0);
+  LevelProblem problem(objective, parameters, sought, options);
+  constexpr double kNever = -std::numeric_limits<double>::infinity();
+  auto end = solve::descend_from(std::move(heads), Evaluation(std::move(*start)), problem,
+                                 {.most_steps = options.most_iterations,
+                                  .most_refusals = kMostRefusals,
+                                  .enough = kNever,  // ends() decides
+                                  .sure = kNever,
+                                  .first_damping = kFirstDamping,
+                                  .least_damping = kLeastDamping,
+                                  .most_damping = solve::kImpossible});
+  return Descended{std::move(end.state), std::move(*end.at), end.tried};
 }
 
 }  // namespace nodal::registration

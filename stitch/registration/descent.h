@@ -24,8 +24,7 @@ struct Descended {
   int iterations = 0;
 };
 
-/// The symmetric system's solution: Cholesky, or where that finds a zero pivot the least-norm solution of a singular
-/// value decomposition (§4.4).
+/// A symmetric system of the objective's sums, whose rounding bounds the pivots that mean something.
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
 
 /// The step to the quadratic model's minimum among the plausible fall-offs; `damping` is a share of each curvature.

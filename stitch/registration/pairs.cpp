@@ -7,12 +7,15 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <span>
 #include <tuple>
 
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/registration/descent.h"
 #include "stitch/registration/pair_start.h"
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/robust.h"
 
 namespace nodal::registration {
 namespace {
@@ -22,16 +25,24 @@ using Eigen::Vector3d;
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMostRounds = 60;
+constexpr double kEnough = 1e-14;                  // of the cost
+constexpr double kDamping = 1e-9;                  // the start is near: steps are nearly Gauss and Newton's
 constexpr double kLeastOutlier = 0.05 / kDegrees;  // by hand nobody is better than that
 constexpr double kFocalSigma = 0.05;               // what a prior's focal length may be off; holds what the pairs do not
 constexpr double kFocalStep = 1e-5;
 constexpr double kMostRms = 2 / kDegrees;
 
+/// Where the heads stand, as far as it is sought.
+struct Stand {
+  std::vector<Matrix3d> R_head_rig;
+  std::vector<double> log_focal;  ///< change of the prior's
+};
+
 // The adjustment under way.
 class Bundle {
  public:
   Bundle(const Calibration& prior, const std::vector<PointPair>& pairs, bool focals)
-      : prior_(prior), pairs_(pairs), focals_(focals), log_focal_(prior.heads.size(), 0.0), used_(pairs.size(), true) {}
+      : prior_(prior), pairs_(pairs), focals_(focals), used_(pairs.size(), true) {}
 
   Result<PairFit> run();
 
@@ -39,11 +50,16 @@ class Bundle {
   Status start();
   Status adjust();
   Result<Vector3d> ray(std::size_t head, geometry::Pixel pixel, double log_focal) const;
-  Result<Vector3d> ray(std::size_t head, geometry::Pixel pixel) const { return ray(head, pixel, log_focal_[head]); }
+  Result<Vector3d> ray(const Stand& stand, std::size_t head, geometry::Pixel pixel) const {
+    return ray(head, pixel, stand.log_focal[head]);
+  }
   bool joined(const PointPair& pair) const { return placed_[pair.head_a] && placed_[pair.head_b]; }
-  Result<std::vector<double>> errors() const;
+  Result<std::vector<double>> errors(const Stand& stand) const;
   double scale_of(std::vector<double> errors) const;
-  Status add_pair(const PointPair& pair, double weight, Eigen::MatrixXd& H, Eigen::VectorXd& g) const;
+  Status add_pair(const Stand& stand, const PointPair& pair, double weight, solve::NormalEquations& sum) const;
+  Status reweigh(const Stand& stand);
+  solve::Evaluation evaluate(const Stand& stand) const;
+  Stand moved(const Stand& from, const Eigen::VectorXd& step) const;
   int column_of(std::size_t head) const { return columns_[head]; }
   Status add_agreements(PairFit& fit) const;
   Result<PairFit> fit() const;
@@ -51,9 +67,9 @@ class Bundle {
   const Calibration& prior_;
   const std::vector<PointPair>& pairs_;
   bool focals_;
-  std::vector<Matrix3d> R_;
-  std::vector<double> log_focal_;
+  Stand stand_;
   std::vector<bool> placed_, used_;
+  std::vector<double> weights_;  // of the pairs
   std::vector<int> columns_;  // of a head's turn; its focal length is behind; -1: it stays
   int first_ = 0;
   int count_ = 0;
@@ -87,18 +103,20 @@ Status Bundle::start() {
     }
     const PointPair way = pair.head_a < pair.head_b
                               ? pair : PointPair{pair.head_b, pair.pixel_b, pair.head_a, pair.pixel_a};
-    const Result<Vector3d> a = ray(way.head_a, way.pixel_a), b = ray(way.head_b, way.pixel_b);
+    const Result<Vector3d> a = ray(way.head_a, way.pixel_a, 0), b = ray(way.head_b, way.pixel_b, 0);
     if (!a) return fail(a.error());
     if (!b) return fail(b.error());
     rays.push_back({way.head_a, way.head_b, *a, *b});
   }
-  for (const HeadCalibration& head : prior_.heads) R_.push_back(geometry::matrix_of(head.R_head_rig));
+  std::vector<Matrix3d>& R = stand_.R_head_rig;
+  for (const HeadCalibration& head : prior_.heads) R.push_back(geometry::matrix_of(head.R_head_rig));
+  stand_.log_focal.assign(R.size(), 0.0);
   // Of islands that nothing joins the largest is placed; the first of its heads holds the rig.
   std::vector<std::optional<Matrix3d>> found;
   std::ptrdiff_t most = 1;
-  for (std::size_t h = 0; h < R_.size(); ++h) {
-    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R_, rays, h);
-    const auto heads = std::ranges::count_if(island, [](const auto& R) { return R.has_value(); });
+  for (std::size_t h = 0; h < R.size(); ++h) {
+    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R, rays, h);
+    const auto heads = std::ranges::count_if(island, [](const auto& pose) { return pose.has_value(); });
     if (heads <= most) continue;
     most = heads;
     found = std::move(island);
@@ -108,9 +126,9 @@ Status Bundle::start() {
     return fail(Errc::kNoCoverage, "the point pairs join no two heads; give at least two pairs, some degrees apart, for "
                                    "two heads that overlap, and check that they belong to these heads");
   }
-  for (std::size_t h = 0; h < R_.size(); ++h) {
+  for (std::size_t h = 0; h < R.size(); ++h) {
     placed_.push_back(found[h].has_value());
-    if (found[h]) R_[h] = *found[h];
+    if (found[h]) R[h] = *found[h];
     const bool moves = placed_.back() && static_cast<int>(h) != first_;
     columns_.push_back(placed_.back() ? count_ : -1);
     count_ += (moves ? 3 : 0) + (placed_.back() && focals_ ? 1 : 0);
@@ -119,13 +137,14 @@ Status Bundle::start() {
   return {};
 }
 
-Result<std::vector<double>> Bundle::errors() const {
+Result<std::vector<double>> Bundle::errors(const Stand& stand) const {
   std::vector<double> all;
   for (const PointPair& pair : pairs_) {
-    const Result<Vector3d> a = ray(pair.head_a, pair.pixel_a), b = ray(pair.head_b, pair.pixel_b);
+    const Result<Vector3d> a = ray(stand, pair.head_a, pair.pixel_a), b = ray(stand, pair.head_b, pair.pixel_b);
     if (!a) return fail(a.error());
     if (!b) return fail(b.error());
-    all.push_back((R_[pair.head_a].transpose() * *a - R_[pair.head_b].transpose() * *b).norm());
+    const auto& R = stand.R_head_rig;
+    all.push_back((R[pair.head_a].transpose() * *a - R[pair.head_b].transpose() * *b).norm());
   }
   return all;
 }
@@ -136,18 +155,18 @@ double Bundle::scale_of(std::vector<double> errors) const {
   for (std::size_t p = 0; p < errors.size(); ++p) {
     if (joined(pairs_[p])) joined_ones.push_back(errors[p]);
   }
-  const auto middle = joined_ones.begin() + static_cast<std::ptrdiff_t>(joined_ones.size() / 2);
-  std::ranges::nth_element(joined_ones, middle);
-  return std::max(1.2 * *middle, 1e-9);
+  constexpr double kSigmaPerMedianOfTwo = 1.2;  // an error has two directions: Rayleigh's median is 1.177 sigma
+  return std::max(kSigmaPerMedianOfTwo * solve::median(joined_ones), 1e-9);
 }
 
-Status Bundle::add_pair(const PointPair& pair, double weight, Eigen::MatrixXd& H, Eigen::VectorXd& g) const {
-  Eigen::Matrix<double, 3, Eigen::Dynamic> J = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, count_);
+Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight, solve::NormalEquations& sum) const {
+  using Rows = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+  Rows J = Rows::Zero(3, count_);
   Vector3d error = Vector3d::Zero();
   const auto add = [&](std::size_t head, geometry::Pixel pixel, double sign) -> Status {
-    const Result<Vector3d> r = ray(head, pixel);
+    const Result<Vector3d> r = ray(stand, head, pixel);
     if (!r) return fail(r.error());
-    const Matrix3d back = R_[head].transpose();
+    const Matrix3d back = stand.R_head_rig[head].transpose();
     error += sign * (back * *r);
     int column = column_of(head);
     if (static_cast<int>(head) != first_) {
@@ -158,55 +177,78 @@ Status Bundle::add_pair(const PointPair& pair, double weight, Eigen::MatrixXd& H
       column += 3;
     }
     if (!focals_) return {};
-    const Result<Vector3d> above = ray(head, pixel, log_focal_[head] + kFocalStep);
-    const Result<Vector3d> below = ray(head, pixel, log_focal_[head] - kFocalStep);
+    const Result<Vector3d> above = ray(head, pixel, stand.log_focal[head] + kFocalStep);
+    const Result<Vector3d> below = ray(head, pixel, stand.log_focal[head] - kFocalStep);
     if (above && below) J.col(column) += sign * (back * (*above - *below)) / (2 * kFocalStep);
     return {};
   };
   if (Status done = add(pair.head_a, pair.pixel_a, 1); !done) return done;
   if (Status done = add(pair.head_b, pair.pixel_b, -1); !done) return done;
-  H += weight * J.transpose() * J;
-  g += weight * J.transpose() * error;
+  for (Eigen::Index k = 0; k < 3; ++k) sum.add(J.row(k).data(), error[k], weight);
   return {};
 }
 
-Status Bundle::adjust() {
-  for (int round = 0; round < kMostRounds; ++round) {
-    const Result<std::vector<double>> all = errors();
-    if (!all) return fail(all.error());
-    noise_ = scale_of(*all);
-    const double huber = 2 * noise_;
-    H_ = Eigen::MatrixXd::Zero(count_, count_);
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(count_);
-    for (std::size_t p = 0; p < pairs_.size(); ++p) {
-      used_[p] = joined(pairs_[p]) && (*all)[p] < std::max(5 * noise_, kLeastOutlier);
-      if (!used_[p]) continue;
-      if (Status done = add_pair(pairs_[p], std::min(1.0, huber / std::max((*all)[p], 1e-12)), H_, g); !done) return done;
-    }
-    const double hold = std::pow(noise_ / kFocalSigma, 2);
-    for (std::size_t h = 0; h < R_.size() && focals_; ++h) {
-      if (!placed_[h]) continue;
-      const int column = column_of(h) + (static_cast<int>(h) == first_ ? 0 : 3);
-      H_(column, column) += hold;
-      g[column] += hold * log_focal_[h];
-    }
-    const Eigen::VectorXd step = -solve_symmetric(H_, g);
-    for (std::size_t h = 0; h < R_.size(); ++h) {
-      if (!placed_[h]) continue;
-      int column = column_of(h);
-      if (static_cast<int>(h) != first_) {
-        R_[h] = geometry::rotation_about(step.segment<3>(column)) * R_[h];
-        column += 3;
-      }
-      if (focals_) log_focal_[h] += std::clamp(step[column], -0.1, 0.1);
-    }
-    if (step.norm() < 1e-11) break;
+// Which pairs are outliers where the heads stand, and how much the others weigh.
+Status Bundle::reweigh(const Stand& stand) {
+  const Result<std::vector<double>> all = errors(stand);
+  if (!all) return fail(all.error());
+  noise_ = scale_of(*all);
+  const solve::Huber huber{2 * noise_};
+  weights_.clear();
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    used_[p] = joined(pairs_[p]) && (*all)[p] < std::max(5 * noise_, kLeastOutlier);
+    weights_.push_back(used_[p] ? huber.weight((*all)[p]) : 0);
   }
   return {};
 }
 
+solve::Evaluation Bundle::evaluate(const Stand& stand) const {
+  solve::Evaluation sum{solve::NormalEquations(count_)};
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    if (used_[p] && !add_pair(stand, pairs_[p], weights_[p], sum.equations)) {
+      sum.cost = solve::kImpossible;
+      return sum;
+    }
+  }
+  for (std::size_t h = 0; h < placed_.size() && focals_; ++h) {
+    if (!placed_[h]) continue;
+    const Eigen::Index column = column_of(h) + (static_cast<int>(h) == first_ ? 0 : 3);
+    const double one = 1;
+    sum.equations.add(std::span(&column, 1), std::span(&one, 1), stand.log_focal[h], std::pow(noise_ / kFocalSigma, 2));
+  }
+  sum.cost = sum.equations.cost();
+  return sum;
+}
+
+Stand Bundle::moved(const Stand& from, const Eigen::VectorXd& step) const {
+  Stand stand = from;
+  for (std::size_t h = 0; h < placed_.size(); ++h) {
+    if (!placed_[h]) continue;
+    int column = column_of(h);
+    if (static_cast<int>(h) != first_) {
+      stand.R_head_rig[h] = geometry::rotation_about(step.segment<3>(column)) * stand.R_head_rig[h];
+      column += 3;
+    }
+    if (focals_) stand.log_focal[h] += std::clamp(step[column], -0.1, 0.1);
+  }
+  return stand;
+}
+
+Status Bundle::adjust() {
+  Status weighed;
+  auto end = solve::descend_reweighted(
+      stand_, [this](const Stand& stand) { return evaluate(stand); },
+      [this](const Stand& from, const Eigen::VectorXd& step) { return moved(from, step); },
+      [&](const Stand& stand) { weighed = reweigh(stand); },
+      {.most_steps = kMostRounds, .enough = kEnough, .first_damping = kDamping, .least_damping = kDamping});
+  if (!weighed) return weighed;
+  stand_ = std::move(end.state);
+  H_ = end.at.equations.matrix();
+  return {};
+}
+
 Status Bundle::add_agreements(PairFit& fit) const {
-  const Result<std::vector<double>> all = errors();
+  const Result<std::vector<double>> all = errors(stand_);
   if (!all) return fail(all.error());
   std::map<std::pair<std::size_t, std::size_t>, PairAgreement> agreements;
   double squares = 0, count = 0;
@@ -239,7 +281,7 @@ Result<PairFit> Bundle::fit() const {
   Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H_, Eigen::VectorXd::Unit(n, k));
   covariance *= noise_ * noise_ / 2;  // a pair's error has two directions
-  for (std::size_t h = 0; h < R_.size(); ++h) {
+  for (std::size_t h = 0; h < placed_.size(); ++h) {
     HeadReport head;
     head.name = prior_.heads[h].name;
     head.placed = placed_[h];
@@ -251,7 +293,7 @@ Result<PairFit> Bundle::fit() const {
       continue;
     }
     const Matrix3d prior = geometry::matrix_of(prior_.heads[h].R_head_rig);
-    head.turned_deg = Eigen::AngleAxisd(Matrix3d(R_[h] * prior.transpose())).angle() * kDegrees;
+    head.turned_deg = Eigen::AngleAxisd(Matrix3d(stand_.R_head_rig[h] * prior.transpose())).angle() * kDegrees;
     int column = column_of(h);
     if (static_cast<int>(h) != first_) {
       const Matrix3d own = covariance.block<3, 3>(column, column);
@@ -259,10 +301,10 @@ Result<PairFit> Bundle::fit() const {
       column += 3;
     }
     HeadCalibration& found = fit.calibration.heads[h];
-    found.R_head_rig = geometry::rows_of(R_[h]);
+    found.R_head_rig = geometry::rows_of(stand_.R_head_rig[h]);
     if (focals_) {
-      found.lens = changed_lens(found.lens, log_focal_[h], {}, 1, 1);
-      head.focal_change_percent = 100 * std::expm1(log_focal_[h]);
+      found.lens = changed_lens(found.lens, stand_.log_focal[h], {}, 1, 1);
+      head.focal_change_percent = 100 * std::expm1(stand_.log_focal[h]);
       head.sigma_focal_percent = 100 * std::sqrt(covariance(column, column));
     }
     fit.heads.push_back(head);

@@ -249,7 +249,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   }
   const LensParameters& lens = state.arrangement.lens;
   tell("aligning pixels", 0.4);
-  Evaluation end = dense.run(0, kQuick, fixed, state);
+  solve::Evaluation end = dense.run(0, kQuick, fixed, state);
   const double variance = covariance(end, fixed)(kFirstCoefficient, kFirstCoefficient);
   if (variance <= std::pow(kHopeless * lens[kFirstCoefficient], 2)) {
     tell("aligning every pixel", 0.5);

@@ -26,7 +26,7 @@ struct LensOptions {
   /// f_y / f_x to start from, and whether it is known to be that.
   double aspect = 1;
   bool aspect_known = false;
-  ForEach for_each = one_by_one;
+  solve::ForEach for_each = solve::one_by_one;
   /// Told after each stage: what is being done, and 0..1 of the whole.
   std::function<void(const std::string& what, double done)> progress;
 };

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "stitch/solve/robust.h"
+
 namespace nodal::calibration {
 namespace {
 
 constexpr int kBands = 24;             // pieces of work; fixed, so that sums do not depend on who does them
-constexpr double kHuber = 2.0;         // scatters
+constexpr solve::Huber kHuber{2.0};   // scatters
 constexpr int kShadeStride = 3;         // shading is smooth: every third pixel of a row tells it
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;      // px, of the coarsest photograph
@@ -61,10 +63,6 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
 
 }  // namespace
 
-void one_by_one(int count, const std::function<void(int)>& work) {
-  for (int i = 0; i < count; ++i) work(i);
-}
-
 /// A photograph's pose and blur, frozen for many pixels.
 struct DenseAlignment::Look {
   PlaneFinder plane;
@@ -96,7 +94,7 @@ struct DenseAlignment::Seen {
 };
 
 DenseAlignment::DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
-                               ForEach for_each)
+                               solve::ForEach for_each)
     : pattern_(pattern),
       region_(region),
       for_each_(std::move(for_each)),
@@ -195,13 +193,12 @@ void DenseAlignment::fit_shading(const DenseState& state) {
   shadings_.fit(samples);
 }
 
-Evaluation DenseAlignment::evaluate(const DenseState& state) const {
+solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
   const int views = static_cast<int>(pyramids_.size());
   const int shared = state.arrangement.lens.count;
   const double width = pattern_.level(0).width;
-  std::vector<Evaluation> bands(kBands, Evaluation{NormalEquations(shared, kOwn, views)});
-  for_each_(kBands, [&](int band) {
-    Evaluation& sum = bands[static_cast<std::size_t>(band)];
+  const solve::Evaluation zero{solve::NormalEquations(shared, kOwn, views)};
+  solve::Evaluation total = solve::sum_of_pieces(kBands, zero, for_each_, [&](int band, solve::Evaluation& sum) {
     gather(state, band, [&](std::size_t v, const Seen& s) {
       const Shadings::Shown shown = shadings_.at(v, s.x, s.y, s.pattern.value);
       const double residual = shown.value - s.value;
@@ -215,23 +212,18 @@ Evaluation DenseAlignment::evaluate(const DenseState& state) const {
       // pulling.
       const double scale = 1 / shadings_.scatter(v);
       const double size = std::abs(residual) * scale;
-      const double weight = size <= kHuber ? 1.0 : kHuber / size;
+      const double weight = kHuber.weight(size);
       sum.equations.add(static_cast<int>(v), by_shared.data(), by_own.data(), residual, weight * scale * scale);
-      sum.cost += size <= kHuber ? size * size : kHuber * (2 * size - kHuber);
+      sum.cost += kHuber.cost(size);
     });
   });
-  Evaluation total{NormalEquations(shared, kOwn, views)};
-  for (const Evaluation& band : bands) {
-    total.equations.add(band.equations);
-    total.cost += band.cost;
-  }
   // A photograph that leaves the pattern must not win by having fewer pixels.
   if (total.equations.count() > 0) total.cost /= static_cast<double>(total.equations.count());
-  else total.cost = 1e300;
+  else total.cost = solve::kImpossible;
   return total;
 }
 
-Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state) {
+solve::Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state) {
   set_level(level, care.most_pixels);
   std::vector<bool> fixed = fixed_lens;
   fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
@@ -246,7 +238,7 @@ Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bo
   };
   for (int round = 1;; ++round) {
     fit_shading(state);
-    Descent<DenseState> descent = descend(
+    auto descent = solve::descend(
         state, [this](const DenseState& s) { return evaluate(s); }, step, fixed,
         {.most_steps = round == 1 ? 6 : 3, .enough = 0, .sure = care.sure, .first_damping = 1e-4});
     const double before = state.arrangement.lens[kFirstCoefficient];
@@ -333,7 +325,7 @@ DenseSurvey DenseAlignment::survey(const DenseState& state) const {
   return survey;
 }
 
-Eigen::MatrixXd covariance(const Evaluation& end, std::vector<bool> fixed_lens) {
+Eigen::MatrixXd covariance(const solve::Evaluation& end, std::vector<bool> fixed_lens) {
   fixed_lens.resize(static_cast<std::size_t>(end.equations.size()), false);
   // Residuals are in scatters already; what the model does not know (print, blur) is alike over a few
   // neighbours.

@@ -7,18 +7,14 @@
 #include <vector>
 
 #include "protocol/calibration.h"
-#include "stitch/calibration/lens/levenberg_marquardt.h"
 #include "stitch/calibration/lens/photometry.h"
 #include "stitch/calibration/lens/scale_space.h"
 #include "stitch/calibration/lens/shading.h"
 #include "stitch/calibration/lens/start.h"
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/pieces.h"
 
 namespace nodal::calibration {
-
-/// Calls work(0) .. work(count - 1), in any order, at once or one by one. Who owns threads passes one that uses
-/// them; the results are the same.
-using ForEach = std::function<void(int count, const std::function<void(int)>& work)>;
-void one_by_one(int count, const std::function<void(int)>& work);
 
 /// What is sought: lens, poses, and how sharp each photograph is.
 struct DenseState {
@@ -56,11 +52,12 @@ struct DenseSurvey {
 /// Ownership: keeps the photographs' pyramids; the pattern must outlive it.
 class DenseAlignment {
  public:
-  DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region, ForEach for_each);
+  DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
+                 solve::ForEach for_each);
 
   /// Descends at one pyramid level (0: full size), shading refitted as it goes; says what it ends with.
   /// `fixed_lens` marks lens parameters that stay.
-  Evaluation run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state);
+  solve::Evaluation run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state);
   /// Coarsest level worth using.
   int coarsest() const { return static_cast<int>(pyramids_[0].size()) - 1; }
 
@@ -74,7 +71,7 @@ class DenseAlignment {
   struct Seen;
   bool see(const Look& look, const Sight& sight, Seen& seen) const;
   void fit_shading(const DenseState& state);
-  Evaluation evaluate(const DenseState& state) const;
+  solve::Evaluation evaluate(const DenseState& state) const;
   /// Calls back with every pixel of a band that shows the pattern (of a row only `every` so many-th), photograph by
   /// photograph.
   void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take,
@@ -85,13 +82,13 @@ class DenseAlignment {
   const ScaleSpace& pattern_;
   std::vector<std::vector<GreyImage>> pyramids_;
   Region region_;
-  ForEach for_each_;
+  solve::ForEach for_each_;
   Shadings shadings_;
   int level_ = 0;
   int stride_ = 1;
 };
 
 /// The covariance of the unknowns where a run ended, from what is left unexplained; lens parameters first.
-Eigen::MatrixXd covariance(const Evaluation& end, std::vector<bool> fixed_lens);
+Eigen::MatrixXd covariance(const solve::Evaluation& end, std::vector<bool> fixed_lens);
 
 }  // namespace nodal::calibration

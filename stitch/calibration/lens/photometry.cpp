@@ -5,9 +5,10 @@
 #include <cmath>
 #include <optional>
 
-#include "stitch/calibration/lens/levenberg_marquardt.h"
 #include "stitch/geometry/lens/rising_polynomial.h"
 #include "stitch/geometry/response.h"
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/robust.h"
 
 namespace nodal::calibration {
 namespace {
@@ -18,7 +19,7 @@ constexpr int kShared = kCurve + kMostCurve;
 constexpr int kOwn = 5;                 // gain, slope x, slope y, x^2 - y^2, x y
 constexpr double kLowest = 0.02, kHighest = 0.98;  // recorded values in between are neither crushed nor saturated
 constexpr double kFoot = 0.002;         // of full light
-constexpr double kHuber = 0.03;
+constexpr solve::Huber kHuber{0.03};
 constexpr double kClearly = 0.9;        // of a gamma curve's rms
 
 struct State {
@@ -89,11 +90,11 @@ Decoded encode_with_slopes(const Curve& curve, double light) {
   return d;
 }
 
-Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool gamma) {
+solve::Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool gamma) {
   const Response response = response_of(state, gamma);
-  Evaluation sum{NormalEquations(kShared, kOwn, static_cast<int>(state.own.size()))};
+  solve::Evaluation sum{solve::NormalEquations(kShared, kOwn, static_cast<int>(state.own.size()))};
   if (!rises(response)) {
-    sum.cost = 1e300;
+    sum.cost = solve::kImpossible;
     return sum;
   }
   const Curve curve(response);
@@ -117,8 +118,8 @@ Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool
     std::array<double, kOwn> by_own;
     for (std::size_t k = 0; k < kOwn; ++k) by_own[k] = by_light * fall * seen * field[k];
     const double size = std::abs(residual);
-    sum.equations.add(p.view, by_shared.data(), by_own.data(), residual, size <= kHuber ? 1.0 : kHuber / size);
-    sum.cost += size <= kHuber ? size * size : kHuber * (2 * size - kHuber);
+    sum.equations.add(p.view, by_shared.data(), by_own.data(), residual, kHuber.weight(size));
+    sum.cost += kHuber.cost(size);
   }
   return sum;
 }
@@ -132,10 +133,10 @@ State moved(const State& from, const Eigen::VectorXd& step) {
   return next;
 }
 
-Descent<State> fit(State start, const std::vector<Placed>& samples, bool gamma) {
+solve::Descent<State, solve::Evaluation> fit(State start, const std::vector<Placed>& samples, bool gamma) {
   std::vector<bool> fixed(kShared + start.own.size() * kOwn, false);
   if (gamma) fixed[kCurve + 1] = fixed[kCurve + 2] = true;
-  return descend(std::move(start), [&](const State& s) { return evaluate(s, samples, gamma); }, moved, fixed,
+  return solve::descend(std::move(start), [&](const State& s) { return evaluate(s, samples, gamma); }, moved, fixed,
                  {.most_steps = 60, .enough = 1e-7, .first_damping = 1e-3});
 }
 
@@ -154,12 +155,12 @@ Photometry fit_photometry(const std::vector<LightSample>& samples, int views, co
   start.own.resize(static_cast<std::size_t>(views), {0.6, 0, 0, 0, 0});
   start.shared[kFlare] = 0.02;
   start.shared[kCurve] = 2.0;
-  const Descent<State> gamma = fit(start, placed, true);
+  const auto gamma = fit(start, placed, true);
   State bend = gamma.state;
   for (int k = 0; k < kMostCurve; ++k) bend.shared[static_cast<std::size_t>(kCurve + k)] = k == 0 ? 0.8 : 0.05;
-  const Descent<State> polynomial = fit(bend, placed, false);
+  const auto polynomial = fit(bend, placed, false);
   const bool take_gamma = gamma.at.cost * kClearly * kClearly <= polynomial.at.cost;
-  const Descent<State>& best = take_gamma ? gamma : polynomial;
+  const auto& best = take_gamma ? gamma : polynomial;
   Photometry result;
   result.response = response_of(best.state, take_gamma);
   for (std::size_t k = 0; k < 3; ++k) result.vignetting[k] = best.state.shared[kVignetting + k];

@@ -1,11 +1,12 @@
 #include "stitch/calibration/lens/region.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
+
+#include "stitch/solve/normal_equations.h"
 
 namespace nodal::calibration {
 namespace {
@@ -70,14 +71,12 @@ std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points
   Region::Circle circle;
   for (int pass = 0; pass < 4; ++pass) {
     if (points.size() < 40) return std::nullopt;
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    solve::NormalEquations sum(3);
     for (const Eigen::Vector2d& p : points) {
       const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
-      A += row * row.transpose();
-      b += p.squaredNorm() * row;
+      sum.add(row.data(), -p.squaredNorm(), 1);
     }
-    const Eigen::Vector3d x = A.ldlt().solve(b);
+    const Eigen::Vector3d x = sum.step(0, {});
     circle = {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
     double square = 0;
     std::vector<double> errors;

@@ -1,8 +1,10 @@
 #include "stitch/calibration/lens/shading.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "stitch/solve/robust.h"
+#include "stitch/solve/symmetric.h"
 
 namespace nodal::calibration {
 namespace {
@@ -85,7 +87,7 @@ void Shadings::fit_one(std::size_t view, const std::vector<ShadeSample>& samples
   // A little stiffness, for a photograph that shows the pattern in a corner only.
   A.diagonal().array() += 1e-6 * A(0, 0) + 1e-9;
   const Eigen::Matrix<double, kTerms, kTerms> full = A.selfadjointView<Eigen::Lower>();
-  const Eigen::Matrix<double, kTerms, 1> x = full.ldlt().solve(b);
+  const Eigen::Matrix<double, kTerms, 1> x = solve::solve_symmetric(full, b, {}, {});
   shadings_[view].a = x.head<kTermsA>();
   shadings_[view].b = x.tail<kTermsB>();
 }
@@ -110,9 +112,7 @@ void Shadings::add_tone(std::size_t view, const std::vector<ShadeSample>& sample
     sums.b(k.index + 1) += weight * wanted * k.share;
   }
   if (off.empty()) return;
-  const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
-  std::ranges::nth_element(off, middle);
-  scatter_[view] = std::max(1.4826 * *middle, 1e-4);
+  scatter_[view] = std::max(solve::kSigmaPerMedian * solve::median(off), 1e-4);
 }
 
 bool Shadings::fit_tone(ToneSums& sums) {
@@ -123,7 +123,7 @@ bool Shadings::fit_tone(ToneSums& sums) {
     bend.segment<3>(k - 1) << 1, -2, 1;
     sums.A += stiff * bend * bend.transpose();
   }
-  const Eigen::Matrix<double, kKnots, 1> knots = sums.A.ldlt().solve(sums.b);
+  const Eigen::Matrix<double, kKnots, 1> knots = solve::solve_symmetric(sums.A, sums.b, {}, {});
   // Which straight line belongs to the tone and which to the shading is free: the tone goes from 0 to 1.
   const double range = knots(kKnots - 1) - knots(0);
   if (!(range > kLeastRange)) return false;

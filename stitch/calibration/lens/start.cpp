@@ -9,8 +9,8 @@
 #include <cstdint>
 #include <numbers>
 
-#include "stitch/calibration/lens/levenberg_marquardt.h"
-#include "stitch/calibration/lens/normal_equations.h"
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/robust.h"
 
 namespace nodal::calibration {
 namespace {
@@ -268,8 +268,8 @@ constexpr int kOwn = 6;
 constexpr double kLost = 100;  // px, for a pair that the lens or the plane does not reach
 
 /// Adds one pair's two residuals, px; gives their length.
-double add_pair(int view, const PointPair& pair, const SightFinder& lens, const PlaneFinder& plane, double huber_px,
-                NormalEquations& sum) {
+double add_pair(int view, const PointPair& pair, const SightFinder& lens, const PlaneFinder& plane, const solve::Huber& huber,
+                solve::NormalEquations& sum) {
   const auto sight = lens.at({pair.photo.x(), pair.photo.y()});
   if (!sight) return kLost;
   const auto point = plane.at(sight->ray);
@@ -278,7 +278,7 @@ double add_pair(int view, const PointPair& pair, const SightFinder& lens, const 
   const Eigen::Vector2d residual = to_px * (point->at - pair.pattern);
   const Eigen::Matrix<double, 2, 3> by_move = to_px * point->by_move;
   const Eigen::Matrix<double, 2, kMaxLensParameters> by_lens = point->distance * by_move * sight->by_parameter;
-  const double weight = residual.norm() <= huber_px ? 1.0 : huber_px / residual.norm();
+  const double weight = huber.weight(residual.norm());
   for (int k = 0; k < 2; ++k) {
     const Eigen::Matrix<double, 1, kMaxLensParameters> by_shared = by_lens.row(k);
     const Eigen::Vector3d g = by_move.row(k);
@@ -289,16 +289,16 @@ double add_pair(int view, const PointPair& pair, const SightFinder& lens, const 
   return residual.norm();
 }
 
-Evaluation evaluate_points(const Arrangement& arrangement, const std::vector<std::vector<PointPair>>& pairs,
-                           double huber_px, std::vector<std::vector<double>>* errors) {
+solve::Evaluation evaluate_points(const Arrangement& arrangement, const std::vector<std::vector<PointPair>>& pairs,
+                                  const solve::Huber& huber, std::vector<std::vector<double>>* errors) {
   const int views = static_cast<int>(pairs.size());
-  Evaluation evaluation{NormalEquations(arrangement.lens.count, kOwn, views)};
+  solve::Evaluation evaluation{solve::NormalEquations(arrangement.lens.count, kOwn, views)};
   const SightFinder lens(arrangement.lens);
   for (int v = 0; v < views; ++v) {
     const PlaneFinder plane(arrangement.poses[static_cast<std::size_t>(v)]);
     for (const PointPair& pair : pairs[static_cast<std::size_t>(v)]) {
-      const double e = add_pair(v, pair, lens, plane, huber_px, evaluation.equations);
-      evaluation.cost += e <= huber_px ? e * e : huber_px * (2 * e - huber_px);
+      const double e = add_pair(v, pair, lens, plane, huber, evaluation.equations);
+      evaluation.cost += huber.cost(e);
       if (errors != nullptr) (*errors)[static_cast<std::size_t>(v)].push_back(e);
     }
   }
@@ -321,17 +321,17 @@ double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::v
                         double huber_px, Arrangement& arrangement) {
   std::vector<bool> fixed = fixed_lens;
   fixed.resize(static_cast<std::size_t>(arrangement.lens.count) + kOwn * pairs.size(), false);
-  arrangement = descend(
-                    arrangement, [&](const Arrangement& a) { return evaluate_points(a, pairs, huber_px, nullptr); },
+  const solve::Huber huber{huber_px};
+  arrangement = solve::descend(
+                    arrangement, [&](const Arrangement& a) { return evaluate_points(a, pairs, huber, nullptr); },
                     [](const Arrangement& a, const Eigen::VectorXd& step) { return moved(a, step, kOwn); }, fixed,
                     {.most_steps = 60, .enough = 1e-6, .first_damping = 1e-3})
                     .state;
   std::vector<std::vector<double>> errors(pairs.size());
-  (void)evaluate_points(arrangement, pairs, huber_px, &errors);
+  (void)evaluate_points(arrangement, pairs, huber, &errors);
   std::vector<double> all;
   for (const auto& view : errors) all.insert(all.end(), view.begin(), view.end());
-  std::ranges::nth_element(all, all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2));
-  const double median = all[all.size() / 2];
+  const double median = solve::median(all);
   for (std::size_t v = 0; v < pairs.size(); ++v) {
     std::vector<PointPair> kept;
     for (std::size_t i = 0; i < pairs[v].size(); ++i) {

@@ -1,20 +1,20 @@
 #include "stitch/calibration/light/light_fit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <span>
 
 #include "protocol/base/units.h"
 #include "stitch/geometry/lens/rising_polynomial.h"
 #include "stitch/geometry/response.h"
+#include "stitch/solve/levenberg_marquardt.h"
+#include "stitch/solve/robust.h"
 
 namespace nodal::calibration {
 namespace {
 
-constexpr double kHuber = 1.5;        // scatters
-constexpr int kSteps = 30;
-constexpr double kStill = 1e-7;
+constexpr solve::Huber kHuber{1.5};   // scatters
 constexpr double kLoosely = 4;        // weight of "no fall-off" where nothing else says
 constexpr double kHeld = 1e6;         // weight of what must not move, and of which the data say nothing
 constexpr double kLeastLight = 1e-4;
@@ -29,6 +29,7 @@ struct Linear {
   std::array<double, kMostTerms> slope{};
   std::size_t count = 0;
 
+  std::ptrdiff_t terms() const { return static_cast<std::ptrdiff_t>(count); }
   void add(Eigen::Index which, double by) {
     unknown[count] = which;
     slope[count++] = by;
@@ -36,76 +37,96 @@ struct Linear {
 };
 using Linearize = std::function<Linear(const Observation&)>;
 using Lines = std::vector<Linear>;
-using Numbers = std::vector<double>;
 
-struct Normal {
-  Eigen::MatrixXd A;
-  Eigen::VectorXd b;
-};
-
-/// Calls back with each group's first observation, its lines, and each one's distance from their weighted mean.
+/// Calls back with each group's first observation and its lines.
 template <class Take>
 void each_group(const LightGroups& groups, const Linearize& linearize, Take&& take) {
   std::vector<Linear> lines;
-  std::vector<double> apart;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     lines.clear();
-    double sum = 0, weight = 0;
-    for (std::size_t i = groups.first[g]; i < groups.first[g + 1]; ++i) {
-      lines.push_back(linearize(groups.all[i]));
-      sum += groups.all[i].weight * lines.back().log_light;
-      weight += groups.all[i].weight;
-    }
-    apart.clear();
-    for (const Linear& line : lines) apart.push_back(line.log_light - sum / weight);
-    take(groups.first[g], lines, apart);
+    for (std::size_t i = groups.first[g]; i < groups.first[g + 1]; ++i) lines.push_back(linearize(groups.all[i]));
+    take(groups.first[g], lines);
   }
 }
 
-/// What a typical observation is off by, in units of its own standard deviation; an outlier does not move it.
-double scatter(const LightGroups& groups, const Linearize& linearize) {
-  std::vector<double> sizes;
-  each_group(groups, linearize, [&](std::size_t first, const Lines& lines, const Numbers& apart) {
+/// How far each observation is from its group's weighted mean.
+std::vector<double> distances(const LightGroups& groups, const Linearize& linearize) {
+  std::vector<double> apart(groups.all.size());
+  each_group(groups, linearize, [&](std::size_t first, const Lines& lines) {
+    double sum = 0, weight = 0;
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      sizes.push_back(std::abs(apart[i]) * std::sqrt(groups.all[first + i].weight));
+      sum += groups.all[first + i].weight * lines[i].log_light;
+      weight += groups.all[first + i].weight;
     }
+    for (std::size_t i = 0; i < lines.size(); ++i) apart[first + i] = lines[i].log_light - sum / weight;
   });
-  if (sizes.empty()) return 1;
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(1.4826 * *middle, 1e-6);
+  return apart;
 }
 
-Normal gather(const LightGroups& groups, Eigen::Index unknowns, const Linearize& linearize, double scale) {
-  Normal n{Eigen::MatrixXd::Zero(unknowns, unknowns), Eigen::VectorXd::Zero(unknowns)};
-  std::vector<double> weights;
-  std::vector<std::pair<Eigen::Index, double>> mean;
-  each_group(groups, linearize, [&](std::size_t first, const Lines& lines, const Numbers& apart) {
-    weights.clear();
-    mean.clear();
-    double sum = 0, off = 0;
+/// The weights of all observations where a model stands, outliers counting less, and how large a typical residual is
+/// in units of its own standard deviation.
+struct Weights {
+  double scale = 1;
+  std::vector<double> each;
+};
+
+Weights weights_at(const LightGroups& groups, const Linearize& linearize) {
+  const std::vector<double> apart = distances(groups, linearize);
+  std::vector<double> sizes;
+  for (std::size_t i = 0; i < apart.size(); ++i) sizes.push_back(std::abs(apart[i]) * std::sqrt(groups.all[i].weight));
+  Weights weights;
+  std::vector<double> sorted = sizes;
+  if (!sorted.empty()) weights.scale = std::max(solve::kSigmaPerMedian * solve::median(sorted), 1e-6);
+  for (std::size_t i = 0; i < apart.size(); ++i) {
+    const double own = groups.all[i].weight / (weights.scale * weights.scale);
+    weights.each.push_back(own * kHuber.weight(sizes[i] / weights.scale));
+  }
+  return weights;
+}
+
+/// The normal equations of all distances to the groups' weighted means: each group's own light is taken out of them.
+solve::Evaluation sum_of(const LightGroups& groups, Eigen::Index unknowns, const Linearize& linearize,
+                         const std::vector<double>& weights) {
+  solve::Evaluation sum{solve::NormalEquations(static_cast<int>(unknowns))};
+  std::vector<Eigen::Index> at;  // the unknowns that a group depends on
+  std::vector<double> mean, row;
+  each_group(groups, linearize, [&](std::size_t first, const Lines& lines) {
+    at.clear();
+    for (const Linear& line : lines) at.insert(at.end(), line.unknown.begin(), line.unknown.begin() + line.terms());
+    std::ranges::sort(at);
+    at.erase(std::unique(at.begin(), at.end()), at.end());
+    const auto place_of = [&](Eigen::Index unknown) {
+      return static_cast<std::size_t>(std::ranges::lower_bound(at, unknown) - at.begin());
+    };
+    double weight = 0, log_light = 0;
+    mean.assign(at.size(), 0);
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      const double own = groups.all[first + i].weight;
-      const double size = std::abs(apart[i]) * std::sqrt(own) / scale;
-      weights.push_back((size <= kHuber ? own : own * kHuber / size) / (scale * scale));
-      sum += weights.back();
-      off += weights.back() * apart[i];
+      const double own = weights[first + i];
+      weight += own;
+      log_light += own * lines[i].log_light;
+      for (std::size_t k = 0; k < lines[i].count; ++k) mean[place_of(lines[i].unknown[k])] += own * lines[i].slope[k];
     }
-    off /= sum;
+    for (double& each : mean) each /= weight;
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      const Linear& line = lines[i];
-      for (std::size_t k = 0; k < line.count; ++k) {
-        const double pull = weights[i] * line.slope[k];
-        n.b[line.unknown[k]] += pull * (apart[i] - off);
-        for (std::size_t l = 0; l < line.count; ++l) n.A(line.unknown[k], line.unknown[l]) += pull * line.slope[l];
-        mean.emplace_back(line.unknown[k], pull);
-      }
-    }
-    for (const auto& [k, a] : mean) {
-      for (const auto& [l, c] : mean) n.A(k, l) -= a * c / sum;
+      row.clear();
+      for (const double each : mean) row.push_back(-each);
+      for (std::size_t k = 0; k < lines[i].count; ++k) row[place_of(lines[i].unknown[k])] += lines[i].slope[k];
+      sum.equations.add(at, row, lines[i].log_light - log_light / weight, weights[first + i]);
     }
   });
-  return n;
+  return sum;
+}
+
+constexpr solve::DescentOptions kDescent{
+    .most_steps = 60, .enough = 1e-14, .first_damping = 1e-9, .least_damping = 1e-9};
+
+/// moved(state, step), the step halved until it leads to a state that can be: a damped step would turn towards the edge of
+/// what can be, and the descent would end there.
+template <class State, class Move, class Possible>
+State moved_within(const State& from, Eigen::VectorXd step, Move&& moved, Possible&& possible) {
+  constexpr int kMostHalvings = 20;
+  for (int halved = 0; halved < kMostHalvings && !possible(moved(from, step)); ++halved) step /= 2;
+  return moved(from, step);
 }
 
 double fall_off(const std::array<double, 3>& v, double s) { return 1 + s * (v[0] + s * (v[1] + s * v[2])); }
@@ -162,21 +183,26 @@ struct CurveFit {
   double sigma = 0;
 };
 
-CurveFit descend_curve(const LightGroups& groups, Eigen::VectorXd x) {
-  const auto lines = [&x](const Observation& o) { return curve_line(x, o); };
-  for (int n = 0; n < kSteps; ++n) {
-    Normal normal = gather(groups, x.size(), lines, scatter(groups, lines));
-    normal.A.diagonal().array() *= 1 + 1e-9;
-    normal.A.diagonal().array() += 1e-9;
-    Eigen::VectorXd step = -normal.A.ldlt().solve(normal.b);
-    for (int halved = 0; halved < 20 && !rises(x + step); ++halved) step /= 2;
-    if (!rises(x + step)) break;
-    x += step;
-    if (step.cwiseAbs().maxCoeff() < kStill) break;
-  }
-  const double scale = scatter(groups, lines);
-  const Normal normal = gather(groups, x.size(), lines, scale);
-  return {x, scale, x.size() == 1 && normal.A(0, 0) > 0 ? 1 / std::sqrt(normal.A(0, 0)) : 0};
+CurveFit descend_curve(const LightGroups& groups, const Eigen::VectorXd& start) {
+  const auto lines_of = [](const Eigen::VectorXd& x) {
+    return [&x](const Observation& o) { return curve_line(x, o); };
+  };
+  Weights weights;
+  const auto end = solve::descend_reweighted(
+      start,
+      [&](const Eigen::VectorXd& x) {
+        if (!rises(x)) return solve::Evaluation{solve::NormalEquations(0), solve::kImpossible};
+        solve::Evaluation sum = sum_of(groups, x.size(), lines_of(x), weights.each);
+        sum.cost = sum.equations.cost();
+        return sum;
+      },
+      [](const Eigen::VectorXd& x, const Eigen::VectorXd& step) {
+        const auto added = [](const Eigen::VectorXd& from, const Eigen::VectorXd& by) { return Eigen::VectorXd(from + by); };
+        return moved_within(x, step, added, rises);
+      },
+      [&](const Eigen::VectorXd& x) { weights = weights_at(groups, lines_of(x)); }, kDescent);
+  const double information = end.state.size() == 1 ? end.at.equations.matrix()(0, 0) : 0;
+  return {end.state, weights.scale, information > 0 ? 1 / std::sqrt(information) : 0};
 }
 
 }  // namespace
@@ -186,16 +212,15 @@ Disagreement disagreement(const LightGroups& groups, const LightModel& model) {
   std::vector<double> weights(model.response.size(), 0.0);
   double square = 0, weight = 0;
   const auto lines = [&](const Observation& o) { return Linear{log_light(model, o), {}, {}, 0}; };
-  each_group(groups, lines, [&](std::size_t first, const Lines& seen, const Numbers& apart) {
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      const Observation& o = groups.all[first + i];
-      const double part = o.weight * apart[i] * apart[i];
-      square += part;
-      weight += o.weight;
-      result.head_rms[static_cast<std::size_t>(o.head)] += part;
-      weights[static_cast<std::size_t>(o.head)] += o.weight;
-    }
-  });
+  const std::vector<double> apart = distances(groups, lines);
+  for (std::size_t i = 0; i < apart.size(); ++i) {
+    const Observation& o = groups.all[i];
+    const double part = o.weight * apart[i] * apart[i];
+    square += part;
+    weight += o.weight;
+    result.head_rms[static_cast<std::size_t>(o.head)] += part;
+    weights[static_cast<std::size_t>(o.head)] += o.weight;
+  }
   result.rms = weight > 0 ? std::sqrt(square / weight) : 0;
   for (std::size_t h = 0; h < weights.size(); ++h) {
     result.head_rms[h] = weights[h] > 0 ? std::sqrt(result.head_rms[h] / weights[h]) : 0;
@@ -240,28 +265,33 @@ Linear gain_line(const LightModel& model, const Places& places, const Observatio
   return line;
 }
 
-/// Adds what the overlaps do not say: the mean of the gains, and a loose wish for no fall-off.
+/// Adds what the overlaps do not determine: the mean of the gains stays, and without evidence there is no fall-off.
 void hold(const LightModel& model, const LightModel& start, const LightFreedom& freedom, const Places& places,
-          Normal& normal) {
+          solve::NormalEquations& sum) {
+  std::vector<double> ones;
+  std::vector<Eigen::Index> gains;
+  const auto hold_one = [&](Eigen::Index unknown, double residual, double weight) {
+    const double one = 1;
+    sum.add(std::span(&unknown, 1), std::span(&one, 1), residual, weight);
+  };
   for (int c = 0; c < 3; ++c) {
+    const auto channel = static_cast<std::size_t>(c);
     double off = 0;
+    gains.clear();
     for (std::size_t h = 0; h < places.heads; ++h) {
-      if (!freedom.placed[h]) continue;
-      const auto channel = static_cast<std::size_t>(c);
-      off += model.log_gain[h][channel] - start.log_gain[h][channel];
-      for (std::size_t other = 0; other < places.heads; ++other) {
-        if (freedom.placed[other]) normal.A(places.gain(h, c), places.gain(other, c)) += kHeld;
+      if (!freedom.placed[h]) {
+        hold_one(places.gain(h, c), 0, kHeld);
+        continue;
       }
+      off += model.log_gain[h][channel] - start.log_gain[h][channel];
+      gains.push_back(places.gain(h, c));
     }
-    for (std::size_t h = 0; h < places.heads; ++h) {
-      if (freedom.placed[h]) normal.b[places.gain(h, c)] += kHeld * off;
-      else normal.A(places.gain(h, c), places.gain(h, c)) += kHeld;  // nothing pulls it: it stays
-    }
+    ones.assign(gains.size(), 1);
+    sum.add(gains, ones, off, kHeld);
   }
   for (std::size_t h = 0; h < (places.own ? places.heads : 1); ++h) {
     for (Eigen::Index k = 0; k < 3; ++k) {
-      normal.A(places.fall(h) + k, places.fall(h) + k) += kLoosely;
-      normal.b[places.fall(h) + k] += kLoosely * model.vignetting[h][static_cast<std::size_t>(k)];
+      hold_one(places.fall(h) + k, model.vignetting[h][static_cast<std::size_t>(k)], kLoosely);
     }
   }
 }
@@ -288,21 +318,26 @@ bool falls_gently(const LightModel& model) {
 
 LightFit fit_gains(const LightGroups& shared_rays, const LightModel& start, const LightFreedom& freedom) {
   const Places places{start.response.size(), freedom.own_vignetting};
-  LightFit fit{start, {}, {}};
-  LightModel& model = fit.model;
-  const auto lines = [&](const Observation& o) { return gain_line(model, places, o); };
-  for (int n = 0; n < kSteps; ++n) {
-    Normal normal = gather(shared_rays, places.count(), lines, scatter(shared_rays, lines));
-    hold(model, start, freedom, places, normal);
-    Eigen::VectorXd step = -normal.A.ldlt().solve(normal.b);
-    for (int halved = 0; halved < 20 && !falls_gently(moved(model, places, step)); ++halved) step /= 2;
-    if (!falls_gently(moved(model, places, step))) break;
-    model = moved(model, places, step);
-    if (step.cwiseAbs().maxCoeff() < kStill) break;
-  }
-  Normal normal = gather(shared_rays, places.count(), lines, scatter(shared_rays, lines));
-  hold(model, start, freedom, places, normal);
-  const Eigen::MatrixXd C = normal.A.ldlt().solve(Eigen::MatrixXd::Identity(places.count(), places.count()));
+  const auto lines_of = [&](const LightModel& model) {
+    return [&](const Observation& o) { return gain_line(model, places, o); };
+  };
+  Weights weights;
+  auto end = solve::descend_reweighted(
+      start,
+      [&](const LightModel& model) {
+        if (!falls_gently(model)) return solve::Evaluation{solve::NormalEquations(0), solve::kImpossible};
+        solve::Evaluation sum = sum_of(shared_rays, places.count(), lines_of(model), weights.each);
+        hold(model, start, freedom, places, sum.equations);
+        sum.cost = sum.equations.cost();
+        return sum;
+      },
+      [&](const LightModel& from, const Eigen::VectorXd& step) {
+        const auto by = [&](const LightModel& model, const Eigen::VectorXd& part) { return moved(model, places, part); };
+        return moved_within(from, step, by, falls_gently);
+      },
+      [&](const LightModel& model) { weights = weights_at(shared_rays, lines_of(model)); }, kDescent);
+  const Eigen::MatrixXd C = end.at.equations.covariance({});
+  LightFit fit{std::move(end.state), {}, {}};
   for (std::size_t h = 0; h < places.heads; ++h) {
     std::array<double, 3> sigma{};
     for (int c = 0; c < 3; ++c) {
@@ -310,7 +345,7 @@ LightFit fit_gains(const LightGroups& shared_rays, const LightModel& start, cons
     }
     fit.sigma_log_gain.push_back(sigma);
     const double variance = C.block<3, 3>(places.fall(h), places.fall(h)).sum();
-    fit.sigma_corner.push_back(std::sqrt(std::max(0.0, variance)) / fall_off(model.vignetting[h], 1));
+    fit.sigma_corner.push_back(std::sqrt(std::max(0.0, variance)) / fall_off(fit.model.vignetting[h], 1));
   }
   return fit;
 }

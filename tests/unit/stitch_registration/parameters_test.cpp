@@ -110,22 +110,5 @@ TEST(Parameters, AHeadIsHeld_NothingOfItsGeometryMovesButItsGainDoes) {
   EXPECT_NE(next[4].lens, heads[4].lens);
 }
 
-TEST(SolveSymmetric, SingularSystem_GivesTheLeastSolution) {
-  // x + y = 2 twice over: of all solutions (1, 1) is the shortest.
-  Eigen::Matrix2d H;
-  H << 1, 1, 1, 1;
-  const Eigen::VectorXd x = solve_symmetric(H, Eigen::Vector2d(2, 2));
-  EXPECT_NEAR(x[0], 1, 1e-12);
-  EXPECT_NEAR(x[1], 1, 1e-12);
-}
-
-TEST(SolveSymmetric, NumbersOfVeryDifferentSize_AreSolvedExactly) {
-  Eigen::Matrix3d H;
-  H << 1e12, 1e5, 0, 1e5, 1, 1e-7, 0, 1e-7, 1e-8;
-  const Eigen::Vector3d want(1e-6, 3, 2e4);
-  const Eigen::VectorXd x = solve_symmetric(H, H * want);
-  for (int k = 0; k < 3; ++k) EXPECT_NEAR(x[k] / want[k], 1, 1e-6);
-}
-
 }  // namespace
 }  // namespace nodal::registration

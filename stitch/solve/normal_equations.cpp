@@ -1,36 +1,11 @@
-#include "stitch/calibration/lens/normal_equations.h"
+#include "stitch/solve/normal_equations.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-namespace nodal::calibration {
-namespace {
+#include "stitch/solve/symmetric.h"
 
-/// The unknowns that move, and by how much each is scaled so that the matrix has ones on its diagonal.
-struct Scaled {
-  std::vector<Eigen::Index> free;
-  Eigen::VectorXd scale;
-  Eigen::MatrixXd A;
-  Eigen::Index at(Eigen::Index i) const { return free[static_cast<std::size_t>(i)]; }
-};
-
-Scaled scaled(const Eigen::MatrixXd& H, const std::vector<bool>& fixed) {
-  Scaled s;
-  for (Eigen::Index i = 0; i < H.rows(); ++i) {
-    if (!fixed[static_cast<std::size_t>(i)] && H(i, i) > 0) s.free.push_back(i);
-  }
-  const auto n = static_cast<Eigen::Index>(s.free.size());
-  s.scale.resize(n);
-  for (Eigen::Index i = 0; i < n; ++i) s.scale[i] = 1 / std::sqrt(H(s.at(i), s.at(i)));
-  s.A.resize(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index k = 0; k < n; ++k) s.A(i, k) = H(s.at(i), s.at(k)) * s.scale[i] * s.scale[k];
-  }
-  return s;
-}
-
-}  // namespace
+namespace nodal::solve {
 
 NormalEquations::NormalEquations(int shared, int own, int views)
     : shared_(shared),
@@ -40,15 +15,36 @@ NormalEquations::NormalEquations(int shared, int own, int views)
       own_blocks_(static_cast<std::size_t>(own * own * views), 0.0),
       gradient_(Eigen::VectorXd::Zero(shared + own * views)) {}
 
-void NormalEquations::add(int view, const double* by_shared, const double* by_own, double residual, double weight) {
-  double* gradient = gradient_.data();
+void NormalEquations::count_residual(double residual, double weight) {
+  cost_ += weight * residual * residual;
+  weight_ += weight;
+  ++count_;
+}
+
+void NormalEquations::add(const double* by_shared, double residual, double weight) {
   double* block = shared_block_.data();
   for (int i = 0; i < shared_; ++i, block += shared_) {
     const double left = weight * by_shared[i];
-    gradient[i] += left * residual;
+    gradient_.data()[i] += left * residual;
     for (int k = 0; k < shared_; ++k) block[k] += left * by_shared[k];
   }
-  gradient += first_of(view);
+  count_residual(residual, weight);
+}
+
+void NormalEquations::add(std::span<const Eigen::Index> at, std::span<const double> slope, double residual,
+                          double weight) {
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    const double left = weight * slope[i];
+    gradient_[at[i]] += left * residual;
+    double* row = shared_block_.data() + at[i] * shared_;
+    for (std::size_t k = 0; k < at.size(); ++k) row[at[k]] += left * slope[k];
+  }
+  count_residual(residual, weight);
+}
+
+void NormalEquations::add(int view, const double* by_shared, const double* by_own, double residual, double weight) {
+  add(by_shared, residual, weight);
+  double* gradient = gradient_.data() + first_of(view);
   double* cross = cross_.data() + view * own_ * shared_;
   double* own = own_blocks_.data() + view * own_ * own_;
   for (int i = 0; i < own_; ++i, cross += shared_, own += own_) {
@@ -57,9 +53,6 @@ void NormalEquations::add(int view, const double* by_shared, const double* by_ow
     for (int k = 0; k < shared_; ++k) cross[k] += left * by_shared[k];
     for (int k = 0; k < own_; ++k) own[k] += left * by_own[k];
   }
-  cost_ += weight * residual * residual;
-  weight_ += weight;
-  ++count_;
 }
 
 void NormalEquations::add(const NormalEquations& other) {
@@ -75,7 +68,7 @@ void NormalEquations::add(const NormalEquations& other) {
   count_ += other.count_;
 }
 
-Eigen::MatrixXd NormalEquations::full() const {
+Eigen::MatrixXd NormalEquations::matrix() const {
   using Rows = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(gradient_.size(), gradient_.size());
   H.topLeftCorner(shared_, shared_) = Rows(shared_block_.data(), shared_, shared_);
@@ -89,14 +82,7 @@ Eigen::MatrixXd NormalEquations::full() const {
 }
 
 Eigen::VectorXd NormalEquations::step(double damping, const std::vector<bool>& fixed) const {
-  Scaled s = scaled(full(), fixed);
-  s.A.diagonal().array() += damping;
-  Eigen::VectorXd g(s.scale.size());
-  for (Eigen::Index i = 0; i < g.size(); ++i) g[i] = -s.scale[i] * gradient_[s.at(i)];
-  const Eigen::VectorXd x = s.A.ldlt().solve(g);
-  Eigen::VectorXd out = Eigen::VectorXd::Zero(gradient_.size());
-  for (Eigen::Index i = 0; i < g.size(); ++i) out[s.at(i)] = s.scale[i] * x[i];
-  return out;
+  return solve_symmetric(matrix(), -gradient_, fixed, {.damping = damping});
 }
 
 double NormalEquations::promised_by(const Eigen::VectorXd& step) const {
@@ -104,16 +90,19 @@ double NormalEquations::promised_by(const Eigen::VectorXd& step) const {
 }
 
 Eigen::MatrixXd NormalEquations::covariance(const std::vector<bool>& fixed) const {
-  const Scaled s = scaled(full(), fixed);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(gradient_.size(), gradient_.size());
+  const ScaledMatrix s = scale_to_unit_diagonal(matrix(), fixed);
+  if (s.free.empty()) return out;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(s.A);
   // What the data cannot tell is a direction of eigenvalue 0: its variance is large, not infinite.
   const Eigen::VectorXd inverse = eigen.eigenvalues().cwiseMax(1e-14).cwiseInverse();
   const Eigen::MatrixXd C = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(gradient_.size(), gradient_.size());
   for (Eigen::Index i = 0; i < C.rows(); ++i) {
-    for (Eigen::Index k = 0; k < C.cols(); ++k) out(s.at(i), s.at(k)) = s.scale[i] * C(i, k) * s.scale[k];
+    for (Eigen::Index k = 0; k < C.cols(); ++k) {
+      out(s.free[static_cast<std::size_t>(i)], s.free[static_cast<std::size_t>(k)]) = s.scale[i] * C(i, k) * s.scale[k];
+    }
   }
   return out;
 }
 
-}  // namespace nodal::calibration
+}  // namespace nodal::solve

@@ -1,36 +1,44 @@
-// Least squares over numbers that all photographs share and numbers that are one photograph's own.
+// The normal equations of a least-squares problem: unknowns that all views share, and unknowns that are one view's own.
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
-namespace nodal::calibration {
+namespace nodal::solve {
 
-/// Gathers J^T W J and J^T W r for `shared` unknowns and `own` unknowns of each of `views` photographs.
+/// Gathers J^T W J and J^T W r for `shared` unknowns and `own` unknowns of each of `views` views. A problem whose
+/// unknowns are all shared has no views.
 class NormalEquations {
  public:
-  NormalEquations(int shared, int own, int views);
+  explicit NormalEquations(int shared, int own = 0, int views = 0);
   int size() const { return static_cast<int>(gradient_.size()); }
   int first_of(int view) const { return shared_ + view * own_; }
 
   /// One residual: its derivatives by the shared and by the view's own unknowns.
   void add(int view, const double* by_shared, const double* by_own, double residual, double weight);
+  /// One residual that depends on shared unknowns only.
+  void add(const double* by_shared, double residual, double weight);
+  /// One residual that depends on a few shared unknowns: unknown at[k] by slope[k]. None may come twice.
+  void add(std::span<const Eigen::Index> at, std::span<const double> slope, double residual, double weight);
   void add(const NormalEquations& other);
 
-  /// The step that lowers the sum, with Marquardt's damping; an unknown that `fixed` marks or that nothing
-  /// depends on does not move.
+  /// The step that lowers the sum, with Marquardt's damping; an unknown that `fixed` marks (empty: none) or that
+  /// nothing depends on does not move.
   Eigen::VectorXd step(double damping, const std::vector<bool>& fixed) const;
-  /// The part of the cost that a step would take away, were the residuals linear.
+  /// The share of the cost that a step would take away if the residuals were linear.
   double promised_by(const Eigen::VectorXd& step) const;
   /// The inverse of J^T W J over the unknowns that are not fixed (rows and columns of the others are zero).
   Eigen::MatrixXd covariance(const std::vector<bool>& fixed) const;
 
+  Eigen::MatrixXd matrix() const;            ///< J^T W J
+  const Eigen::VectorXd& gradient() const { return gradient_; }  ///< J^T W r
   double cost() const { return cost_; }      ///< sum of w r^2
   double weight() const { return weight_; }  ///< sum of w
   long count() const { return count_; }
 
  private:
-  Eigen::MatrixXd full() const;
+  void count_residual(double residual, double weight);
   int shared_;
   int own_;
   // Rows one after the other: shared x shared; then for each view own x shared and own x own.
@@ -43,4 +51,4 @@ class NormalEquations {
   long count_ = 0;
 };
 
-}  // namespace nodal::calibration
+}  // namespace nodal::solve

@@ -1,0 +1,29 @@
+// Sums that are the same to the bit however many threads compute them.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <utility>
+#include <vector>
+
+namespace nodal::solve {
+
+/// Calls work(0) .. work(count - 1), in any order, at once or one by one. Who owns threads passes one that uses them.
+using ForEach = std::function<void(int count, const std::function<void(int)>& work)>;
+
+/// The ForEach of who has no threads.
+inline void one_by_one(int count, const std::function<void(int)>& work) {
+  for (int i = 0; i < count; ++i) work(i);
+}
+
+/// The sum of `pieces` parts, each filled by fill(piece, part) from a copy of `zero`. `pieces` must not depend on the
+/// number of threads: parts are added in their order, so that the sum does not either.
+template <class Sum, class EachPiece, class Fill>
+Sum sum_of_pieces(int pieces, const Sum& zero, EachPiece&& for_each, Fill&& fill) {
+  std::vector<Sum> parts(static_cast<std::size_t>(pieces), zero);
+  for_each(pieces, [&](int piece) { fill(piece, parts[static_cast<std::size_t>(piece)]); });
+  for (std::size_t i = 1; i < parts.size(); ++i) parts[0].add(parts[i]);
+  return std::move(parts[0]);
+}
+
+}  // namespace nodal::solve

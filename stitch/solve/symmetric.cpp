@@ -1,0 +1,96 @@
+#include "stitch/solve/symmetric.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace nodal::solve {
+namespace {
+
+constexpr double kLeastEigenvalue = 1e-14;  // of a unit-diagonal matrix: some tens of units in the last place
+
+Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g, double least_pivot) {
+  const Eigen::LDLT<Eigen::MatrixXd> cholesky(A);
+  if (cholesky.info() == Eigen::Success && cholesky.vectorD().minCoeff() > least_pivot) return cholesky.solve(g);
+  // Symmetric, so its eigenvalues are its singular values up to sign; a negative one is noise and is left out too.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);
+  Eigen::VectorXd inverse = eigen.eigenvalues();
+  for (double& each : inverse) each = each > std::max(least_pivot, kLeastEigenvalue) ? 1 / each : 0.0;
+  return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * g));
+}
+
+/// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's sweeps: each in turn to where its own bound is
+/// met.
+Eigen::VectorXd multipliers_of(const Eigen::MatrixXd& gram, const Eigen::VectorXd& crossed) {
+  constexpr int kMostSweeps = 2000;
+  Eigen::VectorXd multipliers = Eigen::VectorXd::Zero(crossed.size());
+  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    double beyond = 0;
+    for (Eigen::Index k = 0; k < crossed.size(); ++k) {
+      const double left = crossed[k] - gram.row(k).dot(multipliers);
+      const double next = gram(k, k) > 0 ? std::max(0.0, multipliers[k] + left / gram(k, k)) : 0.0;
+      beyond = std::max(beyond, std::abs(next - multipliers[k]) * gram(k, k));
+      multipliers[k] = next;
+    }
+    if (beyond < 1e-9) break;
+  }
+  return multipliers;
+}
+
+}  // namespace
+
+ScaledMatrix scale_to_unit_diagonal(const Eigen::MatrixXd& H, const std::vector<bool>& fixed) {
+  ScaledMatrix s;
+  for (Eigen::Index i = 0; i < H.rows(); ++i) {
+    if ((fixed.empty() || !fixed[static_cast<std::size_t>(i)]) && H(i, i) > 0) s.free.push_back(i);
+  }
+  const auto n = static_cast<Eigen::Index>(s.free.size());
+  const auto at = [&](Eigen::Index i) { return s.free[static_cast<std::size_t>(i)]; };
+  s.scale.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) s.scale[i] = 1 / std::sqrt(H(at(i), at(i)));
+  s.A.resize(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index k = 0; k < n; ++k) s.A(i, k) = H(at(i), at(k)) * s.scale[i] * s.scale[k];
+  }
+  return s;
+}
+
+Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const std::vector<bool>& fixed,
+                                const SymmetricOptions& options) {
+  ScaledMatrix s = scale_to_unit_diagonal(H, fixed);
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(g.size());
+  const Eigen::Index n = s.scale.size();
+  if (n == 0) return out;
+  s.A.diagonal().array() += options.damping;
+  Eigen::VectorXd right(n);
+  for (Eigen::Index i = 0; i < n; ++i) right[i] = s.scale[i] * g[s.free[static_cast<std::size_t>(i)]];
+  const Eigen::VectorXd x = solve_scaled(s.A, right, options.least_pivot);
+  for (Eigen::Index i = 0; i < n; ++i) out[s.free[static_cast<std::size_t>(i)]] = s.scale[i] * x[i];
+  return out;
+}
+
+Eigen::VectorXd solve_bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, std::vector<Bound> bounds,
+                              const SymmetricOptions& options) {
+  const Eigen::VectorXd unbounded = solve_symmetric(H, g, {}, options);
+  Eigen::VectorXd x = unbounded;
+  Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // of the bounds met so far
+  Eigen::VectorXd crossed(0);
+  while (true) {
+    constexpr double kTouched = 1e-8;
+    const auto beyond = [&](const Bound& bound) { return bound.row.dot(x) - bound.room; };
+    const auto worst = std::ranges::max_element(bounds, {}, beyond);
+    if (worst == bounds.end() || beyond(*worst) <= kTouched) return x;
+    const Eigen::Index n = rows.rows();
+    rows.conservativeResize(n + 1, Eigen::NoChange);
+    rows.row(n) = worst->row.transpose();
+    toward.conservativeResize(Eigen::NoChange, n + 1);
+    toward.col(n) = solve_symmetric(H, worst->row, {}, options);
+    crossed.conservativeResize(n + 1);
+    crossed[n] = worst->row.dot(unbounded) - worst->room;
+    bounds.erase(worst);
+    x = unbounded - toward * multipliers_of(rows * toward, crossed);
+  }
+}
+
+}  // namespace nodal::solve
