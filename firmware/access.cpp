@@ -27,6 +27,18 @@ bool changes_rig(const wire::Request& request) {
   return true;
 }
 
+bool needs_keeper(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kUploadCommit:
+    case wire::Request::kCalibrationList:
+    case wire::Request::kCalibrationGet:
+    case wire::Request::kCalibrationUse:
+    case wire::Request::kCalibrationRollback:
+    case wire::Request::kTrialEnd: return true;
+    default: return false;
+  }
+}
+
 Access access_needed(const wire::Request& request) {
   switch (request.what_case()) {
     case wire::Request::kStatus:
@@ -38,7 +50,7 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::WHAT_NOT_SET: return Access::kView;  // a newer host's, which is told that nobody knows it
     case wire::Request::kGenlock:
     case wire::Request::kExposure: return changes_rig(request) ? Access::kControl : Access::kView;
-    case wire::Request::kPull: return request.pull().lossless() ? Access::kControl : Access::kView;  // holds the rig up
+    case wire::Request::kPull: return request.pull().lossless() ? Access::kControl : Access::kView;  // an overloaded board sheds nothing of it
     case wire::Request::kHeadSet:
     case wire::Request::kUploadBegin:
     case wire::Request::kUploadCommit:

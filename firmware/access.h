@@ -25,6 +25,8 @@ struct Listener {
 
 /// Whether carrying it out changes the rig; what the audit log is about.
 bool changes_rig(const wire::Request& request);
+/// Whether the keeper of calibrations carries it out.
+bool needs_keeper(const wire::Request& request);
 /// The table. Its switch names every request, so that one without a line does not compile.
 Access access_needed(const wire::Request& request);
 /// "genlock", "upload_commit": as nodal.proto names the request.

@@ -111,7 +111,7 @@ bool Blender::coordinate() {
 }
 
 bool Blender::finish() {
-  if (raymaps_out_.full()) return false;  // the encoder, or a lossless client, is behind
+  if (raymaps_out_.full()) return false;  // the encoder is behind
   times_.add(clock_.now() - begun_);
   raymaps_out_.push(std::move(raymap_));
   raymap_ = {};

@@ -67,15 +67,16 @@ class Blender {
   };
   const Counts& counts() const { return counts_; }
   const RecentTimes& times() const { return times_; }
-  /// Rises with every piece of work; while !idle() and no client holds it up, it must.
+  /// Rises with every piece of work; while !idle(), it must.
   std::uint64_t progress() const { return progress_.load(std::memory_order_relaxed); }
   /// No set is waiting or under way.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
-  /// What it wants of the frame sets: a newer one is worth more than several that wait.
-  static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 1, 1};
+  /// What it wants of the frame sets: all that may come at once. When a head falls silent, the set that waited for it goes
+  /// on together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
+  static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 3, 1};
   static constexpr int kBandRows = 64;
-  static constexpr std::size_t kMaxBuffers = 24;
+  static constexpr std::size_t kMaxBuffers = 60;
   static constexpr std::size_t kRaymapsWaiting = 2;
 
  private:

@@ -13,6 +13,8 @@
 namespace nodal::firmware {
 namespace {
 
+constexpr std::size_t kRequests = 32;  // one of every host, and control's own
+
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
 
 Error out_of_memory(const Sha256& id) {
@@ -52,7 +54,7 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
                                      SpscRing<InstalledPtr>& tables_back)
-    : config_(config), disk_(disk), starts_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(16), answers_(16) {
+    : config_(config), disk_(disk), starts_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(kRequests), answers_(kRequests) {
   report_.activity = "reading the calibration store";  // so that who asks first is told to wait
   publish();
 }

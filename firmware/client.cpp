@@ -30,7 +30,7 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
       frame_since_(now) {}
 
 std::string Client::who() const {
-  const auto identity = link_->identity();
+  const auto identity = this->identity();
   if (!identity) return name_;
   return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
 }
@@ -47,13 +47,13 @@ void Client::end(const Error& why, Instant now) {
 }
 
 bool Client::active(Instant now) const {
-  if (requests_open > 0) return true;
+  if (requests_open > 0 || held) return true;
   const auto waits_for_link = [&](StreamId stream) {
     const auto counts = session_.counts(stream);
     return counts && counts->pending > 0;
   };
   bool pending = frame_set && waits_for_link(*frame_set);
-  for (const auto& [stream, pull] : pulls) pending |= waits_for_link(stream);
+  for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
   const bool takes = !pulls.empty() || frame_set.has_value();
   if (takes && (!pending || now - written_ < kStalledAfter)) return true;
   return !uploads.empty() && now - heard_ < kStalledAfter;

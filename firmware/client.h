@@ -40,8 +40,13 @@ class Client {
   bool pump_out(Instant now);
   /// Ends it from here; the farewell still goes out.
   void end(const Error& why, Instant now);
-  /// It asked for something: it is not idle.
+  /// It said hello: it is not idle.
   void used(Instant now) { used_ = now; }
+  /// It asked for something.
+  void asked(Instant now) {
+    used_ = now;
+    has_asked_ = true;
+  }
 
   Session& session() { return session_; }
   const Session& session() const { return session_; }
@@ -56,8 +61,10 @@ class Client {
   /// Since its last request, or since bytes of its work moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }
+  bool has_asked() const { return has_asked_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
+  std::optional<hal::PeerIdentity> identity() const { return link_->identity(); }
   /// "host 3 at unix:...", for messages.
   const std::string& name() const { return name_; }
   const Error& why() const { return why_; }
@@ -71,7 +78,11 @@ class Client {
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
   std::size_t requests_open = 0;
+  std::size_t with_capture = 0;  ///< of them, those that capture has
+  std::size_t with_keeper = 0;   ///< of them, those that the keeper of calibrations has
+  std::optional<wire::Request> held;  ///< the next one, while that stage has as many of this host's as it may
   std::uint64_t dropped = 0;  ///< raymaps, on streams that have ended
+  std::uint64_t lossless_ended = 0;  ///< lossless pulls that were too slow
 
   static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< a host says it at once
   /// A frame that has begun is whole within so long, and a second more for each kSlowestBytes of it: one bulk frame is
@@ -96,6 +107,7 @@ class Client {
   Session session_;
   const Instant since_;
   Instant used_;
+  bool has_asked_ = false;
   Instant heard_;           ///< bytes came
   Instant written_;         ///< bytes were taken
   Instant pinged_;

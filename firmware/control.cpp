@@ -40,7 +40,8 @@ bool Control::step(Instant now) {
   remember_settings(now);
   answer_settings(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
-  busy |= publisher_.step(clients_, now);
+  busy |= publisher_.step(clients_);
+  for (const std::string& sentence : publisher_.take_news()) news_.say(NewsKind::kHosts, sentence);
   busy |= frame_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
@@ -104,10 +105,17 @@ bool Control::serve(Client& client, Instant now) {
   int requests = 0;
   int events = 0;
   while (client.requests_open < kMaxRequests && requests < kRequestsAStep && events < kEventsAStep) {
-    auto event = client.session().next_event();
+    auto event = client.held ? std::optional<Event>(std::move(*client.held)) : client.session().next_event();
+    client.held.reset();
     if (!event) break;
+    if (auto* request = std::get_if<wire::Request>(&*event)) {
+      if (!has_room(client, *request)) {
+        client.held = std::move(*request);
+        break;
+      }
+      ++requests;
+    }
     ++events;
-    if (std::holds_alternative<wire::Request>(*event)) ++requests;
     handle(client, *event, now);
   }
   return read || events > 0;
@@ -115,7 +123,7 @@ bool Control::serve(Client& client, Instant now) {
 
 void Control::handle(Client& client, Event& event, Instant now) {
   if (const auto* request = std::get_if<wire::Request>(&event)) {
-    client.used(now);
+    client.asked(now);
     handle(client, *request, now);
   } else if (std::holds_alternative<wire::Hello>(event)) {
     client.used(now);
@@ -151,7 +159,10 @@ std::pair<Client*, Control::Open> Control::close(std::uint64_t ticket) {
   Open open = std::move(found->second);
   open_.erase(found);
   Client* client = find(open.client);
-  if (client) --client->requests_open;
+  if (client) {
+    --client->requests_open;
+    --(needs_keeper(open.request) ? client->with_keeper : client->with_capture);
+  }
   return {client, std::move(open)};
 }
 

@@ -75,6 +75,9 @@ class Control {
   /// Without a hanging stage, after which a start counts as good: twice what a stage may hang unnoticed.
   static constexpr Duration kRunsWellAfter = Supervisor::kStuckAfter * 2;
   static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
+  /// Of them, those that another stage may have: so few that there is room in its ring for every client's.
+  static constexpr std::size_t kCaptureRequests = 4;
+  static constexpr std::size_t kKeeperRequests = 1;
   /// Of a client in a step. A status takes some 10 us to make, so a client that floods the rig with requests costs the
   /// others less than 0.1 ms a step; what is left waits in its session, and then in its link.
   static constexpr int kRequestsAStep = 8;
@@ -109,11 +112,11 @@ class Control {
   void drop_finished();
   bool serve_all(Instant now);
   bool serve(Client& client, Instant now);
+  static bool has_room(const Client& client, const wire::Request& request);
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
   Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
   Status end_host(const Client& client, std::uint64_t number, Instant now);
-  void watch_holding(Instant now);
   Status set(std::uint64_t client, const wire::Request& request);
   Result<CaptureCommand> head_command(const wire::HeadSetRequest& wish) const;
   Result<CaptureCommand> exposure_command(const wire::ExposureRequest& wish) const;
@@ -175,8 +178,6 @@ class Control {
   bool told_well_ = false;               ///< to the keeper
   Supervisor supervisor_;
   Shedding shedding_;
-  std::uint64_t not_taken_ = 0;        ///< sets_missed_by_blend() when last looked at
-  std::optional<Instant> held_until_;  ///< sets were lost because of a host; told until then
   std::string end_reason_;               ///< once end_asked_
   std::atomic<bool> end_asked_{false};
   std::optional<Instant> ending_since_;

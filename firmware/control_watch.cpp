@@ -1,13 +1,10 @@
 // The part of Control that judges how the rig is, and says so.
-#include <utility>
-
 #include "firmware/control.h"
 
 namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
-constexpr Duration kTellHolding = Duration::seconds(5);  ///< a rig that loses sets now and then is not "running" between
 constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
 
 }  // namespace
@@ -32,7 +29,6 @@ void Control::watch(Instant now) {
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   shed(now);
-  watch_holding(now);
   const Finding found = find_condition(config_, {*capture_,
                                                  *keeper_,
                                                  rate_wanted_millihertz(),
@@ -41,14 +37,11 @@ void Control::watch(Instant now) {
                                                  now - newest_set_,
                                                  now - steady_since_,
                                                  shedding_.level(),
-                                                 settings_writer_.problem(),
-                                                 held_until_ ? publisher_.held_by() : std::string()});
-  // While a lossless client holds the rig up, the stages before it may rest.
-  const bool held_up = publisher_.held_up();
+                                                 settings_writer_.problem()});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
-                    {"blend", stages_.blender.progress(), stages_.blender.idle() || held_up},
-                    {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended || held_up}},
+                    {"blend", stages_.blender.progress(), stages_.blender.idle()},
+                    {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended}},
                    found, now);
   if (health().state != before) {
     news_.say(NewsKind::kRig, "the rig is " + std::string(health().state) +
@@ -70,15 +63,8 @@ std::uint64_t Control::sets_missed_by_blend() const {
   return 0;  // before the first report
 }
 
-/// The rig is not "running" while sets are lost because of a host.
-void Control::watch_holding(Instant now) {
-  const std::uint64_t lost = sets_missed_by_blend() - std::exchange(not_taken_, sets_missed_by_blend());
-  if (lost > 0 && publisher_.held_up()) held_until_ = now + kTellHolding;
-  if (held_until_ && now > *held_until_) held_until_.reset();
-}
-
 void Control::shed(Instant now) {
-  shedding_.step(capture_->sets, sets_missed_by_blend(), publisher_.held_up() || now - steady_since_ < kPause, now);
+  shedding_.step(capture_->sets, sets_missed_by_blend(), now - steady_since_ < kPause, now);
   const ShedLevel& level = shedding_.level();
   stages_.encoder.set_every(Publisher::lossless_wanted(clients_) ? 1 : level.publish_every);
   stages_.blender.set_every(level.preview_every);

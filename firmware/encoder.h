@@ -13,7 +13,7 @@
 namespace nodal::firmware {
 
 /// Between the blend and the readers of raymaps: makes a JPEG when a client pulls JPEGs, and gives every outlet a loan of
-/// the raymap. It waits for the publisher alone, whose lossless clients may hold the rig up for a bounded time.
+/// the raymap. It waits for the publisher alone, which waits for no client: a raymap that is made is published.
 ///
 /// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread; an
 ///   outlet's other end is its reader's thread.
@@ -42,7 +42,7 @@ class EncodeStage {
   std::uint64_t failed() const { return failed_.load(std::memory_order_relaxed); }
   std::uint64_t steps() const { return passed_.load(std::memory_order_relaxed); }
 
-  static constexpr std::size_t kMaxBuffers = 24;
+  static constexpr std::size_t kMaxBuffers = 60;
   static constexpr OutletSpec kPublished{"publish", OutletPolicy::kLossless, 2, 1};
 
  private:

@@ -66,8 +66,7 @@ constexpr std::array<Row, kConditions> kTable = [] {
   row(Condition::kNoCalibration, RigState::kNoCalibration, kServe);
   row(Condition::kNoFrames, RigState::kIdle, kServe);
   for (const Condition worse : {Condition::kHeadAway, Condition::kGenlockLost, Condition::kHoldover,
-                                Condition::kUnfitFrames, Condition::kStoreTrouble, Condition::kHostHoldsUp,
-                                Condition::kHeadTrouble, Condition::kTooSlow}) {
+                                Condition::kUnfitFrames, Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTooSlow}) {
     row(worse, RigState::kDegraded, kServe);
   }
   row(Condition::kWell, RigState::kRunning, kServe);
@@ -116,10 +115,6 @@ Finding find_condition(const RigConfig& config, const Signs& signs) {
   }
   if (!signs.keeper.problem.empty()) return found(Condition::kStoreTrouble, signs.keeper.problem);
   if (!signs.settings_problem.empty()) return found(Condition::kStoreTrouble, signs.settings_problem);
-  if (!signs.held_by.empty()) {
-    return found(Condition::kHostHoldsUp, "frame sets are lost: " + signs.held_by +
-                                              " pulls without loss and takes raymaps more slowly than they are made");
-  }
   if (std::string problem = first_head_problem(config, signs.capture); !problem.empty()) {
     return found(Condition::kHeadTrouble, std::move(problem));
   }

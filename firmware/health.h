@@ -33,12 +33,11 @@ enum class Condition : std::uint8_t {
   kHoldover,
   kUnfitFrames,    ///< not what the calibration is for
   kStoreTrouble,
-  kHostHoldsUp,    ///< sets are lost, because a host pulls without loss and is slow
   kHeadTrouble,
   kTooSlow,        ///< fewer raymaps than frames, or some of the work is shed
   kWell,
 };
-inline constexpr std::size_t kConditions = 14;
+inline constexpr std::size_t kConditions = 13;
 
 /// What a transition does.
 struct Acts {
@@ -64,7 +63,6 @@ struct Signs {
   Duration blending;        ///< without a pause or a change of calibration
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem()
-  const std::string& held_by;           ///< the client because of which sets were lost just now; empty: none
 };
 
 /// The first condition that holds of those from kStoreUnread on, and a sentence about it; empty for kWell.

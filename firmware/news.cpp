@@ -19,9 +19,10 @@ News::News(Instant now) {
 void News::step(Instant now) {
   for (std::size_t kind = 0; kind < kNewsKinds; ++kind) {
     Bucket& bucket = buckets_[kind];
-    const auto due = static_cast<std::uint64_t>((now - bucket.filled).ns() / kEvery.ns());
-    bucket.tokens = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBurst, bucket.tokens + due));
-    bucket.filled = bucket.filled + kEvery * static_cast<std::int64_t>(due);
+    const std::int64_t seconds = (now - bucket.filled).ms() / 1000;
+    constexpr std::int64_t kFullWithin = 2 * kBurstBytes / kBytesASecond;  // longer times could overflow
+    bucket.bytes = std::min(kBurstBytes, bucket.bytes + kBytesASecond * std::min(seconds, kFullWithin));
+    bucket.filled = bucket.filled + Duration::seconds(seconds);
     if (bucket.left_out == 0) {
       bucket.summed_up = now;
       continue;
@@ -37,12 +38,12 @@ void News::step(Instant now) {
 
 void News::say(NewsKind kind, std::string_view sentence) {
   Bucket& bucket = buckets_[static_cast<std::size_t>(kind)];
-  if (bucket.tokens == 0) {
+  if (bucket.bytes <= 0) {
     ++bucket.left_out;
     return;
   }
-  --bucket.tokens;
   sentences_.push_back(printable(sentence, kLongestSentence));
+  bucket.bytes -= static_cast<std::int64_t>(sentences_.back().size()) + kLineBytes;
 }
 
 std::vector<std::string> News::take() { return std::exchange(sentences_, {}); }

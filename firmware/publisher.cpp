@@ -18,8 +18,12 @@ SharedBytes shared_bytes(const Buffer& loan) {
   return SharedBytes(holder, &**holder);
 }
 
-/// Buffers that a pull may keep.
-std::size_t pins(bool lossless) { return lossless ? Publisher::kLosslessQueue : 1; }
+/// What the frame path itself has under way: at the blend, two fields each, at the encoder, and between them.
+constexpr std::size_t kInThePath = 8;
+static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= Blender::kMaxBuffers);
+static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= EncodeStage::kMaxBuffers);
+
+std::string in_mib(std::size_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
 
 bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
   return std::any_of(clients.begin(), clients.end(), [&](const auto& client) {
@@ -30,23 +34,16 @@ bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
 
 }  // namespace
 
-bool HoldBudget::step(bool held, Instant now) {
-  const Duration passed = last_ ? std::min(now - *last_, kLongestStep) : Duration();
-  last_ = now;
-  left_ = held ? left_ - passed : std::min(kMost, left_ + Duration::nanoseconds(passed.ns() / kShare));
-  return left_ > Duration();
-}
-
 Result<StreamId> Publisher::start(const Clients& clients, Client& client, const wire::PullRequest& request) {
   if (client.pulls.size() >= kMaxPulls) {
     return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
   }
-  std::size_t pinned = pins(request.lossless());
-  for (const auto& other : clients) {
-    for (const auto& [stream, pull] : other->pulls) pinned += pins(pull.lossless);
-  }
-  if (pinned > kMaxPinned) {
-    return fail(Errc::kOverload, "hosts pull as often as this rig has buffers for; `nodal hosts` lists them and can end one");
+  // A host's first pull is never refused because of what others pull.
+  std::size_t extra = client.pulls.empty() ? 0 : 1;
+  for (const auto& other : clients) extra += other->pulls.empty() ? 0 : other->pulls.size() - 1;
+  if (!client.pulls.empty() && extra > kMaxExtraPulls) {
+    return fail(Errc::kOverload, "hosts pull more than once as often as this rig has buffers for; `nodal hosts` lists them and can end "
+                                 "one");
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
     return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
@@ -71,66 +68,62 @@ Status Publisher::stop(Client& client, StreamId stream) {
   return {};
 }
 
-bool Publisher::step(const Clients& clients, Instant now) {
-  const bool in_budget = budget_.step(held_up_, now);
-  held_up_ = false;
-  for (const auto& client : clients) {
-    forget_ended(*client);
-    if (!in_budget) end_holding(*client);
-    for (const auto& [stream, pull] : client->pulls) {
-      if (!holds_up(*client, pull, stream)) continue;
-      held_up_ = true;
-      held_by_ = client->name();
-    }
-  }
-  if (held_up_) return false;
+bool Publisher::step(const Clients& clients) {
+  for (const auto& client : clients) forget_ended(*client);
   const auto raymap = raymaps_in_.take();
   if (!raymap) return false;
   bool given = false;
-  for (const auto& client : clients) given |= offer(*client, *raymap);
+  for (const auto& client : clients) {
+    for (auto& [stream, pull] : client->pulls) given |= offer(*client, stream, pull, *raymap);
+  }
   if (given) ++published_;
   if (raymap->shed) ++shed_;
   return true;
 }
 
-bool Publisher::holds_up(const Client& client, const Pull& pull, StreamId stream) const {
-  if (!pull.lossless || pull.ended || client.ending()) return false;
-  const auto counts = client.session().counts(stream);
-  return counts && counts->pending >= kLosslessQueue;
+std::size_t Publisher::may_wait(std::size_t bytes) {
+  return std::clamp(kLosslessBytes / std::max<std::size_t>(bytes, 1), kLosslessLeast, kLosslessQueueItems);
 }
 
-void Publisher::end_holding(Client& client) {
-  for (auto& [stream, pull] : client.pulls) {
-    if (!holds_up(client, pull, stream)) continue;
-    client.session().close_stream(
-        stream, Error{Errc::kTimeout, "this lossless pull is too slow: hosts may hold the rig up for " +
-                                          std::to_string(HoldBudget::kMost.ms() / 1000) + " s and one part in " +
-                                          std::to_string(HoldBudget::kShare) +
-                                          " of the time, and that is used up; what came so far is complete. Pull JPEGs, "
-                                          "over a faster link, or without --lossless"});
-    pull.ended = true;
+bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap) {
+  const bool jpeg = pull.coding == wire::PullRequest::JPEG;
+  const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
+  const Buffer& body = jpeg ? raymap.jpeg : raymap.pixels;
+  // It is a set's; its second field has no other.
+  const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
+  const bool shed = raymap.shed && !pull.lossless && !evidence;
+  const auto before = client.session().counts(stream);
+  if (pull.ended || told || shed || !before || client.ending()) return false;
+  if (!evidence && !body) {
+    // Raymaps that were under way when the pull began may lack what it wants.
+    if (pull.lossless && before->offered > 0) {
+      end_lossless(client, stream, pull, {Errc::kOverload, "a raymap could not be encoded; set " + std::to_string(raymap.info.set) +
+                                                               " would be missing"});
+    }
+    return false;
   }
-}
-
-bool Publisher::offer(Client& client, const Raymap& raymap) {
-  bool given = false;
-  for (auto& [stream, pull] : client.pulls) {
-    const bool jpeg = pull.coding == wire::PullRequest::JPEG;
-    const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
-    const bool there = jpeg ? static_cast<bool>(raymap.jpeg) : evidence || raymap.pixels;
-    // It is a set's; its second field has no other.
-    const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
-    const bool shed = raymap.shed && !pull.lossless && !evidence;
-    if (pull.ended || !there || told || shed) continue;
-    if (!client.session().offer(stream, item(raymap, pull.coding))) continue;
-    given = true;
-    if (pull.count == 0) continue;
-    const auto counts = client.session().counts(stream);
-    if (!counts || counts->delivered + counts->pending < pull.count) continue;
+  const std::size_t most = may_wait(evidence ? 0 : body->size());
+  if (pull.lossless && before->pending >= most) {
+    end_lossless(client, stream, pull,
+                 {Errc::kTimeout, "this lossless pull is too slow: " + std::to_string(most) + " raymaps wait for it, and the rig keeps at most " +
+                                      std::to_string(kLosslessQueueItems) + " or " + in_mib(kLosslessBytes) +
+                                      "; what came so far is complete. Pull JPEGs, over a faster link, or without --lossless"});
+    return false;
+  }
+  if (!client.session().offer(stream, item(raymap, pull.coding))) return false;
+  const auto after = client.session().counts(stream);
+  if (pull.count != 0 && after && after->delivered + after->pending >= pull.count) {
     client.session().close_stream(stream);
     pull.ended = true;
   }
-  return given;
+  return true;
+}
+
+void Publisher::end_lossless(Client& client, StreamId stream, Pull& pull, Error why) {
+  news_.push_back(client.name() + ": " + why.message);
+  client.session().close_stream(stream, std::move(why));
+  pull.ended = true;
+  ++client.lossless_ended;
 }
 
 BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding) const {
@@ -167,7 +160,7 @@ void Publisher::forget_ended(Client& client) {
     Pull& pull = entry->second;
     const auto counts = client.session().counts(entry->first);
     if (counts) pull.dropped = counts->dropped;
-    if (counts && !(pull.ended && counts->pending == 0)) {
+    if (counts) {  // until its last word is out: the link may still hold a raymap
       ++entry;
       continue;
     }

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "firmware/admission.h"
 #include "firmware/client.h"
 #include "firmware/config.h"
 #include "firmware/outlet.h"
@@ -14,31 +15,10 @@
 
 namespace nodal::firmware {
 
-/// How long lossless pulls may hold the rig up: a token bucket, filled by time and emptied while the rig waits. One for
-/// all clients, because what they cost everybody else adds up, and because a client would get a new one by connecting
-/// again.
-///
-/// Threading: thread-bound to control.
-/// Ownership: none.
-/// Errors: none.
-class HoldBudget {
- public:
-  /// Once a step, with whether the rig waited since the last. False when the time is used up.
-  bool step(bool held, Instant now);
-
-  static constexpr Duration kMost = Duration::seconds(1);  ///< a pause of a link or a disk that a recording survives
-  static constexpr int kShare = 10;  ///< one tenth of the time at most: 27 of 30 raymaps a second are made all the same
-  static constexpr Duration kLongestStep = Duration::milliseconds(100);  ///< a step that came later is this thread's doing
-
- private:
-  Duration left_ = kMost;
-  std::optional<Instant> last_;
-};
-
-/// Hands raymaps to the clients that pull, all from the same memory, which is free again when the last has sent it. A slow
-/// client is given the newest it can take and told how many it missed; a lossless one holds the rig up until it has taken
-/// its share, within HoldBudget: who holds the rig up when that is used up has its pull ended with an error, since what it
-/// was promised cannot be kept.
+/// Hands raymaps to the clients that pull, all from the same memory, which is free again when the last has sent it. No
+/// client holds the rig up. A slow one is given the newest it can take and told how many it missed. A lossless pull may
+/// fall behind by a bounded number of raymaps and bytes; when one more would exceed them its pull ends with an error, and
+/// what it was given until then has no gap.
 ///
 /// Threading: thread-bound to control; the outlet's other end is the encoder's.
 /// Ownership: sessions hold loans of the raymaps that they send.
@@ -53,7 +33,7 @@ class Publisher {
   Status stop(Client& client, StreamId stream);
 
   /// True when it did something.
-  bool step(const Clients& clients, Instant now);
+  bool step(const Clients& clients);
   /// Whether any client pulls JPEGs.
   static bool jpeg_wanted(const Clients& clients);
   /// Whether any client pulls pixels.
@@ -62,32 +42,34 @@ class Publisher {
   static bool lossless_wanted(const Clients& clients);
   /// Raymaps this client was not given, on all its streams.
   static std::uint64_t dropped(const Client& client);
+  /// Raymaps of so many bytes that may wait for a lossless pull.
+  static std::size_t may_wait(std::size_t bytes);
 
-  /// A lossless client has not taken its share yet.
-  bool held_up() const { return held_up_; }
-  /// The client that holds the rig up, or did last.
-  const std::string& held_by() const { return held_by_; }
+  /// Sentences about lossless pulls that were ended, since the last call.
+  std::vector<std::string> take_news() { return std::exchange(news_, {}); }
   std::uint64_t published() const { return published_; }  ///< raymaps given to at least one client
   std::uint64_t shed() const { return shed_; }  ///< raymaps that were not offered, for the board is overloaded
 
-  static constexpr std::size_t kMaxPulls = 4;         ///< of a client
+  static constexpr std::size_t kMaxPulls = 4;       ///< of a client
+  static constexpr std::size_t kMaxExtraPulls = 8;  ///< of all clients, beside the first of each
   /// Buffers that pulls may pin, of the blend's and the encoder's kMaxBuffers: a host that does not read keeps the one
-  /// raymap that has begun to go out, a lossless pull kLosslessQueue. What is left is enough for the frame path.
-  static constexpr std::size_t kMaxPinned = 16;
-  static constexpr std::uint64_t kLosslessQueue = 2;  ///< raymaps that wait for a lossless client
+  /// raymap that has begun to go out.
+  static constexpr std::size_t kMaxPinned = Admission::in_all(Admission::kMaxWorking) + kMaxExtraPulls;
+  /// A lossless pull may fall behind by so much, and by kLosslessQueueItems raymaps: a second of JPEGs of ten heads. By
+  /// kLosslessLeast it always may. Lossless pulls that wait for the same raymaps share them, so this is what all of them
+  /// cost together.
+  static constexpr std::size_t kLosslessBytes = 24U << 20;
+  static constexpr std::size_t kLosslessLeast = 2;
 
  private:
-  bool holds_up(const Client& client, const Pull& pull, StreamId stream) const;
-  void end_holding(Client& client);
-  bool offer(Client& client, const Raymap& raymap);
+  bool offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap);
+  void end_lossless(Client& client, StreamId stream, Pull& pull, Error why);
   BulkItem item(const Raymap& raymap, wire::PullRequest::Coding coding) const;
   static void forget_ended(Client& client);
 
   const RaymapConfig config_;
   Outlet<Raymap>& raymaps_in_;
-  HoldBudget budget_;
-  bool held_up_ = false;
-  std::string held_by_;
+  std::vector<std::string> news_;
   std::uint64_t published_ = 0;
   std::uint64_t shed_ = 0;
 };

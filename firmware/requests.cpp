@@ -24,6 +24,12 @@ Status gain_allowed(std::int32_t mdb) {
 
 }  // namespace
 
+/// A request that would be one too many for the stage that carries it out waits, and what this host asks after it.
+bool Control::has_room(const Client& client, const wire::Request& request) {
+  if (needs_keeper(request)) return client.with_keeper < kKeeperRequests;
+  return !changes_rig(request) || client.with_capture < kCaptureRequests;
+}
+
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
   wire::Reply answer;
   answer.set_id(request.id());
@@ -148,7 +154,10 @@ Status Control::set(std::uint64_t client, const wire::Request& request) {
     return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
   }
   open_[ticket] = open_request(client, request);
-  if (Client* const waits = find(client)) ++waits->requests_open;
+  if (Client* const waits = find(client)) {
+    ++waits->requests_open;
+    ++waits->with_capture;
+  }
   return {};
 }
 
@@ -159,6 +168,7 @@ Status Control::ask_keeper(Client& client, const wire::Request& request, decltyp
   }
   open_[ticket] = open_request(client.number(), request);
   ++client.requests_open;
+  ++client.with_keeper;
   return {};
 }
 

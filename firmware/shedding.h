@@ -32,7 +32,7 @@ class Shedding {
   static constexpr int kPatience = 5;
   static constexpr int kMostPatience = 80;
 
-  /// `sets` and `not_taken` count from the start; `excused`: somebody who may do so holds the rig up.
+  /// `sets` and `not_taken` count from the start; `excused`: the rate says nothing of the board just now.
   void step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Instant now);
   const ShedLevel& level() const { return kShedLevels[level_]; }
 

@@ -26,7 +26,13 @@ void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire:
     for (const auto& [stream, pull] : client->pulls) {
       const bool jpeg = pull.coding == wire::PullRequest::JPEG;
       const bool raw = pull.coding == wire::PullRequest::RAW;
-      host.add_streams(std::string("pulls ") + (jpeg ? "jpeg" : raw ? "raw" : "evidence") + (pull.lossless ? " lossless" : ""));
+      std::string what = std::string("pulls ") + (jpeg ? "jpeg" : raw ? "raw" : "evidence") + (pull.lossless ? " lossless" : "");
+      const auto counts = client->session().counts(stream);
+      if (pull.lossless && counts && counts->pending > 1) what += ", " + std::to_string(counts->pending) + " behind";
+      host.add_streams(std::move(what));
+    }
+    if (client->lossless_ended > 0) {
+      host.add_streams("was too slow for " + std::to_string(client->lossless_ended) + " lossless pull" + (client->lossless_ended > 1 ? "s" : ""));
     }
     if (client->frame_set) host.add_streams("pulls a frame set");
     for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");

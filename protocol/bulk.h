@@ -50,7 +50,7 @@ inline constexpr std::uint64_t kStreamWindowBytes = 1U << 20;
 inline constexpr std::uint64_t kHostLosslessWindowBytes = 4U << 20;
 inline constexpr std::size_t kMaxStreams = 16;  ///< open at once, each way
 /// Items a lossless stream holds before offer() says kOverload.
-inline constexpr std::size_t kLosslessQueueItems = 8;
+inline constexpr std::size_t kLosslessQueueItems = 32;
 
 /// A part of an item as it arrived. Pieces of an item come in order and without gaps.
 struct BulkPiece {

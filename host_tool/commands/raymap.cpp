@@ -357,7 +357,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
       ->type_name("jpg|png|raw")
       ->check(checked_by(parse_raymap_format));
   command->add_flag("--complete", args->complete, "Only raymaps that every head of the rig is in");
-  command->add_flag("--lossless", args->lossless, "Every raymap, or an error: the rig waits, but not for long, instead of dropping");
+  command->add_flag("--lossless", args->lossless, "Every raymap that is made, or an error when this end is too slow");
   line.on(command, [args](Context& context) { return run(context, *args); });
 }
 

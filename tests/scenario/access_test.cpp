@@ -45,7 +45,7 @@ TEST(ViewOnly, PullsAndLooks_ButChangesNothing) {
   const std::uint64_t before = control.heads().heads(0).exposure_ns();
   EXPECT_EQ(viewer.ask(exposure_of_all(123'000)).error().code(), kNotPermitted);
   EXPECT_EQ(viewer.ask(genlock(wire::GenlockRequest::START)).error().code(), kNotPermitted);
-  EXPECT_EQ(viewer.pull(false, 1, true), 0u) << "a lossless pull holds everybody up";
+  EXPECT_EQ(viewer.pull(false, 1, true), 0u) << "an overloaded board sheds nothing of a lossless pull";
   stand.run(Duration::seconds(1));
   EXPECT_EQ(control.heads().heads(0).exposure_ns(), before);
   EXPECT_EQ(control.status().genlock().state(), "off");

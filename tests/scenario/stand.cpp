@@ -19,8 +19,8 @@ hal::sim::WorldOptions virtual_time(const StandOptions& options) {
 
 }  // namespace
 
-TestHost::TestHost(Stand& stand, hal::sim::SimLinkListener& listener)
-    : stand_(stand), link_(listener.connect()), session_(Role::kHost, make_hello("a test")) {}
+TestHost::TestHost(Stand& stand, hal::sim::SimLinkListener& listener, hal::PeerIdentity who)
+    : stand_(stand), link_(listener.connect(who)), session_(Role::kHost, make_hello("a test")) {}
 
 void TestHost::pump() {
   if (gone_) return;
@@ -187,8 +187,8 @@ void Stand::check_conserved() {
   }
 }
 
-TestHost& Stand::connect() {
-  hosts.push_back(std::make_unique<TestHost>(*this, listener));
+TestHost& Stand::connect(hal::PeerIdentity who) {
+  hosts.push_back(std::make_unique<TestHost>(*this, listener, who));
   return *hosts.back();
 }
 

@@ -33,7 +33,7 @@ struct Pulled {
 /// A host at the far end of a simulated link.
 class TestHost {
  public:
-  TestHost(Stand& stand, hal::sim::SimLinkListener& listener);
+  TestHost(Stand& stand, hal::sim::SimLinkListener& listener, hal::PeerIdentity who = {1000, 4711});
 
   /// Asks, and runs the stand until the answer is there. Its id is set here.
   wire::Reply ask(wire::Request request);
@@ -92,7 +92,7 @@ class Stand {
   /// Everything steps until nothing has anything to do; time stands still.
   void settle();
 
-  TestHost& connect();
+  TestHost& connect(hal::PeerIdentity who = {1000, 4711});
   TestHost& connect_to_view();
   /// With the small calibration in force.
   TestHost& bring_up();

@@ -28,7 +28,7 @@ class Crowd {
   void attack();
   /// The clients' turn; the rig's own comes between two.
   void act(Instant now);
-  void on_news(std::size_t sentences) { news_ += sentences; }
+  void on_news(const std::vector<std::string>& sentences);
   void check(Instant now);
   /// All clients go.
   void leave();
@@ -43,8 +43,8 @@ class Crowd {
   static constexpr std::uint64_t kMostLiveBytes = 32U << 20;
   /// What may remain of it afterwards.
   static constexpr std::uint64_t kMostLeftBytes = 512U << 10;
-  /// Log sentences: so many at once, and so many a second beside.
-  static constexpr std::uint64_t kMostNewsAtOnce = 100, kMostNewsASecond = 4;
+  /// Bytes of log: so many at once, and so many a minute beside.
+  static constexpr std::uint64_t kMostNewsAtOnce = 32U << 10, kMostNewsAMinute = 32U << 10;
 
  private:
   std::uint64_t sets_lost() const;

@@ -234,7 +234,7 @@ void Oracle::check_books(firmware::Rig& rig) {
     if (counts.held > firmware::Capture::kMaxOpenSets) return fail(of_head(i) + "more of its frames are held than sets");
     counts_.add(counts);
   }
-  if (rig.control().clients() > firmware::Admission::kMaxLinks) return fail("more hosts are served than allowed");
+  if (rig.control().clients() > firmware::Admission::in_all(firmware::Admission::kMaxLinks)) return fail("more hosts are served than allowed");
 }
 
 void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) {

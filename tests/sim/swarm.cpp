@@ -121,7 +121,7 @@ void Swarm::step_rest(Instant now) {
   for (int steps = crowd_ ? kStepsALook : 1; steps > 0 && rig_->step_control(); --steps) {
   }
   for (const auto& host : hosts_) host->pump();
-  const std::size_t news = rig_->control().take_news().size();
+  const std::vector<std::string> news = rig_->control().take_news();
   if (crowd_ && phase_ != Phase::kRecovering) {
     crowd_->on_news(news);
     crowd_->check(now);
@@ -131,17 +131,17 @@ void Swarm::step_rest(Instant now) {
 /// Between capture and blend. Most sets are given back here: blending them all would cost more than everything else.
 void Swarm::look_at_set() {
   firmware::Outlet<firmware::SetLoan>& out = rig_->blender().sets_in();
-  const auto set = out.take();
-  if (!set) return;
-  if (looked_at_ != (*set)->number) {
-    looked_at_ = (*set)->number;
-    oracle_.on_set(**set, held_up());
-  }
   const bool kept_waiting = world_.now() < blend_until_;
-  // What is not offered again is given back with this loan.
-  if (kept_waiting || crowd_ || (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0) {
-    out.offer(*set);
+  std::vector<firmware::SetLoan> kept;  // what is not is given back here
+  while (const auto set = out.take()) {
+    if (!looked_at_ || (*set)->number > *looked_at_) {
+      looked_at_ = (*set)->number;
+      oracle_.on_set(**set, held_up());
+    }
+    const bool blended = (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0;
+    if (kept_waiting || crowd_ || blended) kept.push_back(*set);
   }
+  for (const firmware::SetLoan& set : kept) out.offer(set);
 }
 
 bool Swarm::held_up() const {

@@ -24,7 +24,7 @@ class HealthTest : public testing::Test {
   }
   Health judged() {
     const Finding found =
-        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings, held_by});
+        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -36,7 +36,6 @@ class HealthTest : public testing::Test {
   Duration since_last_set;
   ShedLevel shed;
   std::string settings;
-  std::string held_by;
 };
 
 TEST_F(HealthTest, EverythingRight_IsRunningWithoutAProblem) {
@@ -85,12 +84,6 @@ TEST_F(HealthTest, SettingsThatCannotBeStored_AreDegradedWithTheReason) {
   EXPECT_EQ(judged().problem, settings);
 }
 
-TEST_F(HealthTest, AHostThatHoldsTheRigUp_IsDegradedAndNamed) {
-  held_by = "host 3 at unix:/run/nodal.sock";
-  EXPECT_EQ(judged().state, "degraded");
-  EXPECT_NE(judged().problem.find(held_by), std::string::npos) << judged().problem;
-}
-
 TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
   rate = 28'500;
   EXPECT_EQ(judged().state, "running") << "within a twentieth";
@@ -130,7 +123,6 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "DDDDDDX",  // kHoldover
     "DDDDDDX",  // kUnfitFrames
     "DDDDDDX",  // kStoreTrouble
-    "DDDDDDX",  // kHostHoldsUp
     "DDDDDDX",  // kHeadTrouble
     "DDDDDDX",  // kTooSlow
     "RRRRRRX",  // kWell

@@ -61,7 +61,7 @@ TEST_F(SheddingTest, ABoardThatCanDoJustSoMuch_TriesEverMoreSeldom) {
   EXPECT_LE(changes, 30) << "ten minutes with a patience of 5, 10, 20, 40 and 80 s";
 }
 
-TEST_F(SheddingTest, ALosslessHostHoldsTheRigUp_NothingIsShedForIt) {
+TEST_F(SheddingTest, WhileTheRateSaysNothingOfTheBoard_NothingIsShed) {
   seconds(60, 10, true);
   EXPECT_EQ(shedding.level(), ShedLevel{});
 }
