@@ -1,16 +1,35 @@
 # Bugs that the swarm must find within 200 seeds. Each is one program: a source of the firmware, copied with one text
 # replaced, goes before the library, whose own is then left out. Nothing of it is in what is shipped.
 #
-# canary(NAME FILE FROM TO)
-function(canary name file from to)
-  get_filename_component(copy ${file} NAME)
-  set(mutated ${CMAKE_CURRENT_BINARY_DIR}/canaries/${name}/${copy})
-  add_custom_command(OUTPUT ${mutated} VERBATIM DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake
-    COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
-            -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
-  nodal_module(swarm_canary_${name} EXECUTABLE SOURCES main.cpp ${mutated}
+# canary(NAME FILE FROM TO [FILE FROM TO]... [HOSTILE])    HOSTILE: hostile clients find it, in rigs where nothing else goes wrong
+function(canary name)
+  set(copies)
+  set(hostile)
+  set(minutes 10)
+  set(i 1)
+  while(i LESS ARGC)
+    if(ARGV${i} STREQUAL "HOSTILE")
+      set(hostile --hostile)
+      set(minutes 2)
+      break()
+    endif()
+    math(EXPR at_from "${i} + 1")
+    math(EXPR at_to "${i} + 2")
+    set(file ${ARGV${i}})
+    set(from "${ARGV${at_from}}")
+    set(to "${ARGV${at_to}}")
+    get_filename_component(copy ${file} NAME)
+    set(mutated ${CMAKE_CURRENT_BINARY_DIR}/canaries/${name}/${copy})
+    add_custom_command(OUTPUT ${mutated} VERBATIM DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake
+      COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
+              -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
+    list(APPEND copies ${mutated})
+    math(EXPR i "${i} + 3")
+  endwhile()
+  nodal_module(swarm_canary_${name} EXECUTABLE SOURCES main.cpp ${copies}
     SEES ${swarm_modules} sim_hostile sim_swarm PACKAGES protobuf)
-  add_test(NAME sim/canary_${name} COMMAND swarm_canary_${name} --canary --seeds 200 --minutes 10 --quiet)
+  add_test(NAME sim/canary_${name}
+    COMMAND swarm_canary_${name} --canary --seeds 200 --minutes ${minutes} --quiet ${hostile})
   set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600 PROCESSORS 2)
 endfunction()
 
@@ -48,3 +67,22 @@ canary(asked_taken_for_done firmware/aligner.cpp
   "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.asked)\;")
 canary(field_at_its_frames_time firmware/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")
+
+canary(idle_hosts_stay firmware/admission.cpp "all.size() > most_hosts\;" "all.size() > most_hosts + 100\;" HOSTILE)
+canary(silent_links_stay firmware/admission.cpp
+  "all.size() > most_strangers\;" "all.size() > most_strangers + 100\;"
+  firmware/client.cpp "if (!said_hello() && now - since_ > kHelloWithin)" "if (!said_hello() && now - since_ > kSilentFor)"
+  HOSTILE)
+canary(lossless_pull_holds_the_rig firmware/publisher.cpp
+  "const auto raymap = raymaps_in_.take()\;"
+  "for (const auto& client : clients) for (const auto& [stream, pull] : client->pulls) if (const auto counts = client->session().counts(stream)\; pull.lossless && counts && counts->pending >= 2) return false\; const auto raymap = raymaps_in_.take()\;" HOSTILE)
+canary(lossless_pull_has_gaps firmware/publisher.cpp "if (!client.session().offer(stream, item(raymap, pull.coding))) return false\;"
+  "if (raymap.info.set % 64 == 0 || !client.session().offer(stream, item(raymap, pull.coding))) return false\;" HOSTILE)
+canary(unknown_fields_kept protocol/session.cpp "drop_unknown_fields(*request)\;" ""
+  firmware/settings.cpp "if (from.has_gamma()) into.set_gamma(from.gamma())\;" "into.MergeFrom(from)\;"
+  HOSTILE)
+canary(uploads_without_quota firmware/control.cpp "Admission::kMaxClients, kUploadsOfAClient}"
+  "Admission::kMaxClients, kUploadsOfAClient * Admission::kMaxClients}" HOSTILE)
+canary(keeper_without_quota firmware/requests.cpp "client.with_keeper < kKeeperRequests" "client.with_keeper < kMaxRequests" HOSTILE)
+canary(log_without_limit firmware/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)
+canary(pulls_without_limit firmware/publisher.cpp "if (!client.pulls.empty() && extra > kMaxExtraPulls)" "if (extra > 1000)" HOSTILE)

@@ -20,9 +20,10 @@ std::uint64_t Crowd::live_bytes() {
 }
 
 Crowd::Crowd(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally,
-             std::uint64_t seed, firmware::Rig& rig, Instant now)
+             std::uint64_t seed, firmware::Rig& rig, hal::sim::SimDisk& disk, Instant now)
     : oracle_(oracle), tally_(tally), listener_(listener), torn_(documents.json[0]), random_(seed, "crowd"), rig_(rig),
-      since_(now), live_before_(live_bytes()), lost_before_(sets_lost()), next_count_(now) {
+      disk_(disk), since_(now), live_before_(live_bytes()), lost_before_(sets_lost()),
+      free_before_(*disk.free_bytes()), next_count_(now) {
   for (const bool visitor : {false, true}) {
     good_.push_back(
         std::make_unique<GoodClient>(listener, oracle, documents, tally, visitor, random_.next(), now));
@@ -39,9 +40,11 @@ void Crowd::attack() {
     if (narrow) link->in().capacity = kNarrowLinkBytes;
     return link;
   };
-  const int many = 1 + static_cast<int>(random_.below(kMostHostile));
   const bool all_alike = random_.chance(500'000);
   const HostileKind common = drawn_kind();
+  const bool only_there =
+      all_alike && (common == HostileKind::kSilent || common == HostileKind::kIdle || common == HostileKind::kHalfOpen);
+  const int many = 1 + static_cast<int>(random_.below(only_there ? kMostThatOnlyAreThere : kMostHostile));
   for (int i = 0; i < many; ++i) {
     const HostileKind kind = all_alike ? common : drawn_kind();
     hostile_.push_back(std::make_unique<Hostile>(kind, connect, torn_, kUnknownBytes, random_.next()));
@@ -82,6 +85,10 @@ void Crowd::check(Instant now) {
   if (news_ > kMostNewsAtOnce + kMostNewsAMinute * seconds / 60) {
     oracle_.fail(std::to_string(news_) + " bytes for the log in " + std::to_string(seconds) + " s, because of " +
                  hostile_names_);
+  }
+  const std::uint64_t free = *disk_.free_bytes();
+  if (free + kMostFileBytes < free_before_) {
+    oracle_.fail("files grew by " + std::to_string((free_before_ - free) >> 10) + " KiB, because of " + hostile_names_);
   }
   if (now < next_count_) return;
   next_count_ = now + kCountsLiveEvery;

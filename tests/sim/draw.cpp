@@ -100,7 +100,8 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
     head.control_latency = static_cast<int>(random.below(4));
     nature.head.push_back(head);
   }
-  nature.hostile = wish.faults && wish.hostile;
+  hal::sim::Random hostile(seed, "hostile");
+  nature.hostile = wish.faults && (wish.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");
   if (!wish.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
   return nature;

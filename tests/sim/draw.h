@@ -50,7 +50,7 @@ struct Nature {
   bool can_align = false;      ///< and all of them can be brought into step
   Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
   bool hosts = false;          ///< somebody talks to it
-  bool hostile = false;        ///< half of what befalls it is hostile clients
+  bool hostile = false;        ///< some of what befalls it is hostile clients
   Duration look_every;         ///< how often the daemon's threads wake when nothing rings
   Duration poll;               ///< devices do not ring: frames are found at multiples of this
   int blend_every = 1;         ///< of the sets, those that are blended

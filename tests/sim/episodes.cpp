@@ -38,7 +38,7 @@ void Swarm::advance_episode() {
 
 void Swarm::draw_episode() {
   episode_ = {};
-  if (nature_.hostile && (wish_.hostile || crowds_.chance(500'000))) {
+  if (nature_.hostile && (wish_.hostile || crowds_.chance(300'000))) {
     episode_.of_clients = true;
     return;
   }
@@ -58,7 +58,7 @@ void Swarm::draw_episode() {
 void Swarm::prepare() {
   if (episode_.of_clients) {
     crowd_ = std::make_unique<Crowd>(*listener_, oracle_, documents_, outcome_.tally, crowds_.next(), *rig_,
-                                     world_.now());
+                                     *disk_, world_.now());
     return plan_next(Duration::seconds(1));
   }
   if (!episode_.of_heads) {

@@ -17,7 +17,7 @@ std::span<const std::uint8_t> bytes_of(const std::string& text) {
 GoodClient::GoodClient(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally,
                        bool visitor, std::uint64_t seed, Instant now)
     : listener_(listener), oracle_(oracle), documents_(documents), tally_(tally), visitor_(visitor),
-      random_(seed, "good client") {
+      random_(seed, "good client"), lossless_(random_.chance(500'000)) {
   tasks_[kStatus].every = Duration::seconds(1);
   tasks_[kSetting].every = Duration::seconds(3);
   tasks_[kUpload].every = Duration::seconds(5);
@@ -35,7 +35,10 @@ void GoodClient::pump(Instant now) {
   if (line_ && line_->dead()) {
     ++tally_.good_dropped;
     line_.reset();
-    for (Task& task : tasks_) task.next_try = std::max(task.next_try, now + kTriesAgainAfter);
+    for (Task& task : tasks_) {
+      task.asked.reset();
+      task.next_try = std::max(task.next_try, now + kTriesAgainAfter);
+    }
   }
   const int tasks = visitor_ ? 1 : kWhats;
   for (int i = 0; i < tasks; ++i) {
@@ -52,7 +55,8 @@ void GoodClient::pump(Instant now) {
       take(*reply, now);
     } else if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
       take(*piece, now);
-    } else if (std::holds_alternative<StreamClosed>(*event)) {
+    } else if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
+      if (lossless_ && closed->error) oracle_.fail("a good client's lossless pull was ended: " + closed->error->message);
       retry(tasks_[kPull], now);
     } else if (std::holds_alternative<StreamStopped>(*event)) {
       uploading_.reset();
@@ -77,7 +81,11 @@ void GoodClient::start(What what, Task& task) {
       request.mutable_upload_begin()->set_sha256(sha256_to_wire(sha256(bytes_of(json))));
       break;
     }
-    case kPull: request.mutable_pull()->set_coding(wire::PullRequest::RAW); break;
+    case kPull:
+      request.mutable_pull()->set_coding(wire::PullRequest::RAW);
+      request.mutable_pull()->set_lossless(lossless_);
+      newest_set_.reset();
+      break;
   }
   if (line_->session().send(request)) task.asked = request.id();
 }
@@ -127,6 +135,12 @@ void GoodClient::take(const BulkPiece& piece, Instant now) {
   pixels_.insert(pixels_.end(), piece.data.begin(), piece.data.end());
   if (!piece.last) return;
   oracle_.on_raymap(raymap_, pixels_, documents_.id);
+  const std::uint64_t expected = newest_set_.value_or(0) + (raymap_.field() == 0 ? 1 : 0);
+  if (lossless_ && newest_set_ && raymap_.set() != expected) {
+    oracle_.fail("a good client's lossless pull gave set " + std::to_string(raymap_.set()) + " where " +
+                 std::to_string(expected) + " was next");
+  }
+  newest_set_ = raymap_.set();
   const auto asked = tasks_[kPull].asked;
   done(kPull, now);
   tasks_[kPull].asked = asked;  // the same pull gives the next

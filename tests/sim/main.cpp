@@ -126,8 +126,11 @@ int print_coverage(const Tally& tally) {
   for (int f = 0; f < kRigFaults; ++f) {
     tell(tally.rig_faults[static_cast<std::size_t>(f)], std::string(name_of(static_cast<RigFault>(f))));
   }
-  std::printf("  %d head states x %d faults x one, two, all, and %d faults of the rig: each visited %llu times or more\n",
-              kHeadStates, kHeadFaults, kRigFaults, static_cast<unsigned long long>(least));
+  for (int k = 0; k < kHostileKinds; ++k) {
+    tell(tally.hostile[static_cast<std::size_t>(k)], "hostile clients: " + std::string(name_of(static_cast<HostileKind>(k))));
+  }
+  std::printf("  %d head states x %d faults x one, two, all, %d faults of the rig, and %d kinds of hostile clients: each visited %llu times or more\n",
+              kHeadStates, kHeadFaults, kRigFaults, kHostileKinds, static_cast<unsigned long long>(least));
   return missing;
 }
 
