@@ -1,4 +1,4 @@
-// protocol/LIMITS.md against the tree: what it names exists, and it names every limit that a header states.
+// protocol/LIMITS.md and tests/README.md against the tree: what they name exists, and every limit of a header is named.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -61,6 +61,13 @@ std::string whole(const TextFile& file) {
   return text;
 }
 
+std::string whole_page(const std::string& path) {
+  for (const TextFile& file : project_files()) {
+    if (file.path == path) return whole(file);
+  }
+  return "";
+}
+
 TEST(Limits, EveryConstantNamed_IsDefinedInTheCode) {
   std::set<std::string> defined;
   for (const TextFile& file : project_files()) {
@@ -79,7 +86,7 @@ TEST(Limits, EveryConstantNamed_IsDefinedInTheCode) {
 
 TEST(Limits, EveryTestNamed_Exists) {
   std::set<std::string> tests;
-  static const std::regex declared(R"(TEST(?:_F|_P)?\(\s*(\w+\s*,\s*\w+)\s*\))");
+  static const std::regex declared(R"((?:TEST(?:_F|_P)?|RC_GTEST_PROP)\(\s*(\w+\s*,\s*\w+)\s*[,)])");
   for (const TextFile& file : project_files()) {
     if (!file.path.starts_with("tests/") || !file.path.ends_with(".cpp")) continue;
     for (std::string name : found(whole(file), declared)) {
@@ -87,11 +94,12 @@ TEST(Limits, EveryTestNamed_Exists) {
       tests.insert(name.replace(name.find(','), 1, "."));
     }
   }
-  static const std::regex named(R"(`(\w+\.\w+)`)");
-  for (const Row& row : rows()) {
-    const std::vector<std::string> names = found(row.test, named);
-    EXPECT_FALSE(names.empty()) << "no test in: " << row.limit;
-    for (const std::string& name : names) EXPECT_TRUE(tests.contains(name)) << kPage << " names the test " << name;
+  static const std::regex named(R"(`([A-Z]\w*\.[A-Z]\w*)`)");
+  for (const Row& row : rows()) EXPECT_FALSE(found(row.test, named).empty()) << "no test in: " << row.limit;
+  for (const char* page : {kPage, "tests/README.md"}) {
+    const std::vector<std::string> names = found(whole_page(page), named);
+    EXPECT_GE(names.size(), 30u) << page;
+    for (const std::string& name : names) EXPECT_TRUE(tests.contains(name)) << page << " names the test " << name;
   }
 }
 
