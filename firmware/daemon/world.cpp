@@ -15,9 +15,9 @@
 #include "hal/linux/watchdog.h"
 #include "hal/replay/deck.h"
 #include "hal/replay/image_file.h"
-#include "hal/sim/response.h"
-#include "hal/sim/scene.h"
-#include "hal/sim/world.h"
+#include "hal/sim/scene/response.h"
+#include "hal/sim/scene/scene.h"
+#include "hal/sim/rig.h"
 
 namespace nodal::daemon {
 namespace {
@@ -117,7 +117,7 @@ Result<hal::sim::ScenePtr> make_scene(const SimConfig& sim, const Calibration& t
   return scene;
 }
 
-Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const std::filesystem::path& base) {
+Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, const std::filesystem::path& base) {
   const SimConfig& sim = *config.sim;
   const auto text = read_text(base / sim.calibration, kMaxCalibrationBytes);
   if (!text) return fail(text.error().in("sim.calibration"));
@@ -144,7 +144,7 @@ Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const
   auto scene = make_scene(sim, *truth, base);
   if (!scene) return fail(scene.error());
 
-  hal::sim::WorldOptions options;
+  hal::sim::SimRigOptions options;
   options.real_time = sim.clock == SimConfig::Clock::kReal;
   options.seed = sim.seed;
   options.scene = std::move(*scene);
@@ -156,7 +156,7 @@ Result<std::unique_ptr<hal::sim::World>> make_sim(const RigConfig& config, const
     head.pixels = wanted[index]->format;
     head.fields = wanted[index]->fields;
   };
-  return std::make_unique<hal::sim::World>(*truth, options);
+  return std::make_unique<hal::sim::SimRig>(*truth, options);
 }
 
 std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std::filesystem::path& base,
@@ -178,7 +178,7 @@ std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std:
 
 struct World::State {
   hal::linux_os::LinuxClock machine_clock;
-  std::unique_ptr<hal::sim::World> sim;
+  std::unique_ptr<hal::sim::SimRig> sim;
   std::unique_ptr<hal::replay::Deck> deck;
   Enumerators enumerators;
   std::unique_ptr<BothTriggers> both;

@@ -1,4 +1,4 @@
-// Time as the simulated world has it: virtual, moved only by the test, or the machine's own.
+// Time as the simulated rig has it: virtual, moved only by the test, or the machine's own.
 #pragma once
 
 #include <atomic>

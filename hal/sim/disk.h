@@ -7,7 +7,7 @@
 
 #include "hal/disk.h"
 #include "hal/sim/clock.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 
 namespace nodal::hal::sim {
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "hal/sim/crystal.h"
-#include "hal/sim/sensor.h"
+#include "hal/sim/head_port.h"
 
 namespace nodal::hal::sim {
 
@@ -14,6 +14,11 @@ namespace {
 constexpr std::uint64_t kExposuresAStep = 64;
 
 }  // namespace
+
+SensorOptions sensor_options(const HeadOptions& options) {
+  return {options.pixels,    options.fields != Fields::kProgressive, options.rate.period() / 2,
+          options.reference, options.supersampling,                  options.noise};
+}
 
 HeadLimits default_head_limits() {
   HeadLimits limits;
@@ -30,173 +35,13 @@ HeadLimits default_head_limits() {
   return limits;
 }
 
-/// The head as opened. It owns the buffers, so that what was lent stays readable after the head is gone.
-class SimHead::Port final : public HeadPort {
- public:
-  explicit Port(SimHead& head)
-      : head_(&head), identity_(head.identity_), format_(head.format_), limits_(head.options_.limits),
-        buffers_(static_cast<std::size_t>(head.options_.buffers)) {
-    const std::size_t size = packed_size(format_.pixels, format_.width, format_.height);
-    for (Buffer& buffer : buffers_) buffer.bytes.resize(size);
-  }
-  ~Port() override {
-    stop();
-    if (head_ != nullptr) head_->port_ = nullptr;
-  }
-
-  const HeadIdentity& identity() const override { return identity_; }
-  const HeadFormat& format() const override { return format_; }
-  const HeadLimits& limits() const override { return limits_; }
-
-  Status start(TriggerMode trigger) override {
-    if (head_ == nullptr) return fail(gone());
-    return head_->start(trigger);
-  }
-  void stop() override {
-    if (head_ != nullptr) head_->stop();
-  }
-  Status set_exposure(Exposure exposure) override;
-  Status set_gain(Gain gain) override;
-  Status set_white_balance(WhiteBalance balance) override;
-  Status set_gamma(Gamma gamma) override;
-  Status nudge(Duration by) override {
-    if (head_ == nullptr) return fail(gone());
-    return head_->nudge(by);
-  }
-  Result<std::optional<FrameView>> take_frame() override;
-  void release(BufferSlot slot) override {
-    if (slot < buffers_.size() && buffers_[slot].state == Buffer::State::kLent) {
-      buffers_[slot].state = Buffer::State::kFree;
-    }
-  }
-
-  /// The driver's half. False: no buffer is free.
-  bool fill(const Exposed& frame) {
-    for (std::size_t slot = 0; slot < buffers_.size(); ++slot) {
-      if (buffers_[slot].state != Buffer::State::kFree) continue;
-      buffers_[slot].state = Buffer::State::kFilled;
-      buffers_[slot].frame = frame;
-      filled_.push_back(static_cast<BufferSlot>(slot));
-      return true;
-    }
-    return false;
-  }
-  /// Takes every buffer back; how many held a frame that nobody took.
-  std::size_t take_back() {
-    const std::size_t untaken = filled_.size();
-    filled_.clear();
-    for (Buffer& buffer : buffers_) buffer.state = Buffer::State::kFree;
-    return untaken;
-  }
-  /// From now on every call says so; what was lent stays lent.
-  std::size_t vanish() {
-    const std::size_t untaken = filled_.size();
-    filled_.clear();
-    head_ = nullptr;
-    return untaken;
-  }
-
- private:
-  struct Buffer {
-    enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
-    std::vector<std::uint8_t> bytes;
-    std::uint64_t holds = 0;  ///< which rendering is in it already, 0: unknown
-    Exposed frame;
-  };
-
-  Error gone() const { return {Errc::kDeviceGone, "head '" + identity_.path + "': unplugged; plug it in again"}; }
-
-  SimHead* head_;  ///< null once unplugged
-  const HeadIdentity identity_;
-  const HeadFormat format_;
-  const HeadLimits limits_;
-  std::vector<Buffer> buffers_;
-  std::deque<BufferSlot> filled_;
-};
-
-Status SimHead::Port::set_exposure(Exposure exposure) {
-  if (head_ == nullptr) return fail(gone());
-  if (exposure < limits_.exposure_min || exposure > limits_.exposure_max) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': exposure " + std::to_string(exposure.us()) +
-                                     " us is not between " + std::to_string(limits_.exposure_min.us()) + " and " +
-                                     std::to_string(limits_.exposure_max.us()) + " us");
-  }
-  HeadSettings wanted = head_->settings_;
-  wanted.exposure = exposure;
-  head_->change(wanted);
-  return {};
-}
-
-Status SimHead::Port::set_gain(Gain gain) {
-  if (head_ == nullptr) return fail(gone());
-  if (gain < limits_.gain_min || gain > limits_.gain_max) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': gain " + std::to_string(gain.mdb()) +
-                                     " mdB is not between " + std::to_string(limits_.gain_min.mdb()) + " and " +
-                                     std::to_string(limits_.gain_max.mdb()) + " mdB");
-  }
-  HeadSettings wanted = head_->settings_;
-  wanted.gain = gain;
-  head_->change(wanted);
-  return {};
-}
-
-Status SimHead::Port::set_white_balance(WhiteBalance balance) {
-  if (head_ == nullptr) return fail(gone());
-  if (!limits_.has_white_balance) {
-    return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no white balance to set");
-  }
-  if (balance.red_q12 < kWhiteBalanceMin || balance.blue_q12 < kWhiteBalanceMin) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': white balance " + std::to_string(balance.red_q12) +
-                                     ", " + std::to_string(balance.blue_q12) + " is not between " +
-                                     std::to_string(kWhiteBalanceMin) + " and 65535");
-  }
-  HeadSettings wanted = head_->settings_;
-  wanted.white_balance = balance;
-  head_->change(wanted);
-  return {};
-}
-
-Status SimHead::Port::set_gamma(Gamma gamma) {
-  if (head_ == nullptr) return fail(gone());
-  if (gamma != Gamma() && limits_.gamma_max == Gamma()) {
-    return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no gamma to set");
-  }
-  if (gamma != Gamma() && (gamma < limits_.gamma_min || gamma > limits_.gamma_max)) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': gamma " + std::to_string(gamma.thousandths()) +
-                                     "/1000 is not between " + std::to_string(limits_.gamma_min.thousandths()) +
-                                     " and " + std::to_string(limits_.gamma_max.thousandths()));
-  }
-  HeadSettings wanted = head_->settings_;
-  wanted.gamma = gamma;
-  head_->change(wanted);
-  return {};
-}
-
-Result<std::optional<FrameView>> SimHead::Port::take_frame() {
-  if (head_ == nullptr) return fail(gone());
-  if (!head_->streaming_) {
-    return fail(Errc::kWrongState, "head '" + identity_.path + "': take_frame() before start()");
-  }
-  head_->step(head_->clock_.now());
-  if (filled_.empty()) return std::optional<FrameView>{};
-  const BufferSlot slot = filled_.front();
-  filled_.pop_front();
-  Buffer& buffer = buffers_[slot];
-  buffer.state = Buffer::State::kLent;
-  --head_->counts_.waiting;
-  ++head_->counts_.taken;
-  FrameView view = head_->picture(buffer.frame, buffer.bytes, buffer.holds);
-  view.slot = slot;
-  return std::optional<FrameView>{view};
-}
-
 SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const HeadCalibration& truth,
                  const HeadOptions& options, std::uint64_t seed)
     : clock_(clock), trigger_(trigger), scene_(std::move(scene)), truth_(truth), options_(options),
       identity_{"sim:" + truth.name, "sim-" + truth.name, "Nodal simulated head"},
       format_{options.pixels, truth.width, truth.height, options.fields, options.rate},
       random_(seed, identity_.path), seed_(random_.next()),
-      sensor_(std::make_unique<Sensor>(truth, options, scene_, seed_)), settings_(options.settings),
+      sensor_(std::make_unique<Sensor>(truth, sensor_options(options), scene_, seed_)), settings_(options.settings),
       in_effect_(options.settings) {
   NODAL_ASSERT(options.buffers >= 1);
   if (options.fields != Fields::kProgressive) {
@@ -206,7 +51,7 @@ SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const He
 }
 
 SimHead::~SimHead() {
-  NODAL_ASSERT(port_ == nullptr);  // a port outlived its world
+  NODAL_ASSERT(port_ == nullptr);  // a port outlived its rig
 }
 
 void SimHead::set_sequence(std::uint32_t next) {

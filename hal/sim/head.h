@@ -1,5 +1,5 @@
-// A simulated head: a true lens before a sensor, on the world's trigger line. It exists whether or not anybody has
-// opened it; world.enumerator() opens it as a HeadPort, and what is here is the other half, the test's.
+// A simulated head: a true lens before a sensor, on the rig's trigger line. It exists whether or not anybody has
+// opened it; SimRig::enumerator() opens it as a HeadPort, and what is here is the other half, the test's.
 #pragma once
 
 #include <array>
@@ -12,19 +12,13 @@
 #include "hal/clock.h"
 #include "hal/head.h"
 #include "hal/sim/nudge.h"
-#include "hal/sim/random.h"
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/random.h"
+#include "hal/sim/scene/scene.h"
+#include "hal/sim/scene/sensor.h"
 #include "hal/sim/trigger.h"
 #include "protocol/calibration.h"
 
 namespace nodal::hal::sim {
-
-/// Noise of the sensor. All zero: none.
-struct NoiseModel {
-  double levels = 0;               ///< standard deviation in levels of 255, of every encoded value alike
-  double full_well_electrons = 0;  ///< light 1 at 0 dB in electrons, for shot noise; 0: no shot noise
-  double read_electrons = 0;       ///< standard deviation
-};
 
 /// How often each fault comes by itself, in frames per million.
 struct HeadFaults {
@@ -56,6 +50,9 @@ struct HeadOptions {
   HeadFaults faults;
 };
 
+/// The part of them that the sensor needs.
+SensorOptions sensor_options(const HeadOptions& options);
+
 /// What really happened in one frame.
 struct FrameTruth {
   std::uint32_t sequence = 0;
@@ -75,8 +72,6 @@ struct HeadCounts {
   std::uint64_t waiting = 0;         ///< exposed and not yet taken
   std::uint64_t pulses_ignored = 0;  ///< they came while the head was still exposing; not frames
 };
-
-class Sensor;
 
 /// Threading: thread-bound to capture.
 /// Ownership: the clock, the trigger and the scene outlive it; it outlives its open port.

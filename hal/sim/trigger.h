@@ -1,4 +1,4 @@
-// The simulated pulse generator: it drives the trigger inputs of the world's heads.
+// The simulated pulse generator: it drives the trigger inputs of the rig's heads.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "hal/clock.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "hal/trigger.h"
 
 namespace nodal::hal::sim {
@@ -27,10 +27,10 @@ struct TriggerOptions {
   std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow; at most 10^8 to either side
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
-  std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the world's first second
+  std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the rig's first second
 };
 
-/// Threading: thread-bound to capture, with the heads of its world.
+/// Threading: thread-bound to capture, with the heads of its rig.
 /// Ownership: none; the clock and the sinks outlive it.
 /// Errors: as TriggerPort.
 class SimTrigger final : public TriggerPort {
@@ -53,7 +53,7 @@ class SimTrigger final : public TriggerPort {
   std::uint64_t pulses_sent() const { return sent_; }
   std::uint64_t edges_forgotten() const { return forgotten_; }  ///< nobody took them in time
 
-  // What the world does.
+  // What the rig does.
   void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
   /// Sends every pulse due up to `now`; between the oldest and the newest kEdgesKept of them only their count.
   void step(Instant now);

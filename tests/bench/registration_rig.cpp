@@ -10,7 +10,7 @@
 #include <numbers>
 #include <random>
 
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 #include "tests/reference/png_file.h"
 #include "tests/support/rendered_rig.h"
 

@@ -1,7 +1,7 @@
 #include "tests/support/pictures.h"
 #include "tests/support/rigs.h"
 #include "hal/replay/deck.h"
-#include "hal/sim/world.h"
+#include "hal/sim/rig.h"
 #include "head_conformance.h"
 
 namespace nodal::hal {
@@ -24,12 +24,12 @@ class SimHeadWorld final : public HeadWorld {
   void replug() override { world_.head(1).replug(); }
 
  private:
-  static sim::WorldOptions options(const sim::HeadOptions& head) {
-    sim::WorldOptions options;
+  static sim::SimRigOptions options(const sim::HeadOptions& head) {
+    sim::SimRigOptions options;
     options.head = head;
     return options;
   }
-  sim::World world_;
+  sim::SimRig world_;
 };
 
 HeadWorldKind sim_kind(const std::string& name, const std::function<void(sim::HeadOptions&)>& adjust) {

@@ -10,7 +10,7 @@
 #include "exact_rate.h"
 #include "hal/replay/deck.h"
 #include "hal/sim/clock.h"
-#include "hal/sim/world.h"
+#include "hal/sim/rig.h"
 
 namespace nodal::fuzz {
 namespace {
@@ -124,14 +124,14 @@ void check_sim_trigger(ByteReader& in) {
 void check_sim_head(ByteReader& in) {
   const std::optional<FrameRate> rate = drawn_rate(in);
   if (!rate) return;
-  hal::sim::WorldOptions options;
+  hal::sim::SimRigOptions options;
   options.scene = hal::sim::constant_scene({0.5F, 0.5F, 0.5F});
   options.head.pixels = PixelFormat::kGrey8;
   options.head.rate = *rate;
   options.head.free_run_phase = Duration();
   const unsigned how = in.u8();
   if (how & 1) options.head.free_run_drift_ppm = static_cast<std::int32_t>(in.u32() % 200'001) - 100'000;
-  hal::sim::World world(one_head(), options);
+  hal::sim::SimRig world(one_head(), options);
   auto port = world.enumerator().open("sim:cam0");
   NODAL_ASSERT(port);
   const Instant from = world.clock().now();

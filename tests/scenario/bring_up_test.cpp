@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "hal/sim/response.h"
+#include "hal/sim/scene/response.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {

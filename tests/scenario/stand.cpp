@@ -7,8 +7,8 @@
 namespace nodal::scenario {
 namespace {
 
-hal::sim::WorldOptions virtual_time(const StandOptions& options) {
-  hal::sim::WorldOptions world = options.world;
+hal::sim::SimRigOptions virtual_time(const StandOptions& options) {
+  hal::sim::SimRigOptions world = options.world;
   world.real_time = false;
   world.head.pixels = PixelFormat::kRgb24;
   world.head.rate = options.config.rate;

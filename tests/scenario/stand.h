@@ -14,7 +14,7 @@
 #include "hal/sim/link.h"
 #include "hal/sim/pin.h"
 #include "hal/sim/watchdog.h"
-#include "hal/sim/world.h"
+#include "hal/sim/rig.h"
 #include "protocol/session.h"
 #include "protocol/upload.h"
 #include "tests/scenario/small_rig.h"
@@ -76,7 +76,7 @@ class TestHost {
 struct StandOptions {
   firmware::RigConfig config = small_config();
   Calibration truth = small_calibration();
-  hal::sim::WorldOptions world;
+  hal::sim::SimRigOptions world;
 };
 
 class Stand {
@@ -105,7 +105,7 @@ class Stand {
   std::string state() { return std::string(rig->control().health().state); }
 
   StandOptions options;
-  hal::sim::World world;
+  hal::sim::SimRig world;
   std::unique_ptr<hal::sim::SimDisk> disk;
   hal::sim::SimLinkListener listener;
   hal::sim::SimLinkListener view_listener;  ///< for viewing only

@@ -13,8 +13,9 @@
 #include <vector>
 
 #include "hal/replay/image_file.h"
-#include "hal/sim/response.h"
-#include "hal/sim/sensor.h"
+#include "hal/sim/head.h"
+#include "hal/sim/scene/response.h"
+#include "hal/sim/scene/sensor.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/exposure_tone.h"
 #include "stitch/blend/linear_tone.h"
@@ -114,7 +115,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     options.pixels = GetParam().format;
     options.reference = Exposure::microseconds(5'000);
     options.noise.levels = 1;  // 48 dB, as NTSC heads have; without it, steps of the heads' eight bits would be lines
-    hal::sim::Sensor sensor(calibration_.heads[head], options, scene_, 1 + head);
+    hal::sim::Sensor sensor(calibration_.heads[head], hal::sim::sensor_options(options), scene_, 1 + head);
     sensor.prepare();
     for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
       std::vector<std::uint8_t>& picture = pictures_[frame][head];

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "firmware/config.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "protocol/calibration.h"
 #include "tests/sim/head.h"
 #include "tests/sim/trigger.h"

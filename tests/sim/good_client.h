@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/sim/link.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "tests/sim/host.h"
 #include "tests/sim/line.h"
 #include "tests/sim/oracle.h"

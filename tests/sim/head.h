@@ -11,7 +11,7 @@
 #include "hal/head.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/nudge.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "tests/sim/events.h"
 #include "tests/sim/stamp.h"
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "hal/sim/link.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "protocol/upload.h"
 #include "tests/sim/draw.h"
 #include "tests/sim/line.h"

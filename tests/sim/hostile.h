@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/link.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "tests/sim/line.h"
 
 namespace nodal::swarm {

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "hal/sim/clock.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "hal/trigger.h"
 #include "tests/sim/events.h"
 #include "tests/sim/stamp.h"

@@ -7,7 +7,8 @@
 #include <numbers>
 #include <random>
 
-#include "hal/sim/sensor.h"
+#include "hal/sim/head.h"
+#include "hal/sim/scene/sensor.h"
 
 namespace nodal::test {
 namespace {
@@ -40,7 +41,7 @@ RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene
   head_options.noise.levels = options.noise_levels;
   std::uint64_t seed = options.seed * 1000;
   for (const HeadCalibration& head : truth.heads) {
-    hal::sim::Sensor sensor(head, head_options, scene, ++seed);
+    hal::sim::Sensor sensor(head, hal::sim::sensor_options(head_options), scene, ++seed);
     std::vector<std::uint8_t> picture(packed_size(options.format, head.width, head.height));
     sensor.render(head_options.settings, Instant::from_ns(1'000'000'000), 0, picture, 0);
     rig.bytes.push_back(std::move(picture));

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 #include "protocol/base/image.h"
 #include "protocol/calibration.h"
 

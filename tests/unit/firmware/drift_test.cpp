@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 
 namespace nodal::firmware {
 namespace {

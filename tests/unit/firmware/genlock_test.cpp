@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "hal/sim/clock.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "hal/sim/trigger.h"
 
 namespace nodal::firmware {

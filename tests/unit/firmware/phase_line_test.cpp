@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 
 namespace nodal::firmware {
 namespace {

@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "hal/replay/image_file.h"
-#include "hal/sim/plate.h"
+#include "hal/sim/scene/plate.h"
 #include "tests/data/truth_rig.h"
 
 namespace nodal::hal::sim {

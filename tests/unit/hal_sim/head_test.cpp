@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tests/support/rigs.h"
-#include "hal/sim/world.h"
+#include "hal/sim/rig.h"
 
 namespace nodal::hal::sim {
 namespace {
@@ -27,8 +27,8 @@ class StreamingHead : public testing::Test {
     head.free_run_phase = Duration{};
     return head;
   }
-  static WorldOptions options(const HeadOptions& head) {
-    WorldOptions options;
+  static SimRigOptions options(const HeadOptions& head) {
+    SimRigOptions options;
     options.scene = constant_scene({0.5F, 0.5F, 0.5F});
     options.head = head;
     return options;
@@ -56,7 +56,7 @@ class StreamingHead : public testing::Test {
     EXPECT_EQ(c.exposed + c.duplicated, c.taken + c.without_buffer + c.by_fault + c.discarded + c.waiting);
   }
 
-  World world_;
+  SimRig world_;
   std::unique_ptr<HeadPort> port_;
 };
 
@@ -215,9 +215,9 @@ TEST_F(TriggeredHead, DelayedByTheTriggersSettings_ExposesThatMuchLater) {
 }
 
 TEST(SimWorld, TenTriggeredHeads_ExposeTogether) {
-  WorldOptions options;
+  SimRigOptions options;
   options.scene = constant_scene({0.2F, 0.2F, 0.2F});
-  World world(test::ring(10, 16, 16), options);
+  SimRig world(test::ring(10, 16, 16), options);
   std::vector<std::unique_ptr<HeadPort>> ports;
   for (const HeadIdentity& identity : world.enumerator().list()) {
     ports.push_back(world.enumerator().open(identity.path).value());
@@ -234,11 +234,11 @@ TEST(SimWorld, TenTriggeredHeads_ExposeTogether) {
 }
 
 TEST(SimWorld, FreeRunningHeadsThatDrift_PartByAsMuch) {
-  WorldOptions options;
+  SimRigOptions options;
   options.scene = constant_scene({0.2F, 0.2F, 0.2F});
   options.head.free_run_phase = Duration{};
   options.adjust = [](HeadIndex index, HeadOptions& head) { head.free_run_drift_ppm = index == 0 ? -50 : 50; };
-  World world(test::ring(2, 16, 16), options);
+  SimRig world(test::ring(2, 16, 16), options);
   auto a = world.enumerator().open("sim:cam0").value();
   auto b = world.enumerator().open("sim:cam1").value();
   ASSERT_TRUE(a->start(TriggerMode::kFreeRun));
@@ -255,7 +255,7 @@ TEST(SimWorld, FreeRunningHeadsThatDrift_PartByAsMuch) {
 }
 
 TEST(SimWorld, UnknownHead_ErrorNamesItAndThoseThereAre) {
-  World world(test::ring(2, 16, 16), {});
+  SimRig world(test::ring(2, 16, 16), {});
   const auto head = world.enumerator().open("sim:cam7");
   ASSERT_FALSE(head);
   EXPECT_EQ(head.error().code, Errc::kNoSuchDevice);
@@ -272,14 +272,14 @@ struct Event {
 
 /// A minute with every fault, polled every `poll`; nothing is held, so that polling must not matter.
 std::vector<Event> minute(std::uint64_t seed, Duration poll) {
-  WorldOptions options;
+  SimRigOptions options;
   options.seed = seed;
   options.scene = constant_scene({0.5F, 0.5F, 0.5F});
   options.head.pixels = PixelFormat::kGrey8;
   options.head.buffers = 64;
   options.head.faults = {20'000, 20'000, 20'000, 50'000, 20'000, Duration::milliseconds(20)};
   options.trigger.jitter = Duration::microseconds(10);
-  World world(test::ring(3, 8, 8), options);
+  SimRig world(test::ring(3, 8, 8), options);
   auto port = world.enumerator().open("sim:cam1").value();
   EXPECT_TRUE(port->start(TriggerMode::kExternal));
   EXPECT_TRUE(world.trigger().start({}));
@@ -305,10 +305,10 @@ TEST(SimWorld, SameSeed_SameMinuteHoweverItIsPolled) {
 
 // Whatever is done to a head in whatever order, every frame is somewhere.
 RC_GTEST_PROP(SimHead, AnyHistory_FramesAreConserved, (std::vector<std::uint8_t> script)) {
-  WorldOptions options;
+  SimRigOptions options;
   options.scene = constant_scene({0.5F, 0.5F, 0.5F});
   options.head.pixels = PixelFormat::kGrey8;
-  World world(test::ring(1, 8, 8), options);
+  SimRig world(test::ring(1, 8, 8), options);
   SimHead& head = world.head(0);
   std::unique_ptr<HeadPort> port;
   std::vector<BufferSlot> lent;
@@ -409,11 +409,11 @@ TEST_F(StreamingHead, Gamma_NumbersAreLightToOneOverItAndTheFrameSaysSo) {
 }
 
 TEST(InterlacedHead, FieldsSwappedOrLost_TheFrameSaysSoAndTheNextIsWholeAgain) {
-  WorldOptions options;
+  SimRigOptions options;
   options.scene = constant_scene({0.5F, 0.5F, 0.5F});
   options.head.fields = Fields::kBottomFirst;
   options.head.free_run_phase = Duration{};
-  World world(test::ring(1, 16, 16), options);
+  SimRig world(test::ring(1, 16, 16), options);
   const auto port = world.enumerator().open("sim:cam0").value();
   EXPECT_EQ(port->format().fields, Fields::kBottomFirst);
   ASSERT_TRUE(port->start(TriggerMode::kFreeRun));

@@ -5,7 +5,7 @@
 
 #include "hal/sim/clock.h"
 #include "hal/sim/pin.h"
-#include "hal/sim/random.h"
+#include "hal/sim/scene/random.h"
 #include "hal/sim/trigger.h"
 #include "hal/sim/watchdog.h"
 

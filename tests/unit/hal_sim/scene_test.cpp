@@ -1,4 +1,4 @@
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "hal/sim/plate.h"
+#include "hal/sim/scene/plate.h"
 
 namespace nodal::hal::sim {
 namespace {

@@ -1,4 +1,5 @@
-#include "hal/sim/sensor.h"
+#include "hal/sim/head.h"
+#include "hal/sim/scene/sensor.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,7 @@
 #include "tests/support/pictures.h"
 #include "tests/support/rigs.h"
 #include "hal/replay/image_file.h"
-#include "hal/sim/response.h"
+#include "hal/sim/scene/response.h"
 
 namespace nodal::hal::sim {
 namespace {
@@ -25,7 +26,7 @@ std::vector<std::uint8_t> render(Sensor& sensor, const HeadCalibration& head, co
 
 std::vector<std::uint8_t> render_once(const HeadCalibration& head, const HeadOptions& options, const ScenePtr& scene,
                                       const HeadSettings& settings = {}) {
-  Sensor sensor(head, options, scene, 1);
+  Sensor sensor(head, sensor_options(options), scene, 1);
   return render(sensor, head, options, settings);
 }
 
@@ -184,7 +185,7 @@ TEST(Sensor, SameSeed_SameBytesAndAnotherSeedOthers) {
   options.noise.levels = 2;
   const HeadCalibration head = test::plain_head("cam0", 64, 48);
   const auto frames = [&](std::uint64_t seed) {
-    Sensor sensor(head, options, town_square_scene(), seed);
+    Sensor sensor(head, sensor_options(options), town_square_scene(), seed);
     std::vector<std::uint8_t> all;
     for (std::uint32_t n = 0; n < 40; ++n) {
       const auto bytes = render(sensor, head, options, {}, n, kNow + Duration::milliseconds(33 * n));
@@ -200,7 +201,7 @@ TEST(Sensor, NoiseFromFrameToFrame_IsNotTheSame) {
   HeadOptions options = with(PixelFormat::kGrey8);
   options.noise.levels = 4;
   const HeadCalibration head = test::plain_head("cam0", 64, 48);
-  Sensor sensor(head, options, constant_scene(grey(100)), 3);
+  Sensor sensor(head, sensor_options(options), constant_scene(grey(100)), 3);
   std::vector<std::vector<std::uint8_t>> different;
   for (std::uint32_t n = 0; n < 60; ++n) {
     const auto bytes = render(sensor, head, options, {}, n);
@@ -214,7 +215,7 @@ TEST(Sensor, BalloonInView_MovesAndLeavesTheRestAlone) {
   const ScenePtr scene = town_square_scene();
   const HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
   const HeadOptions options = with(PixelFormat::kRgb24);
-  Sensor sensor(head, options, scene, 1);
+  Sensor sensor(head, sensor_options(options), scene, 1);
   const auto first = render(sensor, head, options, {}, 0, Instant{});
   const auto same = render(sensor, head, options, {}, 1, Instant{});
   const auto later = render(sensor, head, options, {}, 2, Instant{} + Duration::seconds(3));
@@ -249,8 +250,8 @@ TEST_P(InterlacedSensor, EachFieldIsAWholePictureOfItsOwnMoment) {
   HeadOptions interlaced = with(format);
   interlaced.fields = fields;
   interlaced.rate = {1, 2};  // slow, so that the fields differ
-  Sensor sensor(head, interlaced, town_square_scene(), 1);
-  Sensor whole(head, with(format), town_square_scene(), 1);
+  Sensor sensor(head, sensor_options(interlaced), town_square_scene(), 1);
+  Sensor whole(head, sensor_options(with(format)), town_square_scene(), 1);
   const auto woven = render(sensor, head, interlaced, {}, 0, kNow);
   const Instant later = kNow + Duration::seconds(1);
   const bool top_first = fields == Fields::kTopFirst;
@@ -283,8 +284,8 @@ TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
   HeadOptions options = with(PixelFormat::kI420);
   options.fields = Fields::kTopFirst;
   options.rate = {1, 2};
-  Sensor sensor(head, options, town_square_scene(), 1);
-  Sensor whole(head, with(PixelFormat::kRgb24), town_square_scene(), 1);
+  Sensor sensor(head, sensor_options(options), town_square_scene(), 1);
+  Sensor whole(head, sensor_options(with(PixelFormat::kRgb24)), town_square_scene(), 1);
   const auto woven = render(sensor, head, options, {}, 0, kNow);
   const auto first = render(whole, head, with(PixelFormat::kRgb24), {}, 0, kNow);
   const PlaneView v = field_of(packed_image(PixelFormat::kI420, 320, 240, woven.data()), FieldParity::kTop).planes[2];
@@ -303,7 +304,7 @@ TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
 TEST(Sensor, UnchangedStill_IsNotWrittenAgainAndAChangedOneIs) {
   const HeadCalibration head = test::plain_head("cam0", 16, 16);
   const HeadOptions options = with(PixelFormat::kGrey8);
-  Sensor sensor(head, options, constant_scene(grey(80)), 1);
+  Sensor sensor(head, sensor_options(options), constant_scene(grey(80)), 1);
   std::vector<std::uint8_t> bytes(256);
   const std::uint64_t holds = sensor.render({}, kNow, 0, bytes, 0);
   ASSERT_NE(holds, 0U);

@@ -5,9 +5,9 @@
 #include <numbers>
 #include <string_view>
 
-#include "hal/sim/random.h"
-#include "hal/sim/scene.h"
-#include "hal/sim/texture.h"
+#include "hal/sim/scene/random.h"
+#include "hal/sim/scene/scene.h"
+#include "hal/sim/scene/texture.h"
 
 namespace nodal::hal::sim {
 

@@ -1,4 +1,4 @@
-#include "hal/sim/packing.h"
+#include "hal/sim/scene/packing.h"
 
 #include <algorithm>
 

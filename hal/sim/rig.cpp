@@ -1,31 +1,31 @@
-#include "hal/sim/world.h"
+#include "hal/sim/rig.h"
 
 namespace nodal::hal::sim {
 
-class World::Enumerator final : public HeadEnumerator {
+class SimRig::Enumerator final : public HeadEnumerator {
  public:
-  explicit Enumerator(World& world) : world_(world) {}
+  explicit Enumerator(SimRig& rig) : rig_(rig) {}
 
   Result<std::unique_ptr<HeadPort>> open(const std::string& path) override {
-    if (SimHead* head = world_.find(path)) return head->open();
+    if (SimHead* head = rig_.find(path)) return head->open();
     std::string known;
-    for (const auto& head : world_.heads_) known += (known.empty() ? "" : ", ") + head->identity().path;
-    return fail(Errc::kNoSuchDevice, "head '" + path + "': the simulated world has no such head, only " + known);
+    for (const auto& head : rig_.heads_) known += (known.empty() ? "" : ", ") + head->identity().path;
+    return fail(Errc::kNoSuchDevice, "head '" + path + "': the simulated rig has no such head, only " + known);
   }
 
   std::vector<HeadIdentity> list() override {
     std::vector<HeadIdentity> there;
-    for (const auto& head : world_.heads_) {
+    for (const auto& head : rig_.heads_) {
       if (head->present()) there.push_back(head->identity());
     }
     return there;
   }
 
  private:
-  World& world_;
+  SimRig& rig_;
 };
 
-World::World(const Calibration& truth, WorldOptions options)
+SimRig::SimRig(const Calibration& truth, SimRigOptions options)
     : truth_(truth), clock_(options.real_time ? SimClock::Kind::kReal : SimClock::Kind::kVirtual),
       trigger_(clock_, options.trigger, options.seed), enumerator_(std::make_unique<Enumerator>(*this)) {
   NODAL_ASSERT(truth_.heads.size() <= static_cast<std::size_t>(kMaxHeads));
@@ -40,11 +40,11 @@ World::World(const Calibration& truth, WorldOptions options)
   }
 }
 
-World::~World() = default;
+SimRig::~SimRig() = default;
 
-HeadEnumerator& World::enumerator() { return *enumerator_; }
+HeadEnumerator& SimRig::enumerator() { return *enumerator_; }
 
-SimHead* World::find(const std::string& path) {
+SimHead* SimRig::find(const std::string& path) {
   for (const auto& head : heads_) {
     if (head->identity().path == path) return head.get();
   }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 
 namespace nodal::hal::sim {
 

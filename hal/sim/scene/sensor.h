@@ -8,13 +8,28 @@
 #include <vector>
 
 #include "hal/head.h"
-#include "hal/sim/head.h"
-#include "hal/sim/lens.h"
-#include "hal/sim/packing.h"
-#include "hal/sim/plate.h"
+#include "hal/sim/scene/lens.h"
+#include "hal/sim/scene/packing.h"
+#include "hal/sim/scene/plate.h"
 #include "protocol/calibration.h"
 
 namespace nodal::hal::sim {
+
+/// Noise of the sensor. All zero: none.
+struct NoiseModel {
+  double levels = 0;               ///< standard deviation in levels of 255, of every encoded value alike
+  double full_well_electrons = 0;  ///< light 1 at 0 dB in electrons, for shot noise; 0: no shot noise
+  double read_electrons = 0;       ///< standard deviation
+};
+
+struct SensorOptions {
+  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
+  bool interlaced = false;
+  Duration half_period;                     ///< from an interlaced head's first field to its second
+  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
+  int supersampling = 2;                    ///< n x n samples a pixel
+  NoiseModel noise;
+};
 
 /// Renders frames. What does not move is rendered once a setting, in a few versions with noise of their own, and
 /// copied; movers are drawn over it. That makes ten 720x480 heads a small part of one core.
@@ -24,7 +39,7 @@ namespace nodal::hal::sim {
 /// Errors: none.
 class Sensor {
  public:
-  Sensor(const HeadCalibration& truth, const HeadOptions& options, ScenePtr scene, std::uint64_t seed);
+  Sensor(const HeadCalibration& truth, const SensorOptions& options, ScenePtr scene, std::uint64_t seed);
 
   /// Everything that does not depend on settings.
   void prepare();

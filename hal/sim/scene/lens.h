@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 #include "protocol/calibration.h"
 
 namespace nodal::hal::sim {

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "hal/sim/response.h"
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/response.h"
+#include "hal/sim/scene/scene.h"
 
 namespace nodal::hal::sim {
 

@@ -1,4 +1,4 @@
-#include "hal/sim/plate.h"
+#include "hal/sim/scene/plate.h"
 
 #include <algorithm>
 #include <cmath>

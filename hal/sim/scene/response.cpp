@@ -1,4 +1,4 @@
-#include "hal/sim/response.h"
+#include "hal/sim/scene/response.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "hal/sim/lens.h"
+#include "hal/sim/scene/lens.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,13 +1,13 @@
-#include "hal/sim/sensor.h"
+#include "hal/sim/scene/sensor.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <numbers>
 
-#include "hal/sim/packing.h"
-#include "hal/sim/random.h"
-#include "hal/sim/response.h"
+#include "hal/sim/scene/packing.h"
+#include "hal/sim/scene/random.h"
+#include "hal/sim/scene/response.h"
 
 namespace nodal::hal::sim {
 
@@ -57,9 +57,9 @@ double angle_between(const Direction& a, const Direction& b) {
 
 }  // namespace
 
-Sensor::Sensor(const HeadCalibration& truth, const HeadOptions& options, ScenePtr scene, std::uint64_t seed)
+Sensor::Sensor(const HeadCalibration& truth, const SensorOptions& options, ScenePtr scene, std::uint64_t seed)
     : truth_(truth), noise_(options.noise), format_(options.pixels), supersampling_(options.supersampling),
-      interlaced_(options.fields != Fields::kProgressive), half_period_(options.rate.period() / 2), reference_(options.reference),
+      interlaced_(options.interlaced), half_period_(options.half_period), reference_(options.reference),
       scene_(std::move(scene)), seed_(seed), lens_(truth) {
   NODAL_ASSERT(supersampling_ >= 1);
   NODAL_ASSERT(format_ != PixelFormat::kMjpeg);

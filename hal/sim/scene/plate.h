@@ -4,8 +4,8 @@
 #include <array>
 #include <vector>
 
-#include "hal/sim/lens.h"
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/lens.h"
+#include "hal/sim/scene/scene.h"
 #include "protocol/calibration.h"
 
 namespace nodal::hal::sim {

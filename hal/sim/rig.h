@@ -8,13 +8,13 @@
 #include "hal/head.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/head.h"
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 #include "hal/sim/trigger.h"
 #include "protocol/calibration.h"
 
 namespace nodal::hal::sim {
 
-struct WorldOptions {
+struct SimRigOptions {
   bool real_time = false;
   std::uint64_t seed = 1;
   ScenePtr scene;                                       ///< none: the town square
@@ -29,11 +29,11 @@ struct WorldOptions {
 ///   different heads on different threads.
 /// Ownership: owns everything in it; ports that the enumerator opened must be gone before it is.
 /// Errors: as the ports.
-class World {
+class SimRig {
  public:
   /// `truth` has been checked.
-  World(const Calibration& truth, WorldOptions options);
-  ~World();
+  SimRig(const Calibration& truth, SimRigOptions options);
+  ~SimRig();
 
   SimClock& clock() { return clock_; }
   SimTrigger& trigger() { return trigger_; }

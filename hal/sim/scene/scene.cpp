@@ -1,4 +1,4 @@
-#include "hal/sim/scene.h"
+#include "hal/sim/scene/scene.h"
 
 #include <array>
 
