@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "firmware/access.h"
-#include "firmware/blender.h"
-#include "firmware/calibration_keeper.h"
-#include "firmware/capture.h"
-#include "firmware/config.h"
-#include "firmware/control.h"
-#include "firmware/encoder.h"
+#include "firmware/calibration/calibration_keeper.h"
+#include "firmware/capture/capture.h"
+#include "firmware/config/config.h"
+#include "firmware/hosts/access.h"
+#include "firmware/operate/control.h"
+#include "firmware/picture/blender.h"
+#include "firmware/picture/encoder.h"
 #include "hal/clock.h"
 #include "hal/disk.h"
 #include "hal/head.h"

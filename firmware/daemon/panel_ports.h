@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 
-#include "firmware/config.h"
-#include "firmware/panel.h"
+#include "firmware/config/config.h"
+#include "firmware/operate/panel.h"
 #include "hal/clock.h"
 #include "hal/sim/pin.h"
 #include "protocol/base/result.h"

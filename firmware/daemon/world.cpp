@@ -15,9 +15,9 @@
 #include "hal/linux/watchdog.h"
 #include "hal/replay/deck.h"
 #include "hal/replay/image_file.h"
+#include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
-#include "hal/sim/rig.h"
 
 namespace nodal::daemon {
 namespace {

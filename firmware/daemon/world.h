@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware/config.h"
+#include "firmware/config/config.h"
 #include "firmware/rig.h"
 #include "protocol/base/result.h"
 

@@ -2,12 +2,12 @@
 
 #include <charconv>
 
-#include "host_tool/report/calibration_report.h"
 #include "host_tool/commands/command.h"
-#include "host_tool/console/files.h"
-#include "host_tool/input/live_frames.h"
-#include "host_tool/console/quantities.h"
 #include "host_tool/commands/trial.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/input/live_frames.h"
+#include "host_tool/report/calibration_report.h"
 #include "host_tool/rig/upload.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/calibration.h"

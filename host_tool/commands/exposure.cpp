@@ -23,20 +23,20 @@ std::string stops(std::int64_t thousandths) { return fmt::format("{:+.2f}", stat
 std::string percent(std::uint32_t ppm) { return fmt::format("{:.1f} %", ppm / 1e4); }
 
 void show(Console& console, const wire::ExposureState& state, const wire::Heads& heads) {
-  const wire::ExposureRequest& wish = state.wish();
+  const wire::ExposureRequest& settings = state.settings();
   const auto name = [&](std::uint32_t index) {
     const auto found = std::ranges::find_if(heads.heads(), [&](const auto& head) { return head.index() == index; });
     return found == heads.heads().end() ? std::to_string(index) : found->name();
   };
-  const bool automatic = wish.program() != "manual";
-  std::string line = "exposure " + wish.program();
-  if (wish.locked()) line += ", locked";
+  const bool automatic = settings.program() != "manual";
+  std::string line = "exposure " + settings.program();
+  if (settings.locked()) line += ", locked";
   else if (automatic) line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
-  line += fmt::format("; mean light {} stops below full, shutters to {}, gain to {}", wish.target_below() / 1000.0,
-                      show_exposure(wish.longest_ns()), show_gain(wish.highest_gain_mdb()));
-  if (wish.program() == "joint") {
-    line += fmt::format("; neighbours within {} stops", wish.difference() / 1000.0);
-    if (wish.anchor() >= 0) line += ", anchored on " + name(static_cast<std::uint32_t>(wish.anchor()));
+  line += fmt::format("; mean light {} stops below full, shutters to {}, gain to {}", settings.target_below() / 1000.0,
+                      show_exposure(settings.longest_ns()), show_gain(settings.highest_gain_mdb()));
+  if (settings.program() == "joint") {
+    line += fmt::format("; neighbours within {} stops", settings.difference() / 1000.0);
+    if (settings.anchor() >= 0) line += ", anchored on " + name(static_cast<std::uint32_t>(settings.anchor()));
   }
   console.line(line);
   using Align = Table::Align;
@@ -101,20 +101,20 @@ Status run_set(Context& context, const Args& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   wire::Request request;
-  wire::ExposureRequest& wish = *request.mutable_exposure();
-  if (!args.program.empty()) wish.set_program(args.program);
+  wire::ExposureRequest& settings = *request.mutable_exposure();
+  if (!args.program.empty()) settings.set_program(args.program);
   if (!args.anchor.empty()) {
     const Result<std::int32_t> anchor = anchor_of(**rig, args.anchor);
     if (!anchor) return fail(anchor.error());
-    wish.set_anchor(*anchor);
+    settings.set_anchor(*anchor);
   }
-  if (const auto target = parse_stops(args.target)) wish.set_target_below(*target);
-  if (const auto difference = parse_stops(args.difference)) wish.set_difference(*difference);
-  if (const auto ramp = parse_stops(args.ramp)) wish.set_ramp(*ramp);
+  if (const auto target = parse_stops(args.target)) settings.set_target_below(*target);
+  if (const auto difference = parse_stops(args.difference)) settings.set_difference(*difference);
+  if (const auto ramp = parse_stops(args.ramp)) settings.set_ramp(*ramp);
   if (const auto longest = parse_exposure(args.longest)) {
-    wish.set_longest_ns(static_cast<std::uint64_t>(longest->duration().ns()));
+    settings.set_longest_ns(static_cast<std::uint64_t>(longest->duration().ns()));
   }
-  if (const auto gain = parse_gain(args.gain)) wish.set_highest_gain_mdb(gain->mdb());
+  if (const auto gain = parse_gain(args.gain)) settings.set_highest_gain_mdb(gain->mdb());
   return ask_and_show(context, **rig, request);
 }
 

@@ -7,9 +7,9 @@
 #include <map>
 #include <numbers>
 
-#include "host_tool/report/calibration_report.h"
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
+#include "host_tool/report/calibration_report.h"
 #include "stitch/geometry/head.h"
 
 namespace nodal::host {

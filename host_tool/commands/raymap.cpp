@@ -5,12 +5,12 @@
 #include <chrono>
 #include <optional>
 
-#include "host_tool/rig/bulk_item.h"
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
-#include "host_tool/commands/picture_file.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"
 

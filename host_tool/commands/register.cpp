@@ -7,14 +7,14 @@
 #include <ctime>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
 #include "host_tool/input/pairs_file.h"
 #include "host_tool/input/registration_input.h"
-#include "host_tool/console/quantities.h"
 #include "host_tool/report/registration_report.h"
-#include "host_tool/commands/trial.h"
 #include "stitch/registration/pairs.h"
 
 namespace nodal::host {

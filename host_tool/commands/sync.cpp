@@ -4,8 +4,8 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
-#include "host_tool/rig/rig_input.h"
 #include "host_tool/report/sync_report.h"
+#include "host_tool/rig/rig_input.h"
 
 namespace nodal::host {
 namespace {

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "hal/replay/image_file.h"
-#include "host_tool/rig/bulk_item.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/rig_input.h"
 #include "protocol/base/sha256.h"
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "host_tool/report/png_file.h"
 #include "host_tool/report/html_report.h"
+#include "host_tool/report/png_file.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 

@@ -7,8 +7,8 @@
 #include <numbers>
 #include <optional>
 
-#include "host_tool/report/png_file.h"
 #include "host_tool/report/html_report.h"
+#include "host_tool/report/png_file.h"
 #include "host_tool/report/sphere_graph.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"

@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 
-#include "host_tool/report/html_report.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/report/html_report.h"
 #include "host_tool/report/sync_report.h"
 
 namespace nodal::host {

@@ -132,7 +132,7 @@ Status check_and_clean(wire::Reply& reply) {
     case wire::Reply::kCalibrations: clean(check, *reply.mutable_calibrations()); break;
     case wire::Reply::kExposure:
       check.by_head(reply.exposure().heads());
-      check.name(reply.mutable_exposure()->mutable_wish()->mutable_program());
+      check.name(reply.mutable_exposure()->mutable_settings()->mutable_program());
       break;
     case wire::Reply::kAuditLog: clean(check, *reply.mutable_audit_log()); break;
     case wire::Reply::kHosts: clean(check, *reply.mutable_hosts()); break;

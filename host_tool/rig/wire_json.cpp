@@ -47,7 +47,7 @@ Json to_json(const wire::Genlock& genlock) {
 }
 
 Json to_json(const wire::ExposureState& exposure) {
-  const wire::ExposureRequest& wish = exposure.wish();
+  const wire::ExposureRequest& settings = exposure.settings();
   Json heads = Json::array();
   for (const wire::HeadExposure& head : exposure.heads()) {
     heads.push_back({{"index", head.index()},
@@ -58,14 +58,14 @@ Json to_json(const wire::ExposureState& exposure) {
                      {"clipped_ppm", head.clipped_ppm()},
                      {"black_ppm", head.black_ppm()}});
   }
-  return {{"program", wish.program()},
-          {"locked", wish.locked()},
-          {"anchor", wish.anchor()},
-          {"target_below_millistops", wish.target_below()},
-          {"difference_millistops", wish.difference()},
-          {"ramp_millistops", wish.ramp()},
-          {"longest_ns", wish.longest_ns()},
-          {"highest_gain_mdb", wish.highest_gain_mdb()},
+  return {{"program", settings.program()},
+          {"locked", settings.locked()},
+          {"anchor", settings.anchor()},
+          {"target_below_millistops", settings.target_below()},
+          {"difference_millistops", settings.difference()},
+          {"ramp_millistops", settings.ramp()},
+          {"longest_ns", settings.longest_ns()},
+          {"highest_gain_mdb", settings.highest_gain_mdb()},
           {"settled", exposure.settled()},
           {"sets", exposure.sets()},
           {"set", exposure.set()},

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/pictures.h"
 #include "hal/disk.h"
 #include "hal/linux/disk.h"
 #include "hal/sim/disk.h"
+#include "tests/support/pictures.h"
 
 namespace nodal::hal {
 

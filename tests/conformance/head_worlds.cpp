@@ -1,8 +1,8 @@
-#include "tests/support/pictures.h"
-#include "tests/support/rigs.h"
 #include "hal/replay/deck.h"
 #include "hal/sim/rig.h"
 #include "head_conformance.h"
+#include "tests/support/pictures.h"
+#include "tests/support/rigs.h"
 
 namespace nodal::hal {
 

@@ -14,10 +14,10 @@
 #include <ostream>
 #include <vector>
 
-#include "tests/support/pictures.h"
 #include "hal/linux/watchdog.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/watchdog.h"
+#include "tests/support/pictures.h"
 
 namespace nodal::hal {
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <optional>
 
-#include "firmware/calibration_keeper.h"
+#include "firmware/calibration/calibration_keeper.h"
 #include "hal/sim/disk.h"
 #include "tests/scenario/small_rig.h"
 

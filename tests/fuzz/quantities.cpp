@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "host_tool/console/files.h"
 #include "host_tool/commands/picture_file.h"
+#include "host_tool/console/files.h"
 #include "host_tool/input/registration_input.h"
 #include "host_tool/rig/rig_address.h"
 #include "memory_limit.h"

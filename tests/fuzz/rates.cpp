@@ -6,10 +6,10 @@
 #include <string>
 
 #include "exact_rate.h"
-#include "firmware/config.h"
-#include "firmware/drift.h"
-#include "firmware/set_clock.h"
-#include "firmware/settings.h"
+#include "firmware/config/config.h"
+#include "firmware/storage/settings.h"
+#include "firmware/sync/drift.h"
+#include "firmware/sync/set_clock.h"
 #include "rates_ports.h"
 
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "firmware/config.h"
+#include "firmware/config/config.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace nodal;

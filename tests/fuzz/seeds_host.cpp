@@ -118,8 +118,8 @@ wire::Reply heads(int count) {
 
 wire::Reply exposure() {
   wire::Reply reply;
-  reply.mutable_exposure()->mutable_wish()->set_program("joint");
-  reply.mutable_exposure()->mutable_wish()->set_anchor(INT32_MIN);
+  reply.mutable_exposure()->mutable_settings()->set_program("joint");
+  reply.mutable_exposure()->mutable_settings()->set_anchor(INT32_MIN);
   wire::HeadExposure& head = *reply.mutable_exposure()->add_heads();
   head.set_metered(true);
   head.set_light(INT32_MIN);

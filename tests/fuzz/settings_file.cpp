@@ -2,7 +2,7 @@
 // says why not, and a rig starts by them. The input's first byte says what the rest is: the whole file; a body that gets
 // the head, checksum and rig.toml that decode() wants; or what requests with extreme values and unknown fields are drawn
 // from, which such a body holds. It also says what is done with the file, as a start costs a hundred times as much.
-#include "firmware/settings.h"
+#include "firmware/storage/settings.h"
 
 #include <algorithm>
 

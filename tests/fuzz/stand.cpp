@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "firmware/calibration_store.h"
-#include "firmware/settings.h"
+#include "firmware/calibration/calibration_store.h"
+#include "firmware/storage/settings.h"
 #include "tests/fuzz/live_heap.h"
 
 namespace nodal::fuzz {
@@ -208,7 +208,7 @@ void Stand::check() {
   check_settings_file();
   const std::int64_t live = live_heap_bytes() - heap_before_;
   NODAL_ASSERT(live <= heap_steady_ * 3 / 2 + kInFlightBytes);
-  program_ran_ |= rig_->capture().report().exposure.wish.program != firmware::ExposureProgram::kManual;
+  program_ran_ |= rig_->capture().report().exposure.settings.program != firmware::ExposureProgram::kManual;
 }
 
 void Stand::check_left_behind() {
@@ -258,7 +258,7 @@ void Stand::check_restart() {
   const bool was_on = before.genlock.state != firmware::GenlockState::kOff;
   NODAL_ASSERT(was_on == (after.genlock.state != firmware::GenlockState::kOff));
   if (was_on) NODAL_ASSERT(before.genlock.rate.period() == after.genlock.rate.period());
-  NODAL_ASSERT(before.exposure.wish == after.exposure.wish);
+  NODAL_ASSERT(before.exposure.settings == after.exposure.settings);
   constexpr std::uint64_t kFramesToFollow = 6;
   for (std::size_t i = 0; i < world_.heads() && !program_ran_; ++i) {
     if (before.heads[i].counts.frames - earlier[i] < kFramesToFollow || frames(i) < kFramesToFollow) continue;

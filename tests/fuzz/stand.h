@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "firmware/rig.h"
-#include "tests/fuzz/guest.h"
 #include "hal/sim/disk.h"
 #include "hal/sim/watchdog.h"
+#include "tests/fuzz/guest.h"
 #include "tests/sim/world.h"
 
 namespace nodal::fuzz {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "firmware/calibration_store.h"
+#include "firmware/calibration/calibration_store.h"
 #include "tests/fuzz/stand.h"
 #include "tests/fuzz/telling.h"
 

@@ -178,8 +178,8 @@ TEST(Exposure, LockedOrManual_ExposuresStayWhateverTheLightDoes) {
   request.mutable_exposure()->set_locked(true);
   wire::Reply reply = host.ask(request);
   ASSERT_TRUE(reply.has_exposure()) << reply.error().message();
-  EXPECT_TRUE(reply.exposure().wish().locked());
-  EXPECT_EQ(reply.exposure().wish().program(), "joint");
+  EXPECT_TRUE(reply.exposure().settings().locked());
+  EXPECT_EQ(reply.exposure().settings().program(), "joint");
   watch(stand, 6);
   set_light(stand, 8);
   const Settling locked = settling(watch(stand, 30));

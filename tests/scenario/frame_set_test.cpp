@@ -4,7 +4,7 @@
 #include <numeric>
 #include <set>
 
-#include "firmware/frame_sender.h"
+#include "firmware/hosts/frame_sender.h"
 #include "protocol/upload.h"
 #include "tests/scenario/stand.h"
 

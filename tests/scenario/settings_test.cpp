@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
-#include "firmware/settings.h"
-#include "firmware/start_count.h"
+#include "firmware/storage/settings.h"
+#include "firmware/storage/start_count.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -80,12 +80,12 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
 }
 
-/// The exposure wish after a kill, and a start from the disk as it was then.
-firmware::ExposureWish wish_after_restart(Stand& stand, const StandOptions& options) {
+/// The exposure settings after a kill, and a start from the disk as it was then.
+firmware::ExposureSettings settings_after_restart(Stand& stand, const StandOptions& options) {
   stand.run(Duration::seconds(2));
   Stand again(options, stand.disk->after_kill());
   again.run(Duration::seconds(2));
-  return again.capture().exposure.wish;
+  return again.capture().exposure.settings;
 }
 
 // A host may send the second request before the first is in effect.
@@ -99,11 +99,11 @@ TEST(Settings, TwoExposureRequestsAtOnce_BothAreInEffectNowAndAfterARestart) {
   host.post(ramp);
   host.post(difference);
   stand.run(Duration::milliseconds(100));
-  firmware::ExposureWish wanted = options.config.exposure;
+  firmware::ExposureSettings wanted = options.config.exposure;
   wanted.ramp = kStop / 4;
   wanted.difference = kStop / 2;
-  EXPECT_EQ(stand.capture().exposure.wish, wanted);
-  EXPECT_EQ(wish_after_restart(stand, options), wanted);
+  EXPECT_EQ(stand.capture().exposure.settings, wanted);
+  EXPECT_EQ(settings_after_restart(stand, options), wanted);
 }
 
 TEST(Settings, TheProgramIsOfRigTomlAndAHostLocksIt_ItIsTheSameAndLockedAfterARestart) {
@@ -113,10 +113,10 @@ TEST(Settings, TheProgramIsOfRigTomlAndAHostLocksIt_ItIsTheSameAndLockedAfterARe
   wire::Request lock;
   lock.mutable_exposure()->set_locked(true);
   ASSERT_TRUE(stand.bring_up().ask(lock).has_exposure());
-  firmware::ExposureWish wanted = options.config.exposure;
+  firmware::ExposureSettings wanted = options.config.exposure;
   wanted.locked = true;
-  EXPECT_EQ(stand.capture().exposure.wish, wanted);
-  EXPECT_EQ(wish_after_restart(stand, options), wanted);
+  EXPECT_EQ(stand.capture().exposure.settings, wanted);
+  EXPECT_EQ(settings_after_restart(stand, options), wanted);
 }
 
 // A nodald before 64-bit products were bounded has stored it.

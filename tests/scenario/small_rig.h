@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "firmware/config.h"
+#include "firmware/config/config.h"
 #include "protocol/calibration.h"
 
 namespace nodal::scenario {

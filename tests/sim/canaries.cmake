@@ -33,56 +33,56 @@ function(canary name)
   set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600 PROCESSORS 2)
 endfunction()
 
-canary(late_frame_taken firmware/capture_sets.cpp
+canary(late_frame_taken firmware/capture/capture_sets.cpp
   "if (newest_closed_ && match->slot <= *newest_closed_)" "if (newest_closed_ && match->slot + 1 < *newest_closed_)")
-canary(loss_not_counted firmware/capture_head.cpp
+canary(loss_not_counted firmware/capture/capture_head.cpp
   "++report_.counts.losses[static_cast<std::size_t>(reason)]\;"
   "if (reason != LossReason::kDuplicate) ++report_.counts.losses[static_cast<std::size_t>(reason)]\;")
-canary(buffer_given_back_early firmware/capture_head.cpp
+canary(buffer_given_back_early firmware/capture/capture_head.cpp
   "if (!reason) return frame\;" "if (!reason) return port_->release(frame.slot), frame\;")
-canary(wrapped_time_believed firmware/capture_sets.cpp
+canary(wrapped_time_believed firmware/capture/capture_sets.cpp
   "return age >= Duration() && age <=" "return age <=" )
-canary(old_train_matched firmware/set_clock.cpp
+canary(old_train_matched firmware/sync/set_clock.cpp
   "if (begin < since_ + kStampsOff) return std::nullopt\;" "")
-canary(holdover_called_locked firmware/genlock.cpp
+canary(holdover_called_locked firmware/sync/genlock.cpp
   "Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue"
   "Row{kOff, kLost, kLocked, kHoldover, kLost},")
-canary(creeping_head_unnoticed firmware/genlock.cpp
+canary(creeping_head_unnoticed firmware/sync/genlock.cpp
   "smooth.width() <= room &&" "room > Duration() &&")
-canary(jumping_head_unnoticed firmware/genlock.cpp
+canary(jumping_head_unnoticed firmware/sync/genlock.cpp
   "return raw.width() <= kLockLimit - kStampDoubt - doubt && smooth.width() <= room &&" "return room > Duration() &&")
-canary(set_waits_for_ever firmware/capture_sets.cpp
+canary(set_waits_for_ever firmware/capture/capture_sets.cpp
   "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
-canary(head_not_looked_for firmware/capture_head.cpp
+canary(head_not_looked_for firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
-canary(calibration_not_synced firmware/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")
-canary(told_and_not_kept firmware/calibration_keeper.cpp
+canary(calibration_not_synced firmware/storage/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")
+canary(told_and_not_kept firmware/calibration/calibration_keeper.cpp
   "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
-canary(raymap_names_the_first firmware/blender.cpp
+canary(raymap_names_the_first firmware/picture/blender.cpp
   "installed_->id, {}, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}, {}}\;")
-canary(moved_the_wrong_way firmware/aligner.cpp
+canary(moved_the_wrong_way firmware/sync/aligner.cpp
   "nudges[i] = in_steps(off, limits.step)\;" "nudges[i] = in_steps(-off, limits.step)\;")
-canary(asked_taken_for_done firmware/aligner.cpp
+canary(asked_taken_for_done firmware/sync/aligner.cpp
   "head.clock.add(frame.mid_exposure - place_of(frame))\;"
   "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.asked)\;")
-canary(field_at_its_frames_time firmware/blender.cpp
+canary(field_at_its_frames_time firmware/picture/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")
 
-canary(idle_hosts_stay firmware/admission.cpp "all.size() > most_hosts\;" "all.size() > most_hosts + 100\;" HOSTILE)
-canary(silent_links_stay firmware/admission.cpp
+canary(idle_hosts_stay firmware/hosts/admission.cpp "all.size() > most_hosts\;" "all.size() > most_hosts + 100\;" HOSTILE)
+canary(silent_links_stay firmware/hosts/admission.cpp
   "all.size() > most_strangers\;" "all.size() > most_strangers + 100\;"
-  firmware/client.cpp "if (!said_hello() && now - since_ > kHelloWithin)" "if (!said_hello() && now - since_ > kSilentFor)"
+  firmware/hosts/client.cpp "if (!said_hello() && now - since_ > kHelloWithin)" "if (!said_hello() && now - since_ > kSilentFor)"
   HOSTILE)
-canary(lossless_pull_holds_the_rig firmware/publisher.cpp
+canary(lossless_pull_holds_the_rig firmware/hosts/publisher.cpp
   "const auto raymap = raymaps_in_.take()\;"
-  "for (const auto& client : clients) for (const auto& [stream, pull] : client->pulls) if (const auto counts = client->session().counts(stream)\; pull.lossless && counts && counts->pending >= 2) return false\; const auto raymap = raymaps_in_.take()\;" HOSTILE)
-canary(lossless_pull_has_gaps firmware/publisher.cpp "if (!client.session().offer(stream, item(raymap, pull.coding))) return false\;"
+  "for (const auto& client : clients) { for (const auto& [stream, pull] : client->pulls) { const auto counts = client->session().counts(stream)\; if (pull.lossless && counts && counts->pending >= 2) return false\; } } const auto raymap = raymaps_in_.take()\;" HOSTILE)
+canary(lossless_pull_has_gaps firmware/hosts/publisher.cpp "if (!client.session().offer(stream, item(raymap, pull.coding))) return false\;"
   "if (raymap.info.set % 64 == 0 || !client.session().offer(stream, item(raymap, pull.coding))) return false\;" HOSTILE)
 canary(unknown_fields_kept protocol/session.cpp "drop_unknown_fields(*request)\;" ""
-  firmware/settings.cpp "if (from.has_gamma()) into.set_gamma(from.gamma())\;" "into.MergeFrom(from)\;"
+  firmware/storage/settings.cpp "if (from.has_gamma()) into.set_gamma(from.gamma())\;" "into.MergeFrom(from)\;"
   HOSTILE)
-canary(uploads_without_quota firmware/control.cpp "Admission::kMaxClients, kUploadsOfAClient}"
+canary(uploads_without_quota firmware/operate/control.cpp "Admission::kMaxClients, kUploadsOfAClient}"
   "Admission::kMaxClients, kUploadsOfAClient * Admission::kMaxClients}" HOSTILE)
-canary(keeper_without_quota firmware/requests.cpp "client.with_keeper < kKeeperRequests" "client.with_keeper < kMaxRequests" HOSTILE)
-canary(log_without_limit firmware/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)
-canary(pulls_without_limit firmware/publisher.cpp "if (!client.pulls.empty() && extra > kMaxExtraPulls)" "if (extra > 1000)" HOSTILE)
+canary(keeper_without_quota firmware/operate/requests.cpp "client.with_keeper < kKeeperRequests" "client.with_keeper < kMaxRequests" HOSTILE)
+canary(log_without_limit firmware/operate/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)
+canary(pulls_without_limit firmware/hosts/publisher.cpp "if (!client.pulls.empty() && extra > kMaxExtraPulls)" "if (extra > 1000)" HOSTILE)

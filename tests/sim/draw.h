@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "firmware/config.h"
+#include "firmware/config/config.h"
 #include "hal/sim/scene/random.h"
 #include "protocol/calibration.h"
 #include "tests/sim/head.h"

@@ -13,7 +13,7 @@ using firmware::GenlockState;
 constexpr Duration kLockLimit = Duration::microseconds(500);
 constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's, when nothing comes
 
-/// The table of firmware/genlock.h, written down a second time: what may follow what.
+/// The table of firmware/sync/genlock.h, written down a second time: what may follow what.
 bool may_follow(GenlockState from, GenlockState to) {
   switch (from) {
     case GenlockState::kOff: return to == GenlockState::kAcquiring || to == GenlockState::kLost;

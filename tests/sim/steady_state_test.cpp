@@ -9,7 +9,7 @@
 #include <atomic>
 #include <cstdlib>
 
-#include "firmware/calibration_store.h"
+#include "firmware/calibration/calibration_store.h"
 #include "firmware/rig.h"
 #include "hal/sim/disk.h"
 #include "tests/sim/world.h"

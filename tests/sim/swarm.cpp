@@ -1,6 +1,6 @@
 #include "tests/sim/swarm.h"
 
-#include "firmware/calibration_store.h"
+#include "firmware/calibration/calibration_store.h"
 
 namespace nodal::swarm {
 namespace {

@@ -94,14 +94,14 @@ TEST(IncludeRules, PlantedOffences_AreAllFound) {
   EXPECT_TRUE(violation("stitch/geometry/lens/lens.cpp", quoted("stitch/geometry/head.h")));
   EXPECT_TRUE(violation("stitch/geometry/head.cpp", quoted("stitch/geometry/raymap/layout.h")));
   EXPECT_TRUE(violation("stitch/geometry/head.cpp", quoted("protocol/session.h")));
-  EXPECT_TRUE(violation("firmware/capture.cpp", quoted("hal/sim/sim_head.h")));
-  EXPECT_TRUE(violation("firmware/capture.cpp", quoted("stitch/calibration/pts.h")));
+  EXPECT_TRUE(violation("firmware/capture/capture.cpp", quoted("hal/sim/sim_head.h")));
+  EXPECT_TRUE(violation("firmware/capture/capture.cpp", quoted("stitch/calibration/pts.h")));
   EXPECT_TRUE(violation("firmware/daemon/main.cpp", quoted("stitch/registration/solve.h")));
-  EXPECT_TRUE(violation("firmware/capture.cpp", angled("thread")));
-  EXPECT_TRUE(violation("firmware/capture.cpp", angled("Eigen/Dense")));
+  EXPECT_TRUE(violation("firmware/capture/capture.cpp", angled("thread")));
+  EXPECT_TRUE(violation("firmware/capture/capture.cpp", angled("Eigen/Dense")));
   EXPECT_TRUE(violation("firmware/daemon/main.cpp", angled("linux/videodev2.h")));
   EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("hal/head.h")));
-  EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("firmware/config.h")));
+  EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("firmware/config/config.h")));
   EXPECT_TRUE(violation("host_tool/commands/status.cpp", quoted("link.h")));
   EXPECT_TRUE(violation("new_folder/file.cpp", quoted("protocol/base/units.h")));
 }
@@ -110,7 +110,7 @@ TEST(IncludeRules, WhatTheTableAllows_IsNotAnOffence) {
   EXPECT_FALSE(violation("firmware/daemon/main.cpp", quoted("hal/linux/files.h")));
   EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("thread")));
   EXPECT_FALSE(violation("firmware/daemon/main.cpp", angled("fstream")));
-  EXPECT_FALSE(violation("firmware/capture.cpp", quoted("hal/head.h")));
+  EXPECT_FALSE(violation("firmware/capture/capture.cpp", quoted("hal/head.h")));
   EXPECT_FALSE(violation("stitch/geometry/lens/lens.cpp", angled("Eigen/Dense")));
   EXPECT_FALSE(violation("stitch/geometry/lens/lens.cpp", angled("cmath")));
   EXPECT_FALSE(violation("stitch/geometry/head.cpp", quoted("protocol/calibration.h")));

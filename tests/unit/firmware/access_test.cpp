@@ -1,5 +1,5 @@
 // The permission of every request: each one that nodal.proto knows is judged here, too.
-#include "firmware/access.h"
+#include "firmware/hosts/access.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "firmware/aligner.h"
+#include "firmware/sync/aligner.h"
 
 #include <gtest/gtest.h>
 
@@ -199,7 +199,7 @@ TEST_F(AlignerTest, AHeadDoesMoreThanItWasAsked_ItIsBroughtBack) {
   add({});
   add({});
   periods(20);
-  heads[2].pending.back() = Duration::milliseconds(3);  // of an older wish that nobody remembers
+  heads[2].pending.back() = Duration::milliseconds(3);  // of an older request that nobody remembers
   periods(60);
   EXPECT_EQ(place(2), place(0));
 }

@@ -1,4 +1,4 @@
-#include "firmware/blender.h"
+#include "firmware/picture/blender.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "firmware/calibration_store.h"
+#include "firmware/calibration/calibration_store.h"
 
 #include <gtest/gtest.h>
 

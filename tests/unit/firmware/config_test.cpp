@@ -1,4 +1,4 @@
-#include "firmware/config.h"
+#include "firmware/config/config.h"
 
 #include <gtest/gtest.h>
 

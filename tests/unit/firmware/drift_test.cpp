@@ -1,4 +1,4 @@
-#include "firmware/drift.h"
+#include "firmware/sync/drift.h"
 
 #include <gtest/gtest.h>
 

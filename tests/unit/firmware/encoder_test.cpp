@@ -1,4 +1,4 @@
-#include "firmware/encoder.h"
+#include "firmware/picture/encoder.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "firmware/exposure.h"
+#include "firmware/capture/exposure.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -43,25 +43,25 @@ std::array<std::optional<ExposureRange>, kMaxHeads> four() {
 }
 
 RC_GTEST_PROP(JointExposure, AnyLight_NeighboursStayWithinTheDifferenceAndTheMeanIsKept, ()) {
-  ExposureWish wish;
-  wish.program = ExposureProgram::kJoint;
-  wish.difference = *rc::gen::inRange(0, 3 * kStop);
+  ExposureSettings settings;
+  settings.program = ExposureProgram::kJoint;
+  settings.difference = *rc::gen::inRange(0, 3 * kStop);
   const bool anchored = *rc::gen::arbitrary<bool>();
-  if (anchored) wish.anchor = static_cast<HeadIndex>(*rc::gen::inRange(0, 4));
+  if (anchored) settings.anchor = static_cast<HeadIndex>(*rc::gen::inRange(0, 4));
   std::array<Stops, 4> light{};
   for (Stops& each : light) each = -12 * kStop + *rc::gen::inRange(-2 * kStop, 2 * kStop);
-  ExposureControl control(wish);
+  ExposureControl control(settings);
   control.step(chain(light, 10 * kStop), four());
   const auto& goal = control.report().goal;
   double mean = 0;
   double alone = 0;
   for (std::size_t h = 0; h < 4; ++h) {
-    RC_ASSERT(h == 0 || std::abs(goal[h] - goal[h - 1]) <= wish.difference + 1);
+    RC_ASSERT(h == 0 || std::abs(goal[h] - goal[h - 1]) <= settings.difference + 1);
     mean += goal[h] / 4.0;
-    alone += (wish.target - light[h]) / 4.0;
+    alone += (settings.target - light[h]) / 4.0;
   }
   if (anchored) {
-    RC_ASSERT(goal[*wish.anchor] == wish.target - light[*wish.anchor]);
+    RC_ASSERT(goal[*settings.anchor] == settings.target - light[*settings.anchor]);
   } else {
     RC_ASSERT(std::abs(mean - alone) <= 2);
   }
@@ -69,19 +69,19 @@ RC_GTEST_PROP(JointExposure, AnyLight_NeighboursStayWithinTheDifferenceAndTheMea
 
 TEST(ExposureControl, ManualOrLocked_NothingIsAsked) {
   for (const bool locked : {false, true}) {
-    ExposureWish wish;
-    wish.program = locked ? ExposureProgram::kEach : ExposureProgram::kManual;
-    wish.locked = locked;
-    ExposureControl control(wish);
+    ExposureSettings settings;
+    settings.program = locked ? ExposureProgram::kEach : ExposureProgram::kManual;
+    settings.locked = locked;
+    ExposureControl control(settings);
     EXPECT_EQ(control.step(chain({-3000, -9000, -9000, -9000}, 10 * kStop), four()).heads, 0U);
   }
 }
 
 TEST(ExposureControl, NearItsGoal_MovesByStepsThatAreNotSeenAndThenRests) {
-  ExposureWish wish;
-  wish.program = ExposureProgram::kEach;
-  ExposureControl control(wish);
-  const Stops light = wish.target - 10 * kStop;  // exactly as exposed at 10
+  ExposureSettings settings;
+  settings.program = ExposureProgram::kEach;
+  ExposureControl control(settings);
+  const Stops light = settings.target - 10 * kStop;  // exactly as exposed at 10
   const auto at = [&](Stops off) { return chain({light - off, light, light, light}, 10 * kStop); };
   Stops moved = 0;
   Stops before = 10 * kStop;

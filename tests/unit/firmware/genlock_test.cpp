@@ -1,4 +1,4 @@
-#include "firmware/genlock.h"
+#include "firmware/sync/genlock.h"
 
 #include <gtest/gtest.h>
 
@@ -293,7 +293,7 @@ TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepBeforeTheirPastIsOv
 
 /// The table of genlock.h as it is written there.
 TEST(GenlockTable, EveryStateAndCondition_IsAsItsHeaderSays) {
-  const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/genlock.h");
+  const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/sync/genlock.h");
   ASSERT_EQ(table.rows.size(), kGenlockConditions);
   ASSERT_EQ(table.columns.size(), 5u);
   for (std::size_t row = 0; row < table.rows.size(); ++row) {

@@ -1,4 +1,4 @@
-#include "firmware/health.h"
+#include "firmware/operate/health.h"
 
 #include <gtest/gtest.h>
 

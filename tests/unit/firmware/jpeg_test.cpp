@@ -1,4 +1,4 @@
-#include "firmware/jpeg.h"
+#include "firmware/picture/jpeg.h"
 
 #include <gtest/gtest.h>
 #include <turbojpeg.h>

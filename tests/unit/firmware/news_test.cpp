@@ -1,5 +1,5 @@
 // The log's sentences: none forges a line, none floods a disk, and what is left out is counted.
-#include "firmware/news.h"
+#include "firmware/operate/news.h"
 
 #include <gtest/gtest.h>
 

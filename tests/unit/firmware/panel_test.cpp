@@ -1,4 +1,4 @@
-#include "firmware/panel.h"
+#include "firmware/operate/panel.h"
 
 #include <gtest/gtest.h>
 

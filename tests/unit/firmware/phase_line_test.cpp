@@ -1,4 +1,4 @@
-#include "firmware/phase_line.h"
+#include "firmware/sync/phase_line.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

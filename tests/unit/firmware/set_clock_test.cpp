@@ -1,4 +1,4 @@
-#include "firmware/set_clock.h"
+#include "firmware/sync/set_clock.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -1,4 +1,4 @@
-#include "firmware/set_copy.h"
+#include "firmware/hosts/set_copy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "firmware/settings.h"
+#include "firmware/storage/settings.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <limits>
 
-#include "firmware/settings_writer.h"
+#include "firmware/storage/settings_writer.h"
 #include "hal/sim/clock.h"
 #include "protocol/base/units.h"
 

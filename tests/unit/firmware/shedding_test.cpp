@@ -1,4 +1,4 @@
-#include "firmware/shedding.h"
+#include "firmware/operate/shedding.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "firmware/statistics.h"
+#include "firmware/frame/statistics.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "firmware/snapshot.h"
+#include "firmware/frame/snapshot.h"
 
 namespace nodal::firmware {
 namespace {

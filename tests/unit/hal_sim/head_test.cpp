@@ -6,8 +6,8 @@
 #include <set>
 #include <vector>
 
-#include "tests/support/rigs.h"
 #include "hal/sim/rig.h"
+#include "tests/support/rigs.h"
 
 namespace nodal::hal::sim {
 namespace {

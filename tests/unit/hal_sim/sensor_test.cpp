@@ -7,10 +7,10 @@
 #include <memory>
 #include <vector>
 
-#include "tests/support/pictures.h"
-#include "tests/support/rigs.h"
 #include "hal/replay/image_file.h"
 #include "hal/sim/scene/response.h"
+#include "tests/support/pictures.h"
+#include "tests/support/rigs.h"
 
 namespace nodal::hal::sim {
 namespace {

@@ -1,0 +1,398 @@
+#include "firmware/calibration/calibration_keeper.h"
+
+#include <algorithm>
+#include <new>
+
+#include "stitch/table/meter_compiler.h"
+#include "stitch/table/tone_compiler.h"
+
+#include "firmware/calibration/calibration_signature.h"
+#include "firmware/storage/durable_file.h"
+#include "firmware/storage/settings.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kRequests = 32;  // one of every host, and control's own
+
+std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
+
+Error out_of_memory(const Sha256& id) {
+  return {Errc::kOverload, "the board has not enough memory to compile the table of calibration " + short_id(id) +
+                               "; make the raymap in rig.toml smaller, or give nodald more (ulimit -v, MemoryMax=)"};
+}
+
+std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector<HeadConfig>& rig,
+                               const HeadShapes& heads) {
+  Calibration fitted = calibration;
+  fitted.heads.clear();
+  for (std::size_t i = 0; i < rig.size(); ++i) {
+    const auto found = std::find_if(calibration.heads.begin(), calibration.heads.end(),
+                                    [&](const HeadCalibration& head) { return head.name == rig[i].name; });
+    if (found == calibration.heads.end()) {
+      return fail(Errc::kHeadMismatch, "the rig's head '" + rig[i].name + "' is not in the calibration '" +
+                                           calibration.name + "'; calibrate it, or rename it in rig.toml");
+    }
+    if (i < heads.size() && heads[i] && (heads[i]->width != found->width || heads[i]->height != found->height)) {
+      return fail(Errc::kHeadMismatch, "head '" + found->name + "' delivers " +
+                                           size_of(heads[i]->width, heads[i]->height) + 
+                                           ", but its calibration is for " + size_of(found->width, found->height));
+    }
+    fitted.heads.push_back(*found);
+  }
+  for (const HeadCalibration& head : calibration.heads) {
+    if (std::none_of(rig.begin(), rig.end(), [&](const HeadConfig& ours) { return ours.name == head.name; })) {
+      return fail(Errc::kHeadMismatch, "the calibration's head '" + head.name + "' is not in rig.toml");
+    }
+  }
+  return fitted;
+}
+
+CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
+                                     SpscRing<InstalledPtr>& tables_back)
+    : config_(config), disk_(disk), starts_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(kRequests), answers_(kRequests) {
+  report_.activity = "reading the calibration store";  // so that who asks first is told to wait
+  publish();
+}
+
+bool CalibrationKeeper::step(Instant now) {
+  now_ = now;
+  bool busy = false;
+  while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
+  if (!started_) {
+    started_ = true;
+    read_settings();
+    load_at_start();
+    busy = true;
+  } else if (installing_) {
+    busy |= compile_within_memory();
+  } else if (!to_try_.empty()) {
+    start_next_good();
+    busy = true;
+  }
+  busy |= watch_trial();
+  busy |= take_request();
+  if (busy) publish();
+  return busy;
+}
+
+/// Memory that is refused while a table is compiled costs that calibration, and nothing else: what runs goes on.
+bool CalibrationKeeper::compile_within_memory() {
+  try {
+    return compile_some();
+  } catch (const std::bad_alloc&) {
+    end(fail(out_of_memory(installing_->id)));
+    return true;
+  }
+}
+
+void CalibrationKeeper::read_settings() {
+  const auto file = disk_.read(kSettingsFile, kMaxSettingsBytes);
+  report_.settings = file ? std::string(file->begin(), file->end()) : std::string();
+  if (report_.settings->empty()) {
+    // Nothing to count.
+  } else if (auto put_aside = starts_.begin()) {
+    report_.settings->clear();
+    report_.settings_problem = std::move(*put_aside);
+  }
+  if (!file && file.error().code != Errc::kNotFound) {
+    report_.settings_problem = file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
+  }
+}
+
+void CalibrationKeeper::load_at_start() {
+  auto opened = CalibrationStore::open(disk_);
+  if (!opened) {
+    store_status_ = fail(opened.error().in("calibration store"));
+    report_.problem = store_status_.error().message;
+    report_.activity.clear();
+    report_.ready = true;
+    return;
+  }
+  store_.emplace(std::move(*opened));
+  report_.problem = store_->note();
+  const auto in_force = store_->in_force();
+  for (auto entry = store_->entries().rbegin(); entry != store_->entries().rend(); ++entry) {
+    if (entry->id != in_force) to_try_.push_back(*entry);
+  }
+  for (const CalibrationStore::Entry& entry : store_->entries()) {
+    if (entry.id == in_force) to_try_.push_back(entry);
+  }
+  report_.ready = to_try_.empty();
+  if (report_.ready) report_.activity.clear();
+}
+
+/// The one in force, and when it does not fit the rig any more, the newest that does.
+void CalibrationKeeper::start_next_good() {
+  const CalibrationStore::Entry entry = to_try_.back();
+  to_try_.pop_back();
+  auto calibration = load_permitted(*store_, config_.signers, entry.id);
+  Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
+                             : Status(fail(calibration.error()));
+  if (!begun) end(begun);
+}
+
+/// Questions are answered at once; changes wait for the one under way.
+bool CalibrationKeeper::take_request() {
+  const bool changing = installing_ || !to_try_.empty();
+  if (answers_.full() || (waiting_ && changing)) return false;
+  std::optional<KeeperRequest> request = waiting_ ? std::exchange(waiting_, std::nullopt) : requests_.pop();
+  if (!request) return false;
+  if (answer_at_once(*request)) return true;
+  if (changing) {
+    waiting_ = std::move(request);
+    return true;
+  }
+  if (Status begun = start(*request); !begun) answer(request->ticket, fail(begun.error()));
+  return true;
+}
+
+bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
+  if (const auto* settings = std::get_if<KeeperRequest::Remember>(&request.what)) {
+    const Status kept = write_durably(disk_, "", kSettingsFile, settings->settings);
+    answer(request.ticket, kept ? Result<Answered>(KeeperAnswer::Done{}) : fail(kept.error().in("settings")));
+  } else if (std::holds_alternative<KeeperRequest::RunsWell>(request.what)) {
+    starts_.succeeded();
+    answer(request.ticket, KeeperAnswer::Done{});
+  } else if (!store_) {
+    answer(request.ticket, fail(store_status_.error()));
+  } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
+    answer(request.ticket, list());
+  } else if (const auto* wanted = std::get_if<KeeperRequest::Get>(&request.what)) {
+    answer(request.ticket, get(wanted->id_prefix));
+  } else {
+    return false;
+  }
+  return true;
+}
+
+Status CalibrationKeeper::start(const KeeperRequest& request) {
+  if (const auto* wish = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *wish);
+  if (on_trial_) {
+    if (std::holds_alternative<KeeperRequest::Rollback>(request.what)) return end_trial(request, {});
+    return fail(Errc::kBusy, "calibration " + short_id(report_.trial->id) + " is on trial for " +
+                                 std::to_string((report_.trial->until - now_).ms() / 1000) +
+                                 " s more; wait, or end it: nodal calibration rollback");
+  }
+  if (std::holds_alternative<KeeperRequest::Install>(request.what)) return install(request);
+  if (const auto* wish = std::get_if<KeeperRequest::Use>(&request.what)) {
+    const auto found = store_->find(wish->id_prefix);
+    return found ? use(request, found->id) : Status(fail(found.error()));
+  }
+  if (store_->before()) return use(request, Sha256(*store_->before()));
+  return fail(Errc::kNotFound, "there is no calibration before the one in force to go back to");
+}
+
+Status CalibrationKeeper::install(const KeeperRequest& request) {
+  const auto& upload = std::get<KeeperRequest::Install>(request.what);
+  if (Status permitted = check_signature(config_.signers, {upload.signature, upload.json}); !permitted) {
+    return fail(permitted.error().in("calibration"));
+  }
+  auto calibration = parse_calibration(upload.json);
+  if (!calibration) return fail(calibration.error().in("calibration"));
+  if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
+  std::optional<SignedDocument> original;
+  if (config_.signers) original = SignedDocument{upload.signature, upload.json};
+  if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
+  const Sha256 id = calibration_id(*calibration);
+  const bool known = store_->read(id).has_value();
+  if (auto stored = store_->put(*calibration, original); !stored) {
+    return fail(stored.error().in("storing calibration " + short_id(id)));
+  }
+  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
+  if (!begun && !known) store_->remove(id);
+  return begun;
+}
+
+Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibration calibration,
+                                           std::optional<SignedDocument> original, Duration trial) {
+  const Sha256 id = calibration_id(calibration);
+  if (!running_) {
+    return fail(Errc::kWrongState, "no calibration is in force that a trial could go back to; upload this one for good");
+  }
+  if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
+  OnTrial on_trial{calibration, running_, std::move(original)};
+  if (Status begun = begin(request.ticket, std::move(calibration), id, false, request.heads); !begun) return begun;
+  installing_->trial = trial;
+  on_trial_ = std::move(on_trial);
+  return {};
+}
+
+/// Keeping may fail, as the disk may; then the trial goes on, and the rig will go back.
+Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish) {
+  if (!report_.trial) {
+    return fail(Errc::kWrongState, "no calibration is on trial; its time was up, or it was ended");
+  }
+  const Sha256 id = report_.trial->id;
+  if (!std::string_view(reinterpret_cast<const char*>(id.data()), id.size()).starts_with(wish.id_prefix)) {
+    return fail(Errc::kNotFound, "calibration " + short_id(id) + " is on trial, and not that one");
+  }
+  if (!wish.keep) {
+    go_back(request.ticket);
+    return {};
+  }
+  const bool known = store_->read(id).has_value();
+  if (auto stored = store_->put(on_trial_->calibration, on_trial_->original); !stored) {
+    return fail(stored.error().in("storing calibration " + short_id(id)));
+  }
+  if (Status kept = store_->set_in_force(id); !kept) {
+    if (!known) store_->remove(id);
+    return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
+  }
+  report_.trial.reset();
+  report_.problem.clear();
+  on_trial_.reset();
+  answer(request.ticket, KeeperAnswer::Done{});
+  return {};
+}
+
+/// Goes back by itself when nobody has ended the trial in time.
+bool CalibrationKeeper::watch_trial() {
+  if (!report_.trial || installing_ || now_ < report_.trial->until) return false;
+  go_back(std::nullopt);
+  return true;
+}
+
+/// What was in force before runs again, as soon as the blend takes it; then a ticket is answered.
+void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
+  report_.in_force = on_trial_->before->id;
+  report_.name = on_trial_->before->name;
+  report_.trial.reset();
+  hand_over(std::exchange(on_trial_, std::nullopt)->before);
+  Installation back;
+  back.ticket = ticket;
+  back.id = running_->id;
+  back.handed_over = true;
+  installing_.emplace(std::move(back));
+}
+
+void CalibrationKeeper::hand_over(InstalledPtr installed) {
+  running_ = installed;
+  NODAL_ASSERT(tables_out_.push(std::move(installed)));
+}
+
+Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
+  auto calibration = load_permitted(*store_, config_.signers, id);
+  if (!calibration) return fail(calibration.error());
+  return begin(request.ticket, std::move(*calibration), id, false, request.heads);
+}
+
+Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
+                                bool newly_stored, const HeadShapes& heads) {
+  auto fitted = fit_to_rig(calibration, config_.heads, heads);
+  if (!fitted) return fail(fitted.error());
+  std::vector<PixelFormat> formats;
+  for (std::size_t i = 0; i < config_.heads.size(); ++i) {
+    formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
+  }
+  try {
+    auto job = TableJob::make(*fitted, config_, std::move(formats));
+    if (!job) return fail(job.error().in("calibration " + short_id(id)));
+    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
+  } catch (const std::bad_alloc&) {
+    return fail(out_of_memory(id));
+  }
+  return {};
+}
+
+bool CalibrationKeeper::compile_some() {
+  Installation& now = *installing_;
+  if (now.job && !now.job->done()) {
+    now.job->compile_some(kRowsAStep);
+    report_.activity = "compiling the table of calibration " + short_id(now.id) + ": " +
+                       std::to_string(now.job->percent()) + " %";
+    return true;
+  }
+  if (tables_out_.full() || answers_.full()) return false;  // until the blend has taken it
+  if (now.handed_over) {
+    end({});
+  } else if (const Status status = put_in_force(now); !status) {
+    end(status);
+  }
+  return true;
+}
+
+Status CalibrationKeeper::put_in_force(Installation& done) {
+  auto tables = std::move(*done.job).finish();
+  if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
+  auto meter = table::compile_meter_table(done.calibration);
+  if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
+  // All that needs memory before anything is changed on the disk.
+  auto installed = make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
+                                  table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
+  // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
+  if (!done.trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
+    if (Status kept = store_->set_in_force(done.id); !kept) {
+      if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
+      report_.problem = kept.error().message;  // runs all the same, this once
+    }
+  }
+  report_.in_force = done.id;
+  report_.name = done.calibration.name;
+  if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
+  hand_over(std::move(installed));
+  done.handed_over = true;
+  return {};
+}
+
+void CalibrationKeeper::end(const Status& status) {
+  const bool at_start = !installing_ || !installing_->ticket;
+  report_.activity.clear();
+  if (at_start) {
+    report_.ready = status.has_value() || to_try_.empty();
+    if (status) {
+      to_try_.clear();
+    } else {
+      if (!report_.problem.empty()) report_.problem += "; ";
+      report_.problem += status.error().message;
+    }
+  } else {
+    if (!status && installing_->newly_stored) store_->remove(installing_->id);
+    if (!status && installing_->trial) on_trial_.reset();
+    if (status && !installing_->trial) report_.problem.clear();
+    Result<Answered> result = KeeperAnswer::Done{};
+    if (!status) result = fail(status.error());
+    answer(*installing_->ticket, std::move(result));
+  }
+  installing_.reset();
+}
+
+Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
+  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt};
+  if (report_.trial) {
+    listed.on_trial.emplace(
+        CalibrationStore::Entry{0, report_.trial->id, report_.name, on_trial_->calibration.heads.size(), ""});
+  }
+  return listed;
+}
+
+Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
+  if (id_prefix.empty() && !report_.in_force) return fail(Errc::kNotFound, "no calibration is in force");
+  Sha256 id{};
+  if (id_prefix.empty()) {
+    id = *report_.in_force;
+  } else {
+    const auto found = store_->find(id_prefix);
+    if (!found) return fail(found.error());
+    id = found->id;
+  }
+  if (report_.trial && id == report_.trial->id) return KeeperAnswer::Document{id, canonical_json(on_trial_->calibration)};
+  auto json = store_->read(id);
+  if (!json) return fail(json.error());
+  return KeeperAnswer::Document{id, std::move(*json)};
+}
+
+void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
+  if (result) {
+    if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
+  }
+  NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
+}
+
+void CalibrationKeeper::publish() { snapshot_.publish(report_); }
+
+}  // namespace nodal::firmware

@@ -1,0 +1,63 @@
+#include "firmware/calibration/table_job.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+namespace nodal::firmware {
+
+Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig& config,
+                                std::vector<PixelFormat> formats) {
+  const RaymapConfig& raymap = config.raymap;
+  TableJob job;
+  job.calibration_ = calibration;
+  job.formats_ = std::move(formats);
+  job.spec_ = {std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height, raymap.format};
+  job.options_.feather = raymap.feather;
+  job.fields_ = {std::nullopt};
+  if (raymap.fields == FieldUse::kSeparate) {
+    const FieldParity first = first_field(config.heads[0].fields);
+    job.fields_ = {first, other(first)};
+  }
+  if (Status begun = job.next_table(); !begun) return fail(begun.error());
+  return job;
+}
+
+Status TableJob::next_table() {
+  options_.field = fields_[tables_.size()];
+  rows_done_ = 0;
+  auto compiler = table::TableCompiler::make(calibration_, spec_, formats_, options_);
+  if (!compiler) return fail(compiler.error());
+  compiler_.emplace(std::move(*compiler));
+  return {};
+}
+
+int TableJob::percent() const {
+  const int tables = static_cast<int>(fields_.size());
+  const int whole = 100 * static_cast<int>(tables_.size());
+  return (whole + (compiler_ ? 100 * rows_done_ / compiler_->row_count() : 0)) / tables;
+}
+
+void TableJob::compile_some(int rows) {
+  NODAL_ASSERT(compiler_);
+  const int until = std::min(compiler_->row_count(), rows_done_ + rows);
+  compiler_->compile_rows(rows_done_, until);
+  rows_done_ = until;
+  if (rows_done_ < compiler_->row_count()) return;
+  auto table = std::move(*compiler_).finish();
+  compiler_.reset();
+  if (!table) {
+    status_ = fail(table.error());
+    return;
+  }
+  tables_.push_back(std::move(*table));
+  if (tables_.size() < fields_.size()) status_ = next_table();
+}
+
+Result<std::vector<blend::BlendTable>> TableJob::finish() && {
+  NODAL_ASSERT(done());
+  if (!status_) return fail(status_.error());
+  return std::move(tables_);
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,259 @@
+#include "firmware/capture/capture.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kCommands = 64;
+constexpr Duration kReportEvery = Duration::milliseconds(20);
+
+std::string port_path(const PortAddress& port) {
+  return (port.kind == PortKind::kSim ? "sim:" : "replay:") + port.name;
+}
+
+hal::TriggerSettings settings_of(const RigConfig& config) {
+  hal::TriggerSettings settings;
+  settings.rate = config.rate;
+  settings.follow = config.trigger.source == SyncSource::kExternal;
+  settings.pulse_width = config.trigger.pulse_width;
+  settings.active_high = config.trigger.active_high;
+  for (std::size_t i = 0; i < config.heads.size(); ++i) settings.delay[i] = config.heads[i].trigger_delay;
+  return settings;
+}
+
+}  // namespace
+
+Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
+    : trigger_settings_(settings_of(config)),
+      source_(config.trigger.source),
+      genlock_(trigger),
+      exposure_(config.exposure),
+      clock_(config.rate),
+      rate_(config.rate),
+      rate_now_(config.rate),
+      genlock_wanted_(config.trigger.start),
+      commands_(kCommands),
+      answers_(kCommands) {
+  for (const HeadConfig& head : config.heads) heads_.emplace_back(head, port_path(head.port), heads);
+  report_.heads.resize(heads_.size());
+  open_.reserve(kMaxOpenSets);
+  restart_clocks(rate_, false, Instant());
+}
+
+Capture::~Capture() { close(); }
+
+void Capture::close() {
+  close_all(Instant());
+  for (Outlet<SetLoan>& outlet : outlets_) outlet.drop_waiting();
+  if (sets_) sets_->collect();
+  genlock_.stop();
+  for (CaptureHead& head : heads_) head.close();
+  update_report(Instant(), true);
+}
+
+bool Capture::step(Instant now) {
+  now_ = now;
+  if (!sets_) make_sets();
+  bool busy = sets_->collect();
+  busy |= follow_light();
+  busy |= run_commands(now);
+  busy |= take_edges();
+  for (CaptureHead& head : heads_) busy |= head.step(now, mode_);
+  busy |= take_frames();
+  busy |= close_due_sets(now);
+  align();
+  genlock_.step(now);
+  if (genlock_wanted_) {
+    genlock_wanted_ = false;
+    (void)start_genlock({}, now);  // without a trigger the state stays "off", which status shows
+    busy = true;
+  }
+  check();
+  update_report(now, busy);
+  steps_.fetch_add(1, std::memory_order_relaxed);
+  return busy;
+}
+
+void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
+  clock_.restart(rate, genlocked, now);
+  pulse_drift_.restart(rate);
+  aligner_.restart(rate.period());
+  for (DriftMeter& drift : head_drift_) drift.restart(rate);
+}
+
+bool Capture::take_edges() {
+  constexpr int kEdges = 256;  // a port that reports more in one step is asked again in the next
+  int taken = 0;
+  for (; taken < kEdges; ++taken) {
+    const auto edge = genlock_.take_edge(now_);
+    if (!edge) break;
+    clock_.on_edge(*edge);
+    pulse_drift_.add(static_cast<std::int64_t>(edge->number), edge->at);
+  }
+  return taken > 0;
+}
+
+bool Capture::run_commands(Instant now) {
+  bool any = false;
+  while (!answers_.full()) {
+    auto command = commands_.pop();
+    if (!command) break;
+    any = true;
+    Status status;
+    if (const auto* change = std::get_if<HeadChange>(&command->what)) {
+      status = change_heads(*change);
+    } else if (const auto* start = std::get_if<GenlockStart>(&command->what)) {
+      status = start_genlock(*start, now);
+    } else if (const auto* exposing = std::get_if<ExposureChange>(&command->what)) {
+      exposure_.set(exposing->applied_to(exposure_.report().settings));
+    } else {
+      stop_genlock(now);
+    }
+    answers_.push(CaptureAnswer{command->ticket, std::move(status), genlock_report(), exposure_.report()});
+  }
+  return any;
+}
+
+bool Capture::follow_light() {
+  bool any = false;
+  while (auto seen = light_in_ ? light_in_->pop() : std::nullopt) {
+    any = true;
+    std::array<std::optional<ExposureRange>, kMaxHeads> ranges;
+    const ExposureSettings& automatic = exposure_.report().settings;
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      const HeadReport& head = heads_[i].report();
+      if (!head.present || !head.limits) {
+        exposure_.forget(i);
+        continue;
+      }
+      const hal::HeadLimits& limits = *head.limits;
+      ranges[i] = {limits.exposure_min, std::clamp(automatic.longest, limits.exposure_min, limits.exposure_max),
+                   limits.gain_min, std::clamp(automatic.highest, limits.gain_min, limits.gain_max)};
+    }
+    const ExposureControl::Orders orders = exposure_.step(*seen, ranges);
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      if ((orders.heads & head_bit(i)) == 0) continue;
+      // Within its limits; a head that is vanishing just now is asked when it returns.
+      (void)heads_[i].change({orders.of[i].exposure, orders.of[i].gain, std::nullopt, std::nullopt});
+      align_now_ = true;
+    }
+  }
+  return any;
+}
+
+Status Capture::change_heads(const HeadChange& change) {
+  const ExposureSettings& exposing = exposure_.report().settings;
+  if ((change.change.exposure || change.change.gain) && exposing.program != ExposureProgram::kManual &&
+      !exposing.locked) {
+    return fail(Errc::kWrongState, "the exposure program '" + std::string(exposure_program_name(exposing.program)) +
+                                       "' sets exposures and gains; `nodal exposure set manual` or `nodal exposure "
+                                       "lock` first");
+  }
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((change.heads & head_bit(i)) == 0) continue;
+    if (Status allowed = heads_[i].check(change.change); !allowed) return allowed;
+  }
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((change.heads & head_bit(i)) == 0) continue;
+    if (Status changed = heads_[i].change(change.change); !changed) return changed;
+    align_now_ = true;
+  }
+  return {};
+}
+
+Status Capture::start_genlock(const GenlockStart& start, Instant now) {
+  if (source_ == SyncSource::kNone) {
+    if (start.pulse_width || (start.rate && start.rate->period() != rate_.period())) {
+      return fail(Errc::kUnsupported, "this rig has no trigger ([trigger] source is \"none\"): its heads run free at the "
+                                      "rate of rig.toml, and are brought into step there");
+    }
+    genlock_.align(rate_, now);
+    aligner_.restart(rate_.period());
+    return {};
+  }
+  hal::TriggerSettings settings = trigger_settings_;
+  settings.rate = start.rate.value_or(settings.rate);
+  settings.pulse_width = start.pulse_width.value_or(settings.pulse_width);
+  if (Status started = genlock_.start(settings, now); !started) {
+    stop_genlock(now);
+    return started;
+  }
+  mode_ = hal::TriggerMode::kExternal;
+  rate_now_ = settings.rate;
+  close_all(now);
+  restart_clocks(rate_now_, true, now);
+  return {};
+}
+
+void Capture::stop_genlock(Instant now) {
+  genlock_.stop();
+  if (mode_ == hal::TriggerMode::kFreeRun) return;
+  mode_ = hal::TriggerMode::kFreeRun;
+  rate_now_ = rate_;
+  close_all(now);
+  restart_clocks(rate_now_, false, now);
+}
+
+Outlet<SetLoan>& Capture::add_outlet(const OutletSpec& spec, bool open) {
+  NODAL_ASSERT(!sets_);
+  report_.outlets.push_back({spec.name, {}});
+  return outlets_.add(spec, open);
+}
+
+void Capture::make_sets() {
+  // One more than can be held: a new set is opened before the oldest one is closed.
+  sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
+}
+
+void Capture::release_frames(FrameSet& set) {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (set.has(i)) heads_[i].release(set.frames[i].slot);
+  }
+  set.mask = 0;
+}
+
+void Capture::check() const {
+  FrameCounts all;
+  for (const CaptureHead& head : heads_) {
+    NODAL_ASSERT(head.conserved());
+    all.add(head.report().counts);
+  }
+  std::uint64_t held = 0;
+  for (const OpenSet& open : open_) held += static_cast<std::uint64_t>(std::popcount(open.set->mask));
+  NODAL_ASSERT(all.held == held && all.conserved());
+}
+
+GenlockReport Capture::genlock_report() const {
+  GenlockReport report = genlock_.report();
+  if (!genlock_.running()) report.rate = rate_;
+  if (genlock_.aligning()) {
+    report.fixed = aligner_.fixed();
+    report.one_way = aligner_.one_way();
+    report.unheeding = aligner_.unheeding();
+  }
+  report.drift_ppb = drift_ppb();
+  return report;
+}
+
+void Capture::update_report(Instant now, bool changed) {
+  if (!changed && now < next_report_) return;
+  report_.frames = {};
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (mode_ == hal::TriggerMode::kFreeRun) heads_[i].tell_drift(aligner_.drift_ppb(i));
+    report_.heads[i] = heads_[i].report();
+    report_.frames.add(heads_[i].report().counts);
+  }
+  std::size_t next_outlet = 0;
+  for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets[next_outlet++].losses = outlet.losses();
+  report_.genlock = genlock_report();
+  report_.exposure = exposure_.report();
+  if (now >= next_report_ || report_.sets != reported_sets_) {
+    snapshot_.publish(report_);
+    next_report_ = now + kReportEvery;
+    reported_sets_ = report_.sets;
+  }
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,166 @@
+// Takes frames from the heads and makes sets of them.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "firmware/capture/capture_head.h"
+#include "firmware/capture/exposure.h"
+#include "firmware/config/config.h"
+#include "firmware/frame/frame_set.h"
+#include "firmware/frame/outlet.h"
+#include "firmware/frame/snapshot.h"
+#include "firmware/sync/aligner.h"
+#include "firmware/sync/drift.h"
+#include "firmware/sync/genlock.h"
+#include "firmware/sync/set_clock.h"
+#include "hal/head.h"
+#include "hal/trigger.h"
+#include "protocol/base/result.h"
+#include "protocol/base/spsc_ring.h"
+
+namespace nodal::firmware {
+
+/// What control asks of capture, and the answer to it.
+struct HeadChange {
+  HeadMask heads = 0;
+  SettingsChange change;
+};
+struct GenlockStart {
+  std::optional<FrameRate> rate;
+  std::optional<Duration> pulse_width;
+};
+struct GenlockStop {};
+struct CaptureCommand {
+  std::uint64_t ticket = 0;
+  std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange> what;
+};
+struct CaptureAnswer {
+  std::uint64_t ticket = 0;
+  Status status;
+  GenlockReport genlock;  ///< after it
+  ExposureControl::Report exposure;
+};
+
+/// A reader of frame sets as status tells of it.
+struct OutletReport {
+  std::string_view name;
+  OutletLosses losses;
+};
+
+/// Capture as status tells of it.
+struct CaptureReport {
+  std::vector<HeadReport> heads;
+  FrameCounts frames;                    ///< of all heads
+  std::uint64_t sets = 0;
+  std::uint64_t full_sets = 0;           ///< of them, with every head of the rig
+  std::vector<OutletReport> outlets;     ///< in the order in which they registered
+  ExposureControl::Report exposure;
+  GenlockReport genlock;
+};
+
+/// Frames wait in open sets until every head that delivers has given one, or until kPeriodsToWait after the middle of
+/// their exposure; then the set goes on with what it has, in order. Every outlet gets a loan of it; what an outlet has no
+/// room for is counted there, so that capture never waits.
+///
+/// Threading: thread-bound to capture; an outlet's other end is its reader's thread; commands() and answers() are SPSC
+///   rings whose other ends are control's; snapshot() is read by control.
+/// Ownership: owns the sets; readers hold loans and give them up before capture ends.
+/// Errors: none of its own; a head's shows in its report.
+class Capture {
+ public:
+  Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger);
+  ~Capture();
+
+  /// True when something happened.
+  bool step(Instant now);
+  /// Ends: the blend must have given every set back. Heads and trigger are stopped.
+  void close();
+
+  /// Registers a reader of frame sets, before the first step(). A closed one is offered nothing until it is opened.
+  Outlet<SetLoan>& add_outlet(const OutletSpec& spec, bool open = true);
+  /// Where the meter's readings come from; without it exposures stay as they are.
+  void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
+  SpscRing<CaptureCommand>& commands() { return commands_; }
+  SpscRing<CaptureAnswer>& answers() { return answers_; }
+  Snapshot<CaptureReport>& snapshot() { return snapshot_; }
+  const CaptureReport& report() const { return report_; }
+  /// Counts calls of step(); read by any thread.
+  std::uint64_t steps() const { return steps_.load(std::memory_order_relaxed); }
+
+  static constexpr std::size_t kMaxOpenSets = 4;
+  static constexpr int kHalfPeriodsToWait = 5;
+  static constexpr Duration kOldest = Duration::seconds(1);  ///< and kMaxOpenSets periods: a frame, when it is received
+
+ private:
+  struct OpenSet {
+    SetClock::Slot slot = 0;
+    SetLoan set;
+    Skews skews;
+  };
+
+  bool run_commands(Instant now);
+  Status change_heads(const HeadChange& change);
+  Status start_genlock(const GenlockStart& start, Instant now);
+  void stop_genlock(Instant now);
+  bool follow_light();
+  bool take_edges();
+  bool take_frames();
+  bool plausible(const hal::FrameView& frame) const;
+  std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame);
+  void place(std::size_t head, const hal::FrameView& frame);
+  OpenSet* open_set(SetClock::Slot slot);
+  bool close_complete_sets();
+  bool close_due_sets(Instant now);
+  bool complete(const OpenSet& open) const;
+  void close_oldest();
+  void describe(const OpenSet& open);
+  std::optional<std::int32_t> drift_ppb() const;
+  bool pulsed() const { return genlock_.running() && !genlock_.aligning(); }
+  void align();
+  void restart_clocks(FrameRate rate, bool genlocked, Instant now);
+  void make_sets();
+  void release_frames(FrameSet& set);
+  void close_all(Instant now);
+  GenlockReport genlock_report() const;
+  void update_report(Instant now, bool changed);
+  void check() const;
+
+  const hal::TriggerSettings trigger_settings_;  ///< by rig.toml
+  const SyncSource source_;
+  std::deque<CaptureHead> heads_;  ///< they never move
+  Genlock genlock_;
+  Aligner aligner_;
+  bool align_now_ = false;         ///< a set was closed, or an exposure asked, since heads were last moved
+  ExposureControl exposure_;
+  SpscRing<blend::SphereLight>* light_in_ = nullptr;
+  SetClock clock_;
+  DriftMeter pulse_drift_;
+  std::array<DriftMeter, kMaxHeads> head_drift_;
+  const FrameRate rate_;           ///< of rig.toml
+  FrameRate rate_now_;             ///< or as the host started the genlock
+  bool genlock_wanted_;            ///< at start, by rig.toml
+  hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
+
+  Outlets<SetLoan> outlets_;
+  std::optional<LoanPool<FrameSet>> sets_;  ///< once every outlet has registered
+  std::vector<OpenSet> open_;      ///< by slot, oldest first
+  std::optional<SetClock::Slot> newest_closed_;
+  Instant now_;                    ///< of the step under way
+
+  SpscRing<CaptureCommand> commands_;
+  SpscRing<CaptureAnswer> answers_;
+  Snapshot<CaptureReport> snapshot_;
+  CaptureReport report_;
+  Instant next_report_;
+  std::uint64_t reported_sets_ = 0;
+  std::atomic<std::uint64_t> steps_{0};
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,290 @@
+#include "firmware/capture/capture_head.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <numeric>
+
+namespace nodal::firmware {
+namespace {
+
+/// How often a head that is away is looked for: a replug shows within a few frames, and costs nothing to try.
+constexpr Duration kRetry = Duration::milliseconds(200);
+
+std::string microseconds(Exposure exposure) { return std::to_string(exposure.us()) + " us"; }
+std::string thousandths(hal::Gamma gamma) { return std::to_string(gamma.thousandths()) + "/1000"; }
+std::string decibels(Gain gain) { return std::to_string(gain.mdb()) + " mdB"; }
+
+std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
+  switch (verdict) {
+    case hal::FrameVerdict::kGood: return std::nullopt;
+    case hal::FrameVerdict::kCorrupt: return LossReason::kCorrupt;
+    case hal::FrameVerdict::kTorn: return LossReason::kTorn;
+    case hal::FrameVerdict::kNoSignal: return LossReason::kNoSignal;
+  }
+  return LossReason::kCorrupt;
+}
+
+/// Whether fields came as the head promised: both, and in their order of time.
+std::optional<LossReason> bad_fields(Fields came, Fields promised) {
+  if (came == promised) return std::nullopt;
+  const auto whole = [](Fields f) { return f == Fields::kTopFirst || f == Fields::kBottomFirst; };
+  return whole(came) && whole(promised) ? LossReason::kFieldOrder : LossReason::kFieldParity;
+}
+
+/// A head rounds what it is asked to steps of its own; a 16th of a stop and a twentieth of a gamma are more than that.
+bool carried(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
+  if (wanted.exposure) {
+    const std::int64_t apart = in_effect.exposure.us() - wanted.exposure->us();
+    if (std::abs(apart) > std::max<std::int64_t>(wanted.exposure->us() / 16, 1)) return false;
+  }
+  if (wanted.gain && std::abs(wanted.gain->mdb() - in_effect.gain.mdb()) > 400) return false;
+  if (wanted.gamma && std::abs(wanted.gamma->thousandths() - in_effect.gamma.thousandths()) > 50) return false;
+  if (!wanted.white_balance) return true;
+  const auto far = [](std::uint16_t a, std::uint16_t b) { return std::abs(int{a} - int{b}) > b / 16; };
+  return !far(in_effect.white_balance.red_q12, wanted.white_balance->red_q12) &&
+         !far(in_effect.white_balance.blue_q12, wanted.white_balance->blue_q12);
+}
+
+}  // namespace
+
+void SettingsChange::add(const SettingsChange& newer) {
+  if (newer.exposure) exposure = newer.exposure;
+  if (newer.gain) gain = newer.gain;
+  if (newer.white_balance) white_balance = newer.white_balance;
+  if (newer.gamma) gamma = newer.gamma;
+}
+
+std::uint64_t FrameCounts::lost() const {
+  return std::accumulate(losses.begin(), losses.end(), std::uint64_t{0});
+}
+
+void FrameCounts::add(const FrameCounts& other) {
+  frames += other.frames;
+  in_sets += other.in_sets;
+  held += other.held;
+  for (std::size_t i = 0; i < kLossReasons; ++i) losses[i] += other.losses[i];
+}
+
+CaptureHead::CaptureHead(const HeadConfig& config, std::string path, hal::HeadEnumerator& enumerator)
+    : name_(config.name),
+      path_(std::move(path)),
+      enumerator_(enumerator),
+      wanted_{config.exposure, config.gain, config.white_balance, config.gamma} {
+  report_.path = path_;
+  report_.problem = "not found yet at " + path_;
+}
+
+CaptureHead::~CaptureHead() {
+  if (port_) port_->stop();
+}
+
+bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
+  if (gone_ && lent_ == 0) {
+    port_.reset();
+    gone_ = false;
+    next_try_ = now + kRetry;
+  }
+  if (gone_) return false;
+  if (!port_) {
+    if (next_try_ && now < *next_try_) return false;
+    next_try_ = now + kRetry;
+    open(now);
+    return port_ != nullptr;
+  }
+  restarting_ = started_ && mode_ != mode;
+  if (started_ && !restarting_) return false;
+  if (started_) {
+    if (lent_ > 0) return false;  // the blend still reads; its frames come back within a raymap's time
+    port_->stop();
+    started_ = restarting_ = false;
+  }
+  if (next_try_ && now < *next_try_) return false;
+  start(mode, now);
+  return true;
+}
+
+void CaptureHead::open(Instant) {
+  auto opened = enumerator_.open(path_);
+  if (!opened) {
+    report_.problem = opened.error().message;
+    return;
+  }
+  port_ = std::move(*opened);
+  started_ = false;
+  next_try_.reset();
+  const hal::HeadIdentity& identity = port_->identity();
+  report_.model = identity.model;
+  report_.serial = identity.serial;
+  report_.format = port_->format();
+  report_.limits = port_->limits();
+  report_.present = true;
+  report_.problem.clear();
+  ++report_.opened;
+  if (const Status asked = ask(wanted_); !asked) report_.problem = asked.error().message;
+}
+
+void CaptureHead::start(hal::TriggerMode mode, Instant now) {
+  if (gone_ || !port_) return;
+  if (const Status begun = port_->start(mode); !begun) {
+    if (begun.error().code == Errc::kDeviceGone) return vanish(begun.error());
+    report_.problem = begun.error().message;
+    next_try_ = now + kRetry;
+    return;
+  }
+  next_try_.reset();
+  ++starts_;
+  started_ = true;
+  mode_ = mode;
+  missed_in_row_ = 0;
+}
+
+void CaptureHead::vanish(const Error& why) {
+  gone_ = true;
+  started_ = restarting_ = false;
+  report_.present = false;
+  report_.problem = why.message;
+}
+
+std::optional<hal::FrameView> CaptureHead::take_frame() {
+  if (!streaming()) return std::nullopt;
+  auto taken = port_->take_frame();
+  if (!taken) {
+    vanish(taken.error());
+    return std::nullopt;
+  }
+  if (!*taken) return std::nullopt;
+  const hal::FrameView& frame = **taken;
+  ++report_.counts.frames;
+  ++lent_;
+  report_.in_effect = frame.in_effect;
+  watch_settings(frame.in_effect);
+  missed_in_row_ = 0;
+  const hal::HeadFormat& format = port_->format();
+  std::optional<LossReason> reason = bad_verdict(frame.verdict);
+  if (!reason && (frame.image.format != format.pixels || frame.image.width != format.width ||
+                  frame.image.height != format.height || !frame.image.planes[0].data)) {
+    reason = LossReason::kWrongFormat;
+  }
+  if (!reason) reason = bad_fields(frame.fields, format.fields);
+  if (!reason) return frame;
+  lose(frame, *reason);
+  return std::nullopt;
+}
+
+/// The head says what it did; when that is not what it was asked, long after it should be, somebody must know.
+void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
+  if (carried(wanted_, in_effect)) {
+    report_.ignores.clear();
+  } else if (++frames_since_asked_ > report_.limits->control_latency_frames + kFramesOfGrace &&
+             report_.ignores.empty()) {
+    report_.ignores = "does not carry out what it was asked: has " + microseconds(in_effect.exposure) + ", " +
+                      decibels(in_effect.gain);
+    if (wanted_.exposure) report_.ignores += "; asked " + microseconds(*wanted_.exposure);
+    if (wanted_.gain) report_.ignores += "; asked " + decibels(*wanted_.gain);
+  }
+}
+
+void CaptureHead::lose(const hal::FrameView& frame, LossReason reason) {
+  ++report_.counts.losses[static_cast<std::size_t>(reason)];
+  NODAL_ASSERT(lent_ > 0);
+  --lent_;
+  port_->release(frame.slot);
+}
+
+void CaptureHead::hold(const hal::FrameView&) { ++report_.counts.held; }
+
+void CaptureHead::put_in_set(Duration skew) {
+  NODAL_ASSERT(report_.counts.held > 0);
+  --report_.counts.held;
+  ++report_.counts.in_sets;
+  ++in_flight_;
+  report_.skew = skew;
+}
+
+void CaptureHead::release(hal::BufferSlot slot) {
+  NODAL_ASSERT(in_flight_ > 0 && lent_ > 0 && port_);
+  --in_flight_;
+  --lent_;
+  port_->release(slot);
+}
+
+void CaptureHead::missed_set() {
+  ++report_.missing_sets;
+  if (missed_in_row_ < kMissedUntilSilent) ++missed_in_row_;
+}
+
+Status CaptureHead::check(const SettingsChange& change) const {
+  if (!report_.limits || !report_.present) return {};
+  const hal::HeadLimits& limits = *report_.limits;
+  const std::string head = "head '" + name_ + "': ";
+  if (change.exposure && (*change.exposure < limits.exposure_min || *change.exposure > limits.exposure_max)) {
+    return fail(Errc::kBadValue, head + "an exposure of " + microseconds(*change.exposure) + " is outside " +
+                                     microseconds(limits.exposure_min) + " to " + microseconds(limits.exposure_max));
+  }
+  if (change.gain && (*change.gain < limits.gain_min || *change.gain > limits.gain_max)) {
+    return fail(Errc::kBadValue, head + "a gain of " + decibels(*change.gain) + " is outside " +
+                                     decibels(limits.gain_min) + " to " + decibels(limits.gain_max));
+  }
+  if (change.white_balance && !limits.has_white_balance) {
+    return fail(Errc::kUnsupported, head + "has no white balance to set");
+  }
+  if (change.gamma && *change.gamma != hal::Gamma()) {
+    if (limits.gamma_max == hal::Gamma()) return fail(Errc::kUnsupported, head + "has no gamma to set");
+    if (*change.gamma < limits.gamma_min || *change.gamma > limits.gamma_max) {
+      return fail(Errc::kBadValue, head + "a gamma of " + thousandths(*change.gamma) + " is outside " +
+                                       thousandths(limits.gamma_min) + " to " + thousandths(limits.gamma_max));
+    }
+  }
+  return {};
+}
+
+Status CaptureHead::ask(const SettingsChange& change) {
+  if (Status allowed = check(change); !allowed) return allowed;
+  Status asked;
+  if (change.exposure) asked = port_->set_exposure(*change.exposure);
+  if (asked && change.gain) asked = port_->set_gain(*change.gain);
+  if (asked && change.white_balance) asked = port_->set_white_balance(*change.white_balance);
+  if (asked && change.gamma) asked = port_->set_gamma(*change.gamma);
+  frames_since_asked_ = 0;
+  if (asked) return {};
+  if (asked.error().code == Errc::kDeviceGone) {
+    vanish(asked.error());
+    return {};  // it is asked when it returns
+  }
+  return fail(asked.error().in("head '" + name_ + "'"));
+}
+
+Status CaptureHead::change(const SettingsChange& change) {
+  if (port_ && !gone_) {
+    if (Status asked = ask(change); !asked) return asked;
+  }
+  wanted_.add(change);
+  return {};
+}
+
+void CaptureHead::nudge(Duration by) {
+  if (!streaming()) return;
+  const Status asked = port_->nudge(by);
+  if (asked) return;
+  if (asked.error().code == Errc::kDeviceGone) return vanish(asked.error());
+  report_.problem = asked.error().message;
+}
+
+Exposure CaptureHead::exposure_to_come() const {
+  const bool on_its_way = wanted_.exposure && !carried({wanted_.exposure, {}, {}, {}}, report_.in_effect) &&
+                          frames_since_asked_ <= report_.limits->control_latency_frames + kFramesOfGrace;
+  return on_its_way ? *wanted_.exposure : report_.in_effect.exposure;
+}
+
+bool CaptureHead::conserved() const {
+  return report_.counts.conserved() && lent_ == report_.counts.held + in_flight_;
+}
+
+void CaptureHead::close() {
+  NODAL_ASSERT(lent_ == 0);
+  if (port_) port_->stop();
+  port_.reset();
+  started_ = gone_ = report_.present = false;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,350 @@
+#include "firmware/config/config.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "firmware/config/toml_reader.h"
+#include "protocol/base/limits.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::array kFormats = {PixelFormat::kI420, PixelFormat::kNv12,  PixelFormat::kYuyv,
+                                 PixelFormat::kUyvy, PixelFormat::kRgb24, PixelFormat::kGrey8};
+constexpr std::size_t kMaxUnixPath = 107;  // sockaddr_un::sun_path holds 108 with its end
+
+bool is_name(std::string_view text) {
+  return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
+           c == '-';
+  });
+}
+
+std::string name_of(TomlReader& reader) {
+  std::string name = reader.required_text("name");
+  if (!name.empty() && !is_name(name)) reader.refuse("name", "may have 1 to 64 of A-Z a-z 0-9 . _ - and nothing else");
+  return name;
+}
+
+std::optional<std::uint32_t> whole(std::string_view text) {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || value == 0) return std::nullopt;
+  return value;
+}
+
+std::optional<FrameRate> parse_rate(std::string_view text) {
+  const std::size_t slash = text.find('/');
+  const auto above = whole(text.substr(0, slash));
+  const auto below = slash == std::string_view::npos ? std::optional<std::uint32_t>(1) : whole(text.substr(slash + 1));
+  if (!above || !below) return std::nullopt;
+  return FrameRate::make(*above, *below);
+}
+
+void read_rig(TomlReader reader, RigConfig& config) {
+  config.name = name_of(reader);
+  if (!reader.has("rate")) return;
+  if (const auto rate = parse_rate(reader.text("rate", "30000/1001"))) {
+    config.rate = *rate;
+  } else {
+    reader.refuse("rate", "must be frames a second such as \"30000/1001\" or \"25\": " + std::string(kFrameRatesAllowed));
+  }
+}
+
+void read_raymap(TomlReader reader, RaymapConfig& raymap) {
+  raymap.layout = static_cast<RaymapLayout>(reader.choice("layout", {"equirectangular", "cube"}, 0));
+  const bool cube = raymap.layout == RaymapLayout::kCube;
+  raymap.width = static_cast<int>(reader.integer("width", 16, 16384, cube ? 1536 : 2048));
+  raymap.height = static_cast<int>(reader.integer("height", 16, 16384, 1024));
+  const bool shaped = cube ? raymap.width * 2 == raymap.height * 3 && raymap.width % 6 == 0
+                           : raymap.width == raymap.height * 2;
+  if (raymap.height % 2 != 0 || !shaped) {
+    reader.refuse("height", "is " + std::to_string(raymap.height) + " beside a width of " +
+                                std::to_string(raymap.width) +
+                                (cube ? "; a cube's is even, and 2/3 of its width"
+                                      : "; an equirectangular raymap's is even, and half its width"));
+  }
+  constexpr std::array formats = {PixelFormat::kI420,  PixelFormat::kNv12, PixelFormat::kRgb24,
+                                  PixelFormat::kGrey8, PixelFormat::kRgb48, PixelFormat::kGrey16};
+  raymap.format = formats[reader.choice("format", {"I420", "NV12", "RGB24", "GREY", "RGB48", "GREY16"}, 0)];
+  raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
+  raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
+  raymap.soft = reader.choice("tone", {"soft", "clip"}, 0) == 0;
+}
+
+/// After the heads: they must deliver what the raymap is made of.
+void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
+  const char* wanted = has_chroma(raymap)                          ? "I420, NV12, YUYV or UYVY"
+                       : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24"
+                                                                   : "GREY";
+  for (const HeadConfig& head : heads) {
+    const bool fits = has_chroma(raymap) ? has_chroma(head.format) : head.format == in_8_bits(raymap);
+    if (fits) continue;
+    const std::string format(pixel_format_name(raymap));
+    return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted + ", but the format of head '" +
+                                       head.name + "' is " + std::string(pixel_format_name(head.format)) +
+                                       "; change its format or this one");
+  }
+}
+
+/// After the heads: fields that make raymaps of their own are exposed together only where all heads have them, in one
+/// order.
+void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, RaymapConfig& raymap) {
+  raymap.fields = static_cast<FieldUse>(reader.choice("fields", {"weave", "separate"}, 0));
+  if (raymap.fields == FieldUse::kWeave) return;
+  for (const HeadConfig& head : heads) {
+    if (head.fields == Fields::kProgressive) {
+      return reader.refuse("fields", "is \"separate\", but the frames of head '" + head.name +
+                                         "' are progressive; say top-first or bottom-first in its entry, or weave here");
+    }
+    if (head.fields != heads[0].fields) {
+      return reader.refuse("fields", "is \"separate\", but heads '" + heads[0].name + "' and '" + head.name +
+                                         "' do not expose the same field first");
+    }
+  }
+}
+
+void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
+  trigger.start = reader.boolean("start", false);
+  trigger.pulse_width = Duration::microseconds(reader.integer("pulse_width_us", 1, 100'000, 100));
+  if (trigger.pulse_width >= rate.period()) {
+    reader.refuse("pulse_width_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+  }
+  trigger.active_high = reader.choice("polarity", {"high", "low"}, 0) == 0;
+  trigger.source = static_cast<SyncSource>(reader.choice("source", {"own", "external", "none"}, 0));
+}
+
+Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
+
+/// After the heads: the anchor is one of them.
+void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, ExposureSettings& settings) {
+  settings.program = static_cast<ExposureProgram>(reader.choice("program", {"manual", "each", "joint"}, 0));
+  settings.target = -stops_from(reader.number("target_stops", 0.5, 8, 2.5));
+  settings.difference = stops_from(reader.number("difference_stops", 0, 8, 1));
+  settings.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
+  settings.longest = Exposure::microseconds(reader.integer("longest_us", 1, 10'000'000, settings.longest.us()));
+  settings.highest = Gain::millidecibels(
+      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -kMostGainMdb, kMostGainMdb, settings.highest.mdb())));
+  const std::string anchor = reader.text("anchor", "");
+  if (anchor.empty()) return;
+  const auto found = std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
+  if (found == heads.end()) return reader.refuse("anchor", "is \"" + anchor + "\", and no head is called so");
+  settings.anchor = static_cast<HeadIndex>(found - heads.begin());
+}
+
+std::string read_socket(TomlReader& reader, const std::string& key, const std::string& otherwise, SocketFile& file) {
+  const std::string path = reader.text(key, otherwise);
+  if (path.size() > kMaxUnixPath) {
+    reader.refuse(key, "is " + std::to_string(path.size()) + " bytes long; a Unix socket's path has at most " +
+                           std::to_string(kMaxUnixPath));
+  }
+  constexpr std::int64_t kAllBits = 0777;
+  if (reader.has(key + "_mode")) {
+    file.mode = static_cast<std::uint32_t>(reader.integer(key + "_mode", 0, kAllBits, 0));
+  }
+  file.group = reader.text(key + "_group", "");
+  return path;
+}
+
+void read_links(TomlReader reader, LinksConfig& links) {
+  links.unix_path = read_socket(reader, "unix", links.unix_path, links.unix_file);
+  links.view_path = read_socket(reader, "view", links.view_path, links.view_file);
+  if (!links.view_path.empty() && links.view_path == links.unix_path) {
+    reader.refuse("view", "is the path of the control socket; give it one of its own");
+  }
+  if (reader.has("tcp_port")) {
+    reader.refuse("tcp_port", "is not served any more, since any user of the machine could connect; take it out, and "
+                              "use the Unix socket or ssh://HOST");
+  }
+}
+
+/// What the words after the colon mean is the pins' own matter.
+void read_panel(TomlReader reader, PanelConfig& panel) {
+  for (const auto& [key, pin] : {std::pair{"button", &panel.button}, std::pair{"status", &panel.status},
+                                 std::pair{"tally", &panel.tally}}) {
+    *pin = reader.text(key, "");
+    if (reader.has(key) && !pin->starts_with("sim:")) reader.refuse(key, "must be sim:…; other pins are not driven yet");
+  }
+}
+
+void read_constant(TomlReader& reader, SimConfig& sim) {
+  const toml::array* levels = reader.array("constant");
+  if (!levels) return;
+  bool good = levels->size() == 3;
+  for (std::size_t c = 0; good && c < 3; ++c) {
+    const auto level = (*levels)[c].value_exact<std::int64_t>();
+    good = level && *level >= 0 && *level <= 255;
+    if (good) sim.constant[c] = static_cast<std::uint8_t>(*level);
+  }
+  if (!good) reader.refuse("constant", "must be [red, green, blue], each a whole number 0 to 255");
+}
+
+void read_sim(TomlReader reader, SimConfig& sim) {
+  sim.calibration = reader.required_text("calibration");
+  sim.scene = static_cast<SimConfig::Scene>(reader.choice("scene", {"procedural", "constant", "photo", "bar"}, 0));
+  sim.photo = reader.text("photo", "");
+  if (sim.scene == SimConfig::Scene::kPhoto && sim.photo.empty()) {
+    reader.refuse("photo", "must name an equirectangular JPEG or PNG when scene is \"photo\"", Errc::kMissingField);
+  }
+  if (sim.scene != SimConfig::Scene::kPhoto && reader.has("photo")) {
+    reader.refuse("photo", "is there, but scene is not \"photo\"");
+  }
+  if (sim.scene != SimConfig::Scene::kConstant && reader.has("constant")) {
+    reader.refuse("constant", "is there, but scene is not \"constant\"");
+  }
+  read_constant(reader, sim);
+  sim.noise = reader.number("noise", 0, 64, 0);
+  sim.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
+  sim.clock = static_cast<SimConfig::Clock>(reader.choice("clock", {"real", "fast"}, 0));
+}
+
+PortAddress read_port(TomlReader& reader) {
+  const std::string port = reader.required_text("port");
+  const std::size_t colon = port.find(':');
+  PortAddress address;
+  address.name = colon == std::string::npos ? "" : port.substr(colon + 1);
+  if (port.starts_with("replay:")) address.kind = PortKind::kReplay;
+  const bool known = port.starts_with("sim:") || port.starts_with("replay:");
+  if (!port.empty() && (!known || address.name.empty())) {
+    reader.refuse("port", "must be sim:NAME, replay:FILE or replay:GLOB");
+  }
+  return address;
+}
+
+HeadConfig read_head(TomlReader reader, FrameRate rate) {
+  HeadConfig head;
+  head.line = reader.line();
+  head.name = name_of(reader);
+  head.port = read_port(reader);
+  head.format = kFormats[reader.choice("format", {"I420", "NV12", "YUYV", "UYVY", "RGB24", "GREY"}, 0)];
+  if (reader.has("exposure_us")) {
+    head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
+  }
+  if (reader.has("gain_mdb")) {
+    head.gain = Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
+  }
+  if (reader.has("red_q12") != reader.has("blue_q12")) {
+    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",
+                  Errc::kMissingField);
+  } else if (reader.has("red_q12")) {
+    head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
+                                      static_cast<std::uint16_t>(reader.integer("blue_q12", 256, 65535, 4096))};
+  }
+  if (reader.has("gamma")) {
+    head.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
+  }
+  head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
+  if (head.trigger_delay >= rate.period()) {
+    reader.refuse("trigger_delay_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
+    reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
+  }
+  head.fields = static_cast<Fields>(reader.choice("fields", {"progressive", "top-first", "bottom-first"}, 0));
+  return head;
+}
+
+void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
+  const toml::array* heads = file.array("heads");
+  if (!heads || heads->empty()) {
+    file.refuse("heads", "must be there: one [[heads]] for every head of the rig", Errc::kMissingField);
+    return;
+  }
+  if (heads->size() > static_cast<std::size_t>(kMaxHeads)) {
+    file.refuse("heads", "has " + std::to_string(heads->size()) + " entries; a rig has at most " +
+                             std::to_string(kMaxHeads));
+    return;
+  }
+  std::set<std::string> names;
+  std::set<std::pair<PortKind, std::string>> ports;
+  for (std::size_t i = 0; i < heads->size(); ++i) {
+    const toml::table* table = (*heads)[i].as_table();
+    if (!table) {
+      file.refuse("heads", "must be tables, written [[heads]]");
+      return;
+    }
+    TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
+                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
+                       "trigger_delay_us"}, error);
+    HeadConfig head = read_head(reader, config.rate);
+    if (!names.insert(head.name).second) reader.refuse("name", "\"" + head.name + "\" is taken by a head above");
+    if (!ports.insert({head.port.kind, head.port.name}).second) reader.refuse("port", "is taken by a head above");
+    config.heads.push_back(std::move(head));
+  }
+}
+
+RigConfig read_file(const toml::table& root, FirstError& error) {
+  RigConfig config;
+  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "calibration", "sim", "heads"}, error);
+  static const toml::table kEmpty;
+  const auto section = [&](std::string_view name) -> const toml::table& {
+    const toml::table* table = file.table(name);
+    return table ? *table : kEmpty;
+  };
+  if (!file.has("rig")) file.refuse("rig", "must be there: a table [rig] with the rig's name", Errc::kMissingField);
+  read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
+  TomlReader raymap(section("raymap"), "raymap",
+                    {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone", "fields"}, error);
+  read_raymap(raymap, config.raymap);
+  read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
+               config.trigger);
+  read_links({section("links"), "links", {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"}, error}, config.links);
+  read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);
+  TomlReader store(section("store"), "store", {"folder"}, error);
+  config.store = store.text("folder", config.store);
+  if (config.store.empty()) store.refuse("folder", "must not be empty");
+  TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);
+  config.signers_file = calibration.text("signers", "");
+  if (calibration.has("signers") && config.signers_file.empty()) calibration.refuse("signers", "must not be empty");
+  read_heads(file, config, error);
+  check_formats(raymap, config.heads, config.raymap.format);
+  for (const HeadConfig& head : config.heads) {
+    if (config.trigger.source != SyncSource::kNone || head.trigger_delay == Duration()) continue;
+    file.refuse("trigger", "has source = \"none\", so there are no pulses that head '" + head.name +
+                               "' could be delayed against; take its trigger_delay_us out");
+  }
+  read_field_use(raymap, config.heads, config.raymap);
+  read_exposure({section("exposure"), "exposure",
+                 {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",
+                  "highest_gain_mdb"}, error},
+                config.heads, config.exposure);
+
+  const bool wants_sim = std::any_of(config.heads.begin(), config.heads.end(),
+                                     [](const HeadConfig& head) { return head.port.kind == PortKind::kSim; });
+  if (file.has("sim")) {
+    read_sim({section("sim"), "sim",
+              {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
+             config.sim.emplace());
+    if (!wants_sim) file.refuse("sim", "is there, but no head is on a sim: port");
+  } else if (wants_sim) {
+    file.refuse("sim", "must be there, since there are heads on sim: ports", Errc::kMissingField);
+  }
+  return config;
+}
+
+}  // namespace
+
+std::string_view raymap_layout_name(RaymapLayout layout) {
+  return layout == RaymapLayout::kCube ? "cube" : "equirectangular";
+}
+
+Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file) {
+  if (text.size() > kMaxRigTomlBytes) {
+    return fail(Errc::kTooLarge, std::string(file) + ": is " + std::to_string(text.size()) +
+                                     " bytes; a rig.toml has at most " + std::to_string(kMaxRigTomlBytes));
+  }
+  FirstError error(file);
+  const toml::parse_result parsed = toml::parse(text);
+  if (!parsed) {
+    error.set(Errc::kBadFormat, parsed.error().source(), "not TOML: " + std::string(parsed.error().description()));
+    return fail(error.get());
+  }
+  RigConfig config = read_file(parsed.table(), error);
+  if (error.any()) return fail(error.get());
+  config.text_id = sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  return config;
+}
+
+}  // namespace nodal::firmware

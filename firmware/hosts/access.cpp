@@ -1,0 +1,99 @@
+#include "firmware/hosts/access.h"
+
+namespace nodal::firmware {
+
+bool changes_rig(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kHeadSet:
+    case wire::Request::kUploadCommit:
+    case wire::Request::kCalibrationUse:
+    case wire::Request::kCalibrationRollback:
+    case wire::Request::kTrialEnd: return true;
+    case wire::Request::kGenlock: return request.genlock().action() != wire::GenlockRequest::SHOW;
+    case wire::Request::kExposure: return request.exposure().ByteSizeLong() > 0;
+    case wire::Request::kStatus:
+    case wire::Request::kHeads:
+    case wire::Request::kUploadBegin:
+    case wire::Request::kCalibrationList:
+    case wire::Request::kCalibrationGet:
+    case wire::Request::kPull:
+    case wire::Request::kPullStop:
+    case wire::Request::kFrameSet:
+    case wire::Request::kAuditLog:
+    case wire::Request::kHosts:
+    case wire::Request::kHostEnd:
+    case wire::Request::WHAT_NOT_SET: return false;
+  }
+  return true;
+}
+
+bool needs_keeper(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kUploadCommit:
+    case wire::Request::kCalibrationList:
+    case wire::Request::kCalibrationGet:
+    case wire::Request::kCalibrationUse:
+    case wire::Request::kCalibrationRollback:
+    case wire::Request::kTrialEnd: return true;
+    default: return false;
+  }
+}
+
+Access access_needed(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kStatus:
+    case wire::Request::kHeads:
+    case wire::Request::kCalibrationList:
+    case wire::Request::kCalibrationGet:
+    case wire::Request::kPullStop:  // of its own streams; there is no way to name another's
+    case wire::Request::kFrameSet:
+    case wire::Request::WHAT_NOT_SET: return Access::kView;  // a newer host's, which is told that nobody knows it
+    case wire::Request::kGenlock:
+    case wire::Request::kExposure: return changes_rig(request) ? Access::kControl : Access::kView;
+    case wire::Request::kPull: return request.pull().lossless() ? Access::kControl : Access::kView;  // an overloaded board sheds nothing of it
+    case wire::Request::kHeadSet:
+    case wire::Request::kUploadBegin:
+    case wire::Request::kUploadCommit:
+    case wire::Request::kCalibrationUse:
+    case wire::Request::kCalibrationRollback:
+    case wire::Request::kTrialEnd:
+    case wire::Request::kHostEnd:
+    case wire::Request::kHosts:  // names users and processes, as the audit log does
+    case wire::Request::kAuditLog: return Access::kControl;
+  }
+  return Access::kControl;
+}
+
+std::string_view request_name(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kStatus: return "status";
+    case wire::Request::kHeads: return "heads";
+    case wire::Request::kHeadSet: return "head_set";
+    case wire::Request::kGenlock: return "genlock";
+    case wire::Request::kExposure: return "exposure";
+    case wire::Request::kUploadBegin: return "upload_begin";
+    case wire::Request::kUploadCommit: return "upload_commit";
+    case wire::Request::kCalibrationList: return "calibration_list";
+    case wire::Request::kCalibrationGet: return "calibration_get";
+    case wire::Request::kCalibrationUse: return "calibration_use";
+    case wire::Request::kCalibrationRollback: return "calibration_rollback";
+    case wire::Request::kTrialEnd: return "trial_end";
+    case wire::Request::kPull: return "pull";
+    case wire::Request::kPullStop: return "pull_stop";
+    case wire::Request::kFrameSet: return "frame_set";
+    case wire::Request::kAuditLog: return "audit_log";
+    case wire::Request::kHosts: return "hosts";
+    case wire::Request::kHostEnd: return "host_end";
+    case wire::Request::WHAT_NOT_SET: break;
+  }
+  return "unknown request";
+}
+
+Status check_access(Access has, const wire::Request& request) {
+  if (has >= access_needed(request)) return {};
+  return fail(Errc::kUnsupported, std::string(request_name(request)) +
+                                       (request.has_pull() ? " (lossless)" : "") +
+                                       " is not permitted on this rig's view-only link; connect to its control socket");
+}
+
+}  // namespace nodal::firmware

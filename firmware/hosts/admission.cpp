@@ -1,0 +1,134 @@
+#include "firmware/hosts/admission.h"
+
+#include <algorithm>
+#include <iterator>
+#include <string>
+
+namespace nodal::firmware {
+namespace {
+
+using Some = std::vector<Client*>;
+
+template <class Counts>
+Some those(const Clients& clients, Counts counts) {
+  Some some;
+  for (const auto& client : clients) {
+    if (!client->ending() && counts(*client)) some.push_back(client.get());
+  }
+  return some;
+}
+
+template <class Counts>
+Some those(const Some& of, Counts counts) {
+  Some some;
+  std::copy_if(of.begin(), of.end(), std::back_inserter(some), [&](const Client* client) { return counts(*client); });
+  return some;
+}
+
+/// Those that share their key with most others.
+template <class Key>
+Some of_most(const Some& some, Key key) {
+  const auto sharing = [&](const Client* one) {
+    return std::count_if(some.begin(), some.end(), [&](const Client* other) { return key(*other) == key(*one); });
+  };
+  std::ptrdiff_t most = 0;
+  for (const Client* one : some) most = std::max(most, sharing(one));
+  return those(some, [&](const Client& client) { return sharing(&client) == most; });
+}
+
+/// Of the user who has most of them, those of the process that has most.
+Some greediest(const Some& some) {
+  const auto user = [](const Client& client) {
+    const auto identity = client.identity();
+    return identity ? std::optional(identity->user) : std::nullopt;
+  };
+  return of_most(of_most(some, user), [](const Client& client) { return client.identity(); });
+}
+
+/// Null when there is none.
+Client* idle_longest(const Some& some) {
+  const auto found = std::min_element(some.begin(), some.end(), [](const Client* a, const Client* b) {
+    return a->idle_since() < b->idle_since();
+  });
+  return found == some.end() ? nullptr : *found;
+}
+
+/// The one of these hosts that goes.
+Client* host_to_close(const Some& hosts, Instant now) {
+  const Some some = greediest(hosts);
+  const auto spared = [&](const Client& c) { return !c.has_asked() && now - c.since() < Admission::kSpared; };
+  const Some fresh = those(some, spared);
+  if (fresh.size() > Admission::kMaxSpared) return idle_longest(fresh);
+  // Beside hosts that ask all the time, the one idle longest would be the one that has just come.
+  if (Client* one = idle_longest(those(some, [&](const Client& c) { return !spared(c) && !c.active(now); }))) return one;
+  if (Client* one = idle_longest(those(some, [&](const Client& c) { return !spared(c) && !c.works(); }))) return one;
+  if (Client* one = idle_longest(those(some, [](const Client& c) { return !c.works(); }))) return one;
+  return idle_longest(some);
+}
+
+Error too_many(std::size_t limit, const char* of_what) {
+  return Error{Errc::kOverload, "this rig talks to " + std::to_string(limit) + " " + of_what +
+                                    " at once; another one came, and this one was idle longest"};
+}
+
+Error gives_way(const std::string& why) {
+  return Error{Errc::kOverload, "another host wants to pull or upload, and " + why};
+}
+
+}  // namespace
+
+bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)>& hello, Instant now) {
+  bool any = false;
+  for (const Listener& listener : listeners_) {
+    auto links = static_cast<std::size_t>(std::count_if(
+        clients.begin(), clients.end(), [&](const auto& client) { return client->access() == listener.access; }));
+    for (std::size_t i = 0; i < kAcceptsAStep && links < places(kMaxLinks, listener.access); ++i, ++links) {
+      auto link = listener.port->accept();
+      if (!link || !*link) break;
+      any = true;
+      clients.push_back(std::make_unique<Client>(next_number_++, std::move(*link), listener.access,
+                                                 hello(listener.access), now));
+    }
+  }
+  return any;
+}
+
+void Admission::make_room(Clients& clients, Instant now) {
+  for (const Access at : {Access::kControl, Access::kView}) {
+    const auto strangers = [&] {
+      return those(clients, [&](const Client& c) { return c.access() == at && !c.said_hello(); });
+    };
+    const auto hosts = [&] {
+      return those(clients, [&](const Client& c) { return c.access() == at && c.said_hello(); });
+    };
+    const std::size_t most_strangers = places(kMaxStrangers, at);
+    for (Some all = strangers(); all.size() > most_strangers; all = strangers()) {
+      idle_longest(greediest(all))->end(too_many(most_strangers, "programs that have not said hello"), now);
+    }
+    const std::size_t most_hosts = places(kMaxClients, at);
+    for (Some all = hosts(); all.size() > most_hosts; all = hosts()) {
+      host_to_close(all, now)->end(too_many(most_hosts, "hosts"), now);
+    }
+  }
+}
+
+Status Admission::may_work(const Clients& clients, const Client& client, Instant now) {
+  const Some working = those(clients, [&](const Client& c) { return c.access() == client.access() && c.works(); });
+  const std::size_t most = places(kMaxWorking, client.access());
+  if (client.works() || working.size() < most) return {};
+  if (Client* one = idle_longest(those(working, [&](const Client& c) { return !c.active(now); }))) {
+    one->end(gives_way("this one has taken nothing for " + std::to_string(Client::kStalledAfter.ms() / 1000) + " s"), now);
+    return {};
+  }
+  const Some many = greediest(those(clients, [&](const Client& c) {
+    return c.access() == client.access() && (c.works() || &c == &client);
+  }));
+  if (std::find(many.begin(), many.end(), &client) == many.end()) {
+    idle_longest(many)->end(gives_way("this one's user has most of those that do"), now);
+    return {};
+  }
+  return fail(Errc::kOverload, std::to_string(most) +
+                                   " hosts pull or upload already; `nodal hosts` lists them and can end one");
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,137 @@
+#include "firmware/hosts/client.h"
+
+#include <algorithm>
+#include <array>
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kReadBytes = 64U << 10;
+constexpr int kReadsAStep = 4;    ///< so that one client's flood leaves time for the others
+constexpr int kWritesAStep = 16;
+constexpr Duration kFarewellWithin = Duration::seconds(1);
+
+std::string seconds(Duration duration) { return std::to_string(duration.ms() / 1000) + " s"; }
+
+}  // namespace
+
+Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
+               Instant now)
+    : number_(number),
+      link_(std::move(link)),
+      access_(access),
+      name_("host " + std::to_string(number) + " at " + link_->peer()),
+      session_(Role::kRig, mine),
+      since_(now),
+      used_(now),
+      heard_(now),
+      written_(now),
+      pinged_(now),
+      frame_since_(now) {}
+
+std::string Client::who() const {
+  const auto identity = this->identity();
+  if (!identity) return name_;
+  return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
+}
+
+void Client::go(const Error& why) {
+  if (gone_) return;
+  gone_ = true;
+  why_ = why;
+}
+
+void Client::end(const Error& why, Instant now) {
+  session_.close(why);
+  if (!dying_since_) dying_since_ = now;
+}
+
+bool Client::active(Instant now) const {
+  if (requests_open > 0 || held) return true;
+  const auto waits_for_link = [&](StreamId stream) {
+    const auto counts = session_.counts(stream);
+    return counts && counts->pending > 0;
+  };
+  bool pending = frame_set && waits_for_link(*frame_set);
+  for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
+  const bool takes = !pulls.empty() || frame_set.has_value();
+  if (takes && (!pending || now - written_ < kStalledAfter)) return true;
+  return !uploads.empty() && now - heard_ < kStalledAfter;
+}
+
+std::optional<Error> Client::overdue(Instant now) const {
+  if (!said_hello() && now - since_ > kHelloWithin) {
+    return Error{Errc::kTimeout, "no hello came within " + seconds(kHelloWithin) + "; a host says it first"};
+  }
+  const std::size_t under_way = session_.bytes_under_way();
+  const auto more = Duration::seconds(static_cast<std::int64_t>(under_way / kSlowestBytes));
+  // While this end does not read, the rest of the frame may lie in the link.
+  if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
+    return Error{Errc::kTimeout, "a frame began " + seconds(now - frame_since_) + " ago and is not whole"};
+  }
+  if (session_.version() >= kProtocolPing && now - heard_ > kSilentFor) {
+    return Error{Errc::kTimeout, "nothing came for " + seconds(kSilentFor) + ", not even answers to pings"};
+  }
+  return std::nullopt;
+}
+
+bool Client::pump_in(Instant now) {
+  if (ending()) return false;
+  std::array<std::uint8_t, kReadBytes> bytes;
+  bool any = false;
+  for (int i = 0; i < kReadsAStep && session_.wants_input(); ++i) {
+    const auto read = link_->read(bytes);
+    if (!read) {
+      go(read.error());
+      return true;
+    }
+    if (*read == 0) break;
+    any = true;
+    bytes_in_ += *read;
+    heard_ = now;
+    if (!uploads.empty()) used_ = now;
+    const bool fresh = session_.bytes_under_way() == 0;
+    if (!session_.receive(std::span(bytes).first(*read))) {
+      dying_since_ = now;
+      return true;
+    }
+    if (fresh || session_.frames_received() != frames_) frame_since_ = now;
+    frames_ = session_.frames_received();
+  }
+  if (const auto late = overdue(now)) {
+    end(*late, now);
+    return true;
+  }
+  if (now - heard_ > kPingEvery && now - pinged_ > kPingEvery) {
+    session_.ping();
+    pinged_ = now;
+  }
+  return any;
+}
+
+bool Client::pump_out(Instant now) {
+  if (gone_) return false;
+  bool any = false;
+  for (int i = 0; i < kWritesAStep; ++i) {
+    const auto output = session_.output();
+    if (output.empty()) {
+      if (session_.error()) go(*session_.error());
+      return any;
+    }
+    const auto wrote = link_->write(output);
+    if (!wrote) {
+      go(wrote.error());
+      return true;
+    }
+    if (*wrote == 0) break;
+    session_.sent(*wrote);
+    bytes_out_ += *wrote;
+    written_ = now;
+    if (!pulls.empty() || frame_set) used_ = now;
+    any = true;
+  }
+  if (session_.error() && dying_since_ && now - *dying_since_ > kFarewellWithin) go(*session_.error());
+  return any;
+}
+
+}  // namespace nodal::firmware

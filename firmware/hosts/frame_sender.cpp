@@ -1,0 +1,134 @@
+#include "firmware/hosts/frame_sender.h"
+
+#include <algorithm>
+
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+
+Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
+  const bool others_turn = waiting_ != 0 && waiting_ != client.number() && now < waiting_until_;
+  if (asked_ || others_turn) {
+    if (!others_turn && asked_->client != client.number()) {
+      waiting_ = client.number();
+      waiting_until_ = now + kTurn;
+    }
+    return fail(Errc::kBusy, "a frame set is on its way to another host, or to this one; ask again after it");
+  }
+  waiting_ = 0;
+  if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
+  SetCopy copy = SetCopy::places_for(heads, memory_);
+  if (copy.wanted == 0) return fail(Errc::kNotReady, "no head has delivered a picture yet; status says why");
+  auto stream = client.session().open_stream(StreamPolicy::kLossless);
+  if (!stream) return stream;
+  sets_.drop_waiting();
+  sets_.set_open(true);
+  asked_ = Asked{client.number(), *stream, now, std::move(copy), false, false};
+  client.frame_set = *stream;
+  return stream;
+}
+
+/// Null when it has gone, or when it has stopped the stream or taken all of it.
+Client* FrameSender::asking_client(const Clients& clients) const {
+  const auto found = std::find_if(clients.begin(), clients.end(),
+                                  [&](const auto& client) { return client->number() == asked_->client; });
+  Client* const client = found == clients.end() || (*found)->finished() ? nullptr : found->get();
+  return client && client->session().counts(asked_->stream) ? client : nullptr;
+}
+
+bool FrameSender::step(const Clients& clients, Instant now) {
+  follow_adoptions();
+  if (!asked_) return false;
+  Client* const client = asking_client(clients);
+  if (asked_->sent) {
+    const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
+    if (going_out && (client ? keeps_pace(*client, now) : now - asked_->since <= kGrace)) return false;
+    if (client) {
+      client->session().close_stream(asked_->stream, Error{Errc::kTimeout, "this host takes the frame set too slowly: it " +
+                                                           std::string("would need more than ") +
+                                                           std::to_string(kSlowest.ms() / 1000) + " s"});
+    }
+    if (going_out) memory_.reset();  // it goes with that host's session
+    end(clients);
+    return true;
+  }
+  if (!client) {
+    end(clients);
+    return true;
+  }
+  if (!asked_->copied) {
+    if (const auto set = sets_.take()) {
+      asked_->copy.fill(**set);
+      asked_->copied = true;
+      sets_.set_open(false);
+    }
+  }
+  // The blend says which calibration is in force for the set when it has begun it or a later one.
+  if (asked_->copied && blender_.sets_begun() > asked_->copy.set) {
+    follow_adoptions();
+    asked_->sent = true;
+    asked_->since = now;
+    send(*client);
+    return true;
+  }
+  if (now - asked_->since <= kPatience) return false;
+  client->session().close_stream(
+      asked_->stream, Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
+                                                 " s: no frames come, or the blend is behind; status says which"});
+  end(clients);
+  return true;
+}
+
+void FrameSender::end(const Clients& clients) {
+  for (const auto& client : clients) {
+    if (client->number() == asked_->client) client->frame_set.reset();
+  }
+  asked_.reset();
+  sets_.set_open(false);
+  sets_.drop_waiting();
+}
+
+bool FrameSender::keeps_pace(const Client& client, Instant now) const {
+  const Duration taken = now - asked_->since;
+  if (taken <= kGrace) return true;
+  const auto counts = client.session().counts(asked_->stream);
+  if (!counts || taken > kSlowest) return false;
+  const auto due = memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
+                   static_cast<std::uint64_t>(kSlowest.ms());
+  return counts->bytes >= due;
+}
+
+void FrameSender::follow_adoptions() {
+  while (auto adoption = blender_.adoptions_out().pop()) {
+    before_ = in_force_;
+    in_force_ = adoption;
+  }
+}
+
+void FrameSender::send(Client& client) {
+  const SetCopy& set = asked_->copy;
+  wire::FrameSetHeader header;
+  header.set_set(set.set);
+  header.set_mid_exposure_ns(static_cast<std::uint64_t>(set.mid_exposure.ns()));
+  const auto& calibration = in_force_ && in_force_->first_set <= set.set ? in_force_ : before_;
+  if (calibration) header.set_calibration_id(sha256_to_wire(calibration->calibration));
+  header.set_spread_ns(static_cast<std::uint64_t>(set.sync.spread.ns()));
+  header.set_genlock(std::string(genlock_state_name(set.sync.state)));
+  for (std::size_t i = 0; i < config_.heads.size(); ++i) {
+    if ((set.heads & head_bit(i)) == 0) continue;
+    const SetCopy::Place& place = set.places[i];
+    wire::HeadPicture& picture = *header.add_heads();
+    picture.set_index(static_cast<std::uint32_t>(i));
+    picture.set_name(config_.heads[i].name);
+    picture.set_format(std::string(pixel_format_name(place.shape.format)));
+    picture.set_width(static_cast<std::uint32_t>(place.shape.width));
+    picture.set_height(static_cast<std::uint32_t>(place.shape.height));
+    picture.set_offset(place.offset);
+    picture.set_exposure_ns(static_cast<std::uint64_t>(place.in_effect.exposure.duration().ns()));
+    picture.set_gain_mdb(place.in_effect.gain.mdb());
+  }
+  (void)client.session().offer(asked_->stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
+  client.session().close_stream(asked_->stream);
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,188 @@
+#include "firmware/hosts/publisher.h"
+
+#include <algorithm>
+
+#include "firmware/hosts/status.h"
+#include "firmware/picture/blender.h"
+#include "firmware/picture/encoder.h"
+#include "protocol/base/stops.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// The loan's bytes as sessions send them; the loan ends with the last of the copies.
+SharedBytes shared_bytes(const Buffer& loan) {
+  if (!loan) return nullptr;
+  const auto holder = std::make_shared<const Buffer>(loan);
+  return SharedBytes(holder, &**holder);
+}
+
+/// What the frame path itself has under way: at the blend, two fields each, at the encoder, and between them.
+constexpr std::size_t kInThePath = 8;
+static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= Blender::kMaxBuffers);
+static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= EncodeStage::kMaxBuffers);
+
+std::string in_mib(std::size_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
+
+bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
+  return std::any_of(clients.begin(), clients.end(), [&](const auto& client) {
+    return std::any_of(client->pulls.begin(), client->pulls.end(),
+                       [&](const auto& pull) { return pull.second.coding == coding && !pull.second.ended; });
+  });
+}
+
+}  // namespace
+
+Result<StreamId> Publisher::start(const Clients& clients, Client& client, const wire::PullRequest& request) {
+  if (client.pulls.size() >= kMaxPulls) {
+    return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
+  }
+  // A host's first pull is never refused because of what others pull.
+  std::size_t extra = client.pulls.empty() ? 0 : 1;
+  for (const auto& other : clients) extra += other->pulls.empty() ? 0 : other->pulls.size() - 1;
+  if (!client.pulls.empty() && extra > kMaxExtraPulls) {
+    return fail(Errc::kOverload, "hosts pull more than once as often as this rig has buffers for; `nodal hosts` lists them and can end "
+                                 "one");
+  }
+  if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
+    return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
+  }
+  const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
+  auto stream = client.session().open_stream(policy);
+  if (!stream) return stream;
+  Pull& pull = client.pulls[*stream];
+  pull.coding = request.coding();
+  pull.lossless = request.lossless();
+  pull.count = request.count();
+  return stream;
+}
+
+Status Publisher::stop(Client& client, StreamId stream) {
+  const auto pull = client.pulls.find(stream);
+  if (pull == client.pulls.end()) {
+    return fail(Errc::kNotFound, "no pull of this host goes by stream " + std::to_string(stream));
+  }
+  if (!pull->second.ended) client.session().close_stream(stream);
+  pull->second.ended = true;
+  return {};
+}
+
+bool Publisher::step(const Clients& clients) {
+  for (const auto& client : clients) forget_ended(*client);
+  const auto raymap = raymaps_in_.take();
+  if (!raymap) return false;
+  bool given = false;
+  for (const auto& client : clients) {
+    for (auto& [stream, pull] : client->pulls) given |= offer(*client, stream, pull, *raymap);
+  }
+  if (given) ++published_;
+  if (raymap->shed) ++shed_;
+  return true;
+}
+
+std::size_t Publisher::may_wait(std::size_t bytes) {
+  return std::clamp(kLosslessBytes / std::max<std::size_t>(bytes, 1), kLosslessLeast, kLosslessQueueItems);
+}
+
+bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap) {
+  const bool jpeg = pull.coding == wire::PullRequest::JPEG;
+  const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
+  const Buffer& body = jpeg ? raymap.jpeg : raymap.pixels;
+  // It is a set's; its second field has no other.
+  const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
+  const bool shed = raymap.shed && !pull.lossless && !evidence;
+  const auto before = client.session().counts(stream);
+  if (pull.ended || told || shed || !before || client.ending()) return false;
+  if (!evidence && !body) {
+    // Raymaps that were under way when the pull began may lack what it wants.
+    if (pull.lossless && before->offered > 0) {
+      end_lossless(client, stream, pull, {Errc::kOverload, "a raymap could not be encoded; set " + std::to_string(raymap.info.set) +
+                                                               " would be missing"});
+    }
+    return false;
+  }
+  const std::size_t most = may_wait(evidence ? 0 : body->size());
+  if (pull.lossless && before->pending >= most) {
+    end_lossless(client, stream, pull,
+                 {Errc::kTimeout, "this lossless pull is too slow: " + std::to_string(most) + " raymaps wait for it, and the rig keeps at most " +
+                                      std::to_string(kLosslessQueueItems) + " or " + in_mib(kLosslessBytes) +
+                                      "; what came so far is complete. Pull JPEGs, over a faster link, or without --lossless"});
+    return false;
+  }
+  if (!client.session().offer(stream, item(raymap, pull.coding))) return false;
+  const auto after = client.session().counts(stream);
+  if (pull.count != 0 && after && after->delivered + after->pending >= pull.count) {
+    client.session().close_stream(stream);
+    pull.ended = true;
+  }
+  return true;
+}
+
+void Publisher::end_lossless(Client& client, StreamId stream, Pull& pull, Error why) {
+  news_.push_back(client.name() + ": " + why.message);
+  client.session().close_stream(stream, std::move(why));
+  pull.ended = true;
+  ++client.lossless_ended;
+}
+
+BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding) const {
+  const RaymapInfo& info = raymap.info;
+  wire::RaymapHeader header;
+  header.set_set(info.set);
+  header.set_mid_exposure_ns(static_cast<std::uint64_t>(info.mid_exposure.ns()));
+  const bool jpeg = coding == wire::PullRequest::JPEG;
+  const bool raw = coding == wire::PullRequest::RAW;
+  header.set_coding(jpeg ? "jpeg" : raw ? std::string(pixel_format_name(config_.format)) : "none");
+  header.set_width(static_cast<std::uint32_t>(config_.width));
+  header.set_height(static_cast<std::uint32_t>(config_.height));
+  header.set_layout(std::string(raymap_layout_name(config_.layout)));
+  header.set_calibration_id(sha256_to_wire(info.calibration));
+  header.set_heads_mask(info.heads);
+  for (std::size_t i = 0; info.heads >> i != 0; ++i) {
+    const bool there = (info.heads & head_bit(i)) != 0;
+    header.add_exposure_ns(there ? static_cast<std::uint64_t>(info.in_effect[i].exposure.duration().ns()) : 0);
+    header.add_gain_mdb(there ? info.in_effect[i].gain.mdb() : 0);
+  }
+  if (info.field) {
+    header.set_field(static_cast<std::uint32_t>(info.field->number));
+    header.set_parity(std::string(field_parity_name(info.field->parity)));
+  }
+  if (info.linear && info.linear->full) {
+    header.set_full_exposure_ns(exp2_stops(std::clamp(*info.linear->full, -9 * kStop, 40 * kStop), 1000));
+  }
+  fill_sync(info, header);
+  return BulkItem{header.SerializeAsString(), shared_bytes(jpeg ? raymap.jpeg : raw ? raymap.pixels : Buffer()), 0};
+}
+
+void Publisher::forget_ended(Client& client) {
+  for (auto entry = client.pulls.begin(); entry != client.pulls.end();) {
+    Pull& pull = entry->second;
+    const auto counts = client.session().counts(entry->first);
+    if (counts) pull.dropped = counts->dropped;
+    if (counts) {  // until its last word is out: the link may still hold a raymap
+      ++entry;
+      continue;
+    }
+    client.dropped += pull.dropped;
+    entry = client.pulls.erase(entry);
+  }
+}
+
+std::uint64_t Publisher::dropped(const Client& client) {
+  std::uint64_t all = client.dropped;
+  for (const auto& [stream, pull] : client.pulls) all += pull.dropped;
+  return all;
+}
+
+bool Publisher::jpeg_wanted(const Clients& clients) { return wanted(clients, wire::PullRequest::JPEG); }
+bool Publisher::pixels_wanted(const Clients& clients) { return wanted(clients, wire::PullRequest::RAW); }
+
+bool Publisher::lossless_wanted(const Clients& clients) {
+  return std::any_of(clients.begin(), clients.end(), [](const auto& client) {
+    return std::any_of(client->pulls.begin(), client->pulls.end(),
+                       [](const auto& pull) { return pull.second.lossless && !pull.second.ended; });
+  });
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,214 @@
+#include "firmware/hosts/status.h"
+
+#include <algorithm>
+
+#include "firmware/hosts/publisher.h"
+#include "protocol/base/text.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::size_t kLongestSoftware = 60;  ///< bytes of what a host calls itself
+
+}  // namespace
+
+void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into) {
+  const auto since = [&](Instant then) { return static_cast<std::uint64_t>((now - then).ns()); };
+  for (const auto& client : clients) {
+    if (client->ending()) continue;
+    wire::HostState& host = *into.add_hosts();
+    host.set_number(client->number());
+    host.set_peer(client->peer());
+    if (client->said_hello()) host.set_software(printable(client->session().peer_hello()->software(), kLongestSoftware));
+    host.set_connected_ns(since(client->since()));
+    host.set_idle_ns(since(client->idle_since()));
+    for (const auto& [stream, pull] : client->pulls) {
+      const bool jpeg = pull.coding == wire::PullRequest::JPEG;
+      const bool raw = pull.coding == wire::PullRequest::RAW;
+      std::string what = std::string("pulls ") + (jpeg ? "jpeg" : raw ? "raw" : "evidence") + (pull.lossless ? " lossless" : "");
+      const auto counts = client->session().counts(stream);
+      if (pull.lossless && counts && counts->pending > 1) what += ", " + std::to_string(counts->pending) + " behind";
+      host.add_streams(std::move(what));
+    }
+    if (client->lossless_ended > 0) {
+      host.add_streams("was too slow for " + std::to_string(client->lossless_ended) + " lossless pull" + (client->lossless_ended > 1 ? "s" : ""));
+    }
+    if (client->frame_set) host.add_streams("pulls a frame set");
+    for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");
+    host.set_bytes_in(client->bytes_in());
+    host.set_bytes_out(client->bytes_out());
+    host.set_dropped(Publisher::dropped(*client));
+    host.set_asking(client.get() == &asking);
+  }
+}
+
+void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count) {
+  if (count == 0) return;
+  wire::Count& added = *into.Add();
+  added.set_reason(std::string(reason));
+  added.set_frames(count);
+}
+
+namespace {
+
+void fill_losses(const FrameCounts& counts, google::protobuf::RepeatedPtrField<wire::Count>& into) {
+  for (std::size_t i = 0; i < kLossReasons; ++i) {
+    add_count(into, loss_reason_name(static_cast<LossReason>(i)), counts.losses[i]);
+  }
+}
+
+std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(duration.ns()); }
+
+}  // namespace
+
+std::string shown(std::string_view text) {
+  constexpr std::size_t kLongest = 1000;  // bytes; the rest is cut off
+  return printable(text, kLongest);
+}
+
+wire::Error to_wire(const Error& error) {
+  wire::Error message;
+  message.set_code(static_cast<std::uint32_t>(error.code));
+  message.set_message(shown(error.message));
+  return message;
+}
+
+void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into) {
+  into.set_state(std::string(genlock_state_name(genlock.state)));
+  into.set_rate_numerator(genlock.rate.numerator);
+  into.set_rate_denominator(genlock.rate.denominator);
+  into.set_triggers(genlock.triggers);
+  into.set_missing_triggers(genlock.missing);
+  into.set_spread_ns(ns_of(genlock.spread));
+  into.set_spread_worst_ns(ns_of(genlock.spread_worst));
+  into.set_losses(genlock.losses);
+  into.set_holdovers(genlock.holdovers);
+  if (genlock.drift_ppb) into.set_drift_ppb(*genlock.drift_ppb);
+  into.set_aligned(genlock.aligned);
+  for (std::size_t i = 0; i < config.heads.size(); ++i) {
+    const std::string head = "head '" + config.heads[i].name + "' ";
+    if ((genlock.fixed & head_bit(i)) != 0) {
+      into.add_unaligned(head + "cannot be moved in time; it exposes when its own clock says");
+    } else if ((genlock.unheeding & head_bit(i)) != 0) {
+      into.add_unaligned(head + "is asked to move its exposures and does not");
+    } else if ((genlock.one_way & head_bit(i)) != 0) {
+      into.add_unaligned(head + "is behind the others and can only wait");
+    }
+  }
+}
+
+void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into) {
+  const auto thousandths = [](Stops stops) { return stops * 1000 / kStop; };
+  const ExposureSettings& settings = exposure.settings;
+  wire::ExposureRequest& told = *into.mutable_settings();
+  told.set_program(std::string(exposure_program_name(settings.program)));
+  told.set_anchor(settings.anchor ? std::int32_t{*settings.anchor} : -1);
+  told.set_target_below(static_cast<std::uint32_t>(thousandths(-settings.target)));
+  told.set_difference(static_cast<std::uint32_t>(thousandths(settings.difference)));
+  told.set_ramp(static_cast<std::uint32_t>(thousandths(settings.ramp)));
+  told.set_longest_ns(ns_of(settings.longest.duration()));
+  told.set_highest_gain_mdb(settings.highest.mdb());
+  told.set_locked(settings.locked);
+  into.set_settled(exposure.settled);
+  into.set_sets(exposure.sets);
+  into.set_set(exposure.seen.set);
+  into.set_light(thousandths(exposure.seen.light));
+  const auto ppm = [](std::uint32_t part, std::uint64_t whole) {
+    return whole == 0 ? 0U : static_cast<std::uint32_t>(std::uint64_t{part} * 1'000'000 / whole);
+  };
+  into.set_sphere_ppm(ppm(exposure.seen.solid_angle, 1 << 24));
+  for (std::size_t i = 0; i < heads; ++i) {
+    const blend::HeadLight& seen = exposure.seen.heads[i];
+    wire::HeadExposure& head = *into.add_heads();
+    head.set_index(static_cast<std::uint32_t>(i));
+    head.set_metered(seen.solid_angle > 0);
+    if (!head.metered()) continue;
+    head.set_exposure(thousandths(seen.exposure));
+    head.set_goal(thousandths(exposure.goal[i]));
+    head.set_light(thousandths(seen.light));
+    head.set_clipped_ppm(ppm(seen.clipped, seen.solid_angle));
+    head.set_black_ppm(ppm(seen.black, seen.solid_angle));
+  }
+}
+
+void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into) {
+  for (std::size_t i = 0; i < capture.heads.size(); ++i) {
+    const HeadReport& head = capture.heads[i];
+    wire::HeadState& state = *into.add_heads();
+    state.set_index(static_cast<std::uint32_t>(i));
+    state.set_name(config.heads[i].name);
+    state.set_path(shown(head.path));
+    state.set_model(shown(head.model));
+    state.set_serial(shown(head.serial));
+    state.set_present(head.present);
+    if (head.format) {
+      state.set_format(std::string(pixel_format_name(head.format->pixels)) + " " + std::to_string(head.format->width) +
+                       "x" + std::to_string(head.format->height));
+    }
+    state.set_exposure_ns(ns_of(head.in_effect.exposure.duration()));
+    state.set_gain_mdb(head.in_effect.gain.mdb());
+    state.set_red_q12(head.in_effect.white_balance.red_q12);
+    state.set_blue_q12(head.in_effect.white_balance.blue_q12);
+    state.set_gamma(static_cast<std::uint32_t>(head.in_effect.gamma.thousandths()));
+    state.set_frames(head.counts.frames);
+    fill_losses(head.counts, *state.mutable_losses());
+    state.set_skew_ns(head.skew.ns());
+    state.set_problem(shown(head.problem.empty() ? head.ignores : head.problem));
+    state.set_missing_sets(head.missing_sets);
+    state.set_opened(head.opened);
+    if (head.drift_ppb) state.set_drift_ppb(*head.drift_ppb);
+    if (!head.limits) continue;
+    state.set_exposure_min_ns(ns_of(head.limits->exposure_min.duration()));
+    state.set_exposure_max_ns(ns_of(head.limits->exposure_max.duration()));
+    state.set_gain_min_mdb(head.limits->gain_min.mdb());
+    state.set_gain_max_mdb(head.limits->gain_max.mdb());
+  }
+}
+
+void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into) {
+  into.set_sets(capture.sets);
+  into.set_full_sets(capture.full_sets);
+  into.set_frames_taken(capture.frames.frames);
+  into.set_frames_in_sets(capture.frames.in_sets);
+  into.set_frames_held(capture.frames.held);
+  fill_losses(capture.frames, *into.mutable_losses());
+  fill_genlock(config, capture.genlock, *into.mutable_genlock());
+}
+
+void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into) {
+  const SyncEvidence& sync = info.sync;
+  into.set_genlock(std::string(genlock_state_name(sync.state)));
+  if (sync.trigger) into.set_trigger(*sync.trigger);
+  into.set_spread_ns(ns_of(sync.spread));
+  if (sync.begin_spread) into.set_begin_spread_ns(ns_of(*sync.begin_spread));
+  if (sync.drift_ppb) into.set_drift_ppb(*sync.drift_ppb);
+  for (std::size_t i = 0; i < sync.offset.size() && (info.heads >> i) != 0; ++i) {
+    into.add_offset_ns(sync.offset[i].ns());
+  }
+}
+
+void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into) {
+  const auto add = [&](const CalibrationStore::Entry& entry) -> wire::CalibrationEntry& {
+    wire::CalibrationEntry& added = *into.add_entries();
+    added.set_id(sha256_to_wire(entry.id));
+    added.set_name(shown(entry.name));
+    added.set_heads(static_cast<std::uint32_t>(entry.heads));
+    added.set_generation(entry.generation);
+    added.set_in_force(listed.in_force == entry.id);
+    return added;
+  };
+  if (listed.on_trial) add(*listed.on_trial).set_on_trial(true);
+  for (const CalibrationStore::Entry& entry : listed.entries) {
+    if (!listed.on_trial || entry.id != listed.on_trial->id) add(entry);
+  }
+}
+
+void fill_trial(const Trial& trial, Instant now, wire::Trial& into) {
+  into.set_id(sha256_to_wire(trial.id));
+  into.set_name(shown(trial.name));
+  into.set_before(sha256_to_wire(trial.before));
+  into.set_left_ns(static_cast<std::uint64_t>(std::max(trial.until - now, Duration()).ns()));
+}
+
+}  // namespace nodal::firmware

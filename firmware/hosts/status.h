@@ -1,0 +1,29 @@
+// The rig's figures as the wire has them.
+#pragma once
+
+#include "firmware/calibration/calibration_keeper.h"
+#include "firmware/capture/capture.h"
+#include "firmware/config/config.h"
+#include "firmware/frame/raymap.h"
+#include "firmware/hosts/client.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::firmware {
+
+/// Text of devices, files and hosts, as it goes into a message.
+std::string shown(std::string_view text);
+wire::Error to_wire(const Error& error);
+void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
+void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into);
+void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
+/// Frames, sets and genlock.
+void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into);
+/// How well the set of this raymap was exposed together.
+void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
+void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
+void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
+/// Who talks to the rig; `asking` is one of them.
+void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
+void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
+
+}  // namespace nodal::firmware

@@ -1,0 +1,73 @@
+// The part of Control that judges how the rig is, and says so.
+#include "firmware/operate/control.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr Duration kJudgeEvery = Duration::milliseconds(50);
+constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
+
+}  // namespace
+
+std::uint32_t Control::rate_wanted_millihertz() const {
+  return millihertz(capture_->genlock.rate) * static_cast<std::uint32_t>(config_.raymap.raymaps_a_set());
+}
+
+void Control::watch(Instant now) {
+  if (capture_->sets != sets_seen_) {
+    sets_seen_ = capture_->sets;
+    newest_set_ = now;
+  }
+  const bool ends = end_asked_.load(std::memory_order_acquire);
+  if (ends) supervisor_.end(end_reason_);
+  const bool at_once = ends && supervisor_.state() != RigState::kStopping;
+  if (judged_ && now - *judged_ < kJudgeEvery && !at_once) return;
+  judged_ = now;
+  const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
+  rate_.observe(blended, now);
+  const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
+  if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
+  adopted_ = adopted;
+  shed(now);
+  const Finding found = find_condition(config_, {*capture_,
+                                                 *keeper_,
+                                                 rate_wanted_millihertz(),
+                                                 rate_.millihertz(),
+                                                 stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
+                                                 now - newest_set_,
+                                                 now - steady_since_,
+                                                 shedding_.level(),
+                                                 settings_writer_.problem()});
+  const std::string_view before = health().state;
+  supervisor_.step({{"capture", stages_.capture.steps(), false},
+                    {"blend", stages_.blender.progress(), stages_.blender.idle()},
+                    {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended}},
+                   found, now);
+  if (health().state != before) {
+    news_.say(NewsKind::kRig, "the rig is " + std::string(health().state) +
+                    (health().problem.empty() ? "" : ": " + health().problem));
+  }
+}
+
+void Control::tell_that_it_runs_well(Instant now) {
+  const RigState state = supervisor_.state();
+  if (state == RigState::kStarting || state == RigState::kHanging) unwell_ = now;
+  if (told_well_ || now - unwell_ < kRunsWellAfter) return;
+  told_well_ = stages_.keeper.requests().push(KeeperRequest{kRunsWellTicket, KeeperRequest::RunsWell{}, {}});
+}
+
+std::uint64_t Control::sets_missed_by_blend() const {
+  for (const OutletReport& outlet : capture_->outlets) {
+    if (outlet.name == Blender::kSets.name) return outlet.losses.full;
+  }
+  return 0;  // before the first report
+}
+
+void Control::shed(Instant now) {
+  shedding_.step(capture_->sets, sets_missed_by_blend(), now - steady_since_ < kPause, now);
+  const ShedLevel& level = shedding_.level();
+  stages_.encoder.set_every(Publisher::lossless_wanted(clients_) ? 1 : level.publish_every);
+  stages_.blender.set_every(level.preview_every);
+}
+
+}  // namespace nodal::firmware

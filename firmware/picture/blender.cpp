@@ -1,0 +1,236 @@
+#include "firmware/picture/blender.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace nodal::firmware {
+namespace {
+
+void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memory_order_relaxed); }
+
+/// What the blend is given of a head's frame: all of it, or the field that its source is for.
+ImageView picture_of(const blend::BlendTable::Source& source, const ImageView& frame) {
+  return source.field ? field_of(frame, *source.field) : frame;
+}
+
+/// `first` is the source of the table that is used first.
+bool has_fields_for(const blend::BlendTable::Source& first, const hal::FrameView& frame) {
+  return !first.field || frame.fields == fields_from(*first.field);
+}
+
+}  // namespace
+
+Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in)
+    : config_(config),
+      bands_(static_cast<std::uint64_t>((config.height + kBandRows - 1) / kBandRows)),
+      clock_(clock),
+      sets_in_(sets_in),
+      pixels_pool_(kMaxBuffers),
+      tables_in_(1),  // so that a full ring says that the newest is not in force yet
+      tables_out_(8),
+      raymaps_out_(kRaymapsWaiting),
+      light_out_(4),
+      adoptions_out_(4) {
+  NODAL_ASSERT(bands_ < kNoBands);
+}
+
+bool Blender::step() {
+  bool busy = run_band();
+  if (!busy) {
+    if (coordinating_.test_and_set(std::memory_order_acquire)) return false;
+    busy = coordinate();
+    coordinating_.clear(std::memory_order_release);
+  }
+  if (busy) count(progress_);
+  return busy;
+}
+
+void Blender::close() {
+  set_ = {};
+  sets_in_.drop_waiting();
+  next_band_.store(kNoBands);
+  idle_.store(true);
+}
+
+bool Blender::run_band() {
+  std::uint64_t ticket = next_band_.load(std::memory_order_acquire);
+  for (;;) {
+    if ((ticket & kNoBands) >= bands_out_.load(std::memory_order_relaxed)) return false;
+    if (next_band_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire)) {
+      break;
+    }
+  }
+  const blend::BlendTable& table = this->table();
+  if (preparing_) {
+    const ToPrepare& head = to_prepare_[ticket & kNoBands];
+    std::array<ImageView, blend::kMaxLevels> views;
+    blend::prepare_picture(*head.source, head.picture, head.memory, views);
+    for (std::size_t level = 0; level < head.source->levels; ++level) {
+      pictures_[level * table.sources.size() + head.index] = views[level];
+    }
+  } else {
+    const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
+    blend::blend_rows(table, pictures_, tone_, into_, row, std::min(row + kBandRows, config_.height));
+  }
+  bands_done_.fetch_add(1, std::memory_order_acq_rel);
+  return true;
+}
+
+void Blender::hand_out(std::uint64_t bands) {
+  bands_done_.store(0, std::memory_order_relaxed);
+  bands_out_.store(bands, std::memory_order_relaxed);
+  next_band_.store(++number_ << kBandBits, std::memory_order_release);
+}
+
+bool Blender::coordinate() {
+  if (set_) {
+    if (bands_done_.load(std::memory_order_acquire) < bands_out_.load(std::memory_order_relaxed)) return false;
+    if (!preparing_) return finish();
+    preparing_ = false;
+    hand_out(bands_);
+    return true;
+  }
+  const bool adopted = adopt();
+  return begin() || adopted;
+}
+
+bool Blender::finish() {
+  if (raymaps_out_.full()) return false;  // the encoder is behind
+  times_.add(clock_.now() - begun_);
+  raymaps_out_.push(std::move(raymap_));
+  raymap_ = {};
+  count(counts_.blended);
+  if (field_ + 1 < installed_->tables.size()) {
+    ++field_;
+    begin_raymap();
+    return true;
+  }
+  set_ = {};
+  idle_.store(sets_in_.empty(), std::memory_order_release);
+  return true;
+}
+
+bool Blender::adopt() {
+  if (tables_out_.full() || adoptions_out_.full()) return false;
+  auto installed = tables_in_.pop();
+  if (!installed) return false;
+  std::swap(installed_, *installed);
+  if (*installed) tables_out_.push(std::move(*installed));
+  adoption_to_tell_ = true;
+  count(counts_.adopted);
+  return true;
+}
+
+bool Blender::begin() {
+  auto next = sets_in_.take();
+  if (!next) {
+    idle_.store(true, std::memory_order_release);
+    return false;
+  }
+  const SetLoan set = std::move(*next);
+  idle_.store(false, std::memory_order_release);
+  if (std::exchange(adoption_to_tell_, false)) adoptions_out_.push({set->number, installed_->id});
+  sets_begun_.store(set->number + 1, std::memory_order_release);
+  bool ready = false;
+  if (!installed_) {
+    count(counts_.without_calibration);
+  } else if (set->number % every_.load(std::memory_order_relaxed) != 0) {
+    count(counts_.shed);
+  } else if (ready = take_pixels(installed_->tables.size()); !ready) {
+    count(counts_.without_buffer);
+  }
+  if (!ready) return true;
+  set_ = set;
+  field_ = 0;
+  begin_raymap();
+  measure();  // while the others blend; the set is not given back before this is done
+  return true;
+}
+
+void Blender::begin_raymap() {
+  const blend::BlendTable& table = this->table();
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id, {}, {}};
+  if (const auto parity = table.sources[0].field) {
+    raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
+    if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
+  }
+  raymap_.pixels = std::exchange(pixels_[field_], {});
+  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels.edit().data());
+  take_pictures(*set_);
+  undo_exposures(*set_);
+  begun_ = clock_.now();
+  preparing_ = heads_to_prepare_ > 0;
+  hand_out(preparing_ ? heads_to_prepare_ : bands_);
+}
+
+void Blender::take_pictures(const FrameSet& set) {
+  const blend::BlendTable& table = this->table();
+  std::uint8_t* memory = installed_->prepared->data();
+  heads_to_prepare_ = 0;
+  for (std::size_t i = 0; i < table.sources.size(); ++i) {
+    const blend::BlendTable::Source& source = table.sources[i];
+    const std::size_t bytes = blend::prepared_size(source);
+    std::uint8_t* own_memory = memory;
+    memory += bytes;
+    pictures_[i] = {};
+    if (!set.has(i)) continue;
+    const ImageView picture = picture_of(source, set.frames[i].image);
+    if (picture.format != source.format || picture.width != source.width || picture.height != source.height ||
+        !has_fields_for(installed_->tables[0].sources[i], set.frames[i])) {
+      if (field_ == 0) count(counts_.unfit_frames);
+      continue;
+    }
+    raymap_.info.heads |= head_bit(i);
+    raymap_.info.in_effect[i] = set.frames[i].in_effect;
+    pictures_[i] = picture;
+    if (bytes > 0) to_prepare_[heads_to_prepare_++] = {&source, picture, own_memory, i};
+  }
+}
+
+/// A head that is missing counts as it was last exposed, so that the others' light does not jump when it goes.
+void Blender::undo_exposures(const FrameSet& set) {
+  const std::size_t heads = table().sources.size();
+  bool known = installed_->exposures.heads.size() == heads;
+  for (std::size_t i = 0; i < heads; ++i) {
+    if (set.has(i)) {
+      const hal::HeadSettings& in_effect = set.frames[i].in_effect;
+      exposed_[i] = {stops_of(in_effect.exposure) + stops_of(in_effect.gain), in_effect.gamma.thousandths()};
+      was_exposed_ |= head_bit(i);
+    }
+    known = known && (was_exposed_ & head_bit(i)) != 0;
+  }
+  if (is_linear16(table().format)) {
+    const auto as_calibrated = decltype(exposed_){};
+    const std::span<const blend::ExposedHead> exposed(known ? exposed_ : as_calibrated);
+    tone_ = blend::linear_tone(table(), installed_->exposures, exposed.first(heads));
+    raymap_.info.linear = blend::linear_scale(installed_->exposures, tone_, exposed.first(heads));
+    if (!known) raymap_.info.linear->full.reset();
+    return;
+  }
+  tone_ = known ? blend::tone_of_exposures(table(), installed_->exposures, exposed_) : installed_->tone;
+}
+
+void Blender::measure() {
+  if (light_out_.full()) return;
+  std::array<ImageView, kMaxHeads> seen_by{};  // as heads sent them; preparing moves pictures_ meanwhile
+  for (std::size_t i = 0; i < seen_by.size(); ++i) {
+    if ((raymap_.info.heads & head_bit(i)) != 0) seen_by[i] = set_->frames[i].image;
+  }
+  blend::SphereLight seen = blend::meter(installed_->meter, seen_by, exposed_);
+  seen.set = set_->number;
+  light_out_.push(std::move(seen));
+}
+
+/// All that a set's raymaps need, or none.
+bool Blender::take_pixels(std::size_t wanted) {
+  for (std::size_t i = 0; i < wanted; ++i) {
+    if (pixels_[i]) continue;  // taken for an earlier set, which then lacked another
+    pixels_[i] = pixels_pool_.take();
+    if (!pixels_[i]) return false;
+    // A new one: clients hold more than ever before.
+    if (pixels_[i]->empty()) pixels_[i].edit().resize(packed_size(config_.format, config_.width, config_.height));
+  }
+  return true;
+}
+
+}  // namespace nodal::firmware

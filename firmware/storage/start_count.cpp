@@ -1,0 +1,36 @@
+#include "firmware/storage/start_count.h"
+
+#include "firmware/storage/durable_file.h"
+#include "firmware/storage/settings.h"
+
+namespace nodal::firmware {
+
+/// The file holds one digit; anything else counts as none.
+int StartCount::failed_before() const {
+  const auto file = disk_.read(kStartsFile, 1);
+  if (!file || file->size() != 1 || file->front() < '0' || file->front() > '9') return 0;
+  return file->front() - '0';
+}
+
+std::optional<std::string> StartCount::begin() {
+  const int failed = failed_before();
+  if (failed < kMostFailed) {
+    begun_ = true;
+    (void)write_durably(disk_, "", kStartsFile, std::to_string(failed + 1));
+    return std::nullopt;
+  }
+  const std::string reason = "the rig did not run with the remembered settings " + std::to_string(failed) +
+                             " times; it starts as rig.toml says, and they are ";
+  Status moved = disk_.rename(kSettingsFile, kSettingsAsideFile);
+  if (moved) moved = disk_.remove(kStartsFile);
+  if (moved) moved = disk_.sync_folder("");
+  return reason + (moved ? "kept in the store as " + kSettingsAsideFile : "not used: " + moved.error().message);
+}
+
+void StartCount::succeeded() {
+  if (!begun_) return;
+  begun_ = false;
+  if (disk_.remove(kStartsFile)) (void)disk_.sync_folder("");
+}
+
+}  // namespace nodal::firmware

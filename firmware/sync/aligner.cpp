@@ -1,0 +1,175 @@
+#include "firmware/sync/aligner.h"
+
+#include <algorithm>
+#include <span>
+
+#include "firmware/frame/statistics.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::int64_t kAhead = 4;      ///< periods: about when a nudge of now has been done
+constexpr int kPeriodsOfGrace = 6;      ///< beyond the stated latency, until a nudge counts as unheeded
+
+Duration size_of(Duration d) { return d < Duration() ? -d : d; }
+
+/// Into half a period to either side.
+Duration wrapped(Duration d, Duration period) {
+  const std::int64_t rest = ((d + period / 2).ns() % period.ns() + period.ns()) % period.ns();
+  return Duration::nanoseconds(rest) - period / 2;
+}
+
+Duration in_steps(Duration by, Duration step) {
+  const std::int64_t steps = (size_of(by) + step / 2).ns() / step.ns();
+  return step * (by < Duration() ? -steps : steps);
+}
+
+/// What nudges and half the exposure put the middle of a frame after its begin by the head's clock.
+Duration place_of(const hal::FrameView& frame) { return frame.nudged + frame.in_effect.exposure.duration() / 2; }
+
+}  // namespace
+
+void Aligner::restart(Duration period) {
+  period_ = period;
+  heads_ = {};
+  for (Head& head : heads_) head.clock.restart(period);
+  reference_.reset();
+  beat_.reset();
+  fixed_ = one_way_ = unheeding_ = 0;
+}
+
+void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::FrameView& frame) {
+  Head& head = heads_[index];
+  if (head.starts != starts) {
+    head.starts = starts;
+    head.clock.restart_phase();
+    // What was asked before the aligner looked, or of a stream that is gone, is as good as done.
+    head.asked = head.done = frame.nudged;
+    head.place_in_set = place_of(frame);
+  }
+  head.clock.add(frame.mid_exposure - place_of(frame));
+  if (frame.nudged != head.done) head.heeds = true;
+  follow(head, frame);
+  head.done = frame.nudged;
+}
+
+/// A head that does nothing for long is asked anew. One that goes elsewhere than it was asked still has an older wish to
+/// do, and is left alone until it has come to rest: asked meanwhile, it would swing. What counts is when frames were
+/// exposed: they may come late, many at once.
+void Aligner::follow(Head& head, const hal::FrameView& frame) const {
+  const Duration open = head.asked - frame.nudged;
+  const Duration latency = period_ * head.limits.latency_frames;
+  if (frame.nudged != head.done) {
+    head.still_since = frame.mid_exposure;
+    if (size_of(open) <= size_of(head.asked - head.done)) return;
+    head.asked = frame.nudged;
+    head.left_alone_until = frame.mid_exposure + latency + period_ * 2;
+  } else if (open != Duration() && frame.mid_exposure - head.still_since > latency + period_ * kPeriodsOfGrace) {
+    head.heeds = false;
+    head.asked = frame.nudged;
+  }
+}
+
+Duration Aligner::band(bool in_step) const {
+  Duration jitter;
+  for (const Head& head : heads_) jitter = std::max(jitter, head.starts > 0 ? head.clock.jitter() : Duration());
+  // Stamps are off by twice their mean distance, to either side.
+  const Duration left = Genlock::kLockLimit - Genlock::kStampDoubt - jitter * 4;
+  const Duration band = std::clamp(left / 8, kBandLeast, kBandMost);
+  return in_step ? band : std::max(band / 2, kBandLeast);
+}
+
+/// Where every head will be, and where the reference is, after `base`.
+std::optional<Duration> Aligner::reference_place(const std::array<FreeHead, kMaxHeads>& heads, Instant base, Instant at,
+                                                 Instant now, Nudges& places, HeadMask& placed) const {
+  std::array<Duration, kMaxHeads> all{}, fixed{};
+  std::size_t known = 0, known_fixed = 0;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    // Of one that was started since, what is known is of before.
+    if (heads[i].starts != heads_[i].starts || !heads[i].streaming || !heads_[i].clock.known(now)) continue;
+    const Instant middle = heads_[i].clock.nearest(at) + heads_[i].asked + heads[i].exposure.duration() / 2;
+    places[i] = wrapped(middle - base, period_);
+    placed |= head_bit(i);
+    all[known++] = places[i];
+    if (!heads[i].limits.possible()) fixed[known_fixed++] = places[i];
+  }
+  if (known == 0) return std::nullopt;
+  if (known_fixed > 0) return median(std::span(fixed).first(known_fixed));
+  const Duration middle = median(std::span(all).first(known));
+  Duration latest;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((placed & head_bit(i)) == 0 || heads[i].limits.shortest != Duration()) continue;
+    const Duration after = wrapped(places[i] - middle, period_);
+    if (after <= near()) latest = std::max(latest, after);
+  }
+  return middle + latest;
+}
+
+Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now) {
+  Nudges nudges{}, places{};
+  HeadMask placed = 0;
+  const Instant at = now + period_ * kAhead;
+  fixed_ = one_way_ = unheeding_ = 0;
+  // Places are told from where the reference was, so that a head a little before it is not one a period after it.
+  const Instant base = reference_ ? at + wrapped(*reference_ - at, period_) : at;
+  const auto reference = reference_place(heads, base, at, now, places, placed);
+  if (!reference) return nudges;
+  reference_ = base + *reference;
+  const Duration band = this->band(in_step);
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    heads_[i].limits = heads[i].limits;
+    if ((placed & head_bit(i)) == 0) continue;
+    const hal::NudgeLimits& limits = heads[i].limits;
+    if (!limits.possible()) {
+      fixed_ |= head_bit(i);
+      continue;
+    }
+    Duration off = wrapped(*reference - places[i], period_);
+    if (limits.shortest == Duration() && off < -near()) off = off + period_;  // it waits for the next
+    // Less than five eighths of a step would not come nearer.
+    const bool there = size_of(off) <= std::max(band, limits.step * 5 / 8);
+    if (there && heads_[i].asked == heads_[i].done) heads_[i].heeds = true;  // as far as anybody can tell
+    if (!heads_[i].heeds) unheeding_ |= head_bit(i);
+    // One wish at a time, so that what a head does can be told from what it was asked.
+    if (there || heads_[i].asked != heads_[i].done || now < heads_[i].left_alone_until) continue;
+    if ((off < Duration() ? limits.shortest : limits.longest) == Duration()) {
+      one_way_ |= head_bit(i);
+      continue;
+    }
+    nudges[i] = in_steps(off, limits.step);
+    heads_[i].still_since = now;
+    heads_[i].asked = heads_[i].asked + nudges[i];
+  }
+  return nudges;
+}
+
+/// The middle one of the heads' own periods.
+Duration Aligner::true_period() const {
+  std::array<std::int32_t, kMaxHeads> drifts{};
+  std::size_t known = 0;
+  for (const Head& head : heads_) {
+    if (const auto drift = head.clock.drift_ppb()) drifts[known++] = *drift;
+  }
+  if (known == 0) return period_;
+  return period_ + Duration::nanoseconds(period_.ns() / 1000 * median(std::span(drifts).first(known)) / 1'000'000);
+}
+
+/// The reference leaps when an exposure changes, and all that is asked of the heads with it; what their past is told by
+/// must not, so it is a beat that only goes on.
+Skews Aligner::skews(const FrameSet& set) {
+  if (!beat_) beat_ = newest_set_ = set.mid_exposure;
+  const Duration half = period_ / 2;
+  const Duration since = set.mid_exposure - newest_set_;
+  *beat_ = *beat_ + true_period() * ((since + (since < Duration() ? -half : half)).ns() / period_.ns());
+  newest_set_ = set.mid_exposure;
+  Skews skews;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if (!set.has(i)) continue;
+    const Duration place = place_of(set.frames[i]);
+    skews.add(i, set.frames[i].mid_exposure - *beat_, place - heads_[i].place_in_set);
+    heads_[i].place_in_set = place;
+  }
+  return skews;
+}
+
+}  // namespace nodal::firmware

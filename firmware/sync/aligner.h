@@ -1,0 +1,81 @@
+// Brings heads that run free into step, and holds them there.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "firmware/frame/frame_set.h"
+#include "firmware/sync/genlock.h"
+#include "firmware/sync/phase_line.h"
+#include "hal/head.h"
+
+namespace nodal::firmware {
+
+/// A head as the aligner sees it, now.
+struct FreeHead {
+  bool streaming = false;
+  std::uint64_t starts = 0;  ///< times it was started
+  hal::NudgeLimits limits;
+  Exposure exposure;  ///< of the frames that a nudge of now will move first
+};
+
+/// Each head's clock is a PhaseLine of what its exposures would begin at had nobody moved it: FrameView::nudged, which
+/// is what the head has done, is taken off every stamp. So no nudge disturbs what is known of the clocks, and where a
+/// head will be when it has done all that it was asked is known however long that takes it.
+///
+/// The middles of exposures go to one reference. Heads that cannot be moved are it, where there are any: their median.
+/// Else it is the median of all, or the latest of those near it that can only wait: one that is far after it waits for
+/// the next. A head within the dead band of the reference is left alone; the band is narrow while they come into step,
+/// and, once they are, an eighth of what jitter leaves of the lock's limit.
+///
+/// Threading: thread-bound to capture.
+/// Ownership: none. Allocates nothing.
+/// Errors: none.
+class Aligner {
+ public:
+  void restart(Duration period);
+  /// A frame that went into a set, of a head that was started so many times.
+  void on_frame(std::size_t head, std::uint64_t starts, const hal::FrameView& frame);
+  using Nudges = std::array<Duration, kMaxHeads>;
+  /// What to ask each head now; it counts as asked.
+  Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
+  /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the
+  /// head's last.
+  Skews skews(const FrameSet& set);
+
+  HeadMask fixed() const { return fixed_; }        ///< heads that cannot be moved
+  HeadMask one_way() const { return one_way_; }    ///< that would have to be earlier, and can only wait
+  HeadMask unheeding() const { return unheeding_; }///< that did not do what they were asked
+  std::optional<std::int32_t> drift_ppb(std::size_t head) const { return heads_[head].clock.drift_ppb(); }
+
+  static constexpr Duration kBandMost = Duration::microseconds(60);
+  static constexpr Duration kBandLeast = Duration::microseconds(10);
+
+ private:
+  struct Head {
+    PhaseLine clock;
+    std::uint64_t starts = 0;
+    Duration asked, done;      ///< since the head was started
+    hal::NudgeLimits limits;
+    Instant still_since;       ///< while something is to be done: when it last did anything of it
+    Instant left_alone_until;
+    bool heeds = true;
+    Duration place_in_set;     ///< where nudges and half the exposure put the middle of its last frame in a set
+  };
+  std::optional<Duration> reference_place(const std::array<FreeHead, kMaxHeads>& heads, Instant base, Instant at,
+                                          Instant now, Nudges& places, HeadMask& placed) const;
+  void follow(Head& head, const hal::FrameView& frame) const;
+  Duration band(bool in_step) const;
+  Duration near() const { return period_ / 8; }
+  Duration true_period() const;
+
+  Duration period_;
+  std::array<Head, kMaxHeads> heads_{};
+  std::optional<Instant> reference_;  ///< a middle of it
+  std::optional<Instant> beat_;       ///< near the newest set, and
+  Instant newest_set_;                ///< its middle
+  HeadMask fixed_ = 0, one_way_ = 0, unheeding_ = 0;
+};
+
+}  // namespace nodal::firmware
