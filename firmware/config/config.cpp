@@ -12,8 +12,6 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::array kFormats = {PixelFormat::kI420, PixelFormat::kNv12,  PixelFormat::kYuyv,
-                                 PixelFormat::kUyvy, PixelFormat::kRgb24, PixelFormat::kGrey8};
 constexpr std::size_t kMaxUnixPath = 107;  // sockaddr_un::sun_path holds 108 with its end
 
 bool is_name(std::string_view text) {
@@ -55,7 +53,8 @@ void read_rig(TomlReader reader, RigConfig& config) {
 }
 
 void read_raymap(TomlReader reader, RaymapConfig& raymap) {
-  raymap.layout = static_cast<RaymapLayout>(reader.choice("layout", {"equirectangular", "cube"}, 0));
+  raymap.layout = reader.choice<RaymapLayout>("layout", {{"equirectangular", RaymapLayout::kEquirectangular},
+                                                         {"cube", RaymapLayout::kCube}});
   const bool cube = raymap.layout == RaymapLayout::kCube;
   raymap.width = static_cast<int>(reader.integer("width", 16, 16384, cube ? 1536 : 2048));
   raymap.height = static_cast<int>(reader.integer("height", 16, 16384, 1024));
@@ -67,12 +66,15 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
                                 (cube ? "; a cube's is even, and 2/3 of its width"
                                       : "; an equirectangular raymap's is even, and half its width"));
   }
-  constexpr std::array formats = {PixelFormat::kI420,  PixelFormat::kNv12, PixelFormat::kRgb24,
-                                  PixelFormat::kGrey8, PixelFormat::kRgb48, PixelFormat::kGrey16};
-  raymap.format = formats[reader.choice("format", {"I420", "NV12", "RGB24", "GREY", "RGB48", "GREY16"}, 0)];
+  raymap.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
+                                                        {"NV12", PixelFormat::kNv12},
+                                                        {"RGB24", PixelFormat::kRgb24},
+                                                        {"GREY", PixelFormat::kGrey8},
+                                                        {"RGB48", PixelFormat::kRgb48},
+                                                        {"GREY16", PixelFormat::kGrey16}});
   raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
-  raymap.soft = reader.choice("tone", {"soft", "clip"}, 0) == 0;
+  raymap.soft = reader.choice<bool>("tone", {{"soft", true}, {"clip", false}});
 }
 
 /// After the heads: they must deliver what the raymap is made of.
@@ -93,7 +95,7 @@ void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, Pixe
 /// After the heads: fields that make raymaps of their own are exposed together only where all heads have them, in one
 /// order.
 void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, RaymapConfig& raymap) {
-  raymap.fields = static_cast<FieldUse>(reader.choice("fields", {"weave", "separate"}, 0));
+  raymap.fields = reader.choice<FieldUse>("fields", {{"weave", FieldUse::kWeave}, {"separate", FieldUse::kSeparate}});
   if (raymap.fields == FieldUse::kWeave) return;
   for (const HeadConfig& head : heads) {
     if (head.fields == Fields::kProgressive) {
@@ -113,15 +115,18 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
   if (trigger.pulse_width >= rate.period()) {
     reader.refuse("pulse_width_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   }
-  trigger.active_high = reader.choice("polarity", {"high", "low"}, 0) == 0;
-  trigger.source = static_cast<SyncSource>(reader.choice("source", {"own", "external", "none"}, 0));
+  trigger.active_high = reader.choice<bool>("polarity", {{"high", true}, {"low", false}});
+  trigger.source = reader.choice<SyncSource>(
+      "source", {{"own", SyncSource::kOwn}, {"external", SyncSource::kExternal}, {"none", SyncSource::kNone}});
 }
 
 Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
 
 /// After the heads: the anchor is one of them.
 void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, ExposureSettings& settings) {
-  settings.program = static_cast<ExposureProgram>(reader.choice("program", {"manual", "each", "joint"}, 0));
+  settings.program = reader.choice<ExposureProgram>("program", {{"manual", ExposureProgram::kManual},
+                                                                {"each", ExposureProgram::kEach},
+                                                                {"joint", ExposureProgram::kJoint}});
   settings.target = -stops_from(reader.number("target_stops", 0.5, 8, 2.5));
   settings.difference = stops_from(reader.number("difference_stops", 0, 8, 1));
   settings.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
@@ -184,7 +189,10 @@ void read_constant(TomlReader& reader, SimConfig& sim) {
 
 void read_sim(TomlReader reader, SimConfig& sim) {
   sim.calibration = reader.required_text("calibration");
-  sim.scene = static_cast<SimConfig::Scene>(reader.choice("scene", {"procedural", "constant", "photo", "bar"}, 0));
+  sim.scene = reader.choice<SimConfig::Scene>("scene", {{"procedural", SimConfig::Scene::kProcedural},
+                                                        {"constant", SimConfig::Scene::kConstant},
+                                                        {"photo", SimConfig::Scene::kPhoto},
+                                                        {"bar", SimConfig::Scene::kBar}});
   sim.photo = reader.text("photo", "");
   if (sim.scene == SimConfig::Scene::kPhoto && sim.photo.empty()) {
     reader.refuse("photo", "must name an equirectangular JPEG or PNG when scene is \"photo\"", Errc::kMissingField);
@@ -198,7 +206,8 @@ void read_sim(TomlReader reader, SimConfig& sim) {
   read_constant(reader, sim);
   sim.noise = reader.number("noise", 0, 64, 0);
   sim.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
-  sim.clock = static_cast<SimConfig::Clock>(reader.choice("clock", {"real", "fast"}, 0));
+  sim.clock = reader.choice<SimConfig::Clock>(
+      "clock", {{"real", SimConfig::Clock::kReal}, {"fast", SimConfig::Clock::kFast}});
 }
 
 PortAddress read_port(TomlReader& reader) {
@@ -219,7 +228,12 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
   head.line = reader.line();
   head.name = name_of(reader);
   head.port = read_port(reader);
-  head.format = kFormats[reader.choice("format", {"I420", "NV12", "YUYV", "UYVY", "RGB24", "GREY"}, 0)];
+  head.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
+                                                      {"NV12", PixelFormat::kNv12},
+                                                      {"YUYV", PixelFormat::kYuyv},
+                                                      {"UYVY", PixelFormat::kUyvy},
+                                                      {"RGB24", PixelFormat::kRgb24},
+                                                      {"GREY", PixelFormat::kGrey8}});
   if (reader.has("exposure_us")) {
     head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
   }
@@ -242,7 +256,9 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
     reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
   }
-  head.fields = static_cast<Fields>(reader.choice("fields", {"progressive", "top-first", "bottom-first"}, 0));
+  head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
+                                                {"top-first", Fields::kTopFirst},
+                                                {"bottom-first", Fields::kBottomFirst}});
   return head;
 }
 

@@ -25,7 +25,7 @@ std::size_t letters_apart(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-std::string listed(std::initializer_list<std::string_view> words) {
+std::string listed(std::span<const std::string_view> words) {
   std::string all;
   for (const std::string_view word : words) {
     if (!all.empty()) all += ", ";
@@ -85,7 +85,7 @@ TomlReader::TomlReader(const toml::table& table, std::string name, std::initiali
   if (!first_unknown) return;
   std::string message = "there is no key '" + field(excerpt(first_unknown->str())) + "'; ";
   const std::string_view near = nearest_word(first_unknown->str(), known);
-  message += near.empty() ? "known here are " + listed(known) : "did you mean '" + std::string(near) + "'?";
+  message += near.empty() ? "known here are " + listed(std::span(known.begin(), known.size())) : "did you mean '" + std::string(near) + "'?";
   error_.set(Errc::kUnknownField, first_unknown->source(), message);
 }
 
@@ -147,14 +147,14 @@ bool TomlReader::boolean(std::string_view key, bool fallback) {
   return node ? node->as_boolean()->get() : fallback;
 }
 
-std::size_t TomlReader::choice(std::string_view key, std::initializer_list<std::string_view> allowed,
-                               std::size_t fallback) {
-  if (!has(key)) return fallback;
+/// The place of the key's word among `allowed`, or 0.
+std::size_t TomlReader::choose(std::string_view key, std::span<const std::string_view> allowed) {
+  if (!has(key)) return 0;
   const std::string value = text(key, "");
   const auto found = std::find(allowed.begin(), allowed.end(), value);
   if (found != allowed.end()) return static_cast<std::size_t>(found - allowed.begin());
   refuse(key, "is \"" + excerpt(value) + "\"; allowed is one of " + listed(allowed));
-  return fallback;
+  return 0;
 }
 
 const toml::array* TomlReader::array(std::string_view key) {

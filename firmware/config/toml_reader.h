@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #define TOML_EXCEPTIONS 0
 #include <toml++/toml.h>
@@ -27,6 +29,13 @@ class FirstError {
   std::optional<Error> error_;
 };
 
+/// A word of the file and what it stands for.
+template <class Value>
+struct Named {
+  std::string_view name;
+  Value value;
+};
+
 /// One table of the file. Every reader returns the default when the key is not there or is wrong.
 class TomlReader {
  public:
@@ -41,8 +50,13 @@ class TomlReader {
   std::int64_t integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback);
   double number(std::string_view key, double low, double high, double fallback);
   bool boolean(std::string_view key, bool fallback);
-  /// One of `allowed`, by its place among them.
-  std::size_t choice(std::string_view key, std::initializer_list<std::string_view> allowed, std::size_t fallback);
+  /// The value beside the name that the key holds; the first one's where there is no such key, or another name.
+  template <class Value>
+  Value choice(std::string_view key, std::initializer_list<Named<Value>> allowed) {
+    std::vector<std::string_view> names;
+    for (const Named<Value>& one : allowed) names.push_back(one.name);
+    return allowed.begin()[choose(key, names)].value;
+  }
   const toml::array* array(std::string_view key);
   const toml::table* table(std::string_view key);
 
@@ -52,6 +66,7 @@ class TomlReader {
 
  private:
   std::string field(std::string_view key) const;
+  std::size_t choose(std::string_view key, std::span<const std::string_view> allowed);
   const toml::node* find(std::string_view key, toml::node_type type, std::string_view what);
 
   const toml::table& table_;
