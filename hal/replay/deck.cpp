@@ -135,11 +135,11 @@ class Deck::State::Head final : public HeadPort {
   const HeadFormat& format() const override { return format_; }
   const HeadLimits& limits() const override { return limits_; }
 
-  Status start(TriggerMode trigger) override {
+  Status start(TriggerMode mode) override {
     if (streaming_) return fail(Errc::kWrongState, "head '" + identity_.path + "': is started already; stop it first");
     deck_.trigger.step();
     streaming_ = true;
-    mode_ = trigger;
+    mode_ = mode;
     sequence_ = 0;
     next_pulse_ = deck_.trigger.total();
     next_free_ = first_after(deck_.clock.now());

@@ -27,7 +27,7 @@ std::string unknown_field(std::size_t bytes) {
 }
 
 void add_unknown(ByteReader& in, MessageLite& request, MessageLite& inner) {
-  constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 4000, 16'000, 30'000, 60'000};
+  constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 2000, 4000, 6000, kMaxMessageBytes - 300};
   const unsigned how = in.u8();
   if (how % 2 == 0) return;
   const std::string field = unknown_field(kSizes[how / 4 % kSizes.size()]);
@@ -56,13 +56,20 @@ void draw(ByteReader& in, wire::HeadSetRequest& set) {
   if (which & 4) set.set_red_q12(telling32(in));
   if (which & 8) set.set_blue_q12(telling32(in));
   if (which & 16) set.set_gamma(telling32(in));
+  if (which & 32) {  // what heads accept
+    set.set_exposure_ns(10'000 + std::uint64_t{in.u16()} * 100);
+    set.clear_heads();
+  }
 }
 
 void draw(ByteReader& in, wire::GenlockRequest& genlock) {
   const unsigned which = in.u8();
   genlock.set_action(static_cast<wire::GenlockRequest::Action>(which % 4));
-  if (which & 4) genlock.set_rate_numerator(telling32(in));
-  if (which & 8) genlock.set_rate_denominator(telling32(in));
+  if (which & 4) {
+    const DrawnRate rate = drawn_terms(in);
+    genlock.set_rate_numerator(rate.numerator);
+    genlock.set_rate_denominator(rate.denominator);
+  }
   if (which & 16) genlock.set_pulse_width_ns(telling(in));
 }
 
@@ -88,7 +95,10 @@ void draw(ByteReader& in, wire::PullRequest& pull) {
 
 /// Draws what is within; the message itself, so that unknown fields can be added to it.
 MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
-  switch (in.u8() % 16) {
+  // What is set and stored comes as often as all else.
+  constexpr std::array<unsigned, 16> kSetting = {2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2};
+  const unsigned kind = in.u8() % 32;
+  switch (kind < 16 ? kind : kSetting[kind - 16]) {
     case 0: return *request.mutable_status();
     case 1: return *request.mutable_heads();
     case 2: draw(in, *request.mutable_head_set()); return *request.mutable_head_set();

@@ -18,7 +18,12 @@ using namespace nodal;
 using namespace nodal::fuzz;
 
 void check_arithmetic(ByteReader& in) {
-  const std::uint64_t numerator = telling(in), denominator = telling(in);
+  std::uint64_t numerator = telling(in), denominator = telling(in);
+  if (denominator == 0) {
+    const DrawnRate drawn = drawn_terms(in);
+    numerator = drawn.numerator;
+    denominator = drawn.denominator;
+  }
   const std::optional<FrameRate> rate = FrameRate::make(numerator, denominator);
   NODAL_ASSERT(rate == allowed_rate(numerator, denominator));
   if (!rate) return;

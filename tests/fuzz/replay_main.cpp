@@ -31,6 +31,7 @@ constexpr unsigned kLongestSeconds = 20;
 constexpr char kLeftBehind[] = "fuzz-input-that-failed";
 
 const Bytes* running = nullptr;
+std::uint64_t executions = 0;
 
 // Async-signal-safe calls only.
 extern "C" void leave_input(int number) {
@@ -39,14 +40,22 @@ extern "C" void leave_input(int number) {
     static_cast<void>(!::write(fd, running->data(), running->size()));
     ::close(fd);
   }
-  constexpr char kSaid[] = "\nthe input that failed is in ./fuzz-input-that-failed\n";
+  char digits[24];
+  std::size_t first = sizeof(digits);
+  for (std::uint64_t rest = executions; first == sizeof(digits) || rest > 0; rest /= 10) {
+    digits[--first] = static_cast<char>('0' + rest % 10);
+  }
+  constexpr char kSaid[] = "\nthe input that failed is in ./fuzz-input-that-failed; executions: ";
   static_cast<void>(!::write(2, kSaid, sizeof(kSaid) - 1));
+  static_cast<void>(!::write(2, digits + first, sizeof(digits) - first));
+  static_cast<void>(!::write(2, "\n", 1));
   ::signal(number, SIG_DFL);
   ::raise(number == SIGALRM ? SIGABRT : number);
 }
 
 void run(const Bytes& input) {
   running = &input;
+  ++executions;
   ::alarm(kLongestSeconds);
   // A block of exactly this size, so that a sanitizer sees a read past its end.
   const Bytes exact(input);

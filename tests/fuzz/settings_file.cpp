@@ -78,6 +78,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   auto disk = calibrated ? fuzz::Stand::new_disk() : std::make_unique<hal::sim::SimDisk>();
   fuzz::write_file(*disk, firmware::kSettingsFile, file);
   fuzz::Stand stand(std::move(disk));
+  stand.run(start % 8 == 4 ? Duration::seconds(10) : Duration::milliseconds(500));  // some faults of a rate show late
   stand.check();
   stand.check_recovery();
   return 0;

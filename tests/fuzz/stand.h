@@ -30,14 +30,15 @@ class Stand {
   // The rules.
   /// Live heap: 1.5 times what the steady rig has, and this. Hosts that are there may have messages, uploads and
   /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
-  static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 512 << 10;
+  static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 192 << 10;
   static constexpr Duration kReplyWithin = Duration::seconds(1);
   /// Sentences for the log: so many at once since a start, so many a second more, and how long each may be. They hold
   /// no control characters, with which a host could forge a line or reach a terminal.
   static constexpr std::int64_t kNewsAtOnce = 100, kNewsASecond = 4;
   static constexpr std::size_t kNewsBytes = 600;
-  /// Pulses, exposures and frames of the world that a virtual second may have; past it time stands still for somebody.
-  static constexpr std::int64_t kEventsASecond = 6000;
+  /// Pulses, exposures and frames of the world that a virtual second may have, and one moment; past it time stands still
+  /// for somebody.
+  static constexpr std::int64_t kEventsASecond = 6000, kEventsAtOnce = 200;
   static constexpr int kTurnsToRest = 20'000;
 
   explicit Stand(std::unique_ptr<hal::sim::SimDisk> disk);

@@ -27,6 +27,23 @@ inline std::uint64_t telling(ByteReader& in, unsigned bits = 64) {
 }
 inline std::uint32_t telling32(ByteReader& in) { return static_cast<std::uint32_t>(telling(in, 32)); }
 
+/// A rate as a host, a file or a user may write it: any two numbers, or a fraction that is allowed or nearly so, with both
+/// terms multiplied by a number that leaves few or no bits free.
+struct DrawnRate {
+  std::uint32_t numerator = 0, denominator = 0;
+};
+inline DrawnRate drawn_terms(ByteReader& in) {
+  const unsigned kind = in.u8();
+  if (kind % 4 == 0) {
+    const std::uint32_t numerator = telling32(in);
+    return {numerator, telling32(in)};
+  }
+  const std::uint32_t above = kind % 4 == 1 ? 30'000U : 1U + in.u8(), below = kind % 4 == 1 ? 1001U : 1U + kind / 4;
+  const std::uint32_t most = ~std::uint32_t{0} / std::max(above, below);
+  const std::uint32_t factor = std::clamp(telling32(in), 1U, most);
+  return {above * factor, below * factor};
+}
+
 /// A text of up to 255 of the input's bytes.
 inline std::string text(ByteReader& in) {
   const auto bytes = in.bytes(std::min<std::size_t>(in.u8(), in.left()));

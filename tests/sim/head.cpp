@@ -32,7 +32,10 @@ class Head::Port final : public hal::HeadPort {
   Status set_white_balance(WhiteBalance balance) override {
     return set(true, [&](hal::HeadSettings& wanted) { wanted.white_balance = balance; });
   }
-  Status set_gamma(hal::Gamma) override { return fail(Errc::kUnsupported, identity().path + ": has no gamma to set"); }
+  Status set_gamma(hal::Gamma gamma) override {
+    if (gamma == hal::Gamma()) return head_ ? Status() : fail(gone());  // the curve that it has
+    return fail(Errc::kUnsupported, identity().path + ": has no gamma to set");
+  }
   Status nudge(Duration by) override { return head_ ? head_->nudge(by) : fail(gone()); }
   Result<std::optional<hal::FrameView>> take_frame() override {
     if (!head_) return fail(gone());
