@@ -89,7 +89,7 @@ void Stand::start() {
       firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {{listener_.get()}},
                          watchdog_.get(), {}, nullptr},
       "a fuzzed rig");
-  news_ = 0;
+  log_bytes_ = 0;
   started_ = world_.now();
 }
 
@@ -185,11 +185,11 @@ void Stand::check_conserved() {
 
 void Stand::take_news() {
   for (const std::string& sentence : rig_->control().take_news()) {
-    NODAL_ASSERT(sentence.size() <= kNewsBytes);
+    NODAL_ASSERT(sentence.size() <= kSentenceBytes);
     NODAL_ASSERT(std::none_of(sentence.begin(), sentence.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }));
-    ++news_;
+    log_bytes_ += static_cast<std::int64_t>(sentence.size()) + kLineBytes;
   }
-  NODAL_ASSERT(news_ <= kNewsAtOnce + kNewsASecond * ((world_.now() - started_).ms() / 1000));
+  NODAL_ASSERT(log_bytes_ <= kLogBytesAtOnce + kLogBytesASecond * ((world_.now() - started_).ms() / 1000));
 }
 
 void Stand::check_settings_file() {

@@ -32,10 +32,10 @@ class Stand {
   /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
   static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 192 << 10;
   static constexpr Duration kReplyWithin = Duration::seconds(1);
-  /// Sentences for the log: so many at once since a start, so many a second more, and how long each may be. They hold
-  /// no control characters, with which a host could forge a line or reach a terminal.
-  static constexpr std::int64_t kNewsAtOnce = 100, kNewsASecond = 4;
-  static constexpr std::size_t kNewsBytes = 600;
+  /// The log: bytes at once since a start, bytes a second more, what a line adds to its sentence, and how long a sentence
+  /// may be. None holds control characters, with which a host could forge a line or reach a terminal.
+  static constexpr std::int64_t kLogBytesAtOnce = 28 << 10, kLogBytesASecond = 600, kLineBytes = 40;
+  static constexpr std::size_t kSentenceBytes = 600;
   /// Pulses, exposures and frames of the world that a virtual second may have, and one moment; past it time stands still
   /// for somebody.
   static constexpr std::int64_t kEventsASecond = 6000, kEventsAtOnce = 200;
@@ -99,7 +99,7 @@ class Stand {
   std::vector<std::uint64_t> taken_before_;  ///< by head, before this start of the rig
   Duration served_;                          ///< during which the rig was stepped
   std::int64_t events_left_ = 3000;
-  std::int64_t news_ = 0;  ///< since the rig's start
+  std::int64_t log_bytes_ = 0;  ///< since the rig's start
   Instant started_;
   std::int64_t bytes_sent_ = 0;
   bool disk_failed_ = false, program_ran_ = false;
