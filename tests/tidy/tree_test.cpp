@@ -127,6 +127,42 @@ TEST(FileTable, CellsOfManyShapes_GiveTheFilesInThem) {
   EXPECT_TRUE(files_named_in("see blend.h").empty());
 }
 
+// `Class::function` and `namespace::function` in a README: the second word is a function or type of the first.
+std::vector<std::string> functions_named_in(const std::string& line) {
+  static const std::regex function(R"(`([a-z_]+::)*([A-Z][A-Za-z]*::)?([a-z_]{3,})`)");
+  std::vector<std::string> names;
+  for (std::sregex_iterator it(line.begin(), line.end(), function), end; it != end; ++it) {
+    if ((*it)[1].matched || (*it)[2].matched) names.push_back((*it)[2].str() + (*it)[3].str());
+  }
+  return names;
+}
+
+TEST(House, FunctionsThatReadmesTrace_AreThere) {
+  std::set<std::string> words;
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path)) continue;
+    static const std::regex word("[A-Za-z_]+");
+    for (const std::string& line : file.lines) {
+      for (std::sregex_iterator it(line.begin(), line.end(), word), end; it != end; ++it) words.insert(it->str());
+    }
+  }
+  std::size_t checked = 0;
+  for (const TextFile& file : project_files()) {
+    if (fs::path(file.path).filename() != "README.md") continue;
+    for (const std::string& line : file.lines) {
+      for (const std::string& name : functions_named_in(line)) {
+        const std::size_t colons = name.find("::");
+        const bool in_class = colons != std::string::npos;
+        EXPECT_TRUE(words.contains(in_class ? name.substr(colons + 2) : name) &&
+                    (!in_class || words.contains(name.substr(0, colons))))
+            << file.path << " names " << name << ", which no source has";
+        ++checked;
+      }
+    }
+  }
+  EXPECT_GT(checked, 40u);
+}
+
 TEST(House, NoSourceFile_IsTooLong) {
   for (const TextFile& file : project_files()) {
     if (!is_source(file.path)) continue;
