@@ -61,17 +61,17 @@ fuzz_canary(start_overflows rates ${start_of_overflows})
 fuzz_canary(catch_up_unbounded rates
   PATCH hal/sim/trigger.cpp "if (done == kEdgesKept) skip_to(now)" "if (done == ~std::size_t{0}) skip_to(now)")
 fuzz_canary(rig_toml_rate_unchecked rates
-  PATCH firmware/config.cpp "return FrameRate::make(*above, *below)" "return FrameRate{*above, *below}")
+  PATCH firmware/config/config.cpp "return FrameRate::make(*above, *below)" "return FrameRate{*above, *below}")
 set(rate_accepted ALSO tests/sim/trigger.cpp ${start_of_overflows}
-  PATCH firmware/requests.cpp "start.rate = FrameRate::make(wish.rate_numerator(), wish.rate_denominator())"
+  PATCH firmware/operate/requests.cpp "start.rate = FrameRate::make(wish.rate_numerator(), wish.rate_denominator())"
   "if (wish.rate_numerator() != 0 && wish.rate_denominator() != 0) start.rate = FrameRate{wish.rate_numerator(), wish.rate_denominator()}")
 fuzz_canary(rate_accepted_from_hosts control ${rate_accepted})
 fuzz_canary(rate_accepted_from_settings settings_file ${rate_accepted})
 
 # Memory and disk that grow: unknown fields come in and are merged into the settings, and no bound is asserted.
 set(unknown_fields_kept PATCH protocol/session.cpp "drop_unknown_fields(*request)" "(void)request"
-  PATCH firmware/settings.cpp
+  PATCH firmware/storage/settings.cpp
   "if (from.has_exposure_ns()) into.set_exposure_ns(from.exposure_ns())" "into.MergeFrom(from), into.clear_heads()"
-  PATCH firmware/settings.cpp "NODAL_ASSERT(file.size() <= kMaxSettingsBytes)" "(void)0")
+  PATCH firmware/storage/settings.cpp "NODAL_ASSERT(file.size() <= kMaxSettingsBytes)" "(void)0")
 fuzz_canary(unknown_fields_from_hosts control ${unknown_fields_kept})
 fuzz_canary(unknown_fields_from_settings settings_file ${unknown_fields_kept})
