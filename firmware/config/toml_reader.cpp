@@ -1,29 +1,13 @@
 #include "firmware/config/toml_reader.h"
 
 #include <algorithm>
-#include <numeric>
 #include <sstream>
-#include <vector>
 
+#include "protocol/base/nearest_word.h"
 #include "protocol/base/text.h"
 
 namespace nodal::firmware {
 namespace {
-
-std::size_t letters_apart(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0U : 1U);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
-}
 
 std::string listed(std::span<const std::string_view> words) {
   std::string all;
@@ -48,19 +32,6 @@ std::string excerpt(std::string_view text) {
 
 }  // namespace
 
-std::string_view nearest_word(std::string_view word, std::initializer_list<std::string_view> known) {
-  std::string_view best;
-  std::size_t fewest = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const std::string_view candidate : known) {
-    const std::size_t apart = word.size() > 64 ? fewest : letters_apart(word, candidate);
-    if (apart < fewest) {
-      fewest = apart;
-      best = candidate;
-    }
-  }
-  return best;
-}
-
 void FirstError::set(Errc code, const toml::source_region& where, const std::string& message) {
   if (error_) return;
   std::string place = file_;
@@ -84,8 +55,9 @@ TomlReader::TomlReader(const toml::table& table, std::string name, std::initiali
   }
   if (!first_unknown) return;
   std::string message = "there is no key '" + field(excerpt(first_unknown->str())) + "'; ";
-  const std::string_view near = nearest_word(first_unknown->str(), known);
-  message += near.empty() ? "known here are " + listed(std::span(known.begin(), known.size())) : "did you mean '" + std::string(near) + "'?";
+  const std::span words(known.begin(), known.size());
+  const std::string_view near = nearest_word(first_unknown->str(), words);
+  message += near.empty() ? "known here are " + listed(words) : "did you mean '" + std::string(near) + "'?";
   error_.set(Errc::kUnknownField, first_unknown->source(), message);
 }
 

@@ -74,7 +74,4 @@ class TomlReader {
   FirstError& error_;
 };
 
-/// The word of `known` that needs the fewest single-letter changes, when they are few enough to be a typing error.
-std::string_view nearest_word(std::string_view word, std::initializer_list<std::string_view> known);
-
 }  // namespace nodal::firmware

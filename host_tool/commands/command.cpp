@@ -10,6 +10,7 @@
 #include <new>
 #include <sstream>
 
+#include "host_tool/commands/usage.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/text.h"
@@ -78,7 +79,7 @@ CommandLine::CommandLine(Console& console)
     : console_(console), context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
   app_.set_help_flag("-h,--help", "Explain, and stop");
-  app_.set_version_flag("--version", "nodal " NODAL_VERSION, "Say the version, and stop");
+  app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Say the version, and stop");
   app_.require_subcommand(1);
   app_.footer(footer());
   app_.add_option("--rig", context_.rig, "Where the rig is: unix:PATH or ssh://[USER@]HOST[:PORT]")
@@ -133,7 +134,7 @@ ExitCode CommandLine::with_lost_output(ExitCode code) {
 
 ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
   try {
-    app_.parse(argc, argv);
+    app_.parse(command_words(argc, argv));
   } catch (const CLI::Success& success) {  // --help, --version
     std::ostringstream out, err;
     const int code = app_.exit(success, out, err);
@@ -141,8 +142,9 @@ ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
     return code == 0 ? ExitCode::kOk : ExitCode::kFailed;
   } catch (const CLI::ParseError& wrong) {
     console_.set_json(context_.json);
-    console_.note(fmt::format("nodal: {}\nRun `nodal --help`, or `nodal COMMAND --help`.", wrong.what()));
-    console_.document({{"error", {{"code", 0}, {"name", "usage"}, {"message", wrong.what()}}}});
+    const std::string message = explain_usage(app_, wrong);
+    console_.note(fmt::format("nodal: {}\n{}", message, usage_hint(app_)));
+    console_.document({{"error", {{"code", 0}, {"name", "usage"}, {"message", message}}}});
     return ExitCode::kUsage;
   }
   console_.set_json(context_.json);

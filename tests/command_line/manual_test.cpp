@@ -13,7 +13,7 @@ namespace {
 
 std::set<std::string> options_in(const std::string& text) {
   std::set<std::string> options;
-  static const std::regex option(R"((^|[\s,\["])(--[a-z][a-z-]+|-[a-z](?=[, ])))");
+  static const std::regex option(R"((^|[\s,\["])(--[a-z][a-z-]+|-[A-Za-z](?=[, ])))");
   for (std::sregex_iterator it(text.begin(), text.end(), option), end; it != end; ++it) options.insert((*it)[2]);
   return options;
 }

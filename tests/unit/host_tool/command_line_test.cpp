@@ -48,6 +48,40 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
   }
 }
 
+TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
+  EXPECT_NE(Outcome({"statsu"}).err.find("there is no command `nodal statsu`; did you mean 'status'?"), std::string::npos)
+      << Outcome({"statsu"}).err;
+  const Outcome pull({"raymap", "pul"});
+  EXPECT_NE(pull.err.find("there is no command `nodal raymap pul`; did you mean 'pull'?"), std::string::npos) << pull.err;
+  EXPECT_NE(pull.err.find("Run `nodal raymap --help`."), std::string::npos) << pull.err;
+  const Outcome none({"offload-everything"});
+  EXPECT_NE(none.err.find("`nodal offload-everything`; there are status, heads"), std::string::npos) << none.err;
+  EXPECT_NE(Outcome({"genlock"}).err.find("`nodal genlock` needs a command: "), std::string::npos)
+      << Outcome({"genlock"}).err;
+}
+
+TEST(CommandLine, AnOptionThatIsNotThere_IsNamedWithTheNearestThatIs) {
+  const Outcome run({"status", "--wach"});
+  EXPECT_NE(run.err.find("`nodal status` has no option '--wach'; did you mean '--watch'?"), std::string::npos) << run.err;
+  const Outcome above({"status", "--tiemout=3s"});  // one that all commands have, with its value
+  EXPECT_NE(above.err.find("did you mean '--timeout'?"), std::string::npos) << above.err;
+  const Outcome extra({"status", "now"});
+  EXPECT_NE(extra.err.find("`nodal status` does not take the argument 'now'"), std::string::npos) << extra.err;
+}
+
+TEST(CommandLine, AWordThatIsNoCommand_IsShownWithoutControlCharacters) {
+  const Outcome run({"\x1b[2Jstatus\n"});
+  EXPECT_EQ(run.code, ExitCode::kUsage);
+  EXPECT_EQ(run.err.find('\x1b'), std::string::npos);
+}
+
+TEST(CommandLine, HelpAndVersion_AreWordsToo) {
+  EXPECT_EQ(Outcome({"help"}).out, Outcome({"--help"}).out);
+  EXPECT_EQ(Outcome({"help", "raymap", "pull"}).out, Outcome({"raymap", "pull", "--help"}).out);
+  for (const char* word : {"version", "-V"}) EXPECT_EQ(Outcome({word}).out, Outcome({"--version"}).out) << word;
+  EXPECT_EQ(Outcome({"help"}).code, ExitCode::kOk);
+}
+
 TEST(CommandLine, NobodyAtTheAddress_IsUnreachableForPeopleAndPrograms) {
   const Outcome run({"--rig", "unix:/nonexistent/nodal.sock", "--json", "status"});
   EXPECT_EQ(run.code, ExitCode::kUnreachable);

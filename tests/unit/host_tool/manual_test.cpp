@@ -35,7 +35,7 @@ Manual read_manual() {
       manual[command];
     }
     if (!options_follow || !line.starts_with(".B")) continue;
-    static const std::regex option(R"((^|[ ,"])(--?[a-z][a-z-]*))");
+    static const std::regex option(R"((^|[ ,"])(--?[A-Za-z][a-z-]*))");
     if (line.find(" -") == std::string::npos && line.find("\"-") == std::string::npos) continue;
     for (std::sregex_iterator it(line.begin(), line.end(), option), end; it != end; ++it) {
       manual[command].insert((*it)[2]);

@@ -1,0 +1,96 @@
+#include "host_tool/commands/usage.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "protocol/base/nearest_word.h"
+#include "protocol/base/text.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr std::size_t kLongestWord = 60;  // bytes of what was typed, in a message
+
+/// The command that was meant, as far as its words are commands.
+const CLI::App& deepest(const CLI::App& app) {
+  const CLI::App* chosen = &app;
+  while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
+  return *chosen;
+}
+
+std::string full_name(const CLI::App& command) {
+  const CLI::App* const parent = command.get_parent();
+  return parent ? full_name(*parent) + " " + command.get_name() : command.get_name();
+}
+
+std::vector<std::string> commands_of(const CLI::App& command) {
+  std::vector<std::string> names;
+  for (const CLI::App* one : command.get_subcommands(nullptr)) names.push_back(one->get_name());
+  return names;
+}
+
+/// The options of a command and, since they may stand after it too, those of the commands above it.
+std::vector<std::string> options_of(const CLI::App& command) {
+  std::vector<std::string> names;
+  for (const CLI::App* one = &command; one; one = one->get_parent()) {
+    for (const CLI::Option* option : one->get_options()) {
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    }
+  }
+  return names;
+}
+
+std::string nearest(const std::string& word, const std::vector<std::string>& known) {
+  const std::vector<std::string_view> views(known.begin(), known.end());
+  return std::string(nearest_word(word, views));
+}
+
+}  // namespace
+
+std::vector<std::string> command_words(int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  if (!words.empty() && words.front() == "help") {
+    words.erase(words.begin());
+    words.push_back("--help");
+  } else if (words.size() == 1 && words.front() == "version") {
+    words.front() = "--version";
+  }
+  std::ranges::reverse(words);
+  return words;
+}
+
+std::string explain_usage(const CLI::App& app, const CLI::ParseError& wrong) {
+  const bool incomplete = wrong.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError);
+  const bool unknown = incomplete || wrong.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError);
+  const std::vector<std::string> rest = unknown ? app.remaining(true) : std::vector<std::string>{};
+  if (rest.empty()) {
+    const CLI::App& chosen = deepest(app);
+    if (!incomplete || commands_of(chosen).empty() || !chosen.get_subcommands().empty()) {
+      return wrong.what();
+    }
+    return fmt::format("`{}` needs a command: {}", full_name(chosen), fmt::join(commands_of(chosen), ", "));
+  }
+  const CLI::App& chosen = deepest(app);
+  const std::string& word = rest.front();
+  const std::string typed = printable(word, kLongestWord);
+  const bool option = word.starts_with("-");
+  const std::vector<std::string> known = option ? options_of(chosen) : commands_of(chosen);
+  if (!option && known.empty()) return fmt::format("`{}` does not take the argument '{}'", full_name(chosen), typed);
+  const std::string near = nearest(word.substr(0, word.find('=')), known);
+  const std::string name = full_name(chosen);
+  std::string text = option ? fmt::format("`{}` has no option '{}'", name, typed)
+                            : fmt::format("there is no command `{} {}`", name, typed);
+  if (!near.empty()) return fmt::format("{}; did you mean '{}'?", text, near);
+  return option ? text : fmt::format("{}; there are {}", text, fmt::join(known, ", "));
+}
+
+std::string usage_hint(const CLI::App& app) {
+  const CLI::App& chosen = deepest(app);
+  return chosen.get_parent() ? fmt::format("Run `{} --help`.", full_name(chosen))
+                             : "Run `nodal --help`, or `nodal COMMAND --help`.";
+}
+
+}  // namespace nodal::host
