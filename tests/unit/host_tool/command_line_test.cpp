@@ -77,7 +77,7 @@ TEST(CommandLine, AWordThatIsNoCommand_IsShownWithoutControlCharacters) {
 
 TEST(CommandLine, HelpAndVersion_AreWordsToo) {
   EXPECT_EQ(Outcome({"help"}).out, Outcome({"--help"}).out);
-  EXPECT_EQ(Outcome({"help", "raymap", "pull"}).out, Outcome({"raymap", "pull", "--help"}).out);
+  EXPECT_EQ(Outcome({"help", "genlock", "start"}).out, Outcome({"genlock", "start", "--help"}).out);
   for (const char* word : {"version", "-V"}) EXPECT_EQ(Outcome({word}).out, Outcome({"--version"}).out) << word;
   EXPECT_EQ(Outcome({"help"}).code, ExitCode::kOk);
 }
