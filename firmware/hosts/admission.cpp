@@ -53,16 +53,24 @@ Client* idle_longest(const Some& some) {
   return found == some.end() ? nullptr : *found;
 }
 
+/// Of one that does nothing: a newcomer is worth more.
+constexpr Duration kLongIdle = Duration::seconds(10);
+
 /// The one of these hosts that goes.
 Client* host_to_close(const Some& hosts, Instant now) {
   const Some some = greediest(hosts);
-  const auto spared = [&](const Client& c) { return !c.has_asked() && now - c.since() < Admission::kSpared; };
-  const Some fresh = those(some, spared);
-  if (fresh.size() > Admission::kMaxSpared) return idle_longest(fresh);
-  // Beside hosts that ask all the time, the one idle longest would be the one that has just come.
-  if (Client* one = idle_longest(those(some, [&](const Client& c) { return !spared(c) && !c.active(now); }))) return one;
-  if (Client* one = idle_longest(those(some, [&](const Client& c) { return !spared(c) && !c.works(); }))) return one;
-  if (Client* one = idle_longest(those(some, [](const Client& c) { return !c.works(); }))) return one;
+  const auto first = [&](auto counts) { return idle_longest(those(some, counts)); };
+  if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; })) return one;
+  // Beside hosts that ask all the time, the one idle longest would be the one that has just come. A storm of these, in
+  // turn, closes none that was there before.
+  const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
+  if (const Some young = those(some, fresh); young.size() > Admission::kMaxSpared) {
+    const Some silent = those(young, [](const Client& c) { return !c.has_asked(); });
+    return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
+  }
+  if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.active(now); })) return one;
+  if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.works(); })) return one;
+  if (Client* one = first([](const Client& c) { return !c.works(); })) return one;
   return idle_longest(some);
 }
 

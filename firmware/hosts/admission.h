@@ -20,8 +20,8 @@ namespace nodal::firmware {
 ///   process that has most. So a storm of one user's closes that user's own.
 /// - Links without a hello are counted apart; the oldest makes room.
 /// - Of the hosts that said hello the one idle longest makes room. One that pulls or uploads and whose bytes move, or
-///   that waits for an answer, is not closed for a newcomer. Hosts that have just come and not asked yet are spared, some
-///   of them.
+///   that waits for an answer, is not closed for a newcomer. Some hosts that have just come are spared; a storm of such
+///   hosts closes its own.
 /// - Fewer hosts may pull or upload at once than may be connected, so that there always is one that can be closed.
 ///
 /// Threading: thread-bound to control.
@@ -43,7 +43,7 @@ class Admission {
   static constexpr std::size_t kMaxWorking = 8;     ///< of them, that pull or upload: as many as the board can feed
   static constexpr std::size_t kMaxStrangers = 8;   ///< links without a hello
   static constexpr std::size_t kMaxLinks = 32;      ///< in all, those included that are being told why they are closed
-  static constexpr std::size_t kMaxSpared = 4;      ///< hosts that have not asked yet, for kSpared
+  static constexpr std::size_t kMaxSpared = 4;      ///< hosts that have just come, for kSpared
   static constexpr Duration kSpared = Duration::seconds(2);
   static constexpr std::size_t kAcceptsAStep = 4;   ///< of a listener: a flood of links leaves time for hosts
   /// The places at one socket, where the control socket has so many.

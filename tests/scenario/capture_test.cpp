@@ -165,8 +165,10 @@ TEST(Capture, AHeadThatFallsSilent_HoldsSetsUpOnlyBriefly) {
   stand.lock(host);
   stand.world.head(0).lose_frames(60);
   const std::uint64_t sets = stand.capture().sets;
+  const std::uint64_t missed = stand.rig->control().sets_missed_by_blend();
   stand.run(Duration::seconds(1));
   EXPECT_NEAR(static_cast<double>(stand.capture().sets - sets), 30, 3);
+  EXPECT_EQ(stand.rig->control().sets_missed_by_blend(), missed) << "three sets go on at once, and are blended";
   EXPECT_TRUE(full_again(stand, Duration::seconds(3)));
 }
 

@@ -58,6 +58,7 @@ TEST(Places, LinksWithoutAHelloAtTheViewOnlySocket_TakeNoPlaceOfTheControlSocket
 void good_host_survives(hal::PeerIdentity of_storm, bool storm_asks) {
   Stand stand;
   TestHost& good = stand.connect();
+  stand.run(Admission::kSpared);
   for (int second = 0; second < 3; ++second) {
     EXPECT_EQ(good.status().state(), "no-calibration");
     storm(stand, 200, [&]() -> TestHost& { return stand.connect(of_storm); }, storm_asks);
@@ -69,6 +70,7 @@ void good_host_survives(hal::PeerIdentity of_storm, bool storm_asks) {
 
 TEST(Places, AStormOfAnotherUser_ClosesThatUsersOwn) { good_host_survives(kOther, true); }
 TEST(Places, AStormOfAnotherProcessOfTheSameUser_ClosesThatProcessesOwn) { good_host_survives({1000, 99}, true); }
+TEST(Places, AStormOfTheSameProcess_ClosesNoneThatAskedBefore) { good_host_survives({1000, 4711}, true); }
 TEST(Places, AStormThatAsksNothing_ClosesNoneThatAsks) { good_host_survives({1000, 4711}, false); }
 
 TEST(Places, ANewHostBesideOnesThatAskAllTheTime_HasTimeToAsk) {

@@ -81,8 +81,4 @@ canary(lossless_pull_has_gaps firmware/hosts/publisher.cpp "if (!client.session(
 canary(unknown_fields_kept protocol/session.cpp "drop_unknown_fields(*request)\;" ""
   firmware/storage/settings.cpp "if (from.has_gamma()) into.set_gamma(from.gamma())\;" "into.MergeFrom(from)\;"
   HOSTILE)
-canary(uploads_without_quota firmware/operate/control.cpp "Admission::kMaxClients, kUploadsOfAClient}"
-  "Admission::kMaxClients, kUploadsOfAClient * Admission::kMaxClients}" HOSTILE)
-canary(keeper_without_quota firmware/operate/requests.cpp "client.with_keeper < kKeeperRequests" "client.with_keeper < kMaxRequests" HOSTILE)
 canary(log_without_limit firmware/operate/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)
-canary(pulls_without_limit firmware/hosts/publisher.cpp "if (!client.pulls.empty() && extra > kMaxExtraPulls)" "if (extra > 1000)" HOSTILE)
