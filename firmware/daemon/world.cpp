@@ -14,10 +14,10 @@
 #include "hal/linux/link/socket_link.h"
 #include "hal/linux/watchdog.h"
 #include "hal/replay/deck.h"
-#include "hal/replay/image_file.h"
 #include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
+#include "stitch/media/image_file.h"
 
 namespace nodal::daemon {
 namespace {
@@ -108,7 +108,7 @@ Result<hal::sim::ScenePtr> make_scene(const SimConfig& sim, const Calibration& t
     case SimConfig::Scene::kBar: return hal::sim::bar_scene({0, 1, 0}, Duration::seconds(4), 0.1);
     case SimConfig::Scene::kPhoto: break;
   }
-  const auto photo = hal::replay::read_image(base / sim.photo, PixelFormat::kRgb24);
+  const auto photo = media::read_image(base / sim.photo, PixelFormat::kRgb24);
   if (!photo) return fail(photo.error().in("sim.photo"));
   Response encoding;
   encoding.curve = Response::Curve::kSrgb;
@@ -162,6 +162,7 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
 std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std::filesystem::path& base,
                                              hal::ClockPort& clock) {
   hal::replay::DeckOptions options;
+  options.pictures = {media::read_image_header, media::read_image};
   options.rate = config.rate;
   options.base = base;
   options.buffers = kHeadBuffers;

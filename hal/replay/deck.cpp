@@ -277,7 +277,7 @@ class Deck::State::Enumerator final : public HeadEnumerator {
     if (deck_.open.count(path) != 0) return fail(Errc::kBusy, "head '" + path + "': is open already");
     const auto asked = deck_.known.find(path);
     const auto as = asked == deck_.known.end() ? std::nullopt : asked->second;
-    auto reel = Reel::open(where(path), as, deck_.options.keep_bytes);
+    auto reel = Reel::open(where(path), as, deck_.options.keep_bytes, deck_.options.pictures);
     if (!reel) return fail(reel.error().in("head '" + path + "'"));
     deck_.known.emplace(path, std::nullopt);
     return std::make_unique<Head>(deck_, path, std::move(*reel));

@@ -8,12 +8,14 @@
 
 #include "hal/clock.h"
 #include "hal/head.h"
+#include "hal/replay/picture_reader.h"
 #include "hal/trigger.h"
 #include "protocol/base/field.h"
 
 namespace nodal::hal::replay {
 
 struct DeckOptions {
+  PictureReader pictures;                      ///< needed to open a head
   FrameRate rate;
   std::filesystem::path base;                  ///< relative paths of heads count from here
   int buffers = 4;                             ///< a head's; a consumer that holds all of them loses frames
@@ -35,11 +37,11 @@ class Deck {
   TriggerPort& trigger();
 
   /// Paths are "replay:" and a file, folder or pattern. open() reads every picture's header and decodes the first.
-  /// Errors: kNoSuchDevice when nothing is there, kBusy when that path is open, and decode_image()'s; kBadValue
+  /// Errors: kNoSuchDevice when nothing is there, kBusy when that path is open, and the reader's; kBadValue
   ///   when pictures of one head differ in size. list() knows the paths that were opened or asked a format of.
   HeadEnumerator& enumerator();
 
-  /// What the head at `path` delivers; without a wish, what its first picture is.
+  /// What the head at `path` delivers; when this was not called, the format of its first picture.
   void want_format(const std::string& path, PixelFormat format);
   /// What the rows of its pictures are; without it, one exposure. Before it is opened.
   void want_fields(const std::string& path, Fields fields);

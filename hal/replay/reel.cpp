@@ -39,19 +39,21 @@ std::vector<fs::path> files_at(const fs::path& where) {
 
 bool Reel::present(const fs::path& where) { return !files_at(where).empty(); }
 
-Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes) {
+Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes,
+                        const PictureReader& reader) {
   Reel reel;
+  reel.reader_ = reader;
   reel.files_ = files_at(where);
   if (reel.files_.empty()) {
     return fail(Errc::kNoSuchDevice, "replay '" + where.string() + "': no JPEG or PNG is there");
   }
-  const auto first = read_image_header(reel.files_.front());
+  const auto first = reader.header(reel.files_.front());
   if (!first) return fail(first.error());
   reel.format_ = as.value_or(first->natural);
   reel.width_ = first->width;
   reel.height_ = first->height;
   for (const fs::path& file : reel.files_) {
-    const auto header = read_image_header(file);
+    const auto header = reader.header(file);
     if (!header) return fail(header.error());
     if (header->width != reel.width_ || header->height != reel.height_) {
       return fail(Errc::kBadValue, "picture '" + file.string() + "': is " + std::to_string(header->width) + "x" +
@@ -62,7 +64,7 @@ Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, st
   const std::size_t each = packed_size(reel.format_, reel.width_, reel.height_);
   reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / each);
   reel.kept_.resize(reel.files_.size());
-  auto image = read_image(reel.files_.front(), reel.format_);
+  auto image = reader.read(reel.files_.front(), reel.format_);
   if (!image) return fail(image.error());
   reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(*image));
   reel.keeps_ = 1;
@@ -71,7 +73,7 @@ Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, st
 
 Reel::Picture Reel::picture(std::size_t i) {
   if (kept_[i]) return kept_[i];
-  auto image = read_image(files_[i], format_);
+  auto image = reader_.read(files_[i], format_);
   if (!image || image->width != width_ || image->height != height_) return nullptr;
   auto picture = std::make_shared<const DecodedImage>(std::move(*image));
   if (keeps_ < may_keep_) {

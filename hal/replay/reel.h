@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/replay/image_file.h"
+#include "hal/replay/picture_reader.h"
 
 namespace nodal::hal::replay {
 
@@ -20,8 +20,8 @@ class Reel {
 
   /// `where` is a file, a folder (its JPEGs and PNGs) or a glob(7) pattern.
   /// Errors: kNoSuchDevice when no picture is there; kBadValue when sizes differ; those of a broken picture.
-  static Result<Reel> open(const std::filesystem::path& where, std::optional<PixelFormat> as,
-                           std::uint64_t keep_bytes);
+  static Result<Reel> open(const std::filesystem::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes,
+                           const PictureReader& reader);
 
   /// Whether there is anything to open.
   static bool present(const std::filesystem::path& where);
@@ -34,6 +34,7 @@ class Reel {
   Picture picture(std::size_t i);
 
  private:
+  PictureReader reader_;
   std::vector<std::filesystem::path> files_;
   std::vector<Picture> kept_;
   std::size_t may_keep_ = 0;  ///< pictures

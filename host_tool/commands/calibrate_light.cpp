@@ -108,8 +108,8 @@ Status run(Context& context, const Args& args) {
   std::vector<cal::ExposedSet> sets;
   for (std::size_t i = 0; i < pictures->sets.size(); ++i) {
     cal::ExposedSet set{fmt::format("set {}", i + 1), {}, {}};
-    for (hal::replay::DecodedImage& picture : pictures->sets[i]) {
-      picture = hal::replay::convert_image(picture.view(), PixelFormat::kRgb24);
+    for (DecodedImage& picture : pictures->sets[i]) {
+      picture = media::convert_image(picture.view(), PixelFormat::kRgb24);
       set.frames.push_back(picture.view());
     }
     if (!args.stops.empty()) set.stops = args.stops[i];

@@ -8,8 +8,8 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
-#include "host_tool/report/grey_pdf.h"
-#include "host_tool/report/png_file.h"
+#include "stitch/media/pdf_page.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -58,20 +58,20 @@ Status run(Context& context, const Args& args) {
   spec.seed = args.seed;
   const Result<calibration::PatternRaster> pattern = calibration::make_pattern(spec);
   if (!pattern) return fail(pattern.error());
-  const GreyRaster raster{pattern->width, pattern->height, pattern->values};
+  const media::GreyRaster raster{pattern->width, pattern->height, pattern->values};
   const bool paper = size->width_mm > 0;
   const std::string about = fmt::format("nodal pattern --size {} --seed {}", args.size, args.seed);
   Result<std::vector<std::uint8_t>> bytes = fail(Errc::kInternal, "");
   if (args.out.ends_with(".pdf")) {
     // A screen's page has a pixel a point; its margins would only make it smaller.
-    bytes = paper ? grey_pdf(raster, size->width_mm, size->height_mm, args.margin_mm, about)
-                  : grey_pdf(raster, spec.width * 25.4 / 72, spec.height * 25.4 / 72, 0, about);
+    bytes = paper ? media::grey_pdf(raster, size->width_mm, size->height_mm, args.margin_mm, about)
+                  : media::grey_pdf(raster, spec.width * 25.4 / 72, spec.height * 25.4 / 72, 0, about);
   } else if (args.out.ends_with(".png")) {
     const double printed_mm = std::min((size->width_mm - 2 * args.margin_mm) / spec.width,
                                        (size->height_mm - 2 * args.margin_mm) / spec.height);
     const int pixels_per_meter = paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0;
-    bytes = png_file({raster.width, raster.height, 1, 8, raster.values},
-                     {PngNotes::Numbers::kSrgb, pixels_per_meter, about, {}, 6});
+    bytes = media::png_file({raster.width, raster.height, 1, 8, raster.values},
+                     {media::PngNotes::Numbers::kSrgb, pixels_per_meter, about, {}, 6});
   } else {
     return fail(Errc::kBadValue, fmt::format("'{}': end it in .png or .pdf", args.out));
   }

@@ -8,9 +8,10 @@
 #include <optional>
 
 #include "host_tool/console/console.h"
-#include "host_tool/report/png_file.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/image.h"
+#include "stitch/media/gpano.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -104,25 +105,12 @@ Status check_raymap(const ReceivedRaymap& raymap) {
   return {};
 }
 
-std::string gpano_xmp(std::uint32_t width, std::uint32_t height) {
-  return fmt::format(
-      "<?xpacket begin=\"\xEF\xBB\xBF\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>"
-      "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">"
-      "<rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\""
-      " GPano:ProjectionType=\"equirectangular\" GPano:UsePanoramaViewer=\"True\" GPano:PoseHeadingDegrees=\"0\""
-      " GPano:CroppedAreaImageWidthPixels=\"{0}\" GPano:CroppedAreaImageHeightPixels=\"{1}\""
-      " GPano:FullPanoWidthPixels=\"{0}\" GPano:FullPanoHeightPixels=\"{1}\""
-      " GPano:CroppedAreaLeftPixels=\"0\" GPano:CroppedAreaTopPixels=\"0\"/>"
-      "</rdf:RDF></x:xmpmeta><?xpacket end=\"r\"?>",
-      width, height);
-}
-
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
   const wire::RaymapHeader& header = raymap.header;
   const std::optional<PixelFormat> format = raw_format(header.coding());
   if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", header.coding()));
   std::vector<std::uint8_t> rgb;
-  PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()), component_count(*format),
+  media::PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()), component_count(*format),
                      is_linear16(*format) ? 16 : 8, raymap.bytes};
   if (has_chroma(*format)) {
     Result<std::vector<std::uint8_t>> converted = to_rgb(*format, raymap);
@@ -130,18 +118,20 @@ Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
     rgb = std::move(*converted);
     picture.samples = rgb;
   }
-  PngNotes notes;
+  media::PngNotes notes;
   notes.effort = 3;  // a third of the time of the usual 6 for a twentieth more bytes
-  if (header.layout() == "equirectangular") notes.xmp = gpano_xmp(header.width(), header.height());
+  if (header.layout() == "equirectangular") {
+    notes.xmp = media::gpano_packet(picture.width, picture.height);
+  }
   if (is_linear16(*format)) {
-    notes.numbers = PngNotes::Numbers::kLinear;
+    notes.numbers = media::PngNotes::Numbers::kLinear;
     notes.comment = "Numbers are proportional to light.";
     if (header.has_full_exposure_ns()) {
       notes.comment += fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
                                    header.full_exposure_ns());
     }
   }
-  return png_file(picture, notes);
+  return media::png_file(picture, notes);
 }
 
 std::string raw_sidecar(const ReceivedRaymap& raymap) {

@@ -32,9 +32,6 @@ Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header);
 /// Errors: kBadFormat, kTruncated, kUnsupported.
 Status check_raymap(const ReceivedRaymap& raymap);
 
-/// GPano metadata (Google's photo sphere namespace) of a full sphere, as an XMP packet.
-std::string gpano_xmp(std::uint32_t width, std::uint32_t height);
-
 /// The PNG of a raymap that came raw, with GPano metadata when it is equirectangular. Y, U, V are full range, as in JPEG;
 /// numbers of 16 bits stay as they are, and the file says that they are linear. Errors: kUnsupported, kInternal.
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap);

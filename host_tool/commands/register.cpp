@@ -76,7 +76,7 @@ Result<Input> input_from_nominal(const Args& args) {
   Result<PictureSets> pictures = read_pictures(args.inputs, names);
   if (!pictures) return fail(pictures.error());
   if (pictures->sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
-  const hal::replay::DecodedImage& first = pictures->sets.front().front();
+  const DecodedImage& first = pictures->sets.front().front();
   Result<Calibration> prior = nominal_rig(*nominal, first.width, first.height);
   if (!prior) return fail(prior.error());
   return Input{std::move(*prior), std::move(*pictures)};

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <optional>
 
-#include "hal/replay/image_file.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/rig_input.h"
 #include "protocol/base/sha256.h"
+#include "stitch/media/image_file.h"
 
 namespace nodal::host {
 namespace {
@@ -34,8 +34,8 @@ std::optional<PixelFormat> format_of(const std::string& name) {
 /// Bytes of a head's picture; its format and size are those that a rig may send.
 Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   const auto format = format_of(head.format());
-  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= hal::replay::kMaxImageSide &&
-                    head.height() <= hal::replay::kMaxImageSide;
+  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= media::kMaxImageSide &&
+                    head.height() <= media::kMaxImageSide;
   if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
   return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
 }
@@ -91,10 +91,10 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
   }
 }
 
-Result<hal::replay::DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
+Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
   const Result<std::uint64_t> bytes = picture_bytes(head);
   if (!bytes) return fail(bytes.error());
-  hal::replay::DecodedImage picture;
+  DecodedImage picture;
   picture.format = *format_of(head.format());
   picture.width = static_cast<int>(head.width());
   picture.height = static_cast<int>(head.height());
@@ -107,14 +107,14 @@ Result<hal::replay::DecodedImage> picture_of(const ReceivedSet& set, const wire:
 }
 
 /// In the calibration's order; which head is missing is an error.
-Result<std::vector<hal::replay::DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
-  std::vector<hal::replay::DecodedImage> pictures;
+Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
+  std::vector<DecodedImage> pictures;
   for (const HeadCalibration& head : calibration.heads) {
     const auto found = std::ranges::find(set.header.heads(), head.name, &wire::HeadPicture::name);
     if (found == set.header.heads().end()) {
       return fail(Errc::kDeviceGone, "head '" + head.name + "' delivers no pictures; `nodal heads` says why");
     }
-    Result<hal::replay::DecodedImage> picture = picture_of(set, *found);
+    Result<DecodedImage> picture = picture_of(set, *found);
     if (!picture) return fail(picture.error());
     pictures.push_back(std::move(*picture));
   }
@@ -153,7 +153,7 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
     if (set->header.calibration_id() != wanted) {
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
     }
-    Result<std::vector<hal::replay::DecodedImage>> all = pictures_of(*set, calibration);
+    Result<std::vector<DecodedImage>> all = pictures_of(*set, calibration);
     if (!all && --tries > 0) continue;  // a head may miss a set now and then
     if (!all) return fail(all.error());
     pictures.sets.push_back(std::move(*all));

@@ -60,7 +60,7 @@ std::vector<registration::FrameSet> PictureSets::frames() const {
   std::vector<registration::FrameSet> all;
   for (const auto& set : sets) {
     all.emplace_back();
-    for (const hal::replay::DecodedImage& picture : set) all.back().push_back(picture.view());
+    for (const DecodedImage& picture : set) all.back().push_back(picture.view());
   }
   return all;
 }
@@ -98,7 +98,7 @@ Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, con
   for (const auto& set : files) {
     pictures.sets.emplace_back();
     for (const std::string& file : set) {
-      Result<hal::replay::DecodedImage> picture = hal::replay::read_image(file);
+      Result<DecodedImage> picture = media::read_image(file);
       if (!picture) return fail(picture.error());
       pictures.sets.back().push_back(std::move(*picture));
     }

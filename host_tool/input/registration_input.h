@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/registration/registration.h"
@@ -13,7 +13,7 @@ namespace nodal::host {
 
 /// Pictures that are held in memory, one a head and set.
 struct PictureSets {
-  std::vector<std::vector<hal::replay::DecodedImage>> sets;
+  std::vector<std::vector<DecodedImage>> sets;
   std::vector<registration::FrameSet> frames() const;
 };
 

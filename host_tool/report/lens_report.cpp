@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "host_tool/report/html_report.h"
-#include "host_tool/report/png_file.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -48,7 +48,7 @@ Status add_residuals(const calibration::LensCalibration& result, HtmlReport& rep
       grey.push_back(static_cast<std::uint8_t>(std::clamp(127.5F + kStretch * 255 * left, 0.0F, 255.0F)));
     }
     const calibration::ViewReport& view = result.report.views[v];
-    Result<std::vector<std::uint8_t>> png = png_file({map.width, map.height, 1, 8, grey}, {PngNotes::Numbers::kSrgb, 0, view.name, {}, 6});
+    Result<std::vector<std::uint8_t>> png = media::png_file({map.width, map.height, 1, 8, grey}, {media::PngNotes::Numbers::kSrgb, 0, view.name, {}, 6});
     if (!png) return fail(png.error());
     pictures.emplace_back(std::move(*png), fmt::format("{}: {:.1f} of 255 rms left over", view.name, view.rms));
   }

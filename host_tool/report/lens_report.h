@@ -8,7 +8,7 @@
 
 namespace nodal::host {
 
-/// One HTML file. Errors: those of png_file and Head::make.
+/// One HTML file. Errors: those of media::png_file() and Head::make.
 Result<std::string> lens_report(const calibration::LensCalibration& result, const std::string& model);
 
 }  // namespace nodal::host

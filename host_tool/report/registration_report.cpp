@@ -8,10 +8,10 @@
 #include <optional>
 
 #include "host_tool/report/html_report.h"
-#include "host_tool/report/png_file.h"
 #include "host_tool/report/sphere_graph.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -109,7 +109,7 @@ Spheres spheres_of(const Rig& rig) {
 }
 
 std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
-  return png_file({width, height, 1, 8, values}, {PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
+  return media::png_file({width, height, 1, 8, values}, {media::PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
       .value_or(std::vector<std::uint8_t>());
 }
 

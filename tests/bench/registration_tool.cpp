@@ -12,7 +12,7 @@
 #include <random>
 #include <sstream>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/table_compiler.h"
@@ -94,10 +94,10 @@ void make_prior(const fs::path& folder, const Spoil& spoil, std::uint64_t seed, 
 
 double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::vector<std::string>& images) {
   const auto layout = must(geometry::make_layout("equirectangular", kWidth, kHeight), "layout");
-  std::vector<hal::replay::DecodedImage> pictures;
+  std::vector<DecodedImage> pictures;
   std::vector<ImageView> views;
   for (const std::string& image : images) {
-    pictures.push_back(must(hal::replay::read_image(folder / image, PixelFormat::kRgb24), image));
+    pictures.push_back(must(media::read_image(folder / image, PixelFormat::kRgb24), image));
   }
   for (const auto& picture : pictures) views.push_back(picture.view());
   table::TableOptions options;
@@ -114,7 +114,7 @@ double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::ve
 
 double picture_psnr(const fs::path& folder, const fs::path& raymap) {
   const auto layout = must(geometry::make_layout("equirectangular", kWidth, kHeight), "layout");
-  const auto got = must(hal::replay::read_image(raymap, PixelFormat::kRgb24), raymap.string());
+  const auto got = must(media::read_image(raymap, PixelFormat::kRgb24), raymap.string());
   const test::Picture truth = must(test::read_png(folder / "gt_equirect_2048.png"), "the true sphere");
   if (got.width != kWidth || got.height != kHeight) die(raymap.string() + " is not 2048x1024");
   return test::score(got.view(), truth.view(), *layout).psnr_db;

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "rig_process.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "tests/reference/png_file.h"
@@ -105,8 +105,8 @@ TEST_F(RealRig, RooftopImportedReplayedUploadedPulled_IsTheReferenceStitch) {
   EXPECT_EQ(nodald().wait().code, 0);
 
   const test::Picture raymap = test::read_png(path("raymap.png")).value();
-  const hal::replay::DecodedImage reference =
-      hal::replay::read_image(data / "reference_stitch_ptgui_params_nona_2048.jpg", PixelFormat::kRgb24).value();
+  const DecodedImage reference =
+      media::read_image(data / "reference_stitch_ptgui_params_nona_2048.jpg", PixelFormat::kRgb24).value();
   ASSERT_EQ(raymap.width, kWidth);
   ASSERT_EQ(raymap.height, kHeight);
   ASSERT_EQ(reference.width, kWidth);

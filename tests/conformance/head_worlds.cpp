@@ -1,6 +1,7 @@
 #include "hal/replay/deck.h"
 #include "hal/sim/rig.h"
 #include "head_conformance.h"
+#include "stitch/media/image_file.h"
 #include "tests/support/pictures.h"
 #include "tests/support/rigs.h"
 
@@ -54,6 +55,7 @@ class ReplayHeadWorld final : public HeadWorld {
       }
     }
     replay::DeckOptions options;
+    options.pictures = {media::read_image_header, media::read_image};
     options.base = folder_.path();
     options.keep_bytes = keep_bytes;
     deck_ = std::make_unique<replay::Deck>(clock_, options);

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/table_compiler.h"
@@ -38,7 +38,7 @@ class GroundTruth : public testing::Test {
   /// Everything that is read once: the rig, the heads' pictures, the true sphere.
   struct Data {
     test_data::TruthRig rig;
-    std::vector<hal::replay::DecodedImage> pictures;
+    std::vector<DecodedImage> pictures;
     Picture truth;
     std::unique_ptr<geometry::RaymapLayout> layout;
   };
@@ -57,7 +57,7 @@ class GroundTruth : public testing::Test {
              read_png(folder() / "gt_equirect_2048.png").value(),
              geometry::make_layout("equirectangular", kWidth, kHeight).value()};
       for (const std::string& image : d.rig.images) {
-        d.pictures.push_back(hal::replay::read_image(folder() / image, PixelFormat::kRgb24).value());
+        d.pictures.push_back(media::read_image(folder() / image, PixelFormat::kRgb24).value());
       }
       return d;
     }();
@@ -70,7 +70,7 @@ class GroundTruth : public testing::Test {
 
   static std::vector<ImageView> views() {
     std::vector<ImageView> heads;
-    for (const hal::replay::DecodedImage& picture : data().pictures) heads.push_back(picture.view());
+    for (const DecodedImage& picture : data().pictures) heads.push_back(picture.view());
     return heads;
   }
 
@@ -188,18 +188,18 @@ TEST_F(GroundTruth, EachStepLeftOut_CostsWhatItIsWorth) {
 TEST_F(GroundTruth, HeadsInI420_LoseOnlyWhatHalvedColourCosts) {
   const auto table = table::compile_blend_table(data().rig.calibration, *data().layout, PixelFormat::kI420,
                                                 all(PixelFormat::kI420), one_nodal_point()).value();
-  std::vector<hal::replay::DecodedImage> pictures;
+  std::vector<DecodedImage> pictures;
   std::vector<ImageView> heads;
-  for (const ImageView& view : views()) pictures.push_back(hal::replay::convert_image(view, PixelFormat::kI420));
+  for (const ImageView& view : views()) pictures.push_back(media::convert_image(view, PixelFormat::kI420));
   for (const auto& picture : pictures) heads.push_back(picture.view());
   Picture raymap(PixelFormat::kI420, kWidth, kHeight);
   blend::blend_rows(table, PreparedHeads(table, heads).views(), blend::calibrated_tone(table), raymap.mutable_view(), 0,
                     kHeight);
-  const auto rgb = hal::replay::convert_image(raymap.view(), PixelFormat::kRgb24);
+  const auto rgb = media::convert_image(raymap.view(), PixelFormat::kRgb24);
   const double by_yuv = score(rgb.view(), data().truth.view(), *data().layout).psnr_db;
   // What the same halving does to the true sphere itself: nothing blended in I420 can do better.
-  const auto halved = hal::replay::convert_image(
-      hal::replay::convert_image(data().truth.view(), PixelFormat::kI420).view(), PixelFormat::kRgb24);
+  const auto halved = media::convert_image(
+      media::convert_image(data().truth.view(), PixelFormat::kI420).view(), PixelFormat::kRgb24);
   const double ceiling = score(halved.view(), data().truth.view(), *data().layout).psnr_db;
   std::printf("by I420 %.2f dB; the true sphere through I420 %.2f dB\n", by_yuv, ceiling);
   EXPECT_LT(by_yuv, ceiling);

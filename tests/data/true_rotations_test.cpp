@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "stitch/registration/registration.h"
 #include "tests/data/truth_rig.h"
 #include "tests/support/rendered_rig.h"
@@ -26,7 +26,7 @@ class TrueRotations : public testing::Test {
     ASSERT_TRUE(rig) << rig.error().text();
     truth_ = std::move(rig->calibration);
     for (const std::string& image : rig->images) {
-      Result<hal::replay::DecodedImage> picture = hal::replay::read_image(folder / image, PixelFormat::kRgb24);
+      Result<DecodedImage> picture = media::read_image(folder / image, PixelFormat::kRgb24);
       ASSERT_TRUE(picture) << picture.error().text();
       pictures_.push_back(std::move(*picture));
     }
@@ -36,7 +36,7 @@ class TrueRotations : public testing::Test {
   double rms_from(double least_deg, double most_deg, std::uint64_t seed) const {
     Calibration prior = test::turned(truth_, least_deg, most_deg, seed);
     FrameSet frames;
-    for (const hal::replay::DecodedImage& picture : pictures_) frames.push_back(picture.view());
+    for (const DecodedImage& picture : pictures_) frames.push_back(picture.view());
     for (HeadCalibration& head : prior.heads) {
       head.gain = {1, 1, 1};
       head.vignetting.coefficients = {};
@@ -47,7 +47,7 @@ class TrueRotations : public testing::Test {
   }
 
   Calibration truth_;
-  std::vector<hal::replay::DecodedImage> pictures_;
+  std::vector<DecodedImage> pictures_;
 };
 
 // A fortieth of what Hugin and OpenCV leave (tests/bench/registration): a hundredth of a pixel is 0.0013 degrees.

@@ -1,8 +1,8 @@
 // The JPEG reader, by which head pictures and scenes are opened.
-#include "hal/replay/jpeg.h"
+#include "stitch/media/jpeg_reader.h"
 #include "picture.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  nodal::fuzz::decode_any({data, size}, nodal::hal::replay::jpeg_header);
+  nodal::fuzz::decode_any({data, size}, nodal::media::jpeg_header);
   return 0;
 }

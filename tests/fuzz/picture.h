@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "memory_limit.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
@@ -16,7 +16,7 @@ inline constexpr std::size_t kLongestPicture = 16U << 10;
 /// What decoding may take: the picture (image_file.h limits it by the file's length) three times over, for a decoder's own
 /// coefficients and rows.
 inline constexpr std::size_t kPictureMemory =
-    3 * (hal::replay::kSmallImageBytes + hal::replay::kMaxExpansion * kLongestPicture) + (std::size_t{32} << 20);
+    3 * (media::kSmallImageBytes + media::kMaxExpansion * kLongestPicture) + (std::size_t{32} << 20);
 /// More pixels are left out: each of a progressive JPEG's scans takes time for every one.
 inline constexpr std::size_t kMostPixels = 1U << 20;
 
@@ -30,15 +30,15 @@ void decode_any(std::span<const std::uint8_t> bytes, Header header) {
   if (size && static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) > kMostPixels) {
     // Only whether it is refused, or would be decoded within its memory, matters here.
     const std::uint64_t decoded = packed_size(size->natural, size->width, size->height);
-    if (decoded <= hal::replay::kSmallImageBytes + hal::replay::kMaxExpansion * bytes.size()) return;
-    NODAL_ASSERT(!hal::replay::decode_image(bytes, "fuzz").has_value());
+    if (decoded <= media::kSmallImageBytes + media::kMaxExpansion * bytes.size()) return;
+    NODAL_ASSERT(!media::decode_image(bytes, "fuzz").has_value());
     return;
   }
-  const auto image = hal::replay::decode_image(bytes, "fuzz");
+  const auto image = media::decode_image(bytes, "fuzz");
   if (!image) return;
   NODAL_ASSERT(image->width > 0 && image->height > 0);
   NODAL_ASSERT(image->bytes.size() == packed_size(image->format, image->width, image->height));
-  const auto rgb = hal::replay::decode_image(bytes, "fuzz", PixelFormat::kRgb24);
+  const auto rgb = media::decode_image(bytes, "fuzz", PixelFormat::kRgb24);
   NODAL_ASSERT(rgb.has_value() && rgb->bytes.size() == packed_size(PixelFormat::kRgb24, image->width, image->height));
 }
 

@@ -1,8 +1,8 @@
 // The PNG reader, by which head pictures and scenes are opened.
-#include "hal/replay/png_image.h"
+#include "stitch/media/png_reader.h"
 #include "picture.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  nodal::fuzz::decode_any({data, size}, nodal::hal::replay::png_header);
+  nodal::fuzz::decode_any({data, size}, nodal::media::png_header);
   return 0;
 }

@@ -11,6 +11,7 @@
 #include "hal/replay/deck.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/rig.h"
+#include "stitch/media/image_file.h"
 
 namespace nodal::fuzz {
 namespace {
@@ -174,6 +175,7 @@ void check_replay_head(ByteReader& in) {
   if (!rate) return;
   hal::sim::SimClock clock;
   hal::replay::DeckOptions options;
+  options.pictures = {media::read_image_header, media::read_image};
   options.rate = *rate;
   hal::replay::Deck deck(clock, options);
   const bool pulsed = in.u8() % 2 == 1;

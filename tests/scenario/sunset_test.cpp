@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "hal/sim/head.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/sensor.h"
@@ -147,7 +147,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     blend::blend_rows(table_, test::PreparedHeads(table_, views_of(frame)).views(), tone,
                       packed_image(GetParam().format, kWidth, kHeight, raymap.data()), 0, kHeight);
     if (GetParam().format == PixelFormat::kRgb24) return raymap;
-    return hal::replay::convert_image(packed_image(GetParam().format, kWidth, kHeight,
+    return media::convert_image(packed_image(GetParam().format, kWidth, kHeight,
                                                    static_cast<const std::uint8_t*>(raymap.data())),
                                       PixelFormat::kRgb24)
         .bytes;

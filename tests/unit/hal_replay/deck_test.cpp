@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "stitch/media/image_file.h"
 #include "tests/support/pictures.h"
 
 namespace nodal::hal::replay {
@@ -27,6 +28,7 @@ class Playing : public testing::Test {
   }
   DeckOptions options() const {
     DeckOptions options;
+    options.pictures = {media::read_image_header, media::read_image};
     options.base = folder_.path();
     options.keep_bytes = 1 << 20;
     return options;

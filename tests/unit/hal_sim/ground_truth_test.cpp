@@ -7,7 +7,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "hal/sim/scene/plate.h"
 #include "tests/data/truth_rig.h"
 
@@ -22,7 +22,7 @@ struct Compared {
   double flat_rms = 0;  ///< levels where the scene is flat: the noise of the pictures
 };
 
-Compared compare(const HeadCalibration& head, const Scene& scene, const replay::DecodedImage& picture) {
+Compared compare(const HeadCalibration& head, const Scene& scene, const DecodedImage& picture) {
   const Plate plate = expose_plate(head, LensTruth(head), scene, 1);
   const auto w = static_cast<std::size_t>(plate.width);
   const auto h = static_cast<std::size_t>(plate.height);
@@ -76,12 +76,12 @@ TEST(GroundTruth, TenHeadsRenderedElsewhere_TheSameRaysToAFiftiethOfAPixel) {
   const std::string json{std::istreambuf_iterator<char>(in), {}};
   const auto rig = test_data::read_truth_rig(json);
   ASSERT_TRUE(rig) << rig.error().text();
-  const auto sphere = replay::read_image(kFolder / "gt_equirect_2048.png", PixelFormat::kRgb24);
+  const auto sphere = media::read_image(kFolder / "gt_equirect_2048.png", PixelFormat::kRgb24);
   ASSERT_TRUE(sphere) << sphere.error().text();
   const ScenePtr scene = photo_scene(sphere->view(), Response{}).value();
   for (std::size_t i = 0; i < rig->images.size(); i += 3) {
     const HeadCalibration& head = rig->calibration.heads[i];
-    const auto picture = replay::read_image(kFolder / rig->images[i], PixelFormat::kRgb24);
+    const auto picture = media::read_image(kFolder / rig->images[i], PixelFormat::kRgb24);
     ASSERT_TRUE(picture) << picture.error().text();
     const auto with = [&](double dx, double dy, double stretch) {
       HeadCalibration moved = head;

@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "hal/replay/image_file.h"
 #include "hal/sim/scene/response.h"
+#include "stitch/media/image_file.h"
 #include "tests/support/pictures.h"
 #include "tests/support/rigs.h"
 
@@ -90,7 +90,7 @@ TEST_P(EveryFormat, TownSquare_IsTheRgbFrameInAnotherFormat) {
   head.response = {Response::Curve::kSrgb, 1, {}};
   const ScenePtr scene = town_square_scene();
   const auto rgb = render_once(head, with(PixelFormat::kRgb24), scene);
-  const auto wanted = replay::convert_image(packed_image(PixelFormat::kRgb24, 160, 120, rgb.data()), GetParam());
+  const auto wanted = media::convert_image(packed_image(PixelFormat::kRgb24, 160, 120, rgb.data()), GetParam());
   const auto got = render_once(head, with(GetParam()), scene);
   EXPECT_GT(test::psnr(got, wanted.bytes), 53);
 }

@@ -6,13 +6,13 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "host_tool/console/files.h"
-#include "host_tool/report/png_file.h"
 #include "protocol/calibration.h"
 #include "run_nodal.h"
 #include "tests/support/photographer.h"
 #include "tests/support/rendered_rig.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -112,7 +112,7 @@ ph::Lens small_lens() {
 TEST_F(CalibrationCommands, PatternPhotographedAndCalibrated_GivesTheLensAndAPageToLookAt) {
   const Outcome drawn({"pattern", "-o", path("pattern.png"), "--size", "1200x848", "--seed", "5"});
   ASSERT_EQ(drawn.code, ExitCode::kOk) << drawn.err;
-  const auto raster = hal::replay::read_image(path("pattern.png"), PixelFormat::kGrey8);
+  const auto raster = media::read_image(path("pattern.png"), PixelFormat::kGrey8);
   ASSERT_TRUE(raster);
   const ph::Scene print = ph::print_of(raster->width, raster->height, raster->bytes);
   const auto photograph = [&](const std::string& name, const ph::Scene& scene, double tilt, double about) {
@@ -122,7 +122,7 @@ TEST_F(CalibrationCommands, PatternPhotographedAndCalibrated_GivesTheLensAndAPag
     shot.distance = 0.3;
     shot.noise = 1;
     const ph::Photo photo = ph::take(scene, small_lens(), shot);
-    const auto png = png_file({photo.width, photo.height, 1, 8, photo.grey}, {});
+    const auto png = media::png_file({photo.width, photo.height, 1, 8, photo.grey}, {});
     EXPECT_TRUE(png && write_file(path(name), *png));
     return path(name);
   };

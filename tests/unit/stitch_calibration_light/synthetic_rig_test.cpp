@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "stitch/calibration/light/calibrate_light.h"
 #include "tests/data/truth_rig.h"
 
@@ -27,10 +27,10 @@ TEST(SyntheticRig, GainsAndFallOffOfOneSet_ComeBackToAHundredthOfAStop) {
     head.gain = {1, 1, 1};
     head.vignetting.coefficients = {};
   }
-  std::vector<hal::replay::DecodedImage> pictures;
+  std::vector<DecodedImage> pictures;
   ExposedSet set;
   for (const std::string& image : truth->images) {
-    auto picture = hal::replay::read_image(folder / image, PixelFormat::kRgb24);
+    auto picture = media::read_image(folder / image, PixelFormat::kRgb24);
     ASSERT_TRUE(picture) << picture.error().text();
     pictures.push_back(std::move(*picture));
   }

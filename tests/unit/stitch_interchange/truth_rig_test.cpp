@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "files.h"
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "tests/data/truth_rig.h"
@@ -74,7 +74,7 @@ TEST(TruthRig, EveryHeadsPicture_IsTheTrueSphereSeenThroughItsLensGainAndVignett
   const Result<TruthRig> rig = read_truth_rig(text);
   ASSERT_TRUE(rig) << rig.error().text();
   const std::string folder = std::string(NODAL_SHARED_DIR) + "/data/synthetic_10head/";
-  const auto sphere = hal::replay::read_image(folder + "gt_equirect_2048.png", PixelFormat::kRgb24);
+  const auto sphere = media::read_image(folder + "gt_equirect_2048.png", PixelFormat::kRgb24);
   ASSERT_TRUE(sphere) << sphere.error().text();
   const auto layout = *geometry::make_layout("equirectangular", sphere->width, sphere->height);
   const Result<std::vector<Head>> heads = geometry::make_heads(rig->calibration);
@@ -82,7 +82,7 @@ TEST(TruthRig, EveryHeadsPicture_IsTheTrueSphereSeenThroughItsLensGainAndVignett
   ASSERT_EQ(heads->size(), 10u);
   for (std::size_t h = 0; h < heads->size(); ++h) {
     const Head& head = (*heads)[h];
-    const auto picture = hal::replay::read_image(folder + rig->images[h], PixelFormat::kRgb24);
+    const auto picture = media::read_image(folder + rig->images[h], PixelFormat::kRgb24);
     ASSERT_TRUE(picture) << picture.error().text();
     ASSERT_EQ(picture->width, head.width());
     const Difference difference = compare(head, picture->view(), sphere->view(), *layout);

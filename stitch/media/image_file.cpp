@@ -1,4 +1,4 @@
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 
 #include <algorithm>
 #include <array>
@@ -7,10 +7,10 @@
 #include <cstring>
 #include <memory>
 
-#include "hal/replay/jpeg.h"
-#include "hal/replay/png_image.h"
+#include "stitch/media/jpeg_reader.h"
+#include "stitch/media/png_reader.h"
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 
 namespace {
 
@@ -109,4 +109,4 @@ Result<ImageHeader> read_image_header(const std::filesystem::path& file) {
   return header_of(*bytes, file.string());
 }
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

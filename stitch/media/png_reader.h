@@ -1,11 +1,11 @@
 // PNG by libpng. Used by image_file.cpp only.
 #pragma once
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 
 Result<ImageHeader> png_header(std::span<const std::uint8_t> bytes, const std::string& name);
 Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::string& name);
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

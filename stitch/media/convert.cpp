@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 
 namespace {
 
@@ -130,4 +130,4 @@ DecodedImage convert_image(const ImageView& image, PixelFormat to) {
   return made;
 }
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

@@ -1,11 +1,11 @@
-#include "hal/replay/png_image.h"
+#include "stitch/media/png_reader.h"
 
 #include <png.h>
 
 #include <csetjmp>
 #include <cstring>
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 
 namespace {
 
@@ -104,4 +104,4 @@ Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::
   return std::move(image);
 }
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

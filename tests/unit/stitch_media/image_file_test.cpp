@@ -1,4 +1,4 @@
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 
 #include "tests/support/pictures.h"
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 namespace {
 
 using test::Sampling;
@@ -210,4 +210,4 @@ TEST(ConvertImage, ChromaPlacement_FollowsThePlaneGrid) {
 }
 
 }  // namespace
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

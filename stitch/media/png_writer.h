@@ -8,7 +8,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::host {
+namespace nodal::media {
 
 /// Rows packed, channels side by side.
 struct PngPicture {
@@ -32,4 +32,4 @@ struct PngNotes {
 /// Errors: kInternal.
 Result<std::vector<std::uint8_t>> png_file(const PngPicture& picture, const PngNotes& notes);
 
-}  // namespace nodal::host
+}  // namespace nodal::media

@@ -1,11 +1,11 @@
-#include "host_tool/report/png_file.h"
+#include "stitch/media/png_writer.h"
 
 #include <png.h>
 
 #include <array>
 #include <csetjmp>
 
-namespace nodal::host {
+namespace nodal::media {
 namespace {
 
 void append(png_structp png, png_bytep data, png_size_t size) {
@@ -66,4 +66,4 @@ Result<std::vector<std::uint8_t>> png_file(const PngPicture& picture, const PngN
   return out;
 }
 
-}  // namespace nodal::host
+}  // namespace nodal::media

@@ -8,20 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "protocol/base/image.h"
+#include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 
-namespace nodal::hal::replay {
-
-/// A packed picture that owns its bytes.
-struct DecodedImage {
-  PixelFormat format = PixelFormat::kRgb24;
-  int width = 0;
-  int height = 0;
-  std::vector<std::uint8_t> bytes;
-
-  ImageView view() const { return packed_image(format, width, height, bytes.data()); }
-};
+namespace nodal::media {
 
 inline constexpr std::uint64_t kMaxImageFileBytes = std::uint64_t{256} << 20;
 inline constexpr int kMaxImageSide = 32768;
@@ -43,16 +33,11 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
 /// The same of a file; also kNotFound and kIo.
 Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as = std::nullopt);
 
-/// What a file's header says, without decoding the rest.
-struct ImageHeader {
-  int width = 0;
-  int height = 0;
-  PixelFormat natural = PixelFormat::kRgb24;  ///< what decode_image() gives when not asked otherwise
-};
+/// What the header of a file says.
 Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 
 /// A picture in another format (neither is kMjpeg): RGB and YUV by full-range BT.601; chroma is interpolated where
 /// it is coarser and averaged where it becomes coarser. Not fast: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

@@ -1,4 +1,4 @@
-#include "hal/replay/jpeg.h"
+#include "stitch/media/jpeg_reader.h"
 
 #include <turbojpeg.h>
 
@@ -6,7 +6,7 @@
 #include <array>
 #include <memory>
 
-namespace nodal::hal::replay {
+namespace nodal::media {
 
 namespace {
 
@@ -93,4 +93,4 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
   return image;
 }
 
-}  // namespace nodal::hal::replay
+}  // namespace nodal::media

@@ -9,7 +9,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::host {
+namespace nodal::media {
 
 /// 8-bit grey, rows packed.
 struct GreyRaster {
@@ -24,4 +24,4 @@ struct GreyRaster {
 Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page_width_mm, double page_height_mm,
                                            double margin_mm, std::string_view footer);
 
-}  // namespace nodal::host
+}  // namespace nodal::media

@@ -1,14 +1,14 @@
-#include "host_tool/report/grey_pdf.h"
-#include "host_tool/report/png_file.h"
+#include "stitch/media/pdf_page.h"
+#include "stitch/media/png_writer.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
 
 #include <string>
 
-#include "hal/replay/image_file.h"
+#include "stitch/media/image_file.h"
 
-namespace nodal::host {
+namespace nodal::media {
 namespace {
 
 struct Picture {
@@ -26,7 +26,7 @@ TEST(PngFile, GreyPicture_IsReadBackAsItWas) {
   const Picture p = picture();
   const auto png = png_file({40, 30, 1, 8, p.values}, {PngNotes::Numbers::kSrgb, 10000, "a comment", {}, 6});
   ASSERT_TRUE(png) << png.error().text();
-  const auto read = hal::replay::decode_image(*png, "p.png", PixelFormat::kGrey8);
+  const auto read = decode_image(*png, "p.png", PixelFormat::kGrey8);
   ASSERT_TRUE(read) << read.error().text();
   EXPECT_EQ(read->width, 40);
   EXPECT_EQ(read->height, 30);
@@ -71,4 +71,4 @@ TEST(GreyPdf, MarginsWithoutRoom_AreRefused) {
 }
 
 }  // namespace
-}  // namespace nodal::host
+}  // namespace nodal::media

@@ -1,11 +1,11 @@
-#include "host_tool/report/grey_pdf.h"
+#include "stitch/media/pdf_page.h"
 
 #include <fmt/format.h>
 #include <zlib.h>
 
 #include <algorithm>
 
-namespace nodal::host {
+namespace nodal::media {
 namespace {
 
 constexpr double kPointsPerMm = 72 / 25.4;
@@ -88,4 +88,4 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
   return pdf.finish();
 }
 
-}  // namespace nodal::host
+}  // namespace nodal::media
