@@ -24,9 +24,9 @@ using Pictures = std::span<const ImageView>;
 ///     X, Y      = the pixel's place in the patch; x = X >> 12, f = X >> 5 & 127, y = Y >> 12, g = Y & 4095
 ///     t, b      = s(x, y) (128 - f) + s(x + 1, y) f, the same of row y + 1;  s: samples of the patch, 0 .. 255
 ///     sample    = t - mulr(t - b, 8 g)                           0 .. kMaxSample
-///     dark      = 128 black - curve(sample)                      curve: HeadTone's; so light is kept negative,
-///     dark      = mulr(dark, gain)                               if gains act; gain = mulr(vignetting's, HeadTone's)
-///     light    += mulr(dark, -weight)                            as weights are: exactly one is then a 16-bit number
+///     negative  = 128 black - curve(sample)                      curve: HeadTone's. Light and weights are kept
+///     negative  = mulr(negative, gain)                           negative, so that a weight of exactly one fits into
+///     light    += mulr(negative, -weight)                        16 bits. gain (if gains act) = mulr(vignetting's, HeadTone's)
 ///   level       = black + mulr(light, scale), or curve(light) + 64 >> 7, clamped to 0 .. 255
 ///   or, of raymaps of 16 bits: number = table.linear[light], 0 for light below 0
 ///
@@ -43,8 +43,8 @@ using Pictures = std::span<const ImageView>;
 /// all rows have been blended.
 ///
 /// The table has been validated, every head's picture is what table.sources says, prepared as prepare.h says where the
-/// source needs it, and the raymap what table.format says (of 16 bits: packed in each row); nothing is checked here. The kernel that runs is the
-/// fastest this processor has; they all give the same bytes.
+/// source needs it, and the raymap what table.format says (of 16 bits: packed in each row); nothing is checked
+/// here. The fastest kernel of this processor runs; all kernels give the same bytes.
 ///
 /// Threading: thread-safe; call with disjoint rows from as many threads as you like: any split gives the same
 /// bytes.

@@ -113,13 +113,13 @@ struct Avx2 {
 
   /// Puts what was mixed for a record through its head's curves and gains.
   template <int N>
-  [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& dark) {
+  [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
     const HeadIndex head = job.grid->records[r].head();
     if (job.curves) {
       for (std::size_t c = 0; c < N; ++c) {
         const Pieces<32>& curve = job.curve[head][job.component[c].tone];
         const V base = all(job.component[c].black);
-        for (Rows& rows : dark[c]) rows = negated(on_curve<10>(negated(rows, base), curve), base);
+        for (Rows& rows : negative_light[c]) rows = negated(on_curve<10>(negated(rows, base), curve), base);
       }
     }
     if (!job.gains) return;
@@ -132,7 +132,7 @@ struct Avx2 {
         const V of_head = all(job.gain(head, c));
         const V upper = alone ? of_head : _mm256_mulhrs_epi16(gains.upper, of_head);
         const V lower = alone ? of_head : _mm256_mulhrs_epi16(gains.lower, of_head);
-        Rows& rows = dark[c][half];
+        Rows& rows = negative_light[c][half];
         rows = {_mm256_mulhrs_epi16(rows.upper, upper), _mm256_mulhrs_epi16(rows.lower, lower)};
       }
     }
@@ -140,7 +140,7 @@ struct Avx2 {
 
   /// What a record gives to a tile, negative.
   template <int N>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, Light<N>& dark) {
+  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     Coordinates coordinates(out_of_sight(kConstants), *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
@@ -151,10 +151,10 @@ struct Avx2 {
       const Constants& k = out_of_sight(kConstants);  // of each half: what both use would be kept on the stack
       const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
-        dark[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
+        negative_light[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
       }
     }
-    if (job.curves || job.gains) tone<N>(job, r, dark);
+    if (job.curves || job.gains) tone<N>(job, r, negative_light);
   }
 
   static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
@@ -168,7 +168,7 @@ struct Avx2 {
       return {_mm256_srai_epi16(add(shown.upper, rounding), kSampleBits),
               _mm256_srai_epi16(add(shown.lower, rounding), kSampleBits)};
     }
-    const V scale = all(negative ? component.scale_of_dark : component.scale);
+    const V scale = all(negative ? component.negative_scale : component.scale);
     const V black = all(component.black_level);
     return {add(_mm256_mulhrs_epi16(light.upper, scale), black), add(_mm256_mulhrs_epi16(light.lower, scale), black)};
   }
@@ -201,11 +201,11 @@ struct Avx2 {
 
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-    Light<N> dark;
+    Light<N> negative_light;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      dark_of<N>(job, tile.record, dark);
-      return finish<N>(job, dark, true, out);
+      negative_light_of<N>(job, tile.record, negative_light);
+      return finish<N>(job, negative_light, true, out);
     }
     Light<N> light;
     for (auto& of : light) of.fill({_mm256_setzero_si256(), _mm256_setzero_si256()});
@@ -215,7 +215,7 @@ struct Avx2 {
     const Sharing how = tile.how();
     for (std::size_t r = 0; r < records; ++r) {
       prefetch<N>(job, tile.record + r);
-      dark_of<N>(job, tile.record + r, dark);
+      negative_light_of<N>(job, tile.record + r, negative_light);
       std::array<Rows, 2> weight = rest;
       if (r + 1 < records || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
@@ -234,7 +234,7 @@ struct Avx2 {
       }
       for (std::size_t c = 0; c < N; ++c) {
         for (std::size_t half = 0; half < 2; ++half) {
-          const Rows& of = dark[c][half];
+          const Rows& of = negative_light[c][half];
           light[c][half].upper = add(light[c][half].upper, _mm256_mulhrs_epi16(of.upper, weight[half].upper));
           light[c][half].lower = add(light[c][half].lower, _mm256_mulhrs_epi16(of.lower, weight[half].lower));
         }
@@ -244,7 +244,7 @@ struct Avx2 {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
     const Constants& k = out_of_sight(kConstants);
     Coordinates coordinates(k, *job.grid, record);
     alignas(32) std::array<Staged, N> staged;

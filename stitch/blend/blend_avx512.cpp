@@ -32,7 +32,7 @@ template <class Number>
   return _mm256_load_si256(reinterpret_cast<const __m256i*>(numbers.data()));
 }
 /// All over a register.
-[[gnu::always_inline]] inline V all(const Twice& number) { return _mm512_set1_epi32(number.both()); }
+[[gnu::always_inline]] inline V all(const RepeatedInt16& number) { return _mm512_set1_epi32(number.both()); }
 
 /// Where a tile's pixels lie in a patch, ready for use.
 struct Places {
@@ -125,7 +125,7 @@ struct Places {
   const V sample = _mm512_sub_epi16(_mm512_setzero_si512(), negative);
   const V piece = _mm512_srli_epi16(sample, 10);
   const V fraction = _mm512_slli_epi16(sample, 5);
-  const V knot = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.dark.data()));
+  const V knot = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.negative_knot.data()));
   const V rise = _mm512_permutexvar_epi16(piece, _mm512_load_si512(curve.rise.data()));
   return _mm512_sub_epi16(knot, _mm512_mulhrs_epi16(rise, fraction));
 }
@@ -162,28 +162,28 @@ constexpr Picks kPairBytes = pair_bytes();
 struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                    std::array<Rows, N>& dark) {
+  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
+                                                    std::array<Rows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
-    by_lie<N>(job.plane(record).lie, [&](auto lie) __attribute__((always_inline)) {
-      dark_of<N, decltype(lie)::value>(job, r, k, dark);
+    by_layout<N>(job.plane(record).layout, [&](auto layout) __attribute__((always_inline)) {
+      negative_light_of<N, decltype(layout)::value>(job, r, k, negative_light);
     });
   }
-  template <int N, Lie kLie>
-  [[gnu::always_inline]] static inline void dark_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                    std::array<Rows, N>& dark) {
+  template <int N, SampleLayout kLayout>
+  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
+                                                    std::array<Rows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     const Places at = places_of(k, *job.grid, record);
     std::array<Patch, N> patch;
-    load_patch<N, kLie>(job.plane(record), record, patch);
+    load_patch<N, kLayout>(job.plane(record), record, patch);
     for (std::size_t c = 0; c < N; ++c) {
       if (!job.curves) {
-        dark[c] = mix(k, patch[c], at, all(job.component[c].black));
+        negative_light[c] = mix(k, patch[c], at, all(job.component[c].black));
         continue;
       }
       const Rows negative = mix(k, patch[c], at, _mm512_setzero_si512());
       const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
-      dark[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
+      negative_light[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
     }
     if (!job.gains) return;
     const bool alone = job.grid->gains.empty();
@@ -192,7 +192,7 @@ struct Avx512 {
       const V head = all(job.gain(record.head(), c));
       const V upper = alone ? head : _mm512_mulhrs_epi16(vignetting.upper, head);
       const V lower = alone ? head : _mm512_mulhrs_epi16(vignetting.lower, head);
-      dark[c] = {_mm512_mulhrs_epi16(dark[c].upper, upper), _mm512_mulhrs_epi16(dark[c].lower, lower)};
+      negative_light[c] = {_mm512_mulhrs_epi16(negative_light[c].upper, upper), _mm512_mulhrs_epi16(negative_light[c].lower, lower)};
     }
   }
 
@@ -212,7 +212,7 @@ struct Avx512 {
         upper = developed(k, upper, job.output[component.tone]);
         lower = developed(k, lower, job.output[component.tone]);
       } else {
-        const V scale = all(negative ? component.scale_of_dark : component.scale);
+        const V scale = all(negative ? component.negative_scale : component.scale);
         const V black = all(component.black_level);
         upper = _mm512_add_epi16(_mm512_mulhrs_epi16(upper, scale), black);
         lower = _mm512_add_epi16(_mm512_mulhrs_epi16(lower, scale), black);
@@ -237,11 +237,11 @@ struct Avx512 {
   [[gnu::always_inline]] static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records,
                                                  Number* out) {
     const Constants& k = out_of_sight(kConstants);
-    std::array<Rows, N> dark;
+    std::array<Rows, N> negative_light;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      dark_of<N>(job, tile.record, k, dark);
-      return finish<N>(job, dark, true, out);
+      negative_light_of<N>(job, tile.record, k, negative_light);
+      return finish<N>(job, negative_light, true, out);
     }
     std::array<Rows, N> light{};
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
@@ -260,20 +260,20 @@ struct Avx512 {
         }
         rest = {_mm512_sub_epi16(rest.upper, weight.upper), _mm512_sub_epi16(rest.lower, weight.lower)};
       }
-      dark_of<N>(job, tile.record + r, k, dark);
+      negative_light_of<N>(job, tile.record + r, k, negative_light);
       for (std::size_t c = 0; c < N; ++c) {
-        light[c].upper = _mm512_add_epi16(light[c].upper, _mm512_mulhrs_epi16(dark[c].upper, weight.upper));
-        light[c].lower = _mm512_add_epi16(light[c].lower, _mm512_mulhrs_epi16(dark[c].lower, weight.lower));
+        light[c].upper = _mm512_add_epi16(light[c].upper, _mm512_mulhrs_epi16(negative_light[c].upper, weight.upper));
+        light[c].lower = _mm512_add_epi16(light[c].lower, _mm512_mulhrs_epi16(negative_light[c].lower, weight.lower));
       }
     }
     finish<N>(job, light, false, out);
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
-    by_lie<N>(plane.lie, [&](auto lie) { load_patch<N, decltype(lie)::value>(plane, record, patch); });
+    by_layout<N>(plane.layout, [&](auto layout) { load_patch<N, decltype(layout)::value>(plane, record, patch); });
     const Constants& k = out_of_sight(kConstants);
     const Places at = places_of(k, *job.grid, record);
     const V zero = _mm512_setzero_si512();

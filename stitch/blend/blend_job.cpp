@@ -7,33 +7,33 @@ namespace {
 
 /// How the components in views[0 .. count) lie; `format` tells on which side of a luma sample its chroma is.
 PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size_t count, PixelFormat format) {
-  PatchPlane plane{{}, {}, views[0].row_stride, views[0].pixel_stride, Lie::kAnyhow, views};
+  PatchPlane plane{{}, {}, views[0].row_stride, views[0].pixel_stride, SampleLayout::kGeneral, views};
   bool alike = true;
   for (std::size_t c = 0; c < count; ++c) {
     plane.data[c] = views[c].data;
     alike = alike && views[c].row_stride == views[0].row_stride && views[c].pixel_stride == plane.group;
   }
   if (!alike || views[0].width < kPatch || views[0].height < kPatch) return plane;
-  const auto grouped = [&](Lie lie, std::uint8_t first, std::uint8_t step) {
+  const auto grouped = [&](SampleLayout layout, std::uint8_t first, std::uint8_t step) {
     for (std::size_t c = 0; c < count; ++c) {
       if (views[c].data != views[0].data + c * step) return;
       plane.offset[c] = static_cast<std::uint8_t>(first + c * step);
     }
     plane.data[0] -= first;
-    plane.lie = lie;
+    plane.layout = layout;
   };
   const bool luma_second = format == PixelFormat::kUyvy;
   const bool packed = luma_second || format == PixelFormat::kYuyv;
   if (plane.group == 1) {
-    plane.lie = Lie::kPlanar;
+    plane.layout = SampleLayout::kPlanar;
   } else if (plane.group == 2 && count == 1 && packed) {
-    grouped(Lie::kPairs, luma_second ? 1 : 0, 0);
+    grouped(SampleLayout::kPairs, luma_second ? 1 : 0, 0);
   } else if (plane.group == 2 && count == 2) {
-    grouped(Lie::kPairs, 0, 1);
+    grouped(SampleLayout::kPairs, 0, 1);
   } else if (plane.group == 3 && count == 3) {
-    grouped(Lie::kTriples, 0, 1);
+    grouped(SampleLayout::kTriples, 0, 1);
   } else if (plane.group == 4 && count == 2 && packed) {
-    grouped(Lie::kQuads, luma_second ? 0 : 1, 2);
+    grouped(SampleLayout::kQuads, luma_second ? 0 : 1, 2);
   }
   return plane;
 }
@@ -106,8 +106,8 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
     }
     const int component = job.component[0].component;
     const PixelFormat format = table.sources[h].format;
-    const PlaneGrid lie = halved_chroma_grid(format, component, component_grid(format, component));
-    job.luma_shift[h] = {static_cast<std::uint8_t>(lie.step_x / 2), static_cast<std::uint8_t>(lie.step_y / 2)};
+    const PlaneGrid chroma = halved_chroma_grid(format, component, component_grid(format, component));
+    job.luma_shift[h] = {static_cast<std::uint8_t>(chroma.step_x / 2), static_cast<std::uint8_t>(chroma.step_y / 2)};
     for (std::size_t level = 0; level < table.sources[h].levels; ++level) {
       const ImageView picture = halved_chroma(pictures[level * heads + h]);
       std::array<PlaneView, kMaxPlanes> views{};

@@ -9,13 +9,13 @@
 
 namespace nodal::blend {
 
-/// How the samples of a grid's components lie in a head's picture. In groups, one load brings all components.
-enum class Lie : std::uint8_t {
+/// How the samples of a grid's components are stored in a head's picture. In groups, one load brings all components.
+enum class SampleLayout : std::uint8_t {
   kPlanar,   ///< each component in a plane of its own, samples side by side
   kPairs,    ///< a sample of every component in 2 bytes: luma of YUYV and UYVY, chroma of NV12
   kTriples,  ///< in 3: RGB24
   kQuads,    ///< in 4: chroma of YUYV and UYVY
-  kAnyhow,   ///< by PlaneView; also pictures smaller than a patch
+  kGeneral,  ///< by PlaneView; also pictures smaller than a patch
 };
 
 /// A head's picture at one level, as one grid's patches are read from it.
@@ -24,14 +24,14 @@ struct PatchPlane {
   std::array<std::uint8_t, kMaxPlanes> offset{};       ///< of the component in its group
   std::ptrdiff_t row_stride = 0;
   int group = 1;                                       ///< bytes from sample to sample
-  Lie lie = Lie::kPlanar;
+  SampleLayout layout = SampleLayout::kPlanar;
   std::array<PlaneView, kMaxPlanes> views{};           ///< by component of the grid
 };
 
-/// A number of 16 bits, and the same beside it: filling a register with it is then no more than a load.
-class Twice {
+/// A 16-bit number stored twice side by side: one 32-bit broadcast fills a register with it.
+class RepeatedInt16 {
  public:
-  constexpr Twice(int number = 0) : both_(static_cast<std::uint32_t>(number & 0xffff) * 0x10001U) {}
+  constexpr RepeatedInt16(int number = 0) : both_(static_cast<std::uint32_t>(number & 0xffff) * 0x10001U) {}
   constexpr operator std::int16_t() const { return static_cast<std::int16_t>(both_ & 0xffff); }
   constexpr int both() const { return static_cast<int>(both_); }
 
@@ -39,20 +39,21 @@ class Twice {
   std::uint32_t both_;
 };
 
-/// A ToneCurve or OutputCurve as kernels look it up: value = knot[i] + mulr(rise[i], fraction). The lowest bit of the piece
-/// is let into the fraction, whose sign it becomes: odd pieces are counted from their end, so that `knot` is that.
+/// A ToneCurve or OutputCurve as a lookup table: value = knot[i] + mulr(rise[i], fraction). The fraction includes the
+/// lowest bit of the piece's index as its sign, so the fraction of an odd piece counts back from the piece's end, and
+/// `knot` is the value at that end.
 template <std::size_t kPieces>
 struct Pieces {
   alignas(64) std::array<std::int16_t, kPieces> knot;
   alignas(64) std::array<std::int16_t, kPieces> rise;
-  alignas(64) std::array<std::int16_t, kPieces> dark;  ///< black less the knot
+  alignas(64) std::array<std::int16_t, kPieces> negative_knot;  ///< black less the knot
   /// The same for kernels that look up bytes: lower and upper bytes of knot, then of rise.
   alignas(64) std::array<std::array<std::uint8_t, kPieces>, 4> bytes;
 
   void set(std::size_t i, std::int16_t start, std::int16_t rise_i, std::int16_t black) {
     const auto knot_i = static_cast<std::int16_t>(start + (i % 2 == 0 ? 0 : rise_i));
     knot[i] = knot_i;
-    dark[i] = static_cast<std::int16_t>(black - knot_i);
+    negative_knot[i] = static_cast<std::int16_t>(black - knot_i);
     rise[i] = rise_i;
     bytes[0][i] = static_cast<std::uint8_t>(knot_i & 255);
     bytes[1][i] = static_cast<std::uint8_t>(knot_i >> 8 & 255);
@@ -64,11 +65,11 @@ struct Pieces {
 /// Of a component of the grid.
 struct JobComponent {
   int component = 0;        ///< of the raymap's format
-  Twice black;              ///< 128 * ComponentRule::black
-  Twice black_level;
+  RepeatedInt16 black;      ///< 128 * ComponentRule::black
+  RepeatedInt16 black_level;
   std::uint8_t tone = 0;
-  Twice scale;              ///< of light
-  Twice scale_of_dark;      ///< -scale
+  RepeatedInt16 scale;      ///< of light
+  RepeatedInt16 negative_scale;  ///< -scale
   bool output_curve = false;
 };
 
@@ -88,7 +89,7 @@ struct BlendJob {
   /// Chroma samples to luma samples, per head: a chroma sample (x, y) has luma (x << right, y << down).
   std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
   std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;
-  std::array<std::array<Twice, kToneClasses>, kMaxHeads> gain_of{};
+  std::array<std::array<RepeatedInt16, kToneClasses>, kMaxHeads> gain_of{};
   std::array<Pieces<64>, kToneClasses> output;
   std::array<MutablePlaneView, kMaxPlanes> out{};  ///< by component of the grid
   int row_begin = 0;                               ///< of the grid
@@ -97,7 +98,7 @@ struct BlendJob {
   const PatchPlane& plane(const PatchRecord& record) const {
     return planes[static_cast<std::size_t>(record.pyramid_level())][record.head()];
   }
-  Twice gain(HeadIndex head, std::size_t c) const { return gain_of[head][component[c].tone]; }
+  RepeatedInt16 gain(HeadIndex head, std::size_t c) const { return gain_of[head][component[c].tone]; }
 };
 
 /// Leaves in `job` what grid g of the call needs.

@@ -74,18 +74,18 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, int rows, 
   const std::uint8_t* from = plane.data[0] + record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
   for (int y = 0; y < rows; ++y, from += plane.row_stride) {
     std::array<uint8x16_t, 4> apart{};  // by place in the group
-    switch (plane.lie) {
-      case Lie::kPairs: {
+    switch (plane.layout) {
+      case SampleLayout::kPairs: {
         const uint8x16x2_t row = vld2q_u8(from);
         apart = {row.val[0], row.val[1]};
         break;
       }
-      case Lie::kTriples: {
+      case SampleLayout::kTriples: {
         const uint8x16x3_t row = vld3q_u8(from);
         apart = {row.val[0], row.val[1], row.val[2]};
         break;
       }
-      case Lie::kQuads: {
+      case SampleLayout::kQuads: {
         const uint8x16x4_t row = vld4q_u8(from);
         apart = {row.val[0], row.val[1], row.val[2], row.val[3]};
         break;
@@ -114,14 +114,14 @@ inline void stage_anyhow(const PatchPlane& plane, const PatchRecord& record, int
 template <int N>
 inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Staged<N>& staged, std::array<Patch, N>& patch) {
   const int rows = record.last_row() + 2;
-  if (plane.lie == Lie::kAnyhow) {
+  if (plane.layout == SampleLayout::kGeneral) {
     stage_anyhow<N>(plane, record, rows, staged);
-  } else if (plane.lie != Lie::kPlanar) {
+  } else if (plane.layout != SampleLayout::kPlanar) {
     stage<N>(plane, record, rows, staged);
   }
   for (std::size_t c = 0; c < N; ++c) {
     patch[c] = {staged[c].data(), kPatch};
-    if (plane.lie == Lie::kPlanar) {
+    if (plane.layout == SampleLayout::kPlanar) {
       patch[c] = {plane.data[c] + record.top * plane.row_stride + record.left, plane.row_stride};
     }
   }
@@ -222,7 +222,7 @@ inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kP
 struct Neon {
   /// Light of all components by one record, negative.
   template <int N>
-  static inline void dark_of(const BlendJob& job, std::size_t r, std::array<TileRows, N>& dark) {
+  static inline void negative_light_of(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     Staged<N> staged;
     std::array<Patch, N> patch;
@@ -242,7 +242,7 @@ struct Neon {
             const Row head = vdupq_n_s16(job.gain(record.head(), c));
             value = vqrdmulhq_s16(value, alone ? head : vqrdmulhq_s16(vignetting[j + k], head));
           }
-          dark[c][j + k] = value;
+          negative_light[c][j + k] = value;
         }
       }
     }
@@ -259,7 +259,7 @@ struct Neon {
           level = on_curve<9>(level, job.output[component.tone]);
           for (Row& row : level) row = vrshrq_n_s16(row, kSampleBits);
         } else {
-          const Row scale = vdupq_n_s16(negative ? component.scale_of_dark : component.scale);
+          const Row scale = vdupq_n_s16(negative ? component.negative_scale : component.scale);
           for (Row& row : level) row = vaddq_s16(vqrdmulhq_s16(row, scale), vdupq_n_s16(component.black_level));
         }
         vst1q_u8(out + c * kStrip + j * kTile, vcombine_u8(vqmovun_s16(level[0]), vqmovun_s16(level[1])));
@@ -279,11 +279,11 @@ struct Neon {
 
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-    std::array<TileRows, N> dark;
+    std::array<TileRows, N> negative_light;
     if (records == 1 && tile.how() == Sharing::kAlone) {
       prefetch<N>(job, tile.record);
-      dark_of<N>(job, tile.record, dark);
-      return finish<N>(job, dark, true, out);
+      negative_light_of<N>(job, tile.record, negative_light);
+      return finish<N>(job, negative_light, true, out);
     }
     std::array<TileRows, N> light;
     for (TileRows& rows : light) rows.fill(vdupq_n_s16(0));
@@ -293,7 +293,7 @@ struct Neon {
     rest.fill(vdupq_n_s16(-32768));
     for (std::size_t r = 0; r < records; ++r) {
       prefetch<N>(job, tile.record + r);
-      dark_of<N>(job, tile.record + r, dark);
+      negative_light_of<N>(job, tile.record + r, negative_light);
       TileRows weight = rest;
       if (r + 1 < records || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
@@ -307,7 +307,7 @@ struct Neon {
       }
       for (std::size_t c = 0; c < N; ++c) {
         for (std::size_t j = 0; j < kTile; ++j) {
-          light[c][j] = vaddq_s16(light[c][j], vqrdmulhq_s16(dark[c][j], weight[j]));
+          light[c][j] = vaddq_s16(light[c][j], vqrdmulhq_s16(negative_light[c][j], weight[j]));
         }
       }
     }
@@ -315,7 +315,7 @@ struct Neon {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
     Staged<N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);

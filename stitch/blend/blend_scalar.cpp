@@ -7,19 +7,19 @@ namespace {
 struct Scalar {
   template <int N, class Number>
   static void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-    std::array<Dark, N> light{};
-    std::array<Dark, N> dark;
+    std::array<TileValues, N> light{};
+    std::array<TileValues, N> negative_light;
     Weights weights;
     WeightReader reader(*job.grid, tile, records);
     for (std::size_t r = tile.record; r < tile.record + records; ++r) {
       reader.next(weights);
-      samples<N>(job, job.grid->records[r], dark);
+      samples<N>(job, job.grid->records[r], negative_light);
       for (std::size_t c = 0; c < N; ++c) {
         for (int j = 0; j < kTile; ++j) {
           for (int i = 0; i < kTile; ++i) {
             const auto p = static_cast<std::size_t>(j * kTile + i);
             if (weights[p] == 0) continue;  // its sample and its gain are any number
-            light[c][p] = wrap(light[c][p] + mulr(dark_of(job, r, c, dark[c][p], i, j), wrap(-weights[p])));
+            light[c][p] = wrap(light[c][p] + mulr(negative_light_of(job, r, c, negative_light[c][p], i, j), wrap(-weights[p])));
           }
         }
       }
@@ -28,7 +28,7 @@ struct Scalar {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<Dark, N>& samples) {
+  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     for (int j = 0; j < kTile; ++j) {
       for (int i = 0; i < kTile; ++i) {

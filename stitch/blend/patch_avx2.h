@@ -16,7 +16,7 @@ namespace {
 using V = __m256i;
 
 inline V all(int value) { return _mm256_set1_epi16(static_cast<short>(value)); }
-inline V all(const Twice& value) { return _mm256_set1_epi32(value.both()); }
+inline V all(const RepeatedInt16& value) { return _mm256_set1_epi32(value.both()); }
 inline V add(V a, V b) { return _mm256_add_epi16(a, b); }
 inline V mul(V a, V b) { return _mm256_mullo_epi16(a, b); }
 inline V row(const std::uint8_t* at) {
@@ -69,12 +69,12 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_
   const V even = all(0xff);
   for (int y = 0; y < height; ++y, from += view.row_stride) {
     std::uint8_t* to = staged.data() + y * kPatch;
-    if (plane.lie == Lie::kPairs) {
+    if (plane.layout == SampleLayout::kPairs) {
       const V both = load(from - plane.offset[c]);
       const V mine = plane.offset[c] == 0 ? _mm256_and_si256(both, even) : _mm256_srli_epi16(both, 8);
       const V packed = _mm256_permute4x64_epi64(_mm256_packus_epi16(mine, mine), 0x08);
       _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(packed));
-    } else if (plane.lie == Lie::kQuads) {
+    } else if (plane.layout == SampleLayout::kQuads) {
       const std::uint8_t* group = from - plane.offset[c];
       const V shift = _mm256_set1_epi32(8 * plane.offset[c]);
       const V byte = _mm256_set1_epi32(0xff);
@@ -84,7 +84,7 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_
       const V bytes = _mm256_packus_epi16(words, words);
       const V order = _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5);
       _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(bytes, order)));
-    } else if (plane.lie == Lie::kTriples) {
+    } else if (plane.layout == SampleLayout::kTriples) {
       const auto* group = reinterpret_cast<const __m128i*>(from - plane.offset[c]);
       __m128i bytes = _mm_setzero_si128();
       for (std::size_t part = 0; part < 3; ++part) {
@@ -102,10 +102,10 @@ inline void find_patch(const PatchPlane& plane, const PatchRecord& record, std::
                        std::array<Patch, N>& patch) {
   const int rows = record.last_row() + 2;
   for (std::size_t c = 0; c < N; ++c) {
-    if (plane.lie == Lie::kPlanar) {
+    if (plane.layout == SampleLayout::kPlanar) {
       patch[c] = {plane.data[c] + record.top * plane.row_stride + record.left, plane.row_stride};
     } else {
-      if (plane.lie == Lie::kAnyhow) staged[c].fill(0);
+      if (plane.layout == SampleLayout::kGeneral) staged[c].fill(0);
       stage(plane, record, c, rows, staged[c]);
       patch[c] = {staged[c].data(), kPatch};
     }

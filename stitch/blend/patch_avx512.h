@@ -91,24 +91,24 @@ using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
 }
 
 /// rows[k] of the patches of all components, from `down` bytes after where the patch begins: from[c], or in groups from[0].
-template <int N, Lie kLie>
+template <int N, SampleLayout kLayout>
 [[gnu::always_inline]] inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from,
                                              std::ptrdiff_t stride, std::ptrdiff_t down, std::size_t k,
                                              std::array<Patch, N>& patch) {
   const auto row = [&](int y) { return _mm512_loadu_si512(from[0] + down + y * stride); };
-  if constexpr (kLie == Lie::kPairs) {
+  if constexpr (kLayout == SampleLayout::kPairs) {
     const V upper = two_rows(from[0] + down, stride);
     const V lower = two_rows(from[0] + down + 2 * stride, stride);
     for (std::size_t c = 0; c < N; ++c) {
       patch[c].rows[k] = _mm512_permutex2var_epi8(upper, load(kPairPicks.of[plane.offset[c] & 1]), lower);
     }
-  } else if constexpr (kLie == Lie::kQuads) {
+  } else if constexpr (kLayout == SampleLayout::kQuads) {
     const V picks = load(kQuadPicks.of[plane.offset[0] & 1]);
     const V upper = _mm512_permutex2var_epi8(row(0), picks, row(1));
     const V lower = _mm512_permutex2var_epi8(row(2), picks, row(3));
     patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
     patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
-  } else if constexpr (kLie == Lie::kTriples) {
+  } else if constexpr (kLayout == SampleLayout::kTriples) {
     const auto triples = [&](int y) { return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from[0] + down + y * stride); };
     const V rows[4] = {triples(0), triples(1), triples(2), triples(3)};
     const V both = load(kTriplePicks.of[0]);
@@ -124,43 +124,43 @@ template <int N, Lie kLie>
   }
 }
 
-template <int N, Lie kLie>
+template <int N, SampleLayout kLayout>
 [[gnu::always_inline]] inline void load_patch(const PatchPlane& plane, const PatchRecord& record,
                                               std::array<Patch, N>& patch) {
   std::ptrdiff_t stride = plane.row_stride;
   std::array<const std::uint8_t*, N> from;
-  Staged<kLie == Lie::kAnyhow ? N : 0> staged;
-  if constexpr (kLie == Lie::kAnyhow) {
+  Staged<kLayout == SampleLayout::kGeneral ? N : 0> staged;
+  if constexpr (kLayout == SampleLayout::kGeneral) {
     stage(plane, record, N, staged.data());
     stride = kPatch;
     for (std::size_t c = 0; c < N; ++c) from[c] = staged.data() + c * kPatch * kPatch;
   } else {
     const std::ptrdiff_t at = record.top * stride + std::ptrdiff_t{record.left} * plane.group;
-    for (std::size_t c = 0; c < (kLie == Lie::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
+    for (std::size_t c = 0; c < (kLayout == SampleLayout::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
   }
   for (std::size_t k = 0; k < 4; ++k) {
     // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four
     // before are read in their place.
     const int row = k == 3 ? 8 + (record.last_row() + 5) / 16 * 4 : static_cast<int>(4 * k);
-    load_rows<N, kLie>(plane, from, stride, row * stride, k, patch);
+    load_rows<N, kLayout>(plane, from, stride, row * stride, k, patch);
   }
 }
 
-/// use(std::integral_constant<Lie, how a plane's samples lie>): what follows is compiled for each, so that patches do not
-/// leave their registers.
+/// Calls use(std::integral_constant<SampleLayout, layout>): the code behind it is compiled once a layout, so that patches
+/// stay in registers.
 template <int N, class Use>
-[[gnu::always_inline]] inline void by_lie(Lie lie, Use use) {
-  if (lie == Lie::kPlanar) return use(std::integral_constant<Lie, Lie::kPlanar>());
+[[gnu::always_inline]] inline void by_layout(SampleLayout layout, Use use) {
+  if (layout == SampleLayout::kPlanar) return use(std::integral_constant<SampleLayout, SampleLayout::kPlanar>());
   if constexpr (N < 3) {
-    if (lie == Lie::kPairs) return use(std::integral_constant<Lie, Lie::kPairs>());
+    if (layout == SampleLayout::kPairs) return use(std::integral_constant<SampleLayout, SampleLayout::kPairs>());
   }
   if constexpr (N == 2) {
-    if (lie == Lie::kQuads) return use(std::integral_constant<Lie, Lie::kQuads>());
+    if (layout == SampleLayout::kQuads) return use(std::integral_constant<SampleLayout, SampleLayout::kQuads>());
   }
   if constexpr (N == 3) {
-    if (lie == Lie::kTriples) return use(std::integral_constant<Lie, Lie::kTriples>());
+    if (layout == SampleLayout::kTriples) return use(std::integral_constant<SampleLayout, SampleLayout::kTriples>());
   }
-  use(std::integral_constant<Lie, Lie::kAnyhow>());
+  use(std::integral_constant<SampleLayout, SampleLayout::kGeneral>());
 }
 
 }  // namespace

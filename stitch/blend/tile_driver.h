@@ -4,7 +4,7 @@
 //   template <int N, class Number> static void tile(const BlendJob&, const Tile&, std::size_t records, Number* out);
 //     N components of a tile none of whose heads is missing, each kStrip after the other: levels (std::uint8_t) row by
 //     row; light (std::int16_t), for raymaps of 16 bits, alike;
-//   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<Dark, N>&);
+//   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<TileValues, N>&);
 //     the samples of a record's pixels with weight, before curve and gain;
 //   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
 //     writes a whole strip to the raymap at (x, y), or leaves that to others;
@@ -34,12 +34,12 @@ inline bool paired(const BlendJob& job) {
 }
 
 /// A component's light of a tile as what strips hold.
-inline void finish_tile(const BlendJob& job, std::size_t c, const Dark& light, std::uint8_t* out) {
+inline void finish_tile(const BlendJob& job, std::size_t c, const TileValues& light, std::uint8_t* out) {
   for (std::size_t j = 0; j < kTile; ++j) {
     for (std::size_t i = 0; i < kTile; ++i) out[j * kTile + i] = level_of(job, c, light[j * kTile + i]);
   }
 }
-inline void finish_tile(const BlendJob&, std::size_t, const Dark& light, std::int16_t* out) {
+inline void finish_tile(const BlendJob&, std::size_t, const TileValues& light, std::int16_t* out) {
   std::copy(light.begin(), light.end(), out);
 }
 
@@ -49,7 +49,7 @@ template <class Kernel, int N, class Number>
 void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
   std::array<std::uint32_t, kTilePixels> sum{};
   std::array<std::array<std::int16_t, kTilePixels>, N> light{};
-  std::array<Dark, N> samples;
+  std::array<TileValues, N> samples;
   Weights weights;
   std::array<std::uint8_t, kTilePixels> trusted;
   trusted.fill(1);
@@ -72,8 +72,8 @@ void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records,
         const int i = static_cast<int>(p % kTile);
         const int j = static_cast<int>(p / kTile);
         for (std::size_t c = 0; c < N; ++c) {
-          const std::int16_t dark = dark_of(job, r, c, samples[c][p], i, j);
-          light[c][p] = wrap(light[c][p] + mulr(dark, wrap(-static_cast<int>(share))));
+          const std::int16_t negative_light = negative_light_of(job, r, c, samples[c][p], i, j);
+          light[c][p] = wrap(light[c][p] + mulr(negative_light, wrap(-static_cast<int>(share))));
         }
       }
     }

@@ -13,8 +13,8 @@
 namespace nodal::blend {
 namespace {
 
-/// Of a tile, row by row, of one component.
-using Dark = std::array<std::int16_t, kTilePixels>;
+/// One component of a tile's pixels, row by row.
+using TileValues = std::array<std::int16_t, kTilePixels>;
 using Weights = std::array<std::uint16_t, kTilePixels>;
 
 inline std::int16_t wrap(int value) { return static_cast<std::int16_t>(static_cast<std::uint16_t>(value)); }
@@ -63,15 +63,15 @@ inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at
 }
 
 /// The pixel's light of component c by a head, negative.
-inline std::int16_t dark_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
+inline std::int16_t negative_light_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
   const HeadIndex head = job.grid->records[r].head();
   const JobComponent& component = job.component[c];
   const int shown = job.curves ? curve_at<10>(job.curve[head][component.tone], sample) : sample;
-  const std::int16_t dark = wrap(component.black - shown);
-  if (!job.gains) return dark;
+  const std::int16_t negative_light = wrap(component.black - shown);
+  if (!job.gains) return negative_light;
   const std::int16_t head_gain = job.gain(head, c);
-  if (job.grid->gains.empty()) return mulr(dark, head_gain);
-  return mulr(dark, mulr(bilinear_at(job.grid->gains[r].data(), i, j), head_gain));
+  if (job.grid->gains.empty()) return mulr(negative_light, head_gain);
+  return mulr(negative_light, mulr(bilinear_at(job.grid->gains[r].data(), i, j), head_gain));
 }
 
 inline std::uint8_t level_of(const BlendJob& job, std::size_t c, int light) {
@@ -114,34 +114,33 @@ class WeightReader {
   Weights rest_{};
 };
 
-/// Asks for the patch of the record that comes a while after r, as many of its rows as most tiles need: a count of its
-/// own would cost more in guesses gone wrong than it saves. Where a row lies across two lines, the first has nearly
-/// always been asked for by the patch on its left, and only the second is here; of samples in threes or fours, whose rows
-/// are nearly as long as a line, both are. Always inlined: GCC 12 takes a function that does nothing else for one that does
-/// nothing, and leaves its calls out.
+/// Prefetches the patch `kAhead` records after r. Always kRows rows: a row count per record mispredicts and costs more
+/// than the rows it saves. A row may span two cache lines; the patch to its left has nearly always fetched the first, so
+/// only the second is fetched. Rows of samples in threes or fours are nearly a line long, so both lines are fetched.
+/// Always inlined: GCC 12 takes a function of prefetches for one without effect, and drops its calls.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {
-  constexpr std::size_t kAhead = 224;  // some 300 KiB: more would be pushed out of a second cache of 1 MiB again
+  constexpr std::size_t kAhead = 224;  // about 300 KiB; more is evicted from a level-2 cache of 1 MiB
   constexpr int kRows = 14;
-  constexpr int kNear = 2;  // the second cache: what is asked for would push out of the first what is at work
+  constexpr int kNear = 2;  // level 2: level 1 holds the data in use
   const auto& records = job.grid->records;
   const PatchRecord& record = records[std::min(r + kAhead, records.size() - 1)];
   const PatchPlane& plane = job.plane(record);
   const std::ptrdiff_t begin = record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
   const std::ptrdiff_t end = begin + kPatch * plane.group - 1;
-  const auto ask_for = [&](const std::uint8_t* from) __attribute__((always_inline)) {
+  const auto fetch_rows = [&](const std::uint8_t* from) __attribute__((always_inline)) {
     for (int y = 0; y < kRows; ++y, from += plane.row_stride) __builtin_prefetch(from, 0, kNear);
   };
   const bool both = plane.group > 2;
-  for (std::size_t c = 0; c < (plane.lie == Lie::kPlanar ? N : 1); ++c) {
-    ask_for(plane.data[c] + end);
-    if (both) ask_for(plane.data[c] + begin);
+  for (std::size_t c = 0; c < (plane.layout == SampleLayout::kPlanar ? N : 1); ++c) {
+    fetch_rows(plane.data[c] + end);
+    if (both) fetch_rows(plane.data[c] + begin);
   }
 }
 
 /// How far a head is to be trusted at each pixel of a record. `samples` are the pixels' own, by component, before any
 /// curve.
-inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const Dark> samples,
+inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const TileValues> samples,
                   std::array<std::uint8_t, kTilePixels>& trusted) {
   const auto& of_level = job.tone->confidence->of_level[record.head()];
   const bool chroma = job.component[0].component != 0;
@@ -157,7 +156,7 @@ inline void trust(const BlendJob& job, const PatchRecord& record, std::span<cons
         const int y = std::min((record.top + (at.y >> kFractionBits)) << shift[1], luma.height - 1);
         level = luma.data[y * luma.row_stride + std::ptrdiff_t{x} * luma.pixel_stride];
       } else {
-        for (const Dark& component : samples) level = std::max(level, component[p] >> kSampleBits);
+        for (const TileValues& component : samples) level = std::max(level, component[p] >> kSampleBits);
       }
       trusted[p] = of_level[static_cast<std::size_t>(level)];
     }
