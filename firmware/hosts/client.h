@@ -58,6 +58,8 @@ class Client {
   bool works() const { return !pulls.empty() || !uploads.empty() || frame_set.has_value(); }
   /// It waits for the rig, or its bytes move: it is not closed to make room.
   bool active(Instant now) const;
+  /// When its link last took bytes.
+  Instant written() const { return written_; }
   /// Since its last request, or since bytes of its work moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }

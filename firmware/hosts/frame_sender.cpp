@@ -92,7 +92,7 @@ bool FrameSender::keeps_pace(const Client& client, Instant now) const {
   const Duration taken = now - asked_->since;
   if (taken <= kGrace) return true;
   const auto counts = client.session().counts(asked_->stream);
-  if (!counts || taken > kSlowest) return false;
+  if (!counts || taken > kSlowest || now - client.written() > kGrace) return false;
   const auto due = memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
                    static_cast<std::uint64_t>(kSlowest.ms());
   return counts->bytes >= due;
