@@ -46,7 +46,7 @@ std::string too_slow(const Signs& signs) {
   if (signs.shed.preview_every > 1) shed += ", and one set of " + std::to_string(signs.shed.preview_every) + " is blended";
   const std::uint64_t enough = std::uint64_t{signs.rate_wanted_millihertz} * 95 / 100;
   const bool slow = signs.blending > kSettling && signs.rate_millihertz > 0 && signs.rate_millihertz < enough;
-  if (!slow && shed.empty()) return "";
+  if (!slow) return shed.empty() ? "" : "the board cannot do all of it" + shed;
   return hertz(signs.rate_millihertz) + " raymaps a second are made of the rig's " +
          hertz(signs.rate_wanted_millihertz) + "; the board is too slow for this size, or busy" + shed;
 }

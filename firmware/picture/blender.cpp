@@ -31,7 +31,7 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLo
       raymaps_out_(kRaymapsWaiting),
       light_out_(4),
       adoptions_out_(4) {
-  NODAL_ASSERT(bands_ < kNoBands);
+  NODAL_ASSERT(bands_ <= kMostBands);
 }
 
 bool Blender::step() {
@@ -48,28 +48,28 @@ bool Blender::step() {
 void Blender::close() {
   set_ = {};
   sets_in_.drop_waiting();
-  next_band_.store(kNoBands);
+  next_band_.store(0);
   idle_.store(true);
 }
 
 bool Blender::run_band() {
   std::uint64_t ticket = next_band_.load(std::memory_order_acquire);
   for (;;) {
-    if ((ticket & kNoBands) >= bands_out_.load(std::memory_order_relaxed)) return false;
+    if (band_of(ticket) >= bands_of(ticket)) return false;
     if (next_band_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire)) {
       break;
     }
   }
   const blend::BlendTable& table = this->table();
   if (preparing_) {
-    const ToPrepare& head = to_prepare_[ticket & kNoBands];
+    const ToPrepare& head = to_prepare_[band_of(ticket)];
     std::array<ImageView, blend::kMaxLevels> views;
     blend::prepare_picture(*head.source, head.picture, head.memory, views);
     for (std::size_t level = 0; level < head.source->levels; ++level) {
       pictures_[level * table.sources.size() + head.index] = views[level];
     }
   } else {
-    const int row = static_cast<int>(ticket & kNoBands) * kBandRows;
+    const int row = static_cast<int>(band_of(ticket)) * kBandRows;
     blend::blend_rows(table, pictures_, tone_, into_, row, std::min(row + kBandRows, config_.height));
   }
   bands_done_.fetch_add(1, std::memory_order_acq_rel);
@@ -78,13 +78,12 @@ bool Blender::run_band() {
 
 void Blender::hand_out(std::uint64_t bands) {
   bands_done_.store(0, std::memory_order_relaxed);
-  bands_out_.store(bands, std::memory_order_relaxed);
-  next_band_.store(++number_ << kBandBits, std::memory_order_release);
+  next_band_.store((++round_ << 2 * kBandBits) | (bands << kBandBits), std::memory_order_release);
 }
 
 bool Blender::coordinate() {
   if (set_) {
-    if (bands_done_.load(std::memory_order_acquire) < bands_out_.load(std::memory_order_relaxed)) return false;
+    if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed))) return false;
     if (!preparing_) return finish();
     preparing_ = false;
     hand_out(bands_);

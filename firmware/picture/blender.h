@@ -81,10 +81,13 @@ class Blender {
   static constexpr std::size_t kRaymapsWaiting = 2;
 
  private:
-  // The band to take next, and whose it is: the number of a handing out above, a band below. One compare-and-swap hands
-  // out a band, and fails for a thread that comes from an older raymap. While heads are prepared, a head is a band.
+  // The band to take next, in one word: the number of the round, how many bands the round has, the band. All three are read
+  // and compared at once: if the count lay in a word of its own, a thread could hold a band of the last round against the
+  // count of the next, and take one that nobody handed out. While heads are prepared, a head is a band.
   static constexpr int kBandBits = 16;
-  static constexpr std::uint64_t kNoBands = (std::uint64_t{1} << kBandBits) - 1;
+  static constexpr std::uint64_t kMostBands = (std::uint64_t{1} << kBandBits) - 1;
+  static std::uint64_t band_of(std::uint64_t ticket) { return ticket & kMostBands; }
+  static std::uint64_t bands_of(std::uint64_t ticket) { return (ticket >> kBandBits) & kMostBands; }
 
   bool run_band();
   bool coordinate();
@@ -115,7 +118,7 @@ class Blender {
   std::atomic_flag coordinating_;
   InstalledPtr installed_;
   bool adoption_to_tell_ = false;  ///< with the next set
-  std::uint64_t number_ = 0;
+  std::uint64_t round_ = 0;
   std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
   HeadMask was_exposed_ = 0;                               ///< those that ever were
   SetLoan set_;              ///< under way
@@ -137,8 +140,7 @@ class Blender {
   std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< as blend::Pictures has them
   blend::SetTone tone_;
   MutableImageView into_;
-  std::atomic<std::uint64_t> next_band_{kNoBands};
-  std::atomic<std::uint64_t> bands_out_{0};
+  std::atomic<std::uint64_t> next_band_{0};
   std::atomic<std::uint64_t> bands_done_{0};
 
   std::atomic<std::uint32_t> every_{1};

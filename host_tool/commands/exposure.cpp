@@ -40,7 +40,7 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
   }
   console.line(line);
   using Align = Table::Align;
-  Table table({{"head"}, {"exposure", Align::kRight}, {"goal", Align::kRight}, {"mean", Align::kRight},
+  Table table({{"head"}, {"exposure, stops", Align::kRight}, {"goal", Align::kRight}, {"mean", Align::kRight},
                {"clipped", Align::kRight}, {"black", Align::kRight}});
   for (const wire::HeadExposure& head : state.heads()) {
     if (!head.metered()) {

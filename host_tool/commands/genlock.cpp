@@ -31,7 +31,7 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   if (!reply) return fail(reply.error());
   const wire::Genlock& now = reply->genlock();
   show_setting(context.console(), to_json(now), *reply);
-  const std::string by = now.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", now.triggers());
+  const std::string by = now.aligned() ? "heads run free and are moved" : counted(now.triggers(), "trigger");
   context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
                                      now.rate_numerator(), now.rate_denominator(), by,
                                      show_duration(now.spread_ns()), show_duration(now.spread_worst_ns())));
@@ -40,8 +40,8 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   }
   std::string drift = "not known yet";
   if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
-  context.console().line(fmt::format("lost {} times, in holdover {} times; {} triggers missing; drift {}", now.losses(),
-                                     now.holdovers(), now.missing_triggers(), drift));
+  context.console().line(fmt::format("lost {}, in holdover {}; {} missing; drift {}", counted(now.losses(), "time"),
+                                     counted(now.holdovers(), "time"), counted(now.missing_triggers(), "trigger"), drift));
   return {};
 }
 

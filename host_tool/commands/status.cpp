@@ -58,7 +58,7 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                              show_duration(genlock.spread_worst_ns())));
   for (const std::string& why : genlock.unaligned()) row("", console.paint(Colour::kWarning, why));
   if (genlock.missing_triggers() != 0) {
-    row("", console.paint(Colour::kBad, fmt::format("{} trigger pulses were not sent", genlock.missing_triggers())));
+    row("", console.paint(Colour::kBad, counted(genlock.missing_triggers(), "trigger pulse") + " not sent"));
   }
   row("raymaps", fmt::format("{} of {} a second{}, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
                              show_rate(status.rate_wanted_millihertz()),

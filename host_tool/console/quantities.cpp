@@ -149,6 +149,10 @@ Result<FrameRate> parse_rate(std::string_view text) {
   return *rate;
 }
 
+std::string counted(std::uint64_t count, std::string_view one) {
+  return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
+}
+
 std::string show_duration(std::uint64_t ns) {
   const auto value = static_cast<double>(ns);
   if (ns < 1'000) return fmt::format("{} ns", ns);

@@ -31,6 +31,7 @@ constexpr std::uint64_t magnitude(std::int64_t ns) {
   return ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
 }
 
+std::string counted(std::uint64_t count, std::string_view one);  ///< "1 pulse", "2 pulses"
 std::string show_duration(std::uint64_t ns);       ///< "450 ns", "12.3 µs", "8 ms", "1.5 s", "2 h 03 min"
 std::string show_exposure(std::uint64_t ns);       ///< "8 ms"
 std::string show_gain(std::int32_t mdb);           ///< "6.02 dB"

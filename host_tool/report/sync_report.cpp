@@ -126,8 +126,9 @@ std::vector<std::string> SyncReport::lines() const {
   std::string state;
   for (const auto& [name, count] : states()) state += fmt::format("{}{} {}", state.empty() ? "" : ", ", name, count);
   lines.push_back("genlock: " + state);
-  lines.push_back(fmt::format("{} sets; {} lost, {} of them on the way to here; {} pulses without a set", sets_.size(),
-                              sets_lost(), std::min(dropped_, sets_lost()), triggers_lost()));
+  lines.push_back(fmt::format("{}; {} lost, {} of them on the way to here; {} without a set",
+                              counted(sets_.size(), "set"), sets_lost(), std::min(dropped_, sets_lost()),
+                              counted(triggers_lost(), "pulse")));
   return lines;
 }
 

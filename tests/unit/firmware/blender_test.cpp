@@ -299,7 +299,7 @@ TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
 TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   const std::array<InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
-  constexpr std::uint64_t kSets = 300;
+  constexpr std::uint64_t kSets = 1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
   std::vector<FrameSet> filled;
   for (std::uint64_t i = 0; i < 6; ++i) {
     filled.push_back(full_set(i));

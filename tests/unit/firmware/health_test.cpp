@@ -84,6 +84,12 @@ TEST_F(HealthTest, SettingsThatCannotBeStored_AreDegradedWithTheReason) {
   EXPECT_EQ(judged().problem, settings);
 }
 
+TEST_F(HealthTest, TheFullRateThoughHostsAreGivenLess_NamesWhatIsLeftOutAndNoRate) {
+  shed = {2, 1};
+  EXPECT_EQ(judged().problem, "the board cannot do all of it; hosts are given one raymap of 2");
+  EXPECT_EQ(judged().state, "degraded");
+}
+
 TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
   rate = 28'500;
   EXPECT_EQ(judged().state, "running") << "within a twentieth";

@@ -8,6 +8,12 @@
 namespace nodal::host {
 namespace {
 
+TEST(Counted, OneAndOthers_HaveTheirForms) {
+  EXPECT_EQ(counted(0, "pulse"), "0 pulses");
+  EXPECT_EQ(counted(1, "pulse"), "1 pulse");
+  EXPECT_EQ(counted(2, "pulse"), "2 pulses");
+}
+
 TEST(ParseExposure, WaysPeopleWriteIt_GiveTheSameTime) {
   EXPECT_EQ(parse_exposure("8ms")->duration().ns(), 8'000'000);
   EXPECT_EQ(parse_exposure("8 ms")->duration().ns(), 8'000'000);
