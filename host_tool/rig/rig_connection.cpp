@@ -109,11 +109,10 @@ Result<wire::Reply> RigConnection::take_answer(std::uint64_t id) {
 Result<wire::Reply> RigConnection::ask(wire::Request request) {
   const Result<std::uint64_t> id = post(request);
   if (!id) return fail(id.error());
-  if (const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_); !waited) {
-    questions_.erase(*id);
-    return fail(waited.error());
-  }
-  return take_answer(*id);
+  const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_);
+  if (answered(*id)) return take_answer(*id);  // it may have come together with the rig's farewell
+  questions_.erase(*id);
+  return fail(waited.error());
 }
 
 Result<wire::Reply> RigConnection::ask_long(wire::Request request,
@@ -122,7 +121,7 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
   if (!id) return fail(id.error());
   while (true) {
     const Status waited = step_until([&] { return answered(*id); }, "an answer", std::min(kLookEvery, patience_));
-    if (waited) return take_answer(*id);
+    if (answered(*id)) return take_answer(*id);
     if (waited.error().code != Errc::kTimeout) return fail(waited.error());
     wire::Request status;
     status.mutable_status();
@@ -224,8 +223,9 @@ Status RigConnection::step_until(const std::function<bool()>& done, const std::s
                                               "the link stuck", address_,
                                               show_duration(static_cast<std::uint64_t>(within.ns())), what));
     }
-    if (const Status stepped = step(left); !stepped) return stepped;
+    const Status stepped = step(left);
     sort_answers();
+    if (!stepped) return stepped;
     if (!session_.wants_input() && session_.error() == nullptr) {
       return fail(Errc::kOverload, fmt::format("{}: the rig sends streams without end, and not {}", address_, what));
     }

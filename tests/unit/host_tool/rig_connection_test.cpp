@@ -38,6 +38,36 @@ TEST(RigConnection, Question_GetsItsOwnAnswer) {
   EXPECT_EQ((*connection)->ask(status_request())->status().sets(), 20U);
 }
 
+TEST(RigConnection, AnswerTogetherWithAFarewell_IsTheAnswer) {
+  FakeRig rig;
+  rig.answer = [](const wire::Request&) { return status_reply(7); };
+  auto connection = RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience, [&](hal::LinkPort&, bool, Duration) {
+    rig.step();
+    if (!rig.requests.empty()) rig.hang_up();
+  });
+  ASSERT_TRUE(connection);
+  const auto reply = (*connection)->ask(status_request());
+  ASSERT_TRUE(reply) << reply.error().text();
+  EXPECT_EQ(reply->status().sets(), 7U);
+  EXPECT_FALSE((*connection)->ask(status_request()));
+}
+
+TEST(RigConnection, FarewellInTheSameBytes_LeavesTheAnswer) {
+  FakeRig rig;
+  rig.answer = [&](const wire::Request& request) -> std::optional<wire::Reply> {
+    wire::Reply reply = status_reply(7);
+    reply.set_id(request.id());
+    EXPECT_TRUE(rig.session().send(reply));
+    rig.session().close(Error{Errc::kLinkClosed, "the rig stops"});
+    return std::nullopt;
+  };
+  auto connection = talk_to(rig);
+  ASSERT_TRUE(connection);
+  const auto reply = (*connection)->ask(status_request());
+  ASSERT_TRUE(reply) << reply.error().text();
+  EXPECT_EQ(reply->status().sets(), 7U);
+}
+
 TEST(RigConnection, ErrorTheRigAnswers_IsTheErrorOfTheQuestion) {
   FakeRig rig;
   rig.answer = [](const wire::Request&) {
