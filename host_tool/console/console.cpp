@@ -87,8 +87,8 @@ Console::Console(std::FILE* out, std::FILE* err)
 
 void Console::bytes(std::string_view data) {
   if (output_error_ != 0) return;
-  const bool written = std::fwrite(data.data(), 1, data.size(), out_) == data.size() && std::fflush(out_) == 0;
-  if (!written) output_error_ = errno;
+  const bool written = data.empty() || std::fwrite(data.data(), 1, data.size(), out_) == data.size();
+  if (!written || std::fflush(out_) != 0) output_error_ = errno;
 }
 
 int Console::end_output() {
