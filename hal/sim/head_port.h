@@ -61,7 +61,7 @@ class SimHead::Port final : public HeadPort {
     }
     return false;
   }
-  /// Takes every buffer back; how many held a frame that nobody took.
+  /// Takes every buffer back. Returns how many held a frame that was not taken.
   std::size_t take_back() {
     const std::size_t untaken = filled_.size();
     filled_.clear();
