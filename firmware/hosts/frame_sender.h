@@ -17,9 +17,9 @@
 namespace nodal::firmware {
 
 /// One frame set at a time, for one host: what this costs the rig is one copy and the memory of one set, whoever asks
-/// how often. A set that cannot be had within kPatience is not had. A host must take it at a pace that ends within
-/// kSlowest, and its link may pause for kGrace; else it is taken from it, so that a host that does not read keeps nobody
-/// waiting for long.
+/// how often. A set that cannot be had within kPatience is not had. A host must read the set within kSlowest and
+/// its link may pause for kGrace at most; otherwise the stream ends, so that a host that does not read delays the others
+/// only briefly.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: keeps the memory of one set; the outlet and the blend outlive it.
