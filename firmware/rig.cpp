@@ -8,8 +8,9 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.add_outlet(Blender::kSets)),
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
-      control_(config, software, Stages{capture_, blender_, encoder_, keeper_, capture_.add_outlet(FrameSender::kSets, false)}, ports.listeners, ports.watchdog,
-               ports.panel, ports.clock.now()) {
+      control_(config, software,
+               Stages{capture_, blender_, encoder_, keeper_, capture_.add_outlet(FrameSender::kSets, false)},
+               ports.listeners, ports.watchdog, ports.panel, ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
 }
 

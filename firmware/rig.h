@@ -22,8 +22,8 @@
 namespace nodal::firmware {
 
 /// Frames a head must be able to lend: of open sets, of what each reader of sets holds, and two for the driver to fill.
-inline constexpr std::size_t kFramesAHead = Capture::kMaxOpenSets + held_at_most(Blender::kSets) +
-                                            held_at_most(FrameSender::kSets) + 2;
+inline constexpr std::size_t kFramesAHead =
+    Capture::kMaxOpenSets + held_at_most(Blender::kSets) + held_at_most(FrameSender::kSets) + 2;
 
 /// The world, as a rig reaches it.
 struct RigPorts {

@@ -75,9 +75,9 @@ enum class TriggerMode : std::uint8_t {
 /// Why a frame is what it is. Every buffer says so; nothing is dropped silently below this port.
 enum class FrameVerdict : std::uint8_t {
   kGood = 0,
-  kCorrupt = 1,    ///< the driver or the decoder says the bytes are wrong
-  kTorn = 2,       ///< shorter than a frame
-  kNoSignal = 3,   ///< bytes came, the input has no picture
+  kCorrupt = 1,   ///< the driver or the decoder says the bytes are wrong
+  kTorn = 2,      ///< shorter than a frame
+  kNoSignal = 3,  ///< bytes came, the input has no picture
 };
 
 using BufferSlot = std::uint16_t;
@@ -98,9 +98,9 @@ struct FrameView {
   /// Middle of the exposure on the rig's clock, by the port's best knowledge; of an interlaced frame its first field's,
   /// and the second's is half a period later.
   Instant mid_exposure;
-  Instant received;            ///< when the last byte was in memory
+  Instant received;  ///< when the last byte was in memory
   HeadSettings in_effect;
-  Duration nudged;             ///< what nudge() moved this exposure by, since start(), as far as it has been done
+  Duration nudged;  ///< what nudge() moved this exposure by, since start(), as far as it has been done
   FrameVerdict verdict = FrameVerdict::kGood;
   Fields fields = Fields::kProgressive;  ///< what came; a frame that is not what the format says is still a frame
   ImageView image;

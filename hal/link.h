@@ -12,8 +12,8 @@ namespace nodal::hal {
 
 /// The process at the other end, as the system vouches for it.
 struct PeerIdentity {
-  std::uint32_t user = 0;   ///< uid
-  std::int32_t process = 0; ///< pid when it connected
+  std::uint32_t user = 0;    ///< uid
+  std::int32_t process = 0;  ///< pid when it connected
   friend bool operator==(const PeerIdentity&, const PeerIdentity&) = default;
 };
 

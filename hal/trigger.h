@@ -11,8 +11,8 @@ namespace nodal::hal {
 
 /// The pulse train that genlocks the heads.
 struct TriggerSettings {
-  FrameRate rate;      ///< to be driven, or to be expected
-  bool follow = false; ///< somebody else drives the line: pulses are reported and passed on, none are made
+  FrameRate rate;       ///< to be driven, or to be expected
+  bool follow = false;  ///< somebody else drives the line: pulses are reported and passed on, none are made
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger

@@ -62,7 +62,7 @@ struct BulkPiece {
   std::uint64_t total = 0;    ///< bytes of the body as it is sent
   std::vector<std::uint8_t> data;
   bool first = false;
-  bool last = false;          ///< the item is whole with this piece
+  bool last = false;  ///< the item is whole with this piece
 };
 
 /// offered = delivered + dropped + pending, at any time.
@@ -70,8 +70,8 @@ struct StreamCounts {
   std::uint64_t offered = 0;
   std::uint64_t delivered = 0;  ///< every byte handed to output()
   std::uint64_t dropped = 0;
-  std::uint64_t pending = 0;    ///< waiting, or begun and not finished
-  std::uint64_t bytes = 0;      ///< of items, handed to output()
+  std::uint64_t pending = 0;  ///< waiting, or begun and not finished
+  std::uint64_t bytes = 0;    ///< of items, handed to output()
 };
 
 }  // namespace nodal

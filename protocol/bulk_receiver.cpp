@@ -33,8 +33,8 @@ Status BulkReceiver::open(StreamId id, std::uint32_t policy) {
 Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header, std::size_t bytes) {
   const auto wrong = [](std::string how) { return fail(Errc::kProtocol, std::move(how)); };
   if (header.total > kMaxItemBytes || header.meta > kMaxMetaBytes || header.meta > header.total) {
-    return wrong("an item of " + std::to_string(header.total) + " bytes with a meta of " +
-                 std::to_string(header.meta) + " is over the limits");
+    return wrong("an item of " + std::to_string(header.total) + " bytes with a meta of " + std::to_string(header.meta) +
+                 " is over the limits");
   }
   if (header.offset != stream.next_offset) {
     return wrong("a piece at byte " + std::to_string(header.offset) + " came where byte " +

@@ -50,7 +50,7 @@ class BulkReceiver {
     bool stopped = false;
     std::uint64_t received = 0;  // item bytes, all of them
     std::uint64_t consumed = 0;
-    std::uint64_t told = 0;      // the newest credit
+    std::uint64_t told = 0;  // the newest credit
     // The item under way, when next_offset is not 0, and what may come next.
     std::uint64_t item = 0;
     std::uint64_t total = 0;

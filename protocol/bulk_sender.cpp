@@ -83,8 +83,8 @@ Status BulkSender::credit(StreamId id, std::uint64_t allowed) {
     return fail(Errc::kProtocol, "a credit for " + name(id) + ", which this end never opened");
   }
   if (allowed < found->second.allowed) {
-    return fail(Errc::kProtocol, name(id) + ": a credit was taken back, from " +
-                                     std::to_string(found->second.allowed) + " to " + std::to_string(allowed));
+    return fail(Errc::kProtocol, name(id) + ": a credit was taken back, from " + std::to_string(found->second.allowed) +
+                                     " to " + std::to_string(allowed));
   }
   found->second.allowed = allowed;
   return {};

@@ -79,13 +79,13 @@ struct Vignetting {
 
 struct HeadCalibration {
   std::string name;
-  int width = 0;   ///< px of the original image
+  int width = 0;  ///< px of the original image
   int height = 0;
   double center_x = 0;  ///< lens centre = principal point in the original image, px
   double center_y = 0;
-  double aspect = 1;    ///< a_y: f_y = aspect * f_x (§4.1)
+  double aspect = 1;  ///< a_y: f_y = aspect * f_x (§4.1)
   LensModel lens;
-  double max_angle = 0; ///< rad; the lens is used up to this angle from its axis; 0: as far as its model goes
+  double max_angle = 0;  ///< rad; the lens is used up to this angle from its axis; 0: as far as its model goes
   std::array<double, 9> R_head_rig{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row-major, rig frame to head frame
   Region region;
   Response response;

@@ -84,8 +84,7 @@ Status check_picture(const HeadCalibration& head) {
 Status check_rotation(const std::array<double, 9>& R) {
   const auto row = [&](std::size_t i, std::size_t k) { return R[3 * i + k]; };
   for (const double element : R) {
-    if (!std::isfinite(element))
-      return fail(Errc::kBadValue, "R_head_rig has an element that is not a finite number");
+    if (!std::isfinite(element)) return fail(Errc::kBadValue, "R_head_rig has an element that is not a finite number");
   }
   double off = 0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -97,17 +96,16 @@ Status check_rotation(const std::array<double, 9>& R) {
   }
   if (!(off <= kRotationTolerance)) {
     return fail(Errc::kNotARotation,
-                "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " +
-                    number(off) + ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
+                "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " + number(off) +
+                    ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
   }
   const double determinant = row(0, 0) * (row(1, 1) * row(2, 2) - row(1, 2) * row(2, 1)) -
                              row(0, 1) * (row(1, 0) * row(2, 2) - row(1, 2) * row(2, 0)) +
                              row(0, 2) * (row(1, 0) * row(2, 1) - row(1, 1) * row(2, 0));
   if (determinant < 0) {
-    return fail(
-        Errc::kNotARotation,
-        "R_head_rig is a reflection, not a rotation (its determinant is -1): one axis points the wrong way; "
-        "axes are x right, y down, z forward");
+    return fail(Errc::kNotARotation,
+                "R_head_rig is a reflection, not a rotation (its determinant is -1): one axis points the wrong way; "
+                "axes are x right, y down, z forward");
   }
   return {};
 }
@@ -254,8 +252,9 @@ Status check_calibration(const Calibration& calibration) {
   }
   // Names are shown in logs and terminals; the error does not repeat the name for the same reason.
   if (!is_printable(calibration.name)) {
-    return fail(Errc::kBadValue, "the calibration's name holds a control character, a line break or a bidirectional "
-                                 "control; use letters, digits, spaces and punctuation only");
+    return fail(Errc::kBadValue,
+                "the calibration's name holds a control character, a line break or a bidirectional "
+                "control; use letters, digits, spaces and punctuation only");
   }
   if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxHeads) {
     return fail(Errc::kBadValue, "the calibration has " + std::to_string(calibration.heads.size()) +
@@ -268,8 +267,7 @@ Status check_calibration(const Calibration& calibration) {
     for (std::size_t j = 0; j < i; ++j) {
       if (calibration.heads[j].name == head.name) {
         return fail(Errc::kBadValue, "heads[" + std::to_string(j) + "] and heads[" + std::to_string(i) +
-                                         "] are both called '" + head.name +
-                                         "'; every head needs a name of its own");
+                                         "] are both called '" + head.name + "'; every head needs a name of its own");
       }
     }
   }

@@ -110,8 +110,7 @@ class Fields {
       }
     }
     if (good) return numbers;
-    refuse(key,
-           count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
+    refuse(key, count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
     return {};
   }
 
@@ -288,8 +287,8 @@ Result<Calibration> parse_calibration(std::string_view text) {
   calibration.comment = fields.text("comment");
   if (const json* heads = fields.array("heads")) {
     if (heads->size() > kMaxHeads) {
-      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) +
-                                       " heads; a rig has 1 to " + std::to_string(kMaxHeads));
+      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) + " heads; a rig has 1 to " +
+                                       std::to_string(kMaxHeads));
     }
     for (std::size_t i = 0; i < heads->size(); ++i) {
       calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));

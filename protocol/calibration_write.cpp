@@ -41,8 +41,7 @@ Json response_fields(const Response& response) {
     case Response::Curve::kLinear: return {{"curve", "linear"}};
     case Response::Curve::kGamma: return {{"curve", "gamma"}, {"gamma", response.gamma}};
     case Response::Curve::kSrgb: return {{"curve", "srgb"}};
-    case Response::Curve::kPolynomial:
-      return {{"curve", "polynomial"}, {"coefficients", response.coefficients}};
+    case Response::Curve::kPolynomial: return {{"curve", "polynomial"}, {"coefficients", response.coefficients}};
   }
   return Json::object();
 }

@@ -77,8 +77,9 @@ tl::unexpected<Error> FrameDecoder::die(Errc code, std::string message) {
 Status FrameDecoder::check_header() {
   ByteReader in(raw_);
   if (in.u32() != kMagic) {
-    return die(Errc::kProtocol, "the bytes at a frame's beginning are not \"NODL\": the other end does not speak "
-                                "Nodal's protocol, or bytes were lost");
+    return die(Errc::kProtocol,
+               "the bytes at a frame's beginning are not \"NODL\": the other end does not speak "
+               "Nodal's protocol, or bytes were lost");
   }
   if (const unsigned version = in.u8(); version != kFramingVersion) {
     return die(Errc::kVersionMismatch, "the other end frames by version " + number(version) + ", this end by version " +

@@ -25,17 +25,17 @@
 namespace nodal {
 
 enum class FrameType : std::uint8_t {
-  kHello = 1,        ///< wire::Hello; the first frame each way, and only that
-  kRequest = 2,      ///< wire::Request
-  kReply = 3,        ///< wire::Reply
-  kBye = 4,          ///< wire::Error: the last frame of an end that gives up, and why
-  kPing = 5,         ///< empty; the other end answers with kPong. From protocol 2 on
-  kPong = 6,         ///< empty
-  kStreamOpen = 16,  ///< wire::StreamOpen
-  kBulk = 17,        ///< a piece of an item; see bulk.h
-  kCredit = 18,      ///< wire::StreamCredit
-  kStreamStop = 19,  ///< wire::StreamStop: the receiver wants no more
-  kStreamClose = 20, ///< wire::StreamClose: the sender's last word on a stream
+  kHello = 1,         ///< wire::Hello; the first frame each way, and only that
+  kRequest = 2,       ///< wire::Request
+  kReply = 3,         ///< wire::Reply
+  kBye = 4,           ///< wire::Error: the last frame of an end that gives up, and why
+  kPing = 5,          ///< empty; the other end answers with kPong. From protocol 2 on
+  kPong = 6,          ///< empty
+  kStreamOpen = 16,   ///< wire::StreamOpen
+  kBulk = 17,         ///< a piece of an item; see bulk.h
+  kCredit = 18,       ///< wire::StreamCredit
+  kStreamStop = 19,   ///< wire::StreamStop: the receiver wants no more
+  kStreamClose = 20,  ///< wire::StreamClose: the sender's last word on a stream
 };
 
 /// "bulk", or nothing when nobody knows the type.

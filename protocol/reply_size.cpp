@@ -24,8 +24,9 @@ Status check_reply_size(std::span<const std::uint8_t> payload) {
     if (field != wire::Reply::kCalibrationFieldNumber) lists += static_cast<std::size_t>(in.CurrentPosition() - begin);
   }
   if (lists <= kMaxListReplyBytes) return {};
-  return fail(Errc::kTooLarge, "a reply of " + std::to_string(payload.size()) + " bytes that is not a calibration; at most " +
-                                   std::to_string(kMaxListReplyBytes) + " are taken");
+  return fail(Errc::kTooLarge, "a reply of " + std::to_string(payload.size()) +
+                                   " bytes that is not a calibration; at most " + std::to_string(kMaxListReplyBytes) +
+                                   " are taken");
 }
 
 }  // namespace nodal

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "protocol/base/text.h"
-#include "protocol/reply_size.h"
 #include "protocol/known_fields.h"
+#include "protocol/reply_size.h"
 
 namespace nodal {
 namespace {
@@ -43,8 +43,8 @@ template <class Message>
 Result<Message> parse(const FrameView& frame) {
   Message message;
   if (!message.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
-    return fail(Errc::kProtocol, "what a " + std::string(frame_type_name(frame.header.type)) +
-                                     " frame holds cannot be read as one");
+    return fail(Errc::kProtocol,
+                "what a " + std::string(frame_type_name(frame.header.type)) + " frame holds cannot be read as one");
   }
   return message;
 }
@@ -122,16 +122,16 @@ Status Session::receive(std::span<const std::uint8_t> bytes) {
 Status Session::handle(const FrameView& frame) {
   const FrameType type = frame.header.type;
   if (is_stream_frame(type) != (frame.header.stream != 0)) {
-    return fail(Errc::kProtocol, "a " + std::string(frame_type_name(type)) + " frame on stream " +
-                                     std::to_string(frame.header.stream));
+    return fail(Errc::kProtocol,
+                "a " + std::string(frame_type_name(type)) + " frame on stream " + std::to_string(frame.header.stream));
   }
   // A farewell may come first: that is how an end that is too full says so.
   if ((type == FrameType::kHello) == (peer_hello_ != std::nullopt) && type != FrameType::kBye) {
     return fail(Errc::kProtocol, peer_hello_ ? "a second hello" : "the first frame is not a hello");
   }
   if (type == (role_ == Role::kHost ? FrameType::kRequest : FrameType::kReply)) {
-    return fail(Errc::kProtocol, role_ == Role::kHost ? "a request, which only hosts make"
-                                                      : "a reply, which only rigs give");
+    return fail(Errc::kProtocol,
+                role_ == Role::kHost ? "a request, which only hosts make" : "a reply, which only rigs give");
   }
   switch (type) {
     case FrameType::kHello: return handle_hello(frame);
@@ -174,9 +174,9 @@ Status Session::handle_hello(const FrameView& frame) {
   if (mine_is_old || peer_is_old) {
     const std::string me = std::string(role_ == Role::kHost ? "this host" : "this rig") + " (" + mine_.software() + ")";
     return die(Error{Errc::kVersionMismatch,
-                     me + " speaks protocol " + range(mine_.protocol_min(), mine_.protocol_max()) + ", " +
-                         peer_name() + " speaks " + range(peer_hello_->protocol_min(), peer_hello_->protocol_max()) +
-                         ": " + (mine_is_old ? me : peer_name()) + " is too old, update it"},
+                     me + " speaks protocol " + range(mine_.protocol_min(), mine_.protocol_max()) + ", " + peer_name() +
+                         " speaks " + range(peer_hello_->protocol_min(), peer_hello_->protocol_max()) + ": " +
+                         (mine_is_old ? me : peer_name()) + " is too old, update it"},
                true);
   }
   version_ = std::min(mine_.protocol_max(), peer_hello_->protocol_max());
@@ -331,8 +331,8 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
                                      " bytes; at most " + std::to_string(limit) + " can be sent");
   }
   if (control_bytes_ + bytes > kMaxControlQueueBytes) {
-    return fail(Errc::kOverload, peer_name() + " does not read: " + std::to_string(control_bytes_) +
-                                     " bytes of messages wait for it");
+    return fail(Errc::kOverload,
+                peer_name() + " does not read: " + std::to_string(control_bytes_) + " bytes of messages wait for it");
   }
   // The other end refuses a message it cannot read, and the session with it; better to refuse it here.
   std::string payload = message.SerializeAsString();

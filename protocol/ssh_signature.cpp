@@ -28,8 +28,8 @@ std::string_view text_of(std::span<const std::uint8_t> bytes) {
 std::optional<Bytes> from_base64(std::string_view text) {
   if (text.empty() || text.size() % 4 != 0) return std::nullopt;
   Bytes bytes(text.size() / 4 * 3);
-  const int decoded = EVP_DecodeBlock(bytes.data(), reinterpret_cast<const unsigned char*>(text.data()),
-                                      static_cast<int>(text.size()));
+  const int decoded =
+      EVP_DecodeBlock(bytes.data(), reinterpret_cast<const unsigned char*>(text.data()), static_cast<int>(text.size()));
   if (decoded != static_cast<int>(bytes.size())) return std::nullopt;
   const std::size_t padding = text.ends_with("==") ? 2 : text.ends_with('=') ? 1 : 0;
   bytes.resize(bytes.size() - padding);
@@ -80,8 +80,8 @@ Result<std::array<std::uint8_t, N>> ed25519_part(std::span<const std::uint8_t> b
   SshReader reader(blob);
   const auto kind = reader.string();
   if (text_of(kind) != kEd25519) {
-    return fail(Errc::kUnsupported, "it is of the kind '" + printable(text_of(kind), 40) +
-                                        "'; only ssh-ed25519 keys are supported");
+    return fail(Errc::kUnsupported,
+                "it is of the kind '" + printable(text_of(kind), 40) + "'; only ssh-ed25519 keys are supported");
   }
   const auto part = reader.string();
   if (!reader.complete() || part.size() != N) return fail(Errc::kBadFormat, "it is not a whole ssh-ed25519 key");
@@ -165,8 +165,9 @@ Result<AllowedSigners::Signer> AllowedSigners::parse_line(std::string_view line)
     word = take_word(line);
   }
   if (word != kEd25519) {
-    return fail(Errc::kUnsupported, "\"" + printable(word, 60) + "\" is neither namespaces=\"...\" nor ssh-ed25519; "
-                                    "other options and kinds of keys are not supported");
+    return fail(Errc::kUnsupported, "\"" + printable(word, 60) +
+                                        "\" is neither namespaces=\"...\" nor ssh-ed25519; "
+                                        "other options and kinds of keys are not supported");
   }
   const auto blob = from_base64(take_word(line));
   if (!blob) return fail(Errc::kBadFormat, "the key is missing or not base64");
@@ -202,8 +203,10 @@ Result<AllowedSigners> AllowedSigners::parse(std::string_view text) {
 Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> document, std::string_view signature,
                                            std::string_view name_space) const {
   if (signature.empty()) {
-    return fail(Errc::kBadValue, "it is not signed, and this rig takes signed calibrations only; sign it: ssh-keygen "
-                                  "-Y sign -n " + std::string(name_space) + " -f KEY FILE");
+    return fail(Errc::kBadValue,
+                "it is not signed, and this rig takes signed calibrations only; sign it: ssh-keygen "
+                "-Y sign -n " +
+                    std::string(name_space) + " -f KEY FILE");
   }
   const auto blob = unarmour(signature);
   if (!blob) return fail(blob.error());
@@ -221,8 +224,8 @@ Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> documen
   if (!raw) return fail(raw.error().in("the signature"));
   if (text_of(signed_for) != name_space) {
     return fail(Errc::kBadValue, "it is signed for the namespace '" + printable(text_of(signed_for), 60) +
-                                      "', not for '" + std::string(name_space) + "'; sign it with -n " +
-                                      std::string(name_space));
+                                     "', not for '" + std::string(name_space) + "'; sign it with -n " +
+                                     std::string(name_space));
   }
   const auto signer = std::ranges::find_if(signers_, [&](const Signer& one) {
     return one.key == *key && (one.namespaces.empty() || std::ranges::count(one.namespaces, name_space) > 0);

@@ -34,7 +34,8 @@ void UploadReceiver::make_room(Owner owner) {
   };
   // The one untouched longest is the last.
   const auto drop_last = [&](Owner whose) {
-    const auto last = std::find_if(documents_.rbegin(), documents_.rend(), [&](const Document& d) { return d.owner == whose; });
+    const auto last =
+        std::find_if(documents_.rbegin(), documents_.rend(), [&](const Document& d) { return d.owner == whose; });
     if (last == documents_.rend()) return false;
     documents_.erase(std::next(last).base());
     return true;
@@ -78,8 +79,7 @@ Status UploadReceiver::write(const Sha256& sha256, std::uint64_t offset, std::sp
   const std::uint64_t have = document.bytes.size();
   if (offset > document.length || bytes.size() > document.length - offset) {
     return fail(Errc::kBadValue, short_name(sha256) + ": " + std::to_string(bytes.size()) + " bytes at " +
-                                     std::to_string(offset) + " go past its end at " +
-                                     std::to_string(document.length));
+                                     std::to_string(offset) + " go past its end at " + std::to_string(document.length));
   }
   if (offset > have) {
     return fail(Errc::kBadValue, short_name(sha256) + ": bytes at " + std::to_string(offset) + ", but only " +
@@ -145,8 +145,8 @@ wire::UploadBegin UploadSender::begin() const {
 
 Result<BulkItem> UploadSender::item(std::uint64_t offset) const {
   if (offset > document_->size()) {
-    return fail(Errc::kProtocol, short_name(sha256_) + ": the rig wants to go on from byte " +
-                                     std::to_string(offset) + " of " + std::to_string(document_->size()));
+    return fail(Errc::kProtocol, short_name(sha256_) + ": the rig wants to go on from byte " + std::to_string(offset) +
+                                     " of " + std::to_string(document_->size()));
   }
   wire::UploadPart part;
   part.set_sha256(sha256_to_wire(sha256_));

@@ -39,7 +39,7 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
     }
     if (i < heads.size() && heads[i] && (heads[i]->width != found->width || heads[i]->height != found->height)) {
       return fail(Errc::kHeadMismatch, "head '" + found->name + "' delivers " +
-                                           size_of(heads[i]->width, heads[i]->height) + 
+                                           size_of(heads[i]->width, heads[i]->height) +
                                            ", but its calibration is for " + size_of(found->width, found->height));
     }
     fitted.heads.push_back(*found);
@@ -54,7 +54,13 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
                                      SpscRing<InstalledPtr>& tables_back)
-    : config_(config), disk_(disk), starts_(disk), tables_out_(tables_out), tables_back_(tables_back), requests_(kRequests), answers_(kRequests) {
+    : config_(config),
+      disk_(disk),
+      starts_(disk),
+      tables_out_(tables_out),
+      tables_back_(tables_back),
+      requests_(kRequests),
+      answers_(kRequests) {
   report_.activity = "reading the calibration store";  // so that who asks first is told to wait
   publish();
 }
@@ -100,7 +106,8 @@ void CalibrationKeeper::read_settings() {
     report_.settings_problem = std::move(*put_aside);
   }
   if (!file && file.error().code != Errc::kNotFound) {
-    report_.settings_problem = file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
+    report_.settings_problem =
+        file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
   }
 }
 
@@ -212,7 +219,8 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
                                            std::optional<SignedDocument> original, Duration trial) {
   const Sha256 id = calibration_id(calibration);
   if (!running_) {
-    return fail(Errc::kWrongState, "no calibration is in force that a trial could go back to; upload this one for good");
+    return fail(Errc::kWrongState,
+                "no calibration is in force that a trial could go back to; upload this one for good");
   }
   if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
   OnTrial on_trial{calibration, running_, std::move(original)};
@@ -292,7 +300,8 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   try {
     auto job = TableJob::make(*fitted, config_, std::move(formats));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
+    installing_.emplace(
+        Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
   }
@@ -303,8 +312,8 @@ bool CalibrationKeeper::compile_some() {
   Installation& now = *installing_;
   if (now.job && !now.job->done()) {
     now.job->compile_some(kRowsAStep);
-    report_.activity = "compiling the table of calibration " + short_id(now.id) + ": " +
-                       std::to_string(now.job->percent()) + " %";
+    report_.activity =
+        "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(now.job->percent()) + " %";
     return true;
   }
   if (tables_out_.full() || answers_.full()) return false;  // until the blend has taken it
@@ -322,8 +331,9 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // All that needs memory before anything is changed on the disk.
-  auto installed = make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-                                  table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
+  auto installed =
+      make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
+                     table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
   if (!done.trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
@@ -380,7 +390,8 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
     if (!found) return fail(found.error());
     id = found->id;
   }
-  if (report_.trial && id == report_.trial->id) return KeeperAnswer::Document{id, canonical_json(on_trial_->calibration)};
+  if (report_.trial && id == report_.trial->id)
+    return KeeperAnswer::Document{id, canonical_json(on_trial_->calibration)};
   auto json = store_->read(id);
   if (!json) return fail(json.error());
   return KeeperAnswer::Document{id, std::move(*json)};

@@ -23,21 +23,27 @@
 namespace nodal::firmware {
 
 struct KeeperRequest {
-  struct Install {                                  ///< a document to store and put in force
+  struct Install {  ///< a document to store and put in force
     std::string json;
-    std::optional<Duration> trial{};                ///< for so long at most, and without storing it
-    std::string signature{};                        ///< of json; empty: none
+    std::optional<Duration> trial{};  ///< for so long at most, and without storing it
+    std::string signature{};          ///< of json; empty: none
   };
   struct EndTrial {
-    std::string id_prefix;                          ///< empty: whatever is on trial
+    std::string id_prefix;  ///< empty: whatever is on trial
     bool keep = false;
   };
-  struct Use { std::string id_prefix; };
+  struct Use {
+    std::string id_prefix;
+  };
   struct Rollback {};
   struct List {};
-  struct Get { std::string id_prefix; };            ///< empty: the one in force
-  struct Remember { std::string settings; };        ///< to be in report().settings after the next start
-  struct RunsWell {};                               ///< the rig has run well for a while since the start
+  struct Get {
+    std::string id_prefix;
+  };  ///< empty: the one in force
+  struct Remember {
+    std::string settings;
+  };                   ///< to be in report().settings after the next start
+  struct RunsWell {};  ///< the rig has run well for a while since the start
 
   std::uint64_t ticket = 0;
   std::variant<List, Get, Install, Use, Rollback, EndTrial, Remember, RunsWell> what;
@@ -72,12 +78,12 @@ struct Trial {
 
 /// The keeper as status tells of it.
 struct KeeperReport {
-  bool ready = false;              ///< what was in force before the start runs again, or there was nothing
-  std::optional<Sha256> in_force;  ///< what the blend runs
-  std::string name;                ///< of it
-  std::optional<Trial> trial;      ///< of it, when it is on trial
-  std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
-  std::string problem;             ///< what stays wrong until somebody acts
+  bool ready = false;                   ///< what was in force before the start runs again, or there was nothing
+  std::optional<Sha256> in_force;       ///< what the blend runs
+  std::string name;                     ///< of it
+  std::optional<Trial> trial;           ///< of it, when it is on trial
+  std::string activity;                 ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
+  std::string problem;                  ///< what stays wrong until somebody acts
   std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
   std::string settings_problem;         ///< why what was remembered is not used
 };
@@ -141,8 +147,8 @@ class CalibrationKeeper {
   Status start(const KeeperRequest& request);
   bool answer_at_once(const KeeperRequest& request);
   Status install(const KeeperRequest& request);
-  Status install_on_trial(const KeeperRequest& request, Calibration calibration,
-                          std::optional<SignedDocument> original, Duration trial);
+  Status install_on_trial(const KeeperRequest& request, Calibration calibration, std::optional<SignedDocument> original,
+                          Duration trial);
   Status use(const KeeperRequest& request, const Sha256& id);
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish);
   bool watch_trial();
@@ -174,9 +180,9 @@ class CalibrationKeeper {
   bool started_ = false;
   std::vector<CalibrationStore::Entry> to_try_;  ///< at start, the next to try last
   std::optional<Installation> installing_;
-  std::optional<OnTrial> on_trial_;  ///< exactly while report_.trial
-  InstalledPtr running_;             ///< what the blend has, or takes next
-  Instant now_;                      ///< of the step under way
+  std::optional<OnTrial> on_trial_;       ///< exactly while report_.trial
+  InstalledPtr running_;                  ///< what the blend has, or takes next
+  Instant now_;                           ///< of the step under way
   std::optional<KeeperRequest> waiting_;  ///< for the installation under way
 };
 

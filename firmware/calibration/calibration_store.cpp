@@ -172,7 +172,8 @@ Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibra
     if (Status written = write_durably(*disk_, kFolder, file, text); !written) return fail(written.error());
   }
   if (there) return *there;
-  if (Status written = write_durably(*disk_, kFolder, added.file, canonical_json(calibration)); !written) return fail(written.error());
+  if (Status written = write_durably(*disk_, kFolder, added.file, canonical_json(calibration)); !written)
+    return fail(written.error());
   ++next_generation_;
   entries_.insert(entries_.begin(), added);
   return added;
@@ -246,7 +247,8 @@ Result<std::string> CalibrationStore::read(const Sha256& id) const {
 Result<std::string> CalibrationStore::read(const Entry& entry) const {
   const auto bytes = disk_->read(entry.file, kMaxCalibrationBytes);
   if (!bytes) return fail(bytes.error());
-  if (sha256(*bytes) != entry.id) return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 is not its name's");
+  if (sha256(*bytes) != entry.id)
+    return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 is not its name's");
   return std::string(bytes->begin(), bytes->end());
 }
 

@@ -166,8 +166,9 @@ Status Capture::change_heads(const HeadChange& change) {
 Status Capture::start_genlock(const GenlockStart& start, Instant now) {
   if (source_ == SyncSource::kNone) {
     if (start.pulse_width || (start.rate && start.rate->period() != rate_.period())) {
-      return fail(Errc::kUnsupported, "this rig has no trigger ([trigger] source is \"none\"): its heads run free at the "
-                                      "rate of rig.toml, and are brought into step there");
+      return fail(Errc::kUnsupported,
+                  "this rig has no trigger ([trigger] source is \"none\"): its heads run free at the "
+                  "rate of rig.toml, and are brought into step there");
     }
     genlock_.align(rate_, now);
     aligner_.restart(rate_.period());

@@ -57,10 +57,10 @@ struct OutletReport {
 /// Capture as status tells of it.
 struct CaptureReport {
   std::vector<HeadReport> heads;
-  FrameCounts frames;                    ///< of all heads
+  FrameCounts frames;  ///< of all heads
   std::uint64_t sets = 0;
-  std::uint64_t full_sets = 0;           ///< of them, with every head of the rig
-  std::vector<OutletReport> outlets;     ///< in the order in which they registered
+  std::uint64_t full_sets = 0;        ///< of them, with every head of the rig
+  std::vector<OutletReport> outlets;  ///< in the order in which they registered
   ExposureControl::Report exposure;
   GenlockReport genlock;
 };
@@ -137,22 +137,22 @@ class Capture {
   std::deque<CaptureHead> heads_;  ///< they never move
   Genlock genlock_;
   Aligner aligner_;
-  bool align_now_ = false;         ///< a set was closed, or an exposure asked, since heads were last moved
+  bool align_now_ = false;  ///< a set was closed, or an exposure asked, since heads were last moved
   ExposureControl exposure_;
   SpscRing<blend::SphereLight>* light_in_ = nullptr;
   SetClock clock_;
   DriftMeter pulse_drift_;
   std::array<DriftMeter, kMaxHeads> head_drift_;
-  const FrameRate rate_;           ///< of rig.toml
-  FrameRate rate_now_;             ///< or as the host started the genlock
-  bool genlock_wanted_;            ///< at start, by rig.toml
+  const FrameRate rate_;  ///< of rig.toml
+  FrameRate rate_now_;    ///< or as the host started the genlock
+  bool genlock_wanted_;   ///< at start, by rig.toml
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 
   Outlets<SetLoan> outlets_;
   std::optional<LoanPool<FrameSet>> sets_;  ///< once every outlet has registered
-  std::vector<OpenSet> open_;      ///< by slot, oldest first
+  std::vector<OpenSet> open_;               ///< by slot, oldest first
   std::optional<SetClock::Slot> newest_closed_;
-  Instant now_;                    ///< of the step under way
+  Instant now_;  ///< of the step under way
 
   SpscRing<CaptureCommand> commands_;
   SpscRing<CaptureAnswer> answers_;

@@ -54,9 +54,7 @@ void SettingsChange::add(const SettingsChange& newer) {
   if (newer.gamma) gamma = newer.gamma;
 }
 
-std::uint64_t FrameCounts::lost() const {
-  return std::accumulate(losses.begin(), losses.end(), std::uint64_t{0});
-}
+std::uint64_t FrameCounts::lost() const { return std::accumulate(losses.begin(), losses.end(), std::uint64_t{0}); }
 
 void FrameCounts::add(const FrameCounts& other) {
   frames += other.frames;
@@ -276,9 +274,7 @@ Exposure CaptureHead::exposure_to_come() const {
   return on_its_way ? *wanted_.exposure : report_.in_effect.exposure;
 }
 
-bool CaptureHead::conserved() const {
-  return report_.counts.conserved() && lent_ == report_.counts.held + in_flight_;
-}
+bool CaptureHead::conserved() const { return report_.counts.conserved() && lent_ == report_.counts.held + in_flight_; }
 
 void CaptureHead::close() {
   NODAL_ASSERT(lent_ == 0);

@@ -26,9 +26,9 @@ struct SettingsChange {
 
 /// frames = in_sets + held + sum of losses, always.
 struct FrameCounts {
-  std::uint64_t frames = 0;   ///< taken from the port
+  std::uint64_t frames = 0;  ///< taken from the port
   std::uint64_t in_sets = 0;
-  std::uint64_t held = 0;     ///< in a set that is still open
+  std::uint64_t held = 0;  ///< in a set that is still open
   std::array<std::uint64_t, kLossReasons> losses{};
 
   std::uint64_t lost() const;
@@ -42,14 +42,14 @@ struct HeadReport {
   bool present = false;
   std::optional<hal::HeadFormat> format;  ///< as it last was
   std::optional<hal::HeadLimits> limits;
-  hal::HeadSettings in_effect;            ///< of the newest frame
+  hal::HeadSettings in_effect;  ///< of the newest frame
   FrameCounts counts;
   std::uint64_t missing_sets = 0;         ///< sets closed without it
   std::uint64_t opened = 0;               ///< times its port was opened
   Duration skew;                          ///< of the newest frame after its set's middle
   std::optional<std::int32_t> drift_ppb;  ///< of its own clock, as it was last seen running free; positive is slow
   std::string problem;
-  std::string ignores;                    ///< a setting it was asked and does not carry out; empty: none
+  std::string ignores;  ///< a setting it was asked and does not carry out; empty: none
 };
 
 /// One head over all its comings and goings: opens its port by path, asks the settings of it again, counts its frames.

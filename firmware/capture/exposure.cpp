@@ -15,8 +15,8 @@ Distances distances_of(const blend::SphereLight& seen, HeadMask present) {
   constexpr std::size_t heads = kMaxHeads;
   for (std::size_t i = 0; i < heads; ++i) {
     for (std::size_t j = 0; j < heads; ++j) {
-      const bool touch = (seen.heads[i].overlaps & head_bit(j)) != 0 && (present & head_bit(i)) != 0 &&
-                         (present & head_bit(j)) != 0;
+      const bool touch =
+          (seen.heads[i].overlaps & head_bit(j)) != 0 && (present & head_bit(i)) != 0 && (present & head_bit(j)) != 0;
       apart[i][j] = i == j ? 0 : touch ? 1 : kUnconnected;
     }
   }

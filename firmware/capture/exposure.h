@@ -61,9 +61,9 @@ class ExposureControl {
 
   struct Report {
     ExposureSettings settings;
-    bool settled = false;             ///< every head is within kNear of its goal
-    std::uint64_t sets = 0;           ///< that were metered
-    blend::SphereLight seen;          ///< the newest of them
+    bool settled = false;     ///< every head is within kNear of its goal
+    std::uint64_t sets = 0;   ///< that were metered
+    blend::SphereLight seen;  ///< the newest of them
     std::array<Stops, kMaxHeads> goal{};
   };
 

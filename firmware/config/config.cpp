@@ -48,18 +48,19 @@ void read_rig(TomlReader reader, RigConfig& config) {
   if (const auto rate = parse_rate(reader.text("rate", "30000/1001"))) {
     config.rate = *rate;
   } else {
-    reader.refuse("rate", "must be frames a second such as \"30000/1001\" or \"25\": " + std::string(kFrameRatesAllowed));
+    reader.refuse("rate",
+                  "must be frames a second such as \"30000/1001\" or \"25\": " + std::string(kFrameRatesAllowed));
   }
 }
 
 void read_raymap(TomlReader reader, RaymapConfig& raymap) {
-  raymap.layout = reader.choice<RaymapLayout>("layout", {{"equirectangular", RaymapLayout::kEquirectangular},
-                                                         {"cube", RaymapLayout::kCube}});
+  raymap.layout = reader.choice<RaymapLayout>(
+      "layout", {{"equirectangular", RaymapLayout::kEquirectangular}, {"cube", RaymapLayout::kCube}});
   const bool cube = raymap.layout == RaymapLayout::kCube;
   raymap.width = static_cast<int>(reader.integer("width", 16, 16384, cube ? 1536 : 2048));
   raymap.height = static_cast<int>(reader.integer("height", 16, 16384, 1024));
-  const bool shaped = cube ? raymap.width * 2 == raymap.height * 3 && raymap.width % 6 == 0
-                           : raymap.width == raymap.height * 2;
+  const bool shaped =
+      cube ? raymap.width * 2 == raymap.height * 3 && raymap.width % 6 == 0 : raymap.width == raymap.height * 2;
   if (raymap.height % 2 != 0 || !shaped) {
     reader.refuse("height", "is " + std::to_string(raymap.height) + " beside a width of " +
                                 std::to_string(raymap.width) +
@@ -79,16 +80,16 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
 
 /// After the heads: they must deliver what the raymap is made of.
 void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
-  const char* wanted = has_chroma(raymap)                          ? "I420, NV12, YUYV or UYVY"
+  const char* wanted = has_chroma(raymap)                         ? "I420, NV12, YUYV or UYVY"
                        : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24"
-                                                                   : "GREY";
+                                                                  : "GREY";
   for (const HeadConfig& head : heads) {
     const bool fits = has_chroma(raymap) ? has_chroma(head.format) : head.format == in_8_bits(raymap);
     if (fits) continue;
     const std::string format(pixel_format_name(raymap));
-    return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted + ", but the format of head '" +
-                                       head.name + "' is " + std::string(pixel_format_name(head.format)) +
-                                       "; change its format or this one");
+    return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted +
+                                       ", but the format of head '" + head.name + "' is " +
+                                       std::string(pixel_format_name(head.format)) + "; change its format or this one");
   }
 }
 
@@ -99,8 +100,9 @@ void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, Ray
   if (raymap.fields == FieldUse::kWeave) return;
   for (const HeadConfig& head : heads) {
     if (head.fields == Fields::kProgressive) {
-      return reader.refuse("fields", "is \"separate\", but the frames of head '" + head.name +
-                                         "' are progressive; say top-first or bottom-first in its entry, or weave here");
+      return reader.refuse("fields",
+                           "is \"separate\", but the frames of head '" + head.name +
+                               "' are progressive; say top-first or bottom-first in its entry, or weave here");
     }
     if (head.fields != heads[0].fields) {
       return reader.refuse("fields", "is \"separate\", but heads '" + heads[0].name + "' and '" + head.name +
@@ -124,18 +126,19 @@ Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * k
 
 /// After the heads: the anchor is one of them.
 void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, ExposureSettings& settings) {
-  settings.program = reader.choice<ExposureProgram>("program", {{"manual", ExposureProgram::kManual},
-                                                                {"each", ExposureProgram::kEach},
-                                                                {"joint", ExposureProgram::kJoint}});
+  settings.program = reader.choice<ExposureProgram>(
+      "program",
+      {{"manual", ExposureProgram::kManual}, {"each", ExposureProgram::kEach}, {"joint", ExposureProgram::kJoint}});
   settings.target = -stops_from(reader.number("target_stops", 0.5, 8, 2.5));
   settings.difference = stops_from(reader.number("difference_stops", 0, 8, 1));
   settings.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
   settings.longest = Exposure::microseconds(reader.integer("longest_us", 1, 10'000'000, settings.longest.us()));
-  settings.highest = Gain::millidecibels(
-      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -kMostGainMdb, kMostGainMdb, settings.highest.mdb())));
+  settings.highest = Gain::millidecibels(static_cast<std::int32_t>(
+      reader.integer("highest_gain_mdb", -kMostGainMdb, kMostGainMdb, settings.highest.mdb())));
   const std::string anchor = reader.text("anchor", "");
   if (anchor.empty()) return;
-  const auto found = std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
+  const auto found =
+      std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
   if (found == heads.end()) return reader.refuse("anchor", "is \"" + anchor + "\", and no head is called so");
   settings.anchor = static_cast<HeadIndex>(found - heads.begin());
 }
@@ -161,17 +164,19 @@ void read_links(TomlReader reader, LinksConfig& links) {
     reader.refuse("view", "is the path of the control socket; give it one of its own");
   }
   if (reader.has("tcp_port")) {
-    reader.refuse("tcp_port", "is not served any more, since any user of the machine could connect; take it out, and "
-                              "use the Unix socket or ssh://HOST");
+    reader.refuse("tcp_port",
+                  "is not served any more, since any user of the machine could connect; take it out, and "
+                  "use the Unix socket or ssh://HOST");
   }
 }
 
 /// What the words after the colon mean is the pins' own matter.
 void read_panel(TomlReader reader, PanelConfig& panel) {
-  for (const auto& [key, pin] : {std::pair{"button", &panel.button}, std::pair{"status", &panel.status},
-                                 std::pair{"tally", &panel.tally}}) {
+  for (const auto& [key, pin] :
+       {std::pair{"button", &panel.button}, std::pair{"status", &panel.status}, std::pair{"tally", &panel.tally}}) {
     *pin = reader.text(key, "");
-    if (reader.has(key) && !pin->starts_with("sim:")) reader.refuse(key, "must be sim:…; other pins are not driven yet");
+    if (reader.has(key) && !pin->starts_with("sim:"))
+      reader.refuse(key, "must be sim:…; other pins are not driven yet");
   }
 }
 
@@ -206,8 +211,8 @@ void read_sim(TomlReader reader, SimConfig& sim) {
   read_constant(reader, sim);
   sim.noise = reader.number("noise", 0, 64, 0);
   sim.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
-  sim.clock = reader.choice<SimConfig::Clock>(
-      "clock", {{"real", SimConfig::Clock::kReal}, {"fast", SimConfig::Clock::kFast}});
+  sim.clock =
+      reader.choice<SimConfig::Clock>("clock", {{"real", SimConfig::Clock::kReal}, {"fast", SimConfig::Clock::kFast}});
 }
 
 PortAddress read_port(TomlReader& reader) {
@@ -238,7 +243,8 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
     head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
   }
   if (reader.has("gain_mdb")) {
-    head.gain = Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
+    head.gain =
+        Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
   }
   if (reader.has("red_q12") != reader.has("blue_q12")) {
     reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",
@@ -248,17 +254,19 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
                                       static_cast<std::uint16_t>(reader.integer("blue_q12", 256, 65535, 4096))};
   }
   if (reader.has("gamma")) {
-    head.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
+    head.gamma =
+        hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
   }
   head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
   if (head.trigger_delay >= rate.period()) {
-    reader.refuse("trigger_delay_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+    reader.refuse("trigger_delay_us",
+                  "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
     reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
   }
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
-                                                {"top-first", Fields::kTopFirst},
-                                                {"bottom-first", Fields::kBottomFirst}});
+                                                 {"top-first", Fields::kTopFirst},
+                                                 {"bottom-first", Fields::kBottomFirst}});
   return head;
 }
 
@@ -269,8 +277,8 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     return;
   }
   if (heads->size() > static_cast<std::size_t>(kMaxHeads)) {
-    file.refuse("heads", "has " + std::to_string(heads->size()) + " entries; a rig has at most " +
-                             std::to_string(kMaxHeads));
+    file.refuse("heads",
+                "has " + std::to_string(heads->size()) + " entries; a rig has at most " + std::to_string(kMaxHeads));
     return;
   }
   std::set<std::string> names;
@@ -283,7 +291,8 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     }
     TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
                       {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
-                       "trigger_delay_us"}, error);
+                       "trigger_delay_us"},
+                      error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second) reader.refuse("name", "\"" + head.name + "\" is taken by a head above");
     if (!ports.insert({head.port.kind, head.port.name}).second) reader.refuse("port", "is taken by a head above");
@@ -293,7 +302,9 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
 
 RigConfig read_file(const toml::table& root, FirstError& error) {
   RigConfig config;
-  TomlReader file(root, "", {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "calibration", "sim", "heads"}, error);
+  TomlReader file(root, "",
+                  {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "calibration", "sim", "heads"},
+                  error);
   static const toml::table kEmpty;
   const auto section = [&](std::string_view name) -> const toml::table& {
     const toml::table* table = file.table(name);
@@ -306,7 +317,11 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   read_raymap(raymap, config.raymap);
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);
-  read_links({section("links"), "links", {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"}, error}, config.links);
+  read_links({section("links"),
+              "links",
+              {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"},
+              error},
+             config.links);
   read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);
   TomlReader store(section("store"), "store", {"folder"}, error);
   config.store = store.text("folder", config.store);
@@ -322,16 +337,17 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
                                "' could be delayed against; take its trigger_delay_us out");
   }
   read_field_use(raymap, config.heads, config.raymap);
-  read_exposure({section("exposure"), "exposure",
-                 {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us",
-                  "highest_gain_mdb"}, error},
-                config.heads, config.exposure);
+  read_exposure(
+      {section("exposure"),
+       "exposure",
+       {"program", "anchor", "target_stops", "difference_stops", "ramp_stops", "longest_us", "highest_gain_mdb"},
+       error},
+      config.heads, config.exposure);
 
   const bool wants_sim = std::any_of(config.heads.begin(), config.heads.end(),
                                      [](const HeadConfig& head) { return head.port.kind == PortKind::kSim; });
   if (file.has("sim")) {
-    read_sim({section("sim"), "sim",
-              {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
+    read_sim({section("sim"), "sim", {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
              config.sim.emplace());
     if (!wants_sim) file.refuse("sim", "is there, but no head is on a sim: port");
   } else if (wants_sim) {

@@ -40,8 +40,8 @@ struct HeadConfig {
   std::optional<WhiteBalance> white_balance;
   std::optional<hal::Gamma> gamma;
   Fields fields = Fields::kProgressive;  ///< what it delivers
-  Duration trigger_delay;  ///< of its pulse after the trigger
-  int line = 0;  ///< in rig.toml, for messages
+  Duration trigger_delay;                ///< of its pulse after the trigger
+  int line = 0;                          ///< in rig.toml, for messages
 };
 
 enum class RaymapLayout : std::uint8_t { kEquirectangular, kCube };
@@ -93,9 +93,9 @@ struct SimConfig {
   };
   std::string calibration;  ///< file with the truth the heads are rendered with
   Scene scene = Scene::kProcedural;
-  std::string photo;                                ///< kPhoto: an equirectangular JPEG or PNG
+  std::string photo;                                    ///< kPhoto: an equirectangular JPEG or PNG
   std::array<std::uint8_t, 3> constant{128, 128, 128};  ///< kConstant: red, green, blue, encoded
-  double noise = 0;         ///< standard deviation in levels of 255, 0 .. 64
+  double noise = 0;                                     ///< standard deviation in levels of 255, 0 .. 64
   std::uint64_t seed = 1;
   Clock clock = Clock::kReal;
 };
@@ -110,7 +110,7 @@ struct SocketFile {
 struct LinksConfig {
   std::string unix_path = "/run/nodal/nodal.sock";  ///< empty: none
   SocketFile unix_file;
-  std::string view_path;                            ///< for viewing only; empty: none
+  std::string view_path;  ///< for viewing only; empty: none
   SocketFile view_file;
 };
 
@@ -128,14 +128,14 @@ struct RigConfig {
   RaymapConfig raymap;
   std::vector<HeadConfig> heads;
   TriggerConfig trigger;
-  ExposureSettings exposure;         ///< [exposure]
+  ExposureSettings exposure;     ///< [exposure]
   std::optional<SimConfig> sim;  ///< there exactly when a head is on a "sim:" port
   LinksConfig links;
   PanelConfig panel;
-  std::string store = "/var/lib/nodal";  ///< folder of the calibration store
-  std::string signers_file;              ///< [calibration] signers; empty: calibrations need no signature
-  std::optional<AllowedSigners> signers; ///< what that file says, once it was read
-  Sha256 text_id{};                      ///< of rig.toml's text
+  std::string store = "/var/lib/nodal";   ///< folder of the calibration store
+  std::string signers_file;               ///< [calibration] signers; empty: calibrations need no signature
+  std::optional<AllowedSigners> signers;  ///< what that file says, once it was read
+  Sha256 text_id{};                       ///< of rig.toml's text
 };
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;

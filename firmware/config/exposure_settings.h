@@ -23,13 +23,13 @@ std::optional<ExposureProgram> exposure_program_of(std::string_view name);
 /// What hosts and rig.toml ask of it.
 struct ExposureSettings {
   ExposureProgram program = ExposureProgram::kManual;
-  std::optional<HeadIndex> anchor;      ///< joint: this head is exposed for what it looks at, the others after it
-  Stops target = -5 * kStop / 2;        ///< mean light, in stops below what fills a sample
-  Stops difference = kStop;             ///< joint: between heads that overlap; 0: all are exposed alike
-  Stops ramp = 4 * kStop;               ///< an exposure changes by no more from one set to the next
+  std::optional<HeadIndex> anchor;  ///< joint: this head is exposed for what it looks at, the others after it
+  Stops target = -5 * kStop / 2;    ///< mean light, in stops below what fills a sample
+  Stops difference = kStop;         ///< joint: between heads that overlap; 0: all are exposed alike
+  Stops ramp = 4 * kStop;           ///< an exposure changes by no more from one set to the next
   Exposure longest = Exposure::microseconds(16'000);  ///< shutters are no longer; gain does the rest
   Gain highest = Gain::millidecibels(24'000);
-  bool locked = false;                  ///< exposures stay as they are
+  bool locked = false;  ///< exposures stay as they are
   friend bool operator==(const ExposureSettings&, const ExposureSettings&) = default;
 };
 

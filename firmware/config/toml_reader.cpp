@@ -90,8 +90,7 @@ std::string TomlReader::required_text(std::string_view key) {
   return value;
 }
 
-std::int64_t TomlReader::integer(std::string_view key, std::int64_t low, std::int64_t high,
-                                 std::int64_t fallback) {
+std::int64_t TomlReader::integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback) {
   const toml::node* node = find(key, toml::node_type::integer, "a whole number");
   if (!node) return fallback;
   const std::int64_t value = node->as_integer()->get();
@@ -107,8 +106,8 @@ double TomlReader::number(std::string_view key, double low, double high, double 
     refuse(key, "must be a number");
     return fallback;
   }
-  const double value = node->is_integer() ? static_cast<double>(node->as_integer()->get())
-                                          : node->as_floating_point()->get();
+  const double value =
+      node->is_integer() ? static_cast<double>(node->as_integer()->get()) : node->as_floating_point()->get();
   if (value >= low && value <= high) return value;
   refuse(key, "is " + shown(value) + "; allowed is " + shown(low) + " to " + shown(high));
   return fallback;

@@ -98,8 +98,10 @@ void EndDeadline::end_by_exception() {
     if (std::current_exception()) throw;
     say_line("nodald: a check failed in %s; outputs are at their safe levels, and it aborts\n", thread);
   } catch (const std::bad_alloc&) {
-    say_line("nodald: %s was refused memory; outputs are at their safe levels, and it ends; raise the limits on addresses "
-             "and memory (ulimit -v, MemoryMax=), or make the raymap in rig.toml smaller\n", thread);
+    say_line(
+        "nodald: %s was refused memory; outputs are at their safe levels, and it ends; raise the limits on addresses "
+        "and memory (ulimit -v, MemoryMax=), or make the raymap in rig.toml smaller\n",
+        thread);
     ::_exit(kExitFailed);
   } catch (const std::exception& error) {
     say_line("nodald: unexpected in %s: %s; outputs are at their safe levels, and it aborts\n", thread, error.what());

@@ -15,7 +15,7 @@ namespace nodal::daemon {
 namespace {
 
 constexpr std::size_t kQueuedLines = 512;
-constexpr std::size_t kLongestLine = 1024;   ///< bytes; the rest is cut off
+constexpr std::size_t kLongestLine = 1024;  ///< bytes; the rest is cut off
 constexpr int kFarewellPatience_ms = 1000;
 
 }  // namespace

@@ -32,8 +32,9 @@ std::string explain_refused_memory() {
   rlimit limit{};
   const bool limited = ::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;
   if (limited) text += ", and the limit (ulimit -v) is " + std::to_string(limit.rlim_cur / kMiB) + " MiB";
-  return text + "; raise the limits on addresses, memory and threads (ulimit -v, MemoryMax=, TasksMax=), or make the "
-                "raymap in rig.toml smaller";
+  return text +
+         "; raise the limits on addresses, memory and threads (ulimit -v, MemoryMax=, TasksMax=), or make the "
+         "raymap in rig.toml smaller";
 }
 
 void give_back_memory() { ::malloc_trim(0); }

@@ -54,8 +54,7 @@ void RigThreads::stop() {
 
 bool RigThreads::frame_path_empty() const {
   firmware::Blender& blender = rig_.blender();
-  return blender.sets_in().empty() && blender.idle() &&
-         blender.counts().blended.load() == rig_.encoder().steps();
+  return blender.sets_in().empty() && blender.idle() && blender.counts().blended.load() == rig_.encoder().steps();
 }
 
 void RigThreads::capture() {

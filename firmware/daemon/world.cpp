@@ -278,7 +278,7 @@ Status World::listen(const firmware::LinksConfig& links) {
 
 firmware::RigPorts World::ports() {
   NODAL_ASSERT(state_->disk);
-  firmware::RigPorts ports{state_->clock(),    state_->enumerators,    state_->trigger, *state_->disk, {},
+  firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,       *state_->disk, {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
   for (const auto& [port, access] : state_->listeners) ports.listeners.push_back({port.get(), access});
   return ports;

@@ -19,9 +19,8 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
   }
   const blend::SetTone tone = blend::calibrated_tone(tables[0]);  // fields differ in where lines lie, not in light
   auto prepared = std::make_shared<std::vector<std::uint8_t>>(most);
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(tables), tone,
-                                                                           std::move(prepared), std::move(meter),
-                                                                           std::move(exposures)});
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{
+      id, std::move(name), std::move(tables), tone, std::move(prepared), std::move(meter), std::move(exposures)});
 }
 
 }  // namespace nodal::firmware

@@ -21,7 +21,8 @@ struct InstalledCalibration {
   /// One for whole frames; or one a field, that of the field exposed first before the other's.
   std::vector<blend::BlendTable> tables;
   blend::SetTone tone;  ///< of heads exposed as they were when calibrated
-  std::shared_ptr<std::vector<std::uint8_t>> prepared;  ///< the blender's, for what a table asks to be made of heads' pictures before the blend
+  std::shared_ptr<std::vector<std::uint8_t>>
+      prepared;  ///< the blender's, for what a table asks to be made of heads' pictures before the blend
   blend::MeterTable meter;
   blend::ToneTable exposures;  ///< undoes what heads are exposed differently by
 };

@@ -61,8 +61,7 @@ class Outlet {
   }
   /// Gives back what waits, uncounted: of before the outlet was opened again.
   void drop_waiting() {
-    while (queue_.pop()) {
-    }
+    while (queue_.pop()) {}
   }
   void set_open(bool open) { open_.store(open, std::memory_order_relaxed); }
 

@@ -26,13 +26,13 @@ struct FieldOfSet {
 
 struct RaymapInfo {
   std::uint64_t set = 0;
-  Instant mid_exposure;    ///< of the field, where it was made of one
+  Instant mid_exposure;             ///< of the field, where it was made of one
   std::optional<FieldOfSet> field;  ///< nothing: of whole frames
   SyncEvidence sync;
-  HeadMask heads = 0;      ///< that it was made of
-  Sha256 calibration{};    ///< that made it
+  HeadMask heads = 0;                                    ///< that it was made of
+  Sha256 calibration{};                                  ///< that made it
   std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< of the heads that it was made of
-  std::optional<blend::LinearScale> linear;  ///< of raymaps of 16 bits
+  std::optional<blend::LinearScale> linear;              ///< of raymaps of 16 bits
 };
 
 /// A raymap on its way: `pixels` packed in the table's format, past the encoder only where a client pulls pixels; `jpeg`

@@ -50,7 +50,8 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::WHAT_NOT_SET: return Access::kView;  // a newer host's, which is told that nobody knows it
     case wire::Request::kGenlock:
     case wire::Request::kExposure: return changes_rig(request) ? Access::kControl : Access::kView;
-    case wire::Request::kPull: return request.pull().lossless() ? Access::kControl : Access::kView;  // an overloaded board sheds nothing of it
+    case wire::Request::kPull:
+      return request.pull().lossless() ? Access::kControl : Access::kView;  // an overloaded board sheds nothing of it
     case wire::Request::kHeadSet:
     case wire::Request::kUploadBegin:
     case wire::Request::kUploadCommit:
@@ -91,9 +92,8 @@ std::string_view request_name(const wire::Request& request) {
 
 Status check_access(Access has, const wire::Request& request) {
   if (has >= access_needed(request)) return {};
-  return fail(Errc::kUnsupported, std::string(request_name(request)) +
-                                       (request.has_pull() ? " (lossless)" : "") +
-                                       " is not permitted on this rig's view-only link; connect to its control socket");
+  return fail(Errc::kUnsupported, std::string(request_name(request)) + (request.has_pull() ? " (lossless)" : "") +
+                                      " is not permitted on this rig's view-only link; connect to its control socket");
 }
 
 }  // namespace nodal::firmware

@@ -47,9 +47,8 @@ Some greediest(const Some& some) {
 
 /// Null when there is none.
 Client* idle_longest(const Some& some) {
-  const auto found = std::min_element(some.begin(), some.end(), [](const Client* a, const Client* b) {
-    return a->idle_since() < b->idle_since();
-  });
+  const auto found = std::min_element(
+      some.begin(), some.end(), [](const Client* a, const Client* b) { return a->idle_since() < b->idle_since(); });
   return found == some.end() ? nullptr : *found;
 }
 
@@ -60,7 +59,8 @@ constexpr Duration kLongIdle = Duration::seconds(10);
 Client* host_to_close(const Some& hosts, Instant now) {
   const Some some = greediest(hosts);
   const auto first = [&](auto counts) { return idle_longest(those(some, counts)); };
-  if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; })) return one;
+  if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; }))
+    return one;
   // Beside hosts that ask all the time, the one idle longest would be the one that has just come. A storm of these, in
   // turn, closes none that was there before.
   const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
@@ -94,8 +94,8 @@ bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)
       auto link = listener.port->accept();
       if (!link || !*link) break;
       any = true;
-      clients.push_back(std::make_unique<Client>(next_number_++, std::move(*link), listener.access,
-                                                 hello(listener.access), now));
+      clients.push_back(
+          std::make_unique<Client>(next_number_++, std::move(*link), listener.access, hello(listener.access), now));
     }
   }
   return any;
@@ -125,18 +125,18 @@ Status Admission::may_work(const Clients& clients, const Client& client, Instant
   const std::size_t most = places(kMaxWorking, client.access());
   if (client.works() || working.size() < most) return {};
   if (Client* one = idle_longest(those(working, [&](const Client& c) { return !c.active(now); }))) {
-    one->end(gives_way("this one has taken nothing for " + std::to_string(Client::kStalledAfter.ms() / 1000) + " s"), now);
+    one->end(gives_way("this one has taken nothing for " + std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
+             now);
     return {};
   }
-  const Some many = greediest(those(clients, [&](const Client& c) {
-    return c.access() == client.access() && (c.works() || &c == &client);
-  }));
+  const Some many = greediest(
+      those(clients, [&](const Client& c) { return c.access() == client.access() && (c.works() || &c == &client); }));
   if (std::find(many.begin(), many.end(), &client) == many.end()) {
     idle_longest(many)->end(gives_way("this one's user has most of those that do"), now);
     return {};
   }
-  return fail(Errc::kOverload, std::to_string(most) +
-                                   " hosts pull or upload already; `nodal hosts` lists them and can end one");
+  return fail(Errc::kOverload,
+              std::to_string(most) + " hosts pull or upload already; `nodal hosts` lists them and can end one");
 }
 
 }  // namespace nodal::firmware

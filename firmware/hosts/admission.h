@@ -39,13 +39,13 @@ class Admission {
   /// Errors: kOverload.
   static Status may_work(const Clients& clients, const Client& client, Instant now);
 
-  static constexpr std::size_t kMaxClients = 12;    ///< that said hello
-  static constexpr std::size_t kMaxWorking = 8;     ///< of them, that pull or upload: as many as the board can feed
-  static constexpr std::size_t kMaxStrangers = 8;   ///< links without a hello
-  static constexpr std::size_t kMaxLinks = 32;      ///< in all, those included that are being told why they are closed
-  static constexpr std::size_t kMaxSpared = 4;      ///< hosts that have just come, for kSpared
+  static constexpr std::size_t kMaxClients = 12;   ///< that said hello
+  static constexpr std::size_t kMaxWorking = 8;    ///< of them, that pull or upload: as many as the board can feed
+  static constexpr std::size_t kMaxStrangers = 8;  ///< links without a hello
+  static constexpr std::size_t kMaxLinks = 32;     ///< in all, those included that are being told why they are closed
+  static constexpr std::size_t kMaxSpared = 4;     ///< hosts that have just come, for kSpared
   static constexpr Duration kSpared = Duration::seconds(2);
-  static constexpr std::size_t kAcceptsAStep = 4;   ///< of a listener: a flood of links leaves time for hosts
+  static constexpr std::size_t kAcceptsAStep = 4;  ///< of a listener: a flood of links leaves time for hosts
   /// The places at one socket, where the control socket has so many.
   static constexpr std::size_t places(std::size_t at_control, Access at) {
     return at == Access::kControl ? at_control : at_control / 2;

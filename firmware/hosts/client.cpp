@@ -7,7 +7,7 @@ namespace nodal::firmware {
 namespace {
 
 constexpr std::size_t kReadBytes = 64U << 10;
-constexpr int kReadsAStep = 4;    ///< so that one client's flood leaves time for the others
+constexpr int kReadsAStep = 4;  ///< so that one client's flood leaves time for the others
 constexpr int kWritesAStep = 16;
 constexpr Duration kFarewellWithin = Duration::seconds(1);
 

@@ -31,7 +31,8 @@ struct Pull {
 /// Errors: none; a client that broke a rule, or left, is finished().
 class Client {
  public:
-  Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine, Instant now);
+  Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
+         Instant now);
 
   /// Reads what came, as far as the session takes it, and ends a client that keeps a deadline waiting. True when there
   /// was anything.
@@ -80,11 +81,11 @@ class Client {
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
   std::size_t requests_open = 0;
-  std::size_t with_capture = 0;  ///< of them, those that capture has
-  std::size_t with_keeper = 0;   ///< of them, those that the keeper of calibrations has
+  std::size_t with_capture = 0;       ///< of them, those that capture has
+  std::size_t with_keeper = 0;        ///< of them, those that the keeper of calibrations has
   std::optional<wire::Request> held;  ///< the next one, while that stage has as many of this host's as it may
-  std::uint64_t dropped = 0;  ///< raymaps, on streams that have ended
-  std::uint64_t lossless_ended = 0;  ///< lossless pulls that were too slow
+  std::uint64_t dropped = 0;          ///< raymaps, on streams that have ended
+  std::uint64_t lossless_ended = 0;   ///< lossless pulls that were too slow
 
   static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< a host says it at once
   /// A frame that has begun is whole within so long, and a second more for each kSlowestBytes of it: one bulk frame is
@@ -110,10 +111,10 @@ class Client {
   const Instant since_;
   Instant used_;
   bool has_asked_ = false;
-  Instant heard_;           ///< bytes came
-  Instant written_;         ///< bytes were taken
+  Instant heard_;    ///< bytes came
+  Instant written_;  ///< bytes were taken
   Instant pinged_;
-  Instant frame_since_;     ///< when the frame under way began
+  Instant frame_since_;       ///< when the frame under way began
   std::uint32_t frames_ = 0;  ///< frames_received() when frame_since_ was set
   std::uint64_t bytes_in_ = 0;
   std::uint64_t bytes_out_ = 0;

@@ -44,9 +44,10 @@ bool FrameSender::step(const Clients& clients, Instant now) {
     const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
     if (going_out && (client ? keeps_pace(*client, now) : now - asked_->since <= kGrace)) return false;
     if (client) {
-      client->session().close_stream(asked_->stream, Error{Errc::kTimeout, "this host takes the frame set too slowly: it " +
-                                                           std::string("would need more than ") +
-                                                           std::to_string(kSlowest.ms() / 1000) + " s"});
+      client->session().close_stream(
+          asked_->stream,
+          Error{Errc::kTimeout, "this host takes the frame set too slowly: it " + std::string("would need more than ") +
+                                    std::to_string(kSlowest.ms() / 1000) + " s"});
     }
     if (going_out) memory_.reset();  // it goes with that host's session
     end(clients);
@@ -73,8 +74,9 @@ bool FrameSender::step(const Clients& clients, Instant now) {
   }
   if (now - asked_->since <= kPatience) return false;
   client->session().close_stream(
-      asked_->stream, Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
-                                                 " s: no frames come, or the blend is behind; status says which"});
+      asked_->stream,
+      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
+                                 " s: no frames come, or the blend is behind; status says which"});
   end(clients);
   return true;
 }
@@ -93,8 +95,8 @@ bool FrameSender::keeps_pace(const Client& client, Instant now) const {
   if (taken <= kGrace) return true;
   const auto counts = client.session().counts(asked_->stream);
   if (!counts || taken > kSlowest || now - client.written() > kGrace) return false;
-  const auto due = memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
-                   static_cast<std::uint64_t>(kSlowest.ms());
+  const auto due =
+      memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) / static_cast<std::uint64_t>(kSlowest.ms());
   return counts->bytes >= due;
 }
 

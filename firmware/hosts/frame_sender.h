@@ -60,8 +60,8 @@ class FrameSender {
   Blender& blender_;
   std::optional<Blender::Adoption> in_force_, before_;  ///< the newest calibration of the blend, and the one before
   std::optional<Asked> asked_;
-  std::uint64_t waiting_ = 0;   ///< the client that was told kBusy first: it is the next
-  Instant waiting_until_;       ///< unless it does not ask again
+  std::uint64_t waiting_ = 0;  ///< the client that was told kBusy first: it is the next
+  Instant waiting_until_;      ///< unless it does not ask again
   std::shared_ptr<std::vector<std::uint8_t>> memory_;
 };
 

@@ -42,8 +42,9 @@ Result<StreamId> Publisher::start(const Clients& clients, Client& client, const 
   std::size_t extra = client.pulls.empty() ? 0 : 1;
   for (const auto& other : clients) extra += other->pulls.empty() ? 0 : other->pulls.size() - 1;
   if (!client.pulls.empty() && extra > kMaxExtraPulls) {
-    return fail(Errc::kOverload, "hosts pull more than once as often as this rig has buffers for; `nodal hosts` lists them and can end "
-                                 "one");
+    return fail(Errc::kOverload,
+                "hosts pull more than once as often as this rig has buffers for; `nodal hosts` lists them and can end "
+                "one");
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
     return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
@@ -97,17 +98,20 @@ bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap&
   if (!evidence && !body) {
     // Raymaps that were under way when the pull began may lack what it wants.
     if (pull.lossless && before->offered > 0) {
-      end_lossless(client, stream, pull, {Errc::kOverload, "a raymap could not be encoded; set " + std::to_string(raymap.info.set) +
-                                                               " would be missing"});
+      end_lossless(client, stream, pull,
+                   {Errc::kOverload,
+                    "a raymap could not be encoded; set " + std::to_string(raymap.info.set) + " would be missing"});
     }
     return false;
   }
   const std::size_t most = may_wait(evidence ? 0 : body->size());
   if (pull.lossless && before->pending >= most) {
-    end_lossless(client, stream, pull,
-                 {Errc::kTimeout, "this lossless pull is too slow: " + std::to_string(most) + " raymaps wait for it, and the rig keeps at most " +
-                                      std::to_string(kLosslessQueueItems) + " or " + in_mib(kLosslessBytes) +
-                                      "; what came so far is complete. Pull JPEGs, over a faster link, or without --lossless"});
+    end_lossless(
+        client, stream, pull,
+        {Errc::kTimeout, "this lossless pull is too slow: " + std::to_string(most) +
+                             " raymaps wait for it, and the rig keeps at most " + std::to_string(kLosslessQueueItems) +
+                             " or " + in_mib(kLosslessBytes) +
+                             "; what came so far is complete. Pull JPEGs, over a faster link, or without --lossless"});
     return false;
   }
   if (!client.session().offer(stream, item(raymap, pull.coding))) return false;

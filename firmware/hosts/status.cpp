@@ -20,19 +20,25 @@ void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire:
     wire::HostState& host = *into.add_hosts();
     host.set_number(client->number());
     host.set_peer(client->peer());
-    if (client->said_hello()) host.set_software(printable(client->session().peer_hello()->software(), kLongestSoftware));
+    if (client->said_hello())
+      host.set_software(printable(client->session().peer_hello()->software(), kLongestSoftware));
     host.set_connected_ns(since(client->since()));
     host.set_idle_ns(since(client->idle_since()));
     for (const auto& [stream, pull] : client->pulls) {
       const bool jpeg = pull.coding == wire::PullRequest::JPEG;
       const bool raw = pull.coding == wire::PullRequest::RAW;
-      std::string what = std::string("pulls ") + (jpeg ? "jpeg" : raw ? "raw" : "evidence") + (pull.lossless ? " lossless" : "");
+      std::string what = std::string("pulls ") +
+                         (jpeg  ? "jpeg"
+                          : raw ? "raw"
+                                : "evidence") +
+                         (pull.lossless ? " lossless" : "");
       const auto counts = client->session().counts(stream);
       if (pull.lossless && counts && counts->pending > 1) what += ", " + std::to_string(counts->pending) + " behind";
       host.add_streams(std::move(what));
     }
     if (client->lossless_ended > 0) {
-      host.add_streams("was too slow for " + std::to_string(client->lossless_ended) + " lossless pull" + (client->lossless_ended > 1 ? "s" : ""));
+      host.add_streams("was too slow for " + std::to_string(client->lossless_ended) + " lossless pull" +
+                       (client->lossless_ended > 1 ? "s" : ""));
     }
     if (client->frame_set) host.add_streams("pulls a frame set");
     for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");

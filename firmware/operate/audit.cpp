@@ -76,7 +76,8 @@ std::string rate_text(std::uint32_t numerator, std::uint32_t denominator) {
 
 std::string text_of(const wire::GenlockRequest& genlock) {
   std::string text = genlock.action() == wire::GenlockRequest::START ? "start" : "stop";
-  if (genlock.rate_numerator() != 0) add(text, "rate " + rate_text(genlock.rate_numerator(), genlock.rate_denominator()));
+  if (genlock.rate_numerator() != 0)
+    add(text, "rate " + rate_text(genlock.rate_numerator(), genlock.rate_denominator()));
   if (genlock.pulse_width_ns() != 0) add(text, "pulse " + std::to_string(genlock.pulse_width_ns()) + " ns");
   return text;
 }

@@ -5,9 +5,8 @@
 #include "firmware/hosts/status.h"
 
 namespace nodal::firmware {
-Control::Control(const RigConfig& config, std::string software, const Stages& stages,
-                 std::vector<Listener> listeners, hal::WatchdogPort* watchdog,
-                 const PanelPins& panel, Instant now)
+Control::Control(const RigConfig& config, std::string software, const Stages& stages, std::vector<Listener> listeners,
+                 hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now)
     : config_(config),
       software_(std::move(software)),
       stages_(stages),
@@ -33,7 +32,8 @@ bool Control::step(Instant now) {
   watch_trial(now);
   restore_settings();
   const bool open = !end_asked_.load(std::memory_order_acquire);
-  bool busy = open && admission_.accept(clients_, [this](Access access) { return hello(access); }, now);
+  bool busy = open && admission_.accept(
+                          clients_, [this](Access access) { return hello(access); }, now);
   busy |= serve_all(now);
   admission_.make_room(clients_, now);
   busy |= take_answers(now);
@@ -71,8 +71,8 @@ std::vector<std::string> Control::take_news() { return news_.take(); }
 wire::Hello Control::hello(Access access) const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets",
-                              "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs",
+                              "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
   if (config_.signers) hello.add_features("signed-calibrations");
@@ -96,7 +96,8 @@ bool Control::serve_all(Instant now) {
   if (clients_.empty()) return false;
   bool busy = false;
   first_served_ = (first_served_ + 1) % clients_.size();
-  for (std::size_t i = 0; i < clients_.size(); ++i) busy |= serve(*clients_[(first_served_ + i) % clients_.size()], now);
+  for (std::size_t i = 0; i < clients_.size(); ++i)
+    busy |= serve(*clients_[(first_served_ + i) % clients_.size()], now);
   return busy;
 }
 
@@ -184,7 +185,8 @@ void Control::take_answer(const CaptureAnswer& answer, Instant now) {
   audit(open, std::nullopt, answer.status, now);
   if (!answer.status) {
     if (open.client == kPanel) news_.say(NewsKind::kRig, "the button did nothing: " + answer.status.error().message);
-    if (open.client == kNobody) news_.say(NewsKind::kRig, "a remembered setting is not made: " + answer.status.error().message);
+    if (open.client == kNobody)
+      news_.say(NewsKind::kRig, "a remembered setting is not made: " + answer.status.error().message);
     if (client) refuse(*client, open.request.id(), answer.status.error(), now);
     return;
   }
@@ -242,8 +244,9 @@ void Control::watch_trial(Instant now) {
     news_.say(NewsKind::kRig, "calibration '" + keeper_->name + "' is on trial");
     return;
   }
-  news_.say(NewsKind::kRig, keeper_->in_force == on_trial_->id ? "the trial's calibration is kept"
-                                                 : "the trial is over; back to calibration '" + keeper_->name + "'");
+  news_.say(NewsKind::kRig, keeper_->in_force == on_trial_->id
+                                ? "the trial's calibration is kept"
+                                : "the trial is over; back to calibration '" + keeper_->name + "'");
   if (keeper_->in_force != on_trial_->id && now >= on_trial_->until) {
     wire::Request end;
     end.mutable_trial_end();
@@ -287,8 +290,8 @@ void Control::restore_settings() {
     }
     if (keeper_->settings->empty()) return;
     const std::string& file = *keeper_->settings;
-    auto settings = Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()),
-                                     config_.text_id);
+    auto settings =
+        Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()), config_.text_id);
     if (!settings) {
       news_.say(NewsKind::kRig, settings.error().message);
       // Another rig.toml is what somebody wanted; a file that cannot be read is not.
@@ -328,8 +331,8 @@ void Control::answer_settings(Instant now) {
 }
 
 Client* Control::find(std::uint64_t number) {
-  const auto found = std::find_if(clients_.begin(), clients_.end(),
-                                  [&](const auto& client) { return client->number() == number; });
+  const auto found =
+      std::find_if(clients_.begin(), clients_.end(), [&](const auto& client) { return client->number() == number; });
   return found == clients_.end() ? nullptr : found->get();
 }
 

@@ -50,9 +50,8 @@ struct Stages {
 /// Errors: a host's errors are answers to it; news() has what an operator should read.
 class Control {
  public:
-  Control(const RigConfig& config, std::string software, const Stages& stages,
-          std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel,
-          Instant now);
+  Control(const RigConfig& config, std::string software, const Stages& stages, std::vector<Listener> listeners,
+          hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now);
   ~Control();
 
   /// True when it did something.
@@ -81,7 +80,7 @@ class Control {
   /// Of a client in a step. A status takes some 10 us to make, so a client that floods the rig with requests costs the
   /// others less than 0.1 ms a step; what is left waits in its session, and then in its link.
   static constexpr int kRequestsAStep = 8;
-  static constexpr int kEventsAStep = 64;  ///< of all kinds: 4 MiB of pieces
+  static constexpr int kEventsAStep = 64;              ///< of all kinds: 4 MiB of pieces
   static constexpr std::size_t kUploadsOfAClient = 2;  ///< half there at once
 
  private:
@@ -174,11 +173,11 @@ class Control {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
-  Instant unwell_;                       ///< when the rig was last starting or hanging
-  bool told_well_ = false;               ///< to the keeper
+  Instant unwell_;          ///< when the rig was last starting or hanging
+  bool told_well_ = false;  ///< to the keeper
   Supervisor supervisor_;
   Shedding shedding_;
-  std::string end_reason_;               ///< once end_asked_
+  std::string end_reason_;  ///< once end_asked_
   std::atomic<bool> end_asked_{false};
   std::optional<Instant> ending_since_;
   std::atomic<bool> ended_{false};

@@ -29,23 +29,18 @@ void Control::watch(Instant now) {
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   shed(now);
-  const Finding found = find_condition(config_, {*capture_,
-                                                 *keeper_,
-                                                 rate_wanted_millihertz(),
-                                                 rate_.millihertz(),
-                                                 stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
-                                                 now - newest_set_,
-                                                 now - steady_since_,
-                                                 shedding_.level(),
-                                                 settings_writer_.problem()});
+  const Finding found =
+      find_condition(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
+                               stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
+                               now - steady_since_, shedding_.level(), settings_writer_.problem()});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
                     {"blend", stages_.blender.progress(), stages_.blender.idle()},
                     {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended}},
                    found, now);
   if (health().state != before) {
-    news_.say(NewsKind::kRig, "the rig is " + std::string(health().state) +
-                    (health().problem.empty() ? "" : ": " + health().problem));
+    news_.say(NewsKind::kRig,
+              "the rig is " + std::string(health().state) + (health().problem.empty() ? "" : ": " + health().problem));
   }
 }
 

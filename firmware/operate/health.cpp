@@ -42,8 +42,10 @@ std::string first_head_problem(const RigConfig& config, const CaptureReport& cap
 
 std::string too_slow(const Signs& signs) {
   std::string shed;
-  if (signs.shed.publish_every > 1) shed = "; hosts are given one raymap of " + std::to_string(signs.shed.publish_every);
-  if (signs.shed.preview_every > 1) shed += ", and one set of " + std::to_string(signs.shed.preview_every) + " is blended";
+  if (signs.shed.publish_every > 1)
+    shed = "; hosts are given one raymap of " + std::to_string(signs.shed.publish_every);
+  if (signs.shed.preview_every > 1)
+    shed += ", and one set of " + std::to_string(signs.shed.preview_every) + " is blended";
   const std::uint64_t enough = std::uint64_t{signs.rate_wanted_millihertz} * 95 / 100;
   const bool slow = signs.blending > kSettling && signs.rate_millihertz > 0 && signs.rate_millihertz < enough;
   if (!slow) return shed.empty() ? "" : "the board cannot do all of it" + shed;
@@ -65,8 +67,9 @@ constexpr std::array<Row, kConditions> kTable = [] {
   row(Condition::kStoreUnread, RigState::kStarting, {false, true, false});
   row(Condition::kNoCalibration, RigState::kNoCalibration, kServe);
   row(Condition::kNoFrames, RigState::kIdle, kServe);
-  for (const Condition worse : {Condition::kHeadAway, Condition::kGenlockLost, Condition::kHoldover,
-                                Condition::kUnfitFrames, Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTooSlow}) {
+  for (const Condition worse :
+       {Condition::kHeadAway, Condition::kGenlockLost, Condition::kHoldover, Condition::kUnfitFrames,
+        Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTooSlow}) {
     row(worse, RigState::kDegraded, kServe);
   }
   row(Condition::kWell, RigState::kRunning, kServe);
@@ -93,9 +96,9 @@ Finding find_condition(const RigConfig& config, const Signs& signs) {
                  signs.keeper.activity.empty() ? "reading the calibration store" : signs.keeper.activity);
   }
   if (!signs.keeper.in_force) {
-    return found(Condition::kNoCalibration, signs.keeper.problem.empty()
-                                                ? "no calibration is in force; upload one: nodal calibration upload FILE"
-                                                : signs.keeper.problem);
+    return found(Condition::kNoCalibration,
+                 signs.keeper.problem.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                              : signs.keeper.problem);
   }
   std::string absent = absent_heads(config, signs.capture);
   if (signs.since_last_set > kSilence) {

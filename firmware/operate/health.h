@@ -31,10 +31,10 @@ enum class Condition : std::uint8_t {
   kHeadAway,
   kGenlockLost,
   kHoldover,
-  kUnfitFrames,    ///< not what the calibration is for
+  kUnfitFrames,  ///< not what the calibration is for
   kStoreTrouble,
   kHeadTrouble,
-  kTooSlow,        ///< fewer raymaps than frames, or some of the work is shed
+  kTooSlow,  ///< fewer raymaps than frames, or some of the work is shed
   kWell,
 };
 inline constexpr std::size_t kConditions = 13;
@@ -73,7 +73,7 @@ struct Finding {
 Finding find_condition(const RigConfig& config, const Signs& signs);
 
 struct Health {
-  std::string_view state = "starting";  ///< rig_state_name()
+  std::string_view state = "starting";                    ///< rig_state_name()
   std::string problem = "reading the calibration store";  ///< one sentence when the state is not "running"
 };
 

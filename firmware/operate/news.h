@@ -47,8 +47,8 @@ class News {
  private:
   struct Bucket {
     std::int64_t bytes = kBurstBytes;  ///< that may be said; the last sentence may exceed them
-    Instant filled;               ///< up to here bytes have been given
-    std::uint64_t left_out = 0;   ///< since `summed_up`
+    Instant filled;                    ///< up to here bytes have been given
+    std::uint64_t left_out = 0;        ///< since `summed_up`
     Instant summed_up;
   };
 

@@ -11,8 +11,8 @@ struct Pattern {
   std::string_view beats;
 };
 constexpr std::array kPatterns = {
-    Pattern{"starting", "----____"},         Pattern{"no-calibration", "-_-_____________"},
-    Pattern{"idle", "-_______________"},     Pattern{"running", "-"},
+    Pattern{"starting", "----____"},     Pattern{"no-calibration", "-_-_____________"},
+    Pattern{"idle", "-_______________"}, Pattern{"running", "-"},
     Pattern{"degraded", "-_"},
 };
 constexpr std::string_view kMarkBeats = "_-";

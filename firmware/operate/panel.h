@@ -82,11 +82,11 @@ class Panel {
   hal::InputPinPort* button_;
   Lamp status_;
   Lamp tally_;
-  bool level_ = false;                 ///< of the newest edge
+  bool level_ = false;  ///< of the newest edge
   Instant level_since_;
-  bool pressed_ = false;               ///< settled
+  bool pressed_ = false;  ///< settled
   Instant pressed_since_;
-  bool acted_ = false;                 ///< this press has done what it does
+  bool acted_ = false;  ///< this press has done what it does
   std::optional<Instant> marked_;
   std::string state_;
   Instant state_since_;

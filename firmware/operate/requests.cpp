@@ -42,9 +42,7 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
   switch (request.what_case()) {
     case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
     case wire::Request::kHeads: fill_heads(config_, *capture_, *answer.mutable_heads()); break;
-    case wire::Request::kHeadSet:
-      done = set(client.number(), request);
-      break;
+    case wire::Request::kHeadSet: done = set(client.number(), request); break;
     case wire::Request::kGenlock:
       if (later) done = set(client.number(), request);
       else fill_genlock(config_, capture_->genlock, *answer.mutable_genlock());
@@ -55,14 +53,13 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
       break;
     case wire::Request::kUploadBegin: {
       const auto name = sha256_from_wire(request.upload_begin().sha256());
-      const auto offset = name ? uploads_.begin(*name, request.upload_begin().length(), client.number()) : fail(name.error());
+      const auto offset =
+          name ? uploads_.begin(*name, request.upload_begin().length(), client.number()) : fail(name.error());
       if (offset) answer.mutable_upload()->set_offset(*offset);
       else done = fail(offset.error());
       break;
     }
-    case wire::Request::kUploadCommit:
-      done = commit(client, request);
-      break;
+    case wire::Request::kUploadCommit: done = commit(client, request); break;
     case wire::Request::kCalibrationList:
     case wire::Request::kCalibrationGet:
     case wire::Request::kCalibrationUse:
@@ -115,18 +112,18 @@ void Control::audit(const Open& open, const std::optional<Sha256>& in_force, con
   if (!changes_rig(open.request)) return;
   std::optional<Error> error;
   if (!done) error = done.error();
-  news_.say(NewsKind::kChanges,
-            audit_.record({0, now, open.who, std::string(request_name(open.request)), open.before,
-                           values_after(open.request, in_force), std::move(error)}));
+  news_.say(NewsKind::kChanges, audit_.record({0, now, open.who, std::string(request_name(open.request)), open.before,
+                                               values_after(open.request, in_force), std::move(error)}));
 }
 
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
   if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
   if (request.has_frame_set()) return frame_sender_.start(client, head_shapes(), now);
   if (!keeper_->in_force) {
-    return fail(Errc::kNotReady, "there are no raymaps yet: " + (keeper_->activity.empty()
-                                     ? "no calibration is in force; upload one: nodal calibration upload FILE"
-                                     : keeper_->activity));
+    return fail(Errc::kNotReady,
+                "there are no raymaps yet: " +
+                    (keeper_->activity.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                               : keeper_->activity));
   }
   return publisher_.start(clients_, client, request.pull());
 }
@@ -174,8 +171,8 @@ Status Control::ask_keeper(Client& client, const wire::Request& request, decltyp
 
 Result<CaptureCommand> Control::head_command(const wire::HeadSetRequest& wish) const {
   if (wish.heads_size() > kMaxHeads) {
-    return fail(Errc::kBadValue, std::to_string(wish.heads_size()) + " heads are named; a rig has at most " +
-                                     std::to_string(kMaxHeads));
+    return fail(Errc::kBadValue,
+                std::to_string(wish.heads_size()) + " heads are named; a rig has at most " + std::to_string(kMaxHeads));
   }
   HeadChange change;
   for (const std::uint32_t head : wish.heads()) {
@@ -237,8 +234,8 @@ Result<CaptureCommand> Control::exposure_command(const wire::ExposureRequest& wi
   const auto stops = [](std::uint32_t thousandths) { return static_cast<Stops>((thousandths * kStop + 500) / 1000); };
   const auto within = [](std::uint32_t value, std::uint32_t low, const char* what) -> Status {
     if (value >= low && value <= 8000) return {};
-    return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) + " to 8000 thousandths of a stop, not " +
-                                     std::to_string(value));
+    return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) +
+                                     " to 8000 thousandths of a stop, not " + std::to_string(value));
   };
   Status good;
   if (wish.has_target_below()) {
@@ -308,8 +305,8 @@ Status Control::commit(Client& client, const wire::Request& request) {
   }
   auto document = uploads_.take(*name);
   if (!document) return fail(document.error());
-  return ask_keeper(client, request, KeeperRequest::Install{std::string(document->begin(), document->end()), trial,
-                                                            wish.signature()});
+  return ask_keeper(client, request,
+                    KeeperRequest::Install{std::string(document->begin(), document->end()), trial, wish.signature()});
 }
 
 HeadShapes Control::head_shapes() const {

@@ -83,7 +83,8 @@ void Blender::hand_out(std::uint64_t bands) {
 
 bool Blender::coordinate() {
   if (set_) {
-    if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed))) return false;
+    if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed)))
+      return false;
     if (!preparing_) return finish();
     preparing_ = false;
     hand_out(bands_);

@@ -120,10 +120,10 @@ class Blender {
   bool adoption_to_tell_ = false;  ///< with the next set
   std::uint64_t round_ = 0;
   std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
-  HeadMask was_exposed_ = 0;                               ///< those that ever were
-  SetLoan set_;              ///< under way
-  std::size_t field_ = 0;    ///< of it: which of the tables
-  std::array<Buffer, 2> pixels_;  ///< for the raymaps that are still to be made of it
+  HeadMask was_exposed_ = 0;                             ///< those that ever were
+  SetLoan set_;                                          ///< under way
+  std::size_t field_ = 0;                                ///< of it: which of the tables
+  std::array<Buffer, 2> pixels_;                         ///< for the raymaps that are still to be made of it
   Instant begun_;
 
   // The raymap under way; still while bands of it are out.

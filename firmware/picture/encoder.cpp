@@ -19,7 +19,8 @@ bool EncodeStage::step() {
     if (Buffer buffer = jpegs_.take()) {
       const Instant begun = clock_.now();
       const std::uint8_t* pixels = raymap->pixels->data();
-      if (jpeg_.encode(packed_image(config_.format, config_.width, config_.height, pixels), raymap->info, buffer.edit())) {
+      if (jpeg_.encode(packed_image(config_.format, config_.width, config_.height, pixels), raymap->info,
+                       buffer.edit())) {
         times_.add(clock_.now() - begun);
       } else {
         failed_.fetch_add(1, std::memory_order_relaxed);

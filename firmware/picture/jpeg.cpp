@@ -88,8 +88,8 @@ void JpegEncoder::set_levels(const blend::LinearScale& scale) {
   std::size_t number = 0;
   for (std::size_t level = 0; level < 256; ++level) {
     const std::size_t end = level < 255 ? std::max<std::size_t>(number, shown_from_[level + 1]) : level_of_.size();
-    std::fill(level_of_.begin() + static_cast<std::ptrdiff_t>(number), level_of_.begin() + static_cast<std::ptrdiff_t>(end),
-              static_cast<std::uint8_t>(level));
+    std::fill(level_of_.begin() + static_cast<std::ptrdiff_t>(number),
+              level_of_.begin() + static_cast<std::ptrdiff_t>(end), static_cast<std::uint8_t>(level));
     number = end;
   }
 }

@@ -56,13 +56,13 @@ class JpegEncoder {
   Result<std::size_t> compress(const ImageView& raymap);
 
   const RaymapConfig config_;
-  const PixelFormat coded_;             ///< what is compressed
-  std::vector<std::uint8_t> picture_;   ///< in that; empty where it is what comes
-  std::vector<std::uint8_t> level_of_;  ///< by number of 16 bits
+  const PixelFormat coded_;                      ///< what is compressed
+  std::vector<std::uint8_t> picture_;            ///< in that; empty where it is what comes
+  std::vector<std::uint8_t> level_of_;           ///< by number of 16 bits
   std::array<std::uint16_t, 256> shown_from_{};  ///< that level_of_ was made of
   void* handle_;
-  std::vector<std::uint8_t> gpano_;            ///< the whole APP1 segment; empty for other layouts
-  std::unique_ptr<std::uint8_t[]> scratch_;    ///< not cleared: pages that no JPEG reaches stay unused
+  std::vector<std::uint8_t> gpano_;          ///< the whole APP1 segment; empty for other layouts
+  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared: pages that no JPEG reaches stay unused
   std::size_t scratch_bytes_ = 0;
 };
 

@@ -8,8 +8,8 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::int64_t kAhead = 4;      ///< periods: about when a nudge of now has been done
-constexpr int kPeriodsOfGrace = 6;      ///< beyond the stated latency, until a nudge counts as unheeded
+constexpr std::int64_t kAhead = 4;  ///< periods: about when a nudge of now has been done
+constexpr int kPeriodsOfGrace = 6;  ///< beyond the stated latency, until a nudge counts as unheeded
 
 Duration size_of(Duration d) { return d < Duration() ? -d : d; }
 

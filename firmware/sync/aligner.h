@@ -44,9 +44,9 @@ class Aligner {
   /// head's last.
   Skews skews(const FrameSet& set);
 
-  HeadMask fixed() const { return fixed_; }        ///< heads that cannot be moved
-  HeadMask one_way() const { return one_way_; }    ///< that would have to be earlier, and can only wait
-  HeadMask unheeding() const { return unheeding_; }///< that did not do what they were asked
+  HeadMask fixed() const { return fixed_; }          ///< heads that cannot be moved
+  HeadMask one_way() const { return one_way_; }      ///< that would have to be earlier, and can only wait
+  HeadMask unheeding() const { return unheeding_; }  ///< that did not do what they were asked
   std::optional<std::int32_t> drift_ppb(std::size_t head) const { return heads_[head].clock.drift_ppb(); }
 
   static constexpr Duration kBandMost = Duration::microseconds(60);
@@ -56,12 +56,12 @@ class Aligner {
   struct Head {
     PhaseLine clock;
     std::uint64_t starts = 0;
-    Duration asked, done;      ///< since the head was started
+    Duration asked, done;  ///< since the head was started
     hal::NudgeLimits limits;
-    Instant still_since;       ///< while something is to be done: when it last did anything of it
+    Instant still_since;  ///< while something is to be done: when it last did anything of it
     Instant left_alone_until;
     bool heeds = true;
-    Duration place_in_set;     ///< where nudges and half the exposure put the middle of its last frame in a set
+    Duration place_in_set;  ///< where nudges and half the exposure put the middle of its last frame in a set
   };
   std::optional<Duration> reference_place(const std::array<FreeHead, kMaxHeads>& heads, Instant base, Instant at,
                                           Instant now, Nudges& places, HeadMask& placed) const;

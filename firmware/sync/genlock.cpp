@@ -83,8 +83,8 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
 
 std::string_view genlock_condition_name(GenlockCondition condition) {
   constexpr std::array<std::string_view, kGenlockConditions> kNames = {
-      "started",        "stopped",      "in step",   "out of step", "pulse unseen", "unheeded",
-      "pulses overdue", "sets overdue", "port gone", "coasted long"};
+      "started",  "stopped",        "in step",      "out of step", "pulse unseen",
+      "unheeded", "pulses overdue", "sets overdue", "port gone",   "coasted long"};
   return kNames[static_cast<std::size_t>(condition)];
 }
 
@@ -172,7 +172,8 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
   if (!running() || failed_) return;
   // As step() would have found, had it been called: sets may come late, many at once.
   const Duration since = set.mid_exposure - newest_middle_;
-  if (newest_set_ && (since < Duration() || since > settings_.rate.period() * 3)) meet(GenlockCondition::kSetsOverdue, now);
+  if (newest_set_ && (since < Duration() || since > settings_.rate.period() * 3))
+    meet(GenlockCondition::kSetsOverdue, now);
   newest_set_ = now;
   newest_middle_ = set.mid_exposure;
   if (every_present_head) report_.spread = set.sync.spread;

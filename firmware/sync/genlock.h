@@ -60,17 +60,17 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition);
 
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
-  bool aligned = false;          ///< without pulses: the heads run free and are moved
-  HeadMask fixed = 0;            ///< of them, those that cannot be moved,
-  HeadMask one_way = 0;          ///< that can only wait, and are behind the others,
-  HeadMask unheeding = 0;        ///< and that were moved and did not move
+  bool aligned = false;    ///< without pulses: the heads run free and are moved
+  HeadMask fixed = 0;      ///< of them, those that cannot be moved,
+  HeadMask one_way = 0;    ///< that can only wait, and are behind the others,
+  HeadMask unheeding = 0;  ///< and that were moved and did not move
   FrameRate rate;
-  std::uint64_t triggers = 0;    ///< pulses seen since start
-  std::uint64_t missing = 0;     ///< pulses whose number never came
-  Duration spread;               ///< of mid-exposures, of the newest set with every present head in it
-  Duration spread_worst;         ///< likewise, of the sets while locked, since the genlock was started
-  std::uint64_t losses = 0;      ///< times it was lost, since start
-  std::uint64_t holdovers = 0;   ///< times it coasted, since start
+  std::uint64_t triggers = 0;             ///< pulses seen since start
+  std::uint64_t missing = 0;              ///< pulses whose number never came
+  Duration spread;                        ///< of mid-exposures, of the newest set with every present head in it
+  Duration spread_worst;                  ///< likewise, of the sets while locked, since the genlock was started
+  std::uint64_t losses = 0;               ///< times it was lost, since start
+  std::uint64_t holdovers = 0;            ///< times it coasted, since start
   std::optional<std::int32_t> drift_ppb;  ///< of the pulses, or of the heads in free run; see SyncEvidence
 };
 
@@ -123,13 +123,13 @@ class Genlock {
   /// After as long without an exposure the past of a head that runs free says nothing: two are then 0.1 ms elsewhere.
   static constexpr Duration kPastHolds = Duration::seconds(1);
 
-  struct Habit {  ///< of a head, while its exposures have pulses
-    std::int64_t skews = 0;        ///< that went into it since the last leap, up to kMean
-    Duration mean, mean_of_means;  ///< of its skews, running
+  struct Habit {                       ///< of a head, while its exposures have pulses
+    std::int64_t skews = 0;            ///< that went into it since the last leap, up to kMean
+    Duration mean, mean_of_means;      ///< of its skews, running
     Duration jitter = kJitterAtFirst;  ///< running mean of a skew's distance from what its past says
-    Duration lean;                 ///< running mean of that distance with its sign, over four sets
-    Duration offset;               ///< running mean of its mid-exposure after the set's
-    Instant newest;                ///< set's middle that it was in
+    Duration lean;                     ///< running mean of that distance with its sign, over four sets
+    Duration offset;                   ///< running mean of its mid-exposure after the set's
+    Instant newest;                    ///< set's middle that it was in
 
     /// Brown's double exponential smoothing: what the mean says, without its lag behind a head that creeps.
     Duration skew() const { return mean * 2 - mean_of_means; }
@@ -156,7 +156,7 @@ class Genlock {
   std::uint64_t next_number_ = 0;
   int good_sets_ = 0;
   bool was_locked_ = false;  ///< since start
-  Duration latency_;  ///< middle of the skews of the first good set of the first lock
+  Duration latency_;         ///< middle of the skews of the first good set of the first lock
   std::array<Habit, kMaxHeads> habits_{};
   GenlockReport report_;
 };

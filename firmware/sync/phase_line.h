@@ -41,10 +41,10 @@ class PhaseLine {
   static constexpr std::int64_t kRateOne = 1 << 16;
 
   Duration period_;
-  Instant begin_;               ///< on the line
-  std::int64_t rate_ = 0;       ///< how much longer its periods are than period_, ns / kRateOne
-  std::int64_t moments_ = 0;    ///< of this phase, up to kMemory
-  std::int64_t of_rate_ = 0;    ///< moments that went into the rate, up to kMemory
+  Instant begin_;             ///< on the line
+  std::int64_t rate_ = 0;     ///< how much longer its periods are than period_, ns / kRateOne
+  std::int64_t moments_ = 0;  ///< of this phase, up to kMemory
+  std::int64_t of_rate_ = 0;  ///< moments that went into the rate, up to kMemory
   int doubted_ = 0;
   Duration jitter_ = kJitterAtFirst;
 };

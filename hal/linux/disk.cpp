@@ -118,8 +118,9 @@ Error LinuxDisk::failure(const char* what, const std::string& name, int error) c
 Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
   if (auto checked = check(name); !checked) return fail(checked.error());
   const int fd = open_beneath(name, flags);
-  if (fd < 0) return fail(errno == EISDIR ? Error{Errc::kExists, "file '" + name + "': is a folder"}
-                                          : failure("opening it", name, errno));
+  if (fd < 0)
+    return fail(errno == EISDIR ? Error{Errc::kExists, "file '" + name + "': is a folder"}
+                                : failure("opening it", name, errno));
   const FileHandle handle = next_++;
   files_[handle] = {fd, name};
   return handle;
@@ -173,8 +174,8 @@ Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::
     bytes.resize(static_cast<std::size_t>(std::min(length, limit_bytes) + 1));
     std::size_t have = 0;
     for (;;) {
-      const ssize_t got = again_when_interrupted(
-          [&] { return ::read(fd.get(), bytes.data() + have, bytes.size() - have); });
+      const ssize_t got =
+          again_when_interrupted([&] { return ::read(fd.get(), bytes.data() + have, bytes.size() - have); });
       if (got < 0) return fail(failure("reading it", name, errno));
       if (got == 0) break;
       have += static_cast<std::size_t>(got);

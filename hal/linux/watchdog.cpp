@@ -46,8 +46,8 @@ void LinuxWatchdog::send(const std::string& message) {
   std::memcpy(to.sun_path, address_.data(), address_.size());
   const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + address_.size());
   // Not waited for and not repeated: the next feed comes soon, and a supervisor that is not there is no error.
-  static_cast<void>(::sendto(socket_, message.data(), message.size(), MSG_NOSIGNAL,
-                             reinterpret_cast<const sockaddr*>(&to), length));
+  static_cast<void>(
+      ::sendto(socket_, message.data(), message.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to), length));
 }
 
 }  // namespace nodal::hal::linux_os

@@ -121,7 +121,9 @@ struct Deck::State {
 class Deck::State::Head final : public HeadPort {
  public:
   Head(State& deck, const std::string& path, Reel reel)
-      : deck_(deck), identity_{path, "", "pictures"}, reel_(std::move(reel)),
+      : deck_(deck),
+        identity_{path, "", "pictures"},
+        reel_(std::move(reel)),
         format_{reel_.format(), reel_.width(), reel_.height(), deck.fields_of(path), deck.options.rate},
         buffers_(static_cast<std::size_t>(std::max(1, deck.options.buffers))) {
     limits_.exposure_min = limits_.exposure_max = settings_.exposure;

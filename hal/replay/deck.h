@@ -15,11 +15,11 @@
 namespace nodal::hal::replay {
 
 struct DeckOptions {
-  PictureReader pictures;                      ///< needed to open a head
+  PictureReader pictures;  ///< needed to open a head
   FrameRate rate;
-  std::filesystem::path base;                  ///< relative paths of heads count from here
-  int buffers = 4;                             ///< a head's; a consumer that holds all of them loses frames
-  std::uint64_t keep_bytes = 256ULL << 20;     ///< pictures of a head that stay decoded in memory
+  std::filesystem::path base;               ///< relative paths of heads count from here
+  int buffers = 4;                          ///< a head's; a consumer that holds all of them loses frames
+  std::uint64_t keep_bytes = 256ULL << 20;  ///< pictures of a head that stay decoded in memory
 };
 
 /// A head's exposure, gain and white balance are what they were when the pictures were taken: its limits are fixed.

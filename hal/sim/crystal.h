@@ -11,11 +11,13 @@ inline constexpr std::int64_t kPpbOne = 1'000'000'000;
 
 /// What such a crystal takes for `nominal`: positive is slow. |ppb| below kPpbOne; products are 128 bits.
 constexpr Duration stretched(Duration nominal, std::int64_t ppb) {
-  return nominal + Duration::nanoseconds(static_cast<std::int64_t>(static_cast<__int128>(nominal.ns()) * ppb / kPpbOne));
+  return nominal +
+         Duration::nanoseconds(static_cast<std::int64_t>(static_cast<__int128>(nominal.ns()) * ppb / kPpbOne));
 }
 /// The inverse, to a nanosecond.
 constexpr Duration unstretched(Duration taken, std::int64_t ppb) {
-  return Duration::nanoseconds(static_cast<std::int64_t>(static_cast<__int128>(taken.ns()) * kPpbOne / (kPpbOne + ppb)));
+  return Duration::nanoseconds(
+      static_cast<std::int64_t>(static_cast<__int128>(taken.ns()) * kPpbOne / (kPpbOne + ppb)));
 }
 
 }  // namespace nodal::hal::sim

@@ -44,8 +44,7 @@ Error no_power(const std::string& name) { return {Errc::kIo, "file '" + name + "
 
 }  // namespace
 
-SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes)
-    : random_(seed, "disk"), capacity_(capacity_bytes) {}
+SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes) : random_(seed, "disk"), capacity_(capacity_bytes) {}
 SimDisk::~SimDisk() = default;
 
 /// Counts an operation that changes the disk, and lets what a test has planned for it happen.
@@ -237,8 +236,8 @@ Status SimDisk::sync_folder(const std::string& name) {
   }
   for (std::size_t k = 0; k < unsynced_.size();) {
     const auto& entries = unsynced_[k].entries;
-    const bool here = std::any_of(entries.begin(), entries.end(),
-                                  [&](const auto& entry) { return parent_of(entry.first) == name; });
+    const bool here =
+        std::any_of(entries.begin(), entries.end(), [&](const auto& entry) { return parent_of(entry.first) == name; });
     if (here && (!dying_ || random_.below(2) == 1)) {
       make_last(k);
     } else {

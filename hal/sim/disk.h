@@ -54,7 +54,10 @@ class SimDisk final : public DiskPort {
   /// Operation k, and only it, fails with kIo and changes nothing.
   void fail_at(std::uint64_t operation) { fail_at_.insert(operation); }
   /// Every changing operation takes this long on `clock`, which is virtual.
-  void be_slow(SimClock* clock, Duration each) { slow_clock_ = clock; slow_by_ = each; }
+  void be_slow(SimClock* clock, Duration each) {
+    slow_clock_ = clock;
+    slow_by_ = each;
+  }
 
  private:
   struct Inode;

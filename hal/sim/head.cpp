@@ -16,8 +16,12 @@ constexpr std::uint64_t kExposuresAStep = 64;
 }  // namespace
 
 SensorOptions sensor_options(const HeadOptions& options) {
-  return {options.pixels,    options.fields != Fields::kProgressive, options.rate.period() / 2,
-          options.reference, options.supersampling,                  options.noise};
+  return {options.pixels,
+          options.fields != Fields::kProgressive,
+          options.rate.period() / 2,
+          options.reference,
+          options.supersampling,
+          options.noise};
 }
 
 HeadLimits default_head_limits() {
@@ -37,11 +41,17 @@ HeadLimits default_head_limits() {
 
 SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const HeadCalibration& truth,
                  const HeadOptions& options, std::uint64_t seed)
-    : clock_(clock), trigger_(trigger), scene_(std::move(scene)), truth_(truth), options_(options),
+    : clock_(clock),
+      trigger_(trigger),
+      scene_(std::move(scene)),
+      truth_(truth),
+      options_(options),
       identity_{"sim:" + truth.name, "sim-" + truth.name, "Nodal simulated head"},
       format_{options.pixels, truth.width, truth.height, options.fields, options.rate},
-      random_(seed, identity_.path), seed_(random_.next()),
-      sensor_(std::make_unique<Sensor>(truth, sensor_options(options), scene_, seed_)), settings_(options.settings),
+      random_(seed, identity_.path),
+      seed_(random_.next()),
+      sensor_(std::make_unique<Sensor>(truth, sensor_options(options), scene_, seed_)),
+      settings_(options.settings),
       in_effect_(options.settings) {
   NODAL_ASSERT(options.buffers >= 1);
   if (options.fields != Fields::kProgressive) {
@@ -110,8 +120,8 @@ Status SimHead::start(TriggerMode mode) {
   free_run_next_ = 0;
   nudges_.restart();
   const Duration period = options_.rate.period();
-  const Duration drawn = Duration::nanoseconds(
-      static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(period.ns()))));
+  const Duration drawn =
+      Duration::nanoseconds(static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(period.ns()))));
   free_run_from_ = now + options_.free_run_phase.value_or(drawn);
   return {};
 }

@@ -36,17 +36,17 @@ struct HeadOptions {
   /// An interlaced head exposes two fields half a period apart; its height is a multiple of four.
   Fields fields = Fields::kProgressive;
   HeadLimits limits = default_head_limits();
-  HeadSettings settings;                    ///< as the head comes
+  HeadSettings settings;                                ///< as the head comes
   Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
-  int supersampling = 2;                    ///< n x n samples a pixel
+  int supersampling = 2;                                ///< n x n samples a pixel
   NoiseModel noise;
   int buffers = 4;
   Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
   Duration trigger_jitter = Duration::microseconds(2);    ///< of each, uniform to both sides
-  Duration stamp_jitter;                                  ///< of what each frame says of its middle, uniform to both sides
-  Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
-  std::int32_t free_run_drift_ppm = 0;      ///< positive is slow; at most 100 000 to either side
-  std::optional<Duration> free_run_phase;   ///< of the first exposure after start(); drawn when not given
+  Duration stamp_jitter;                          ///< of what each frame says of its middle, uniform to both sides
+  Duration readout = Duration::milliseconds(12);  ///< from the end of the exposure to the last byte
+  std::int32_t free_run_drift_ppm = 0;            ///< positive is slow; at most 100 000 to either side
+  std::optional<Duration> free_run_phase;         ///< of the first exposure after start(); drawn when not given
   HeadFaults faults;
 };
 
@@ -171,8 +171,8 @@ class SimHead final : public PulseSink {
   bool present_ = true;
   bool streaming_ = false;
   TriggerMode mode_ = TriggerMode::kFreeRun;
-  HeadSettings settings_;            ///< as asked
-  HeadSettings in_effect_;           ///< of the next exposure
+  HeadSettings settings_;   ///< as asked
+  HeadSettings in_effect_;  ///< of the next exposure
   std::deque<Pending> changes_;
   Instant free_run_from_;
   std::uint64_t free_run_next_ = 0;
@@ -180,8 +180,8 @@ class SimHead final : public PulseSink {
   Instant busy_until_;
   Instant last_received_;
   std::uint32_t sequence_ = 0;
-  bool keep_sequence_ = false;       ///< set by the test before a start
-  std::deque<Exposed> exposed_;      ///< in the sensor or on the wire, in order of arrival
+  bool keep_sequence_ = false;   ///< set by the test before a start
+  std::deque<Exposed> exposed_;  ///< in the sensor or on the wire, in order of arrival
   std::array<FrameTruth, 64> newest_{};
   HeadCounts counts_;
   int lose_ = 0;

@@ -14,7 +14,10 @@ namespace nodal::hal::sim {
 class SimHead::Port final : public HeadPort {
  public:
   explicit Port(SimHead& head)
-      : head_(&head), identity_(head.identity_), format_(head.format_), limits_(head.options_.limits),
+      : head_(&head),
+        identity_(head.identity_),
+        format_(head.format_),
+        limits_(head.options_.limits),
         buffers_(static_cast<std::size_t>(head.options_.buffers)) {
     const std::size_t size = packed_size(format_.pixels, format_.width, format_.height);
     for (Buffer& buffer : buffers_) buffer.bytes.resize(size);

@@ -60,8 +60,7 @@ void SimLink::reset() {
   }
 }
 
-std::pair<std::unique_ptr<SimLink>, std::unique_ptr<SimLink>> make_link_pair(std::string a_sees,
-                                                                             std::string b_sees) {
+std::pair<std::unique_ptr<SimLink>, std::unique_ptr<SimLink>> make_link_pair(std::string a_sees, std::string b_sees) {
   auto a_to_b = std::make_shared<LinkPipe>();
   auto b_to_a = std::make_shared<LinkPipe>();
   return {std::make_unique<SimLink>(b_to_a, a_to_b, std::move(a_sees)),

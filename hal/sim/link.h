@@ -20,9 +20,9 @@ struct LinkPipe {
   std::size_t capacity = 256U << 10;  ///< a writer past it gets 0, as with a full socket
   bool writer_gone = false;
   bool reader_gone = false;
-  bool reset = false;       ///< bytes in flight are lost and both ends see kLinkClosed
-  bool stalled = false;     ///< the reader gets nothing: a slow or stuck peer
-  std::uint32_t split = 0;  ///< when not 0: every read and write moves 1..split bytes, drawn by the seed
+  bool reset = false;                     ///< bytes in flight are lost and both ends see kLinkClosed
+  bool stalled = false;                   ///< the reader gets nothing: a slow or stuck peer
+  std::uint32_t split = 0;                ///< when not 0: every read and write moves 1..split bytes, drawn by the seed
   std::optional<std::uint64_t> flip_bit;  ///< this bit of the bytes yet to be written is turned over
   std::uint64_t written = 0;
   std::minstd_rand random;

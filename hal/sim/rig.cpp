@@ -26,16 +26,17 @@ class SimRig::Enumerator final : public HeadEnumerator {
 };
 
 SimRig::SimRig(const Calibration& truth, SimRigOptions options)
-    : truth_(truth), clock_(options.real_time ? SimClock::Kind::kReal : SimClock::Kind::kVirtual),
-      trigger_(clock_, options.trigger, options.seed), enumerator_(std::make_unique<Enumerator>(*this)) {
+    : truth_(truth),
+      clock_(options.real_time ? SimClock::Kind::kReal : SimClock::Kind::kVirtual),
+      trigger_(clock_, options.trigger, options.seed),
+      enumerator_(std::make_unique<Enumerator>(*this)) {
   NODAL_ASSERT(truth_.heads.size() <= static_cast<std::size_t>(kMaxHeads));
   if (!options.scene) options.scene = town_square_scene(options.seed);
   for (std::size_t i = 0; i < truth_.heads.size(); ++i) {
     HeadOptions head = options.head;
     const auto index = static_cast<HeadIndex>(i);
     if (options.adjust) options.adjust(index, head);
-    heads_.push_back(
-        std::make_unique<SimHead>(clock_, trigger_, options.scene, truth_.heads[i], head, options.seed));
+    heads_.push_back(std::make_unique<SimHead>(clock_, trigger_, options.scene, truth_.heads[i], head, options.seed));
     trigger_.connect(index, heads_.back().get());
   }
 }

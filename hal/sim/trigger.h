@@ -23,8 +23,8 @@ class PulseSink {
 };
 
 struct TriggerOptions {
-  Duration jitter;                ///< of each pulse, uniform to both sides; at most a quarter period
-  std::int64_t drift_ppb = 0;     ///< the generator's crystal: positive is slow; at most 10^8 to either side
+  Duration jitter;             ///< of each pulse, uniform to both sides; at most a quarter period
+  std::int64_t drift_ppb = 0;  ///< the generator's crystal: positive is slow; at most 10^8 to either side
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
   std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the rig's first second
@@ -73,8 +73,8 @@ class SimTrigger final : public TriggerPort {
   bool running_ = false;
   bool gone_ = false;
   std::atomic<bool> safe_{false};  ///< for good
-  Instant started_;  ///< moment of pulse 0
-  FrameRate rate_;   ///< of whoever drives
+  Instant started_;                ///< moment of pulse 0
+  FrameRate rate_;                 ///< of whoever drives
   std::uint64_t next_ = 0;
   Instant next_at_;
   std::uint64_t sent_ = 0;

@@ -17,8 +17,14 @@ class SimWatchdog final : public WatchdogPort {
   explicit SimWatchdog(ClockPort& clock) : clock_(clock), last_(clock.now()) {}
 
   // What the daemon sees.
-  void ready() override { ready_ = true; last_ = clock_.now(); }
-  void feed() override { ++feeds_; last_ = clock_.now(); }
+  void ready() override {
+    ready_ = true;
+    last_ = clock_.now();
+  }
+  void feed() override {
+    ++feeds_;
+    last_ = clock_.now();
+  }
   void stopping() override { stopping_ = true; }
   void status(std::string_view line) override { lines_.emplace_back(line.substr(0, line.find_first_of("\r\n"))); }
 

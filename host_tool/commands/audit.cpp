@@ -8,9 +8,8 @@ namespace nodal::host {
 namespace {
 
 Json to_json(const wire::AuditEntry& entry) {
-  Json json{{"number", entry.number()}, {"at_ns", entry.at_ns()},   {"who", entry.who()},
-            {"what", entry.what()},     {"before", entry.before()}, {"after", entry.after()},
-            {"done", !entry.has_error()}};
+  Json json{{"number", entry.number()}, {"at_ns", entry.at_ns()}, {"who", entry.who()},        {"what", entry.what()},
+            {"before", entry.before()}, {"after", entry.after()}, {"done", !entry.has_error()}};
   if (entry.has_error()) json["error"] = {{"code", entry.error().code()}, {"message", entry.error().message()}};
   return json;
 }
@@ -22,12 +21,17 @@ Status run_audit(Context& context) {
   if (!reply) return fail(reply.error());
   const wire::AuditLog& log = reply->audit_log();
   Json list = Json::array();
-  Table table({{"#", Table::Align::kRight}, {"ago", Table::Align::kRight}, {"who"}, {"what"}, {"before"}, {"after"},
+  Table table({{"#", Table::Align::kRight},
+               {"ago", Table::Align::kRight},
+               {"who"},
+               {"what"},
+               {"before"},
+               {"after"},
                {"result"}});
   for (const wire::AuditEntry& entry : log.entries()) {
     list.push_back(to_json(entry));
-    table.row({std::to_string(entry.number()), show_duration(log.now_ns() - entry.at_ns()), entry.who(),
-               entry.what(), entry.before(), entry.after(),
+    table.row({std::to_string(entry.number()), show_duration(log.now_ns() - entry.at_ns()), entry.who(), entry.what(),
+               entry.before(), entry.after(),
                entry.has_error() ? context.console().paint(Colour::kBad, entry.error().message()) : "done"});
   }
   context.console().document({{"now_ns", log.now_ns()}, {"entries", list}});

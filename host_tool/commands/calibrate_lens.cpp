@@ -183,8 +183,7 @@ Status run(Context& context, const Args& args) {
   if (const Status checked = check_calibration(calibration); !checked) return checked;
   if (const Status written = write_file(args.out, nodal::to_json(calibration)); !written) return written;
   if (!args.report.empty()) {
-    const Result<std::string> page =
-        interruptible(context.console(), [&] { return lens_report(*result, args.model); });
+    const Result<std::string> page = interruptible(context.console(), [&] { return lens_report(*result, args.model); });
     if (!page) return fail(page.error());
     if (const Status written = write_file(args.report, *page); !written) return written;
   }
@@ -197,13 +196,13 @@ Status run(Context& context, const Args& args) {
 void add_calibrate(CLI::App& app, CommandLine& line) {
   CLI::App* group = add_command(app, "calibrate", "Find out what heads do to rays and to light; needs no rig", "");
   group->require_subcommand(1);
-  CLI::App* lens = add_command(
-      *group, "lens", "A head's lens from photographs of the pattern",
-      "  nodal calibrate lens photo*.png --name cam5 -o cam5.json --report cam5.html\n"
-      "  nodal calibrate lens fish*.jpg --model kannala_brandt --aspect 1\n"
-      "Take three to eight photographs of the printed pattern (`nodal pattern`): sharp, focus and zoom\n"
-      "as they will be used, the pattern filling the picture and its corners, turned by 20 to 40 degrees\n"
-      "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n");
+  CLI::App* lens =
+      add_command(*group, "lens", "A head's lens from photographs of the pattern",
+                  "  nodal calibrate lens photo*.png --name cam5 -o cam5.json --report cam5.html\n"
+                  "  nodal calibrate lens fish*.jpg --model kannala_brandt --aspect 1\n"
+                  "Take three to eight photographs of the printed pattern (`nodal pattern`): sharp, focus and zoom\n"
+                  "as they will be used, the pattern filling the picture and its corners, turned by 20 to 40 degrees\n"
+                  "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n");
   auto args = std::make_shared<Args>();
   lens->add_option("PHOTOS", args->photos, "Photographs of the pattern, PNG or JPEG")->required()->type_name("");
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")

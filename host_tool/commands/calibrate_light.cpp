@@ -82,12 +82,12 @@ void tell(Console& console, const cal::LightReport& report, const Args& args) {
   }
   for (const std::string& line : table.lines()) console.line(line);
   const Response& first = report.calibration.heads[0].response;
-  console.line(report.response_found
-                   ? fmt::format("response  {}; exposures agree to {:.3f} stops", show_curve(first),
-                                 report.response_left_stops)
-                   : fmt::format("response  {}, as it was; --stops would find it", show_curve(first)));
-  console.line(fmt::format("shared rays differed by {:.3f} stops rms, now by {:.3f}", report.before_stops,
-                           report.after_stops));
+  console.line(
+      report.response_found
+          ? fmt::format("response  {}; exposures agree to {:.3f} stops", show_curve(first), report.response_left_stops)
+          : fmt::format("response  {}, as it was; --stops would find it", show_curve(first)));
+  console.line(
+      fmt::format("shared rays differed by {:.3f} stops rms, now by {:.3f}", report.before_stops, report.after_stops));
   for (const std::string& note : report.notes) console.note("note: " + note);
   console.line("wrote " + args.out);
 }

@@ -38,7 +38,8 @@ Result<std::string> parse_id(const std::string& text) {
   }
   if (text.empty() || text.size() > 64 || bytes.size() * 2 != text.size()) {
     return fail(Errc::kBadValue, fmt::format("calibration id '{}': an even number of its first hexadecimal digits, as "
-                                             "`nodal calibration list` shows them", text));
+                                             "`nodal calibration list` shows them",
+                                             text));
   }
   return bytes;
 }
@@ -84,8 +85,8 @@ Status run_upload(Context& context, const Args& args) {
   const Result<std::string> signature = read_signature(args);
   if (!signature) return fail(signature.error());
   const Reconnect connect = [&context] { return context.connect(); };
-  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(),
-                                       std::nullopt, *signature);
+  const Result<Uploaded> done =
+      upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(), std::nullopt, *signature);
   if (!done) return fail(done.error());
   const std::string id = calibration ? to_hex(calibration_id(*calibration)) : "";
   context.console().document({{"id", id},
@@ -107,8 +108,10 @@ Status run_list(Context& context) {
   Table table({{""}, {"id"}, {"generation", Table::Align::kRight}, {"heads", Table::Align::kRight}, {"name"}});
   for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
     list.push_back(to_json(entry));
-    table.row({entry.on_trial() ? "* trial" : entry.in_force() ? "*" : "", show_id(entry.id()), std::to_string(entry.generation()),
-               std::to_string(entry.heads()), entry.name()});
+    table.row({entry.on_trial()   ? "* trial"
+               : entry.in_force() ? "*"
+                                  : "",
+               show_id(entry.id()), std::to_string(entry.generation()), std::to_string(entry.heads()), entry.name()});
   }
   context.console().document({{"calibrations", list}});
   if (list.empty()) {
@@ -160,8 +163,8 @@ Status tell_in_force(Context& context, const wire::Request& request) {
   for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
     if (!entry.in_force()) continue;
     context.console().document(to_json(entry));
-    context.console().line(fmt::format("{} is in force, id {}, generation {}", entry.name(), show_id(entry.id()),
-                                       entry.generation()));
+    context.console().line(
+        fmt::format("{} is in force, id {}, generation {}", entry.name(), show_id(entry.id()), entry.generation()));
   }
   return {};
 }
@@ -193,7 +196,8 @@ Status run_check(Context& context, const Args& args) {
 }  // namespace
 
 void add_calibration(CLI::App& app, CommandLine& line) {
-  CLI::App* group = add_command(app, "calibration", "The rig document: check it, upload it, choose among the rig's", "");
+  CLI::App* group =
+      add_command(app, "calibration", "The rig document: check it, upload it, choose among the rig's", "");
   group->require_subcommand(1);
   auto args = std::make_shared<Args>();
   const auto add = [&](const std::string& name, const std::string& description, const std::string& examples) {

@@ -1,8 +1,8 @@
 #include "host_tool/commands/command.h"
 
+#include <fmt/format.h>
 #include <CLI/Config.hpp>
 #include <CLI/Formatter.hpp>
-#include <fmt/format.h>
 
 #include <cerrno>
 #include <cstdlib>
@@ -33,7 +33,9 @@ std::string footer() {
       "  nodal --rig ssh://rig.local heads\n"
       "  nodal calibration upload rig.json && nodal genlock start && nodal raymap pull\n"
       "\n"
-      "The rig: --rig, else $NODAL_RIG, else " + std::string(kDefaultRig) + ".\n"
+      "The rig: --rig, else $NODAL_RIG, else " +
+      std::string(kDefaultRig) +
+      ".\n"
       "`nodal COMMAND --help` explains a command; `man nodal` has it all.\n"
       "\nExit codes:\n";
   for (const ExitCodeHelp& help : exit_code_help()) {
@@ -76,7 +78,8 @@ CLI::App* add_command(CLI::App& parent, const std::string& name, const std::stri
 }
 
 CommandLine::CommandLine(Console& console)
-    : console_(console), context_(console),
+    : console_(console),
+      context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
   app_.set_help_flag("-h,--help", "Explain, and stop");
   app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Say the version, and stop");
@@ -127,8 +130,9 @@ ExitCode CommandLine::with_lost_output(ExitCode code) {
   if (lost == 0) return code;
   if (lost == EPIPE) return failed ? code : ExitCode::kReaderGone;
   const std::string why = lost == EBADF ? "it is closed" : std::strerror(lost);
-  console_.error(Error{lost == ENOSPC ? Errc::kDiskFull : Errc::kIo,
-                       fmt::format("standard output could not be written ({}); the answer, or the rest of it, is lost", why)});
+  console_.error(
+      Error{lost == ENOSPC ? Errc::kDiskFull : Errc::kIo,
+            fmt::format("standard output could not be written ({}); the answer, or the rest of it, is lost", why)});
   return failed ? code : ExitCode::kOutputLost;
 }
 

@@ -27,9 +27,8 @@ void collect(const CLI::App& app, std::vector<std::string> path, std::vector<Com
       for (const std::string& name : option->get_lnames()) entry.names.push_back(fmt::format("--{}", name));
       entry.description = option->get_description();
       if (option->get_expected_max() > 0) entry.value = option->get_type_name();
-      const bool known = std::ranges::any_of(words.options, [&](const CommandWords::Option& other) {
-        return other.names == entry.names;
-      });
+      const bool known = std::ranges::any_of(
+          words.options, [&](const CommandWords::Option& other) { return other.names == entry.names; });
       if (!known) words.options.push_back(std::move(entry));
     }
   };
@@ -112,12 +111,15 @@ std::string bash_completion(const std::vector<CommandWords>& commands) {
          "  local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} path= try word words=\n"
          "  for word in \"${COMP_WORDS[@]:1:COMP_CWORD-1}\"; do\n"
          "    try=\"${path:+$path }$word\"\n"
-         "    case $try in\n" + names +
+         "    case $try in\n" +
+         names +
          "    esac\n"
          "  done\n"
-         "  case $before in\n" + values +
+         "  case $before in\n" +
+         values +
          "  esac\n"
-         "  case $path in\n" + cases +
+         "  case $path in\n" +
+         cases +
          "  esac\n"
          "  COMPREPLY=($(compgen -W \"$words\" -- \"$current\"))\n"
          "  [[ $current == -* ]] || COMPREPLY+=($(compgen -f -- \"$current\"))\n"
@@ -129,12 +131,15 @@ std::string zsh_completion(const std::vector<CommandWords>& commands) {
   std::string names;
   std::string cases;
   for (const CommandWords& command : commands) {
-    if (!command.path.empty()) names += fmt::format("      ({}) where=\"$try\" ;;\n", shell_quoted(fmt::format("{}", fmt::join(command.path, " "))));
+    if (!command.path.empty())
+      names +=
+          fmt::format("      ({}) where=\"$try\" ;;\n", shell_quoted(fmt::format("{}", fmt::join(command.path, " "))));
     std::string arguments;
     for (const CommandWords::Option& option : command.options) {
       for (const std::string& name : option.names) {
         std::string description = option.description;
-        std::ranges::replace_if(description, [](char c) { return c == ':' || c == '[' || c == ']'; }, ' ');
+        std::ranges::replace_if(
+            description, [](char c) { return c == ':' || c == '[' || c == ']'; }, ' ');
         std::string spec = fmt::format("{}[{}]", name, description);
         if (const auto choices = values_of(option.value); !choices.empty()) {
           spec += fmt::format(":value:({})", fmt::join(choices, " "));
@@ -156,10 +161,12 @@ std::string zsh_completion(const std::vector<CommandWords>& commands) {
          "  local where= try word\n"
          "  for word in \"${words[@]:1:$((CURRENT-2))}\"; do\n"
          "    try=\"${where:+$where }$word\"\n"
-         "    case $try in\n" + names +
+         "    case $try in\n" +
+         names +
          "    esac\n"
          "  done\n"
-         "  case $where in\n" + cases +
+         "  case $where in\n" +
+         cases +
          "  esac\n"
          "}\n"
          "if [ \"${funcstack[1]}\" = _nodal ]; then _nodal \"$@\"; else compdef _nodal nodal; fi\n";

@@ -15,9 +15,9 @@ struct CommandWords {
   struct Option {
     std::vector<std::string> names;  ///< {"-o", "--out"}
     std::string description;
-    std::string value;               ///< "FILE", "jpg|png|raw"; empty for a flag
+    std::string value;  ///< "FILE", "jpg|png|raw"; empty for a flag
   };
-  std::vector<Option> options;       ///< its own and those of all above it
+  std::vector<Option> options;  ///< its own and those of all above it
   std::vector<std::string> positionals;
 };
 

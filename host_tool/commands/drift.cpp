@@ -96,7 +96,8 @@ std::string verdict(const DriftReport& report, bool live) {
   std::string moved;
   for (const HeadDrift& head : report.heads) {
     if (head.standing != Standing::kMoved) continue;
-    moved += fmt::format("{}'{}' by {:.3f}° ({:.1f} px)", moved.empty() ? "" : ", ", head.name, head.moved_deg, head.moved_px);
+    moved += fmt::format("{}'{}' by {:.3f}° ({:.1f} px)", moved.empty() ? "" : ", ", head.name, head.moved_deg,
+                         head.moved_px);
   }
   if (moved.empty()) return "";
   return "the rig is no longer as it was calibrated: moved " + moved +
@@ -105,8 +106,8 @@ std::string verdict(const DriftReport& report, bool live) {
 
 Status run(Context& context, const Args& args) {
   const bool live = args.inputs.empty();
-  Result<Input> input = live ? input_from_rig(context, args)
-                             : interruptible(context.console(), [&] { return input_from_files(args); });
+  Result<Input> input =
+      live ? input_from_rig(context, args) : interruptible(context.console(), [&] { return input_from_files(args); });
   if (!input) return fail(input.error());
   registration::DriftOptions options = args.options;
   Result<DriftReport> report = fail(Errc::kInternal, "");
@@ -153,7 +154,8 @@ void add_drift(CLI::App& app, CommandLine& line) {
   command->add_option("--tolerance", args->options.tolerance_px, "Pixels a head may be off (0.5 when not given)")
       ->type_name("PX")
       ->check(CLI::Range(0.001, 1000.0));
-  command->add_option("-o,--out", args->out, "Save the calibration with the heads as they stand now")->type_name("FILE");
+  command->add_option("-o,--out", args->out, "Save the calibration with the heads as they stand now")
+      ->type_name("FILE");
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));

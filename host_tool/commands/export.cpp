@@ -73,13 +73,13 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_export(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(
-      app, "export", "Write a calibration for another program; needs no rig",
-      "  nodal export rig.json --format pto -o rig.pto              Hugin\n"
-      "  nodal export rig.json --format pto --square-pixels         pictures resampled first\n"
-      "  nodal export rig.json --format opencv -o cam.yaml          one file a head\n"
-      "Formats: pto (Hugin), pts (PTGui), ptv (VideoStitch), surround360, opencv, kalibr. What a format\n"
-      "cannot hold is fitted, and how far off that is, is told for every head, in pixels.\n");
+  CLI::App* command =
+      add_command(app, "export", "Write a calibration for another program; needs no rig",
+                  "  nodal export rig.json --format pto -o rig.pto              Hugin\n"
+                  "  nodal export rig.json --format pto --square-pixels         pictures resampled first\n"
+                  "  nodal export rig.json --format opencv -o cam.yaml          one file a head\n"
+                  "Formats: pto (Hugin), pts (PTGui), ptv (VideoStitch), surround360, opencv, kalibr. What a format\n"
+                  "cannot hold is fitted, and how far off that is, is told for every head, in pixels.\n");
   auto args = std::make_shared<Args>();
   command->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")

@@ -31,7 +31,8 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
   const bool automatic = settings.program() != "manual";
   std::string line = "exposure " + settings.program();
   if (settings.locked()) line += ", locked";
-  else if (automatic) line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
+  else if (automatic)
+    line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
   line += fmt::format("; mean light {} stops below full, shutters to {}, gain to {}", settings.target_below() / 1000.0,
                       show_exposure(settings.longest_ns()), show_gain(settings.highest_gain_mdb()));
   if (settings.program() == "joint") {
@@ -40,8 +41,12 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
   }
   console.line(line);
   using Align = Table::Align;
-  Table table({{"head"}, {"exposure, stops", Align::kRight}, {"goal", Align::kRight}, {"mean", Align::kRight},
-               {"clipped", Align::kRight}, {"black", Align::kRight}});
+  Table table({{"head"},
+               {"exposure, stops", Align::kRight},
+               {"goal", Align::kRight},
+               {"mean", Align::kRight},
+               {"clipped", Align::kRight},
+               {"black", Align::kRight}});
   for (const wire::HeadExposure& head : state.heads()) {
     if (!head.metered()) {
       table.row({name(head.index()), "-", "-", "-", "-", "-"});
@@ -121,7 +126,8 @@ Status run_set(Context& context, const Args& args) {
 }  // namespace
 
 void add_exposure(CLI::App& app, CommandLine& line) {
-  CLI::App* exposure = add_command(app, "exposure", "Who sets shutters and gains: hosts, every head, or all together", "");
+  CLI::App* exposure =
+      add_command(app, "exposure", "Who sets shutters and gains: hosts, every head, or all together", "");
   exposure->require_subcommand(1);
 
   CLI::App* show_it = add_command(*exposure, "show", "The program, what every head sees, and where it should be",

@@ -33,32 +33,37 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   show_setting(context.console(), to_json(now), *reply);
   const std::string by = now.aligned() ? "heads run free and are moved" : counted(now.triggers(), "trigger");
   context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
-                                     now.rate_numerator(), now.rate_denominator(), by,
-                                     show_duration(now.spread_ns()), show_duration(now.spread_worst_ns())));
+                                     now.rate_numerator(), now.rate_denominator(), by, show_duration(now.spread_ns()),
+                                     show_duration(now.spread_worst_ns())));
   for (const std::string& why : now.unaligned()) {
     context.console().line(context.console().paint(Colour::kWarning, why));
   }
   std::string drift = "not known yet";
   if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
   context.console().line(fmt::format("lost {}, in holdover {}; {} missing; drift {}", counted(now.losses(), "time"),
-                                     counted(now.holdovers(), "time"), counted(now.missing_triggers(), "trigger"), drift));
+                                     counted(now.holdovers(), "time"), counted(now.missing_triggers(), "trigger"),
+                                     drift));
   return {};
 }
 
 }  // namespace
 
 void add_genlock(CLI::App& app, CommandLine& line) {
-  CLI::App* genlock = add_command(app, "genlock", "All heads exposed together: start it, stop it, see how well it holds",
-                                  "");
+  CLI::App* genlock =
+      add_command(app, "genlock", "All heads exposed together: start it, stop it, see how well it holds", "");
   genlock->require_subcommand(1);
   auto args = std::make_shared<Args>();
 
-  CLI::App* start = add_command(*genlock, "start", "Expose the heads together from now on: by a trigger, or by moving heads\nthat run free, as rig.toml says",
-                                "  nodal genlock start                     at the rig's own rate\n"
-                                "  nodal genlock start --rate 30000/1001\n");
-  start->add_option("--rate", args->rate, "Frames a second: 30000/1001, 29.97, 25")->type_name("RATE")
+  CLI::App* start = add_command(
+      *genlock, "start",
+      "Expose the heads together from now on: by a trigger, or by moving heads\nthat run free, as rig.toml says",
+      "  nodal genlock start                     at the rig's own rate\n"
+      "  nodal genlock start --rate 30000/1001\n");
+  start->add_option("--rate", args->rate, "Frames a second: 30000/1001, 29.97, 25")
+      ->type_name("RATE")
       ->check(checked_by(parse_rate));
-  start->add_option("--pulse", args->pulse, "Width of the trigger pulse, such as 100us")->type_name("DURATION")
+  start->add_option("--pulse", args->pulse, "Width of the trigger pulse, such as 100us")
+      ->type_name("DURATION")
       ->check(checked_by(parse_duration));
   line.on(start, [args](Context& context) { return run(context, wire::GenlockRequest::START, *args); });
 

@@ -16,20 +16,26 @@ std::uint64_t losses_of(const wire::HeadState& head) {
   return sum;
 }
 
-std::string show_skew(std::int64_t ns) {
-  return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns)));
-}
+std::string show_skew(std::int64_t ns) { return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns))); }
 
 void show(Console& console, const wire::Heads& heads) {
-  Table table({{"#", Table::Align::kRight}, {"name"}, {"port"}, {"format"}, {"exposure", Table::Align::kRight},
-               {"gain", Table::Align::kRight}, {"red, blue"}, {"frames", Table::Align::kRight},
-               {"lost", Table::Align::kRight}, {"skew", Table::Align::kRight}, {"clock", Table::Align::kRight}, {"problem"}});
+  Table table({{"#", Table::Align::kRight},
+               {"name"},
+               {"port"},
+               {"format"},
+               {"exposure", Table::Align::kRight},
+               {"gain", Table::Align::kRight},
+               {"red, blue"},
+               {"frames", Table::Align::kRight},
+               {"lost", Table::Align::kRight},
+               {"skew", Table::Align::kRight},
+               {"clock", Table::Align::kRight},
+               {"problem"}});
   for (const wire::HeadState& head : heads.heads()) {
     const std::string problem = head.problem().empty() && !head.present() ? "not there" : head.problem();
-    table.row({std::to_string(head.index()), head.name(), head.path(), head.format(),
-               show_exposure(head.exposure_ns()), show_gain(head.gain_mdb()),
-               show_white_balance(head.red_q12(), head.blue_q12()), std::to_string(head.frames()),
-               std::to_string(losses_of(head)), show_skew(head.skew_ns()),
+    table.row({std::to_string(head.index()), head.name(), head.path(), head.format(), show_exposure(head.exposure_ns()),
+               show_gain(head.gain_mdb()), show_white_balance(head.red_q12(), head.blue_q12()),
+               std::to_string(head.frames()), std::to_string(losses_of(head)), show_skew(head.skew_ns()),
                head.has_drift_ppb() ? fmt::format("{:+.1f} ppm", head.drift_ppb() / 1000.0) : "",
                console.paint(Colour::kBad, problem)});
   }

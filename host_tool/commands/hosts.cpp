@@ -26,8 +26,15 @@ Json to_json(const wire::Hosts& hosts) {
 
 void show(Console& console, const wire::Hosts& hosts) {
   using Align = Table::Align;
-  Table table({{"#", Align::kRight}, {"peer"}, {"program"}, {"connected", Align::kRight}, {"idle", Align::kRight},
-               {"in", Align::kRight}, {"out", Align::kRight}, {"dropped", Align::kRight}, {"does"}});
+  Table table({{"#", Align::kRight},
+               {"peer"},
+               {"program"},
+               {"connected", Align::kRight},
+               {"idle", Align::kRight},
+               {"in", Align::kRight},
+               {"out", Align::kRight},
+               {"dropped", Align::kRight},
+               {"does"}});
   for (const wire::HostState& host : hosts.hosts()) {
     const std::string does = host.asking() ? "asks this" : fmt::format("{}", fmt::join(host.streams(), ", "));
     table.row({std::to_string(host.number()), host.peer(), host.software().empty() ? "no hello yet" : host.software(),

@@ -85,7 +85,8 @@ Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const
     const std::string& head = imported.calibration.heads[i].name;
     if (imported.images[i].empty()) {
       return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
-                                                   "leave out --rig-toml", args.files.front(), head));
+                                                   "leave out --rig-toml",
+                                                   args.files.front(), head));
     }
     const fs::path picture = (from / imported.images[i]).lexically_normal();
     const fs::path relative = picture.lexically_relative(to);
@@ -100,16 +101,14 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
           const Residuals& residuals, const Args& args) {
   Json pairs = Json::array();
   for (const auto& [pair, residual] : residuals) {
-    pairs.push_back({{"heads", {imported.calibration.heads[pair.first].name,
-                                imported.calibration.heads[pair.second].name}},
-                     {"points", residual.points},
-                     {"rms_deg", residual.rms()},
-                     {"worst_deg", residual.worst}});
+    pairs.push_back(
+        {{"heads", {imported.calibration.heads[pair.first].name, imported.calibration.heads[pair.second].name}},
+         {"points", residual.points},
+         {"rms_deg", residual.rms()},
+         {"worst_deg", residual.worst}});
   }
-  console.document({{"out", args.out},
-                    {"notes", imported.notes},
-                    {"residuals", pairs},
-                    {"calibration", to_json(report)}});
+  console.document(
+      {{"out", args.out}, {"notes", imported.notes}, {"residuals", pairs}, {"calibration", to_json(report)}});
   show(console, report);
   for (const std::string& note : imported.notes) console.note("note: " + note);
   if (const Residual total = total_of(residuals); total.points != 0) {
@@ -165,7 +164,9 @@ void add_import(CLI::App& app, CommandLine& line) {
                                   "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
                                   "what did not fit, and how well a project's control points agree.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("FILE", args->files, "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
+  command
+      ->add_option("FILE", args->files,
+                   "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
       ->required()
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration (calibration.json when not given)")->type_name("FILE");

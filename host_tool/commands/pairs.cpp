@@ -20,7 +20,10 @@ struct Args {
 void tell(Console& console, const registration::PairFit& fit, const Args& args) {
   Json agreements = Json::array(), heads = Json::array();
   using Align = Table::Align;
-  Table table({{"heads"}, {"pairs", Align::kRight}, {"rejected", Align::kRight}, {"rms", Align::kRight},
+  Table table({{"heads"},
+               {"pairs", Align::kRight},
+               {"rejected", Align::kRight},
+               {"rms", Align::kRight},
                {"worst", Align::kRight}});
   for (const registration::PairAgreement& each : fit.agreements) {
     const std::string &a = fit.heads[each.a].name, &b = fit.heads[each.b].name;
@@ -29,8 +32,8 @@ void tell(Console& console, const registration::PairFit& fit, const Args& args) 
                           {"rejected", each.rejected},
                           {"rms_deg", each.rms_deg},
                           {"worst_deg", each.worst_deg}});
-    table.row({a + " " + b, std::to_string(each.used), std::to_string(each.rejected), fmt::format("{:.3f}°", each.rms_deg),
-               fmt::format("{:.3f}°", each.worst_deg)});
+    table.row({a + " " + b, std::to_string(each.used), std::to_string(each.rejected),
+               fmt::format("{:.3f}°", each.rms_deg), fmt::format("{:.3f}°", each.worst_deg)});
   }
   for (const registration::HeadReport& head : fit.heads) {
     heads.push_back({{"name", head.name},
@@ -75,11 +78,12 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_pairs(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(app, "pairs", "Place the heads by point pairs, however far off they are; needs no rig",
-                                  "  nodal pairs rig.json points.csv -o near.json     head_a,x_a,y_a,head_b,x_b,y_b\n"
-                                  "  nodal pairs rig.json project.pto                 its control points\n"
-                                  "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
-                                  "A start for `nodal register`, which is far more exact.\n");
+  CLI::App* command =
+      add_command(app, "pairs", "Place the heads by point pairs, however far off they are; needs no rig",
+                  "  nodal pairs rig.json points.csv -o near.json     head_a,x_a,y_a,head_b,x_b,y_b\n"
+                  "  nodal pairs rig.json project.pto                 its control points\n"
+                  "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
+                  "A start for `nodal register`, which is far more exact.\n");
   auto args = std::make_shared<Args>();
   command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
   command->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts); with --cpfind a picture of each head")

@@ -16,7 +16,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr std::uint32_t kMaxRaymapSide = 16384;  // rig.toml's limit for raymap.width
+constexpr std::uint32_t kMaxRaymapSide = 16384;       // rig.toml's limit for raymap.width
 constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG over its pixels: headers, metadata
 
 std::optional<PixelFormat> raw_format(const std::string& coding) {
@@ -72,14 +72,15 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
   if (header.width() == 0 || header.height() == 0 || header.width() > kMaxRaymapSide ||
       header.height() > kMaxRaymapSide) {
-    return fail(Errc::kBadFormat, fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(),
-                                              header.height()));
+    return fail(Errc::kBadFormat,
+                fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(), header.height()));
   }
   if (header.coding() == "jpeg") return std::uint64_t{header.width()} * header.height() * 3 + kMaxJpegOverhead;
   const std::optional<PixelFormat> format = raw_format(header.coding());
   if (!format) {
     return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
-                                                "than this program?", header.set(), header.coding()));
+                                                "than this program?",
+                                                header.set(), header.coding()));
   }
   return packed_size(*format, static_cast<int>(header.width()), static_cast<int>(header.height()));
 }
@@ -110,8 +111,8 @@ Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
   const std::optional<PixelFormat> format = raw_format(header.coding());
   if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", header.coding()));
   std::vector<std::uint8_t> rgb;
-  media::PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()), component_count(*format),
-                     is_linear16(*format) ? 16 : 8, raymap.bytes};
+  media::PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()),
+                            component_count(*format), is_linear16(*format) ? 16 : 8, raymap.bytes};
   if (has_chroma(*format)) {
     Result<std::vector<std::uint8_t>> converted = to_rgb(*format, raymap);
     if (!converted) return fail(converted.error());
@@ -127,8 +128,9 @@ Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
     notes.numbers = media::PngNotes::Numbers::kLinear;
     notes.comment = "Numbers are proportional to light.";
     if (header.has_full_exposure_ns()) {
-      notes.comment += fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
-                                   header.full_exposure_ns());
+      notes.comment +=
+          fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
+                      header.full_exposure_ns());
     }
   }
   return media::png_file(picture, notes);
@@ -142,8 +144,8 @@ std::string raw_sidecar(const ReceivedRaymap& raymap) {
     const ImageView view = packed_image(*format, static_cast<int>(raymap.header.width()),
                                         static_cast<int>(raymap.header.height()), raymap.bytes.data());
     const bool rgb = in_8_bits(*format) == PixelFormat::kRgb24;
-    const std::array<std::string_view, 3> names = rgb ? std::array<std::string_view, 3>{"R", "G", "B"}
-                                                      : std::array<std::string_view, 3>{"Y", "U", "V"};
+    const std::array<std::string_view, 3> names =
+        rgb ? std::array<std::string_view, 3>{"R", "G", "B"} : std::array<std::string_view, 3>{"Y", "U", "V"};
     for (int c = 0; c < component_count(*format); ++c) {
       const PlaneView& plane = view.planes[static_cast<std::size_t>(c)];
       planes.push_back({{"component", names[static_cast<std::size_t>(c)]},

@@ -27,9 +27,7 @@ struct Args {
   std::string format;
 };
 
-double now_s() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 Result<std::uint64_t> parse_count(std::string_view text) {
   std::uint64_t count = 0;
@@ -92,7 +90,8 @@ class Assembly {
     }
     if (const Status good = check_and_clean(header_); !good) return good;
     if ((header_.coding() == "jpeg") != jpeg_) {
-      return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
+      return fail(Errc::kBadFormat,
+                  "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
     }
     const Result<std::uint64_t> most = most_raymap_bytes(header_);
     if (!most) return fail(most.error());
@@ -177,7 +176,8 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
                       {"exposure_seconds", static_cast<double>(tally.last_exposure_ns - tally.first_exposure_ns) / 1e9},
                       {"worst_spread_ns", tally.worst_spread_ns}}}});
   if (last_name == "-") return;  // standard output holds pictures
-  std::string text = fmt::format("{} raymap{} ({})", tally.pulled, tally.pulled == 1 ? "" : "s", show_bytes(tally.bytes));
+  std::string text =
+      fmt::format("{} raymap{} ({})", tally.pulled, tally.pulled == 1 ? "" : "s", show_bytes(tally.bytes));
   if (tally.pulled > 1) {
     text += fmt::format(", {:.2f} a second, {} dropped on the way, worst spread {}", tally.rate(), tally.dropped,
                         show_duration(tally.worst_spread_ns));
@@ -190,9 +190,15 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
 class Pull {
  public:
   Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
-      : rig_(rig), stream_(stream), args_(args), sink_(sink), heads_(heads), console_(console),
+      : rig_(rig),
+        stream_(stream),
+        args_(args),
+        sink_(sink),
+        heads_(heads),
+        console_(console),
         endless_(args.continuous || !args.seconds.empty()),
-        progress_(console, "raymap", endless_ ? 0 : args.count), assembly_(sink.format == RaymapFormat::kJpg) {}
+        progress_(console, "raymap", endless_ ? 0 : args.count),
+        assembly_(sink.format == RaymapFormat::kJpg) {}
 
   /// Until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
   Status run() {
@@ -223,13 +229,14 @@ class Pull {
     if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
     if (interrupted() && !args_.continuous && !enough() && early) {
       const std::string wanted = endless_ ? args_.seconds : std::to_string(args_.count) + " raymaps";
-      return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} raymap{}; {} were asked for", tally_.pulled,
-                                                tally_.pulled == 1 ? "" : "s", wanted));
+      return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} raymap{}; {} were asked for",
+                                                tally_.pulled, tally_.pulled == 1 ? "" : "s", wanted));
     }
     if (tally_.pulled != 0 || console_.output_gone()) return {};
     return fail(interrupted() ? Errc::kCancelled : Errc::kNotReady,
                 tally_.incomplete != 0 ? fmt::format("{} raymaps came, and a head was missing in each; `nodal heads` "
-                                                     "says which", tally_.incomplete)
+                                                     "says which",
+                                                     tally_.incomplete)
                                        : "no raymap came; `nodal status` says what the rig is doing");
   }
 
@@ -265,8 +272,8 @@ class Pull {
     if (!stored) return fail(stored.error());
     name_ = *stored;
     tell_frame(console_, raymap, name_, tally_.dropped);
-    progress_.update(tally_.pulled, fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped,
-                                                raymap.header.set()));
+    progress_.update(tally_.pulled,
+                     fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped, raymap.header.set()));
     return {};
   }
 

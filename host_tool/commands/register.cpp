@@ -85,7 +85,8 @@ Result<Input> input_from_nominal(const Args& args) {
 Result<Input> input_from_rig(Context& context, const Args& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
-  if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has) return fail(has.error());
+  if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has)
+    return fail(has.error());
   Result<Calibration> prior = calibration_in_force(**rig);
   if (!prior) return fail(prior.error());
   Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
@@ -117,12 +118,13 @@ Json to_json(const Report& report) {
                      {"shared_sr", head.shared_sr}});
   }
   for (const registration::PairReport& pair : report.pairs) {
-    pairs.push_back({{"heads", {report.heads[static_cast<std::size_t>(pair.a)].name,
-                                report.heads[static_cast<std::size_t>(pair.b)].name}},
-                     {"shared_sr", pair.shared_sr},
-                     {"rms_before", pair.rms_before},
-                     {"rms_after", pair.rms_after},
-                     {"agreement", pair.agreement}});
+    pairs.push_back(
+        {{"heads",
+          {report.heads[static_cast<std::size_t>(pair.a)].name, report.heads[static_cast<std::size_t>(pair.b)].name}},
+         {"shared_sr", pair.shared_sr},
+         {"rms_before", pair.rms_before},
+         {"rms_after", pair.rms_after},
+         {"agreement", pair.agreement}});
   }
   for (const registration::Step& step : report.steps) {
     steps.push_back({{"width", step.width},
@@ -146,8 +148,8 @@ std::string small_angle(double degrees) {
 
 void tell(Console& console, const Report& report, bool focals, const std::string& out, double seconds) {
   using Align = Table::Align;
-  std::vector<Table::Column> columns{{"head"}, {"turned", Align::kRight}, {"sure to", Align::kRight},
-                                     {"shares", Align::kRight}};
+  std::vector<Table::Column> columns{
+      {"head"}, {"turned", Align::kRight}, {"sure to", Align::kRight}, {"shares", Align::kRight}};
   if (focals) columns.insert(columns.end(), {{"focal", Align::kRight}, {"sure to", Align::kRight}});
   columns.push_back({""});
   Table table(columns);
@@ -240,23 +242,30 @@ void add_register(CLI::App& app, CommandLine& line) {
       "  nodal register rig.json noon/ evening/ --free focals     folders with pictures called as the heads are\n"
       "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
       "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps what is found if it is better\n"
-      "Gain and fall-off are found with the rest. A head that the pictures do not place is named and kept as it was.\n");
+      "Gain and fall-off are found with the rest. A head that the pictures do not place is named and kept as it "
+      "was.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("INPUT", args->inputs, "The calibration to start from (none with --nominal), and the pictures; "
-                                             "nothing: the running rig's")
+  command
+      ->add_option("INPUT", args->inputs,
+                   "The calibration to start from (none with --nominal), and the pictures; "
+                   "nothing: the running rig's")
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
-  command->add_option("--free", args->free, "What is sought: rotations (when not given); focals, too; the whole lens, too; or "
-                                          "light alone, with the heads where they are")
+  command
+      ->add_option("--free", args->free,
+                   "What is sought: rotations (when not given); focals, too; the whole lens, too; or "
+                   "light alone, with the heads where they are")
       ->type_name("light|rotations|focals|lens")
       ->check(one_of(kFree));
-  command->add_option("--vignetting", args->vignetting, "Fall-off: each head's own (when not given), shared by all, or fixed")
+  command
+      ->add_option("--vignetting", args->vignetting,
+                   "Fall-off: each head's own (when not given), shared by all, or fixed")
       ->type_name("own|shared|fixed")
       ->check(one_of(kVignetting));
-  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")
-      ->type_name("NAME");
-  command->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
+  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")->type_name("NAME");
+  command
+      ->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
       ->type_name("PX")
       ->check(CLI::Range(64, 32768));
   command->add_option("--norm", args->norm, "Differences of all heads on a ray count, or the largest")
@@ -265,8 +274,10 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("--colour", args->colour, "Compare luminance, or red, green and blue with a gain each")
       ->type_name("luminance|rgb")
       ->check(one_of(kColour));
-  command->add_option("--gauge", args->gauge, "What stays: the first head (of files), the heads' mean, what most heads agree on "
-                                              "(of a rig)")
+  command
+      ->add_option("--gauge", args->gauge,
+                   "What stays: the first head (of files), the heads' mean, what most heads agree on "
+                   "(of a rig)")
       ->type_name("first|mean|most")
       ->check(one_of(kGauge));
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
@@ -280,16 +291,18 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, kMostLiveSets));
-  CLI::Option* trial = command->add_flag("--trial", args->trial, "Put it in force on trial; the rig keeps it if it is better "
-                                                                 "on frames taken then, and else goes back");
+  CLI::Option* trial = command->add_flag("--trial", args->trial,
+                                         "Put it in force on trial; the rig keeps it if it is better "
+                                         "on frames taken then, and else goes back");
   command->add_option("--limit", args->limit, "The rig goes back by itself after so long (60s when not given)")
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));
-  CLI::Option* nominal =
-      command->add_option("--nominal", args->nominal, "Start from fisheyes evenly round the horizon: heads x field of view")
-          ->type_name("NxDEGREES")
-          ->check(checked_by(parse_nominal));
+  CLI::Option* nominal = command
+                             ->add_option("--nominal", args->nominal,
+                                          "Start from fisheyes evenly round the horizon: heads x field of view")
+                             ->type_name("NxDEGREES")
+                             ->check(checked_by(parse_nominal));
   command->add_option("--circle", args->circle, "Their picture circle, px; the largest in the middle when not given")
       ->type_name("X,Y,RADIUS")
       ->needs(nominal)

@@ -48,10 +48,11 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                          ? "none; `nodal calibration upload FILE` brings one"
                          : fmt::format("{} ({})", status.calibration_name(), show_id(status.calibration_id())));
   if (status.has_trial()) {
-    row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it", show_id(status.trial().before()),
-                             show_duration(status.trial().left_ns())));
+    row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it",
+                             show_id(status.trial().before()), show_duration(status.trial().left_ns())));
   }
-  const std::string by = genlock.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", genlock.triggers());
+  const std::string by =
+      genlock.aligned() ? "heads run free and are moved" : fmt::format("{} triggers", genlock.triggers());
   row("genlock", fmt::format("{} at {}/{} Hz, {}, spread {} (worst {})",
                              console.paint(colour_of(genlock.state()), genlock.state()), genlock.rate_numerator(),
                              genlock.rate_denominator(), by, show_duration(genlock.spread_ns()),
@@ -60,15 +61,15 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   if (genlock.missing_triggers() != 0) {
     row("", console.paint(Colour::kBad, counted(genlock.missing_triggers(), "trigger pulse") + " not sent"));
   }
-  row("raymaps", fmt::format("{} of {} a second{}, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
-                             show_rate(status.rate_wanted_millihertz()),
-                             status.raymaps_a_set() == 2 ? ", one a field" : "", status.raymap_width(),
-                             status.raymap_height(), show_duration(status.blend_ns()),
-                             show_duration(status.encode_ns())));
+  row("raymaps",
+      fmt::format("{} of {} a second{}, {}×{}; blend {}, encode {}", show_rate(status.rate_millihertz()),
+                  show_rate(status.rate_wanted_millihertz()), status.raymaps_a_set() == 2 ? ", one a field" : "",
+                  status.raymap_width(), status.raymap_height(), show_duration(status.blend_ns()),
+                  show_duration(status.encode_ns())));
   const std::uint64_t lost = lost_frames(status);
   const std::uint64_t sum = status.frames_in_sets() + lost + status.frames_held();
-  row("frames", fmt::format("{} taken = {} in sets + {} lost + {} held", status.frames_taken(),
-                            status.frames_in_sets(), lost, status.frames_held()));
+  row("frames", fmt::format("{} taken = {} in sets + {} lost + {} held", status.frames_taken(), status.frames_in_sets(),
+                            lost, status.frames_held()));
   if (sum != status.frames_taken()) {
     row("", console.paint(Colour::kBad, fmt::format("frames are not conserved: {} against {}; this is a bug of nodald",
                                                     status.frames_taken(), sum)));
@@ -77,8 +78,8 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   row("sets", fmt::format("{} ({} with every head); lost: {}", status.sets(), status.full_sets(),
                           list_of(status.set_losses())));
   if (status.encode_failures() != 0) {
-    row("encoding", console.paint(Colour::kBad, fmt::format("{} raymaps could not be encoded",
-                                                            status.encode_failures())));
+    row("encoding",
+        console.paint(Colour::kBad, fmt::format("{} raymaps could not be encoded", status.encode_failures())));
   }
   row("published", fmt::format("{} of {} raymaps; dropped for slow clients: {}", status.published(), status.raymaps(),
                                list_of(status.publish_drops())));

@@ -46,8 +46,8 @@ class TrialUnderWay {
 
 }  // namespace
 
-Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit,
-                             std::string document, const std::string& signature) {
+Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit, std::string document,
+                             const std::string& signature) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   for (const char* feature : {"calibration-trial", "frame-sets"}) {
@@ -58,8 +58,7 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   if (document.empty()) document = to_json(tried);
   const Reconnect connect = [&context] { return context.connect(); };
   const Result<Uploaded> uploaded =
-      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit,
-             signature);
+      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit, signature);
   if (!uploaded) return fail(uploaded.error());
   TrialUnderWay trial(**rig, tried);
   const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());
@@ -77,8 +76,8 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
 
 void tell_verdict(Context& context, const TrialVerdict& verdict) {
   Console& console = context.console();
-  console.document({{"trial",
-                     {{"objective_before", verdict.before}, {"objective_after", verdict.after}, {"kept", verdict.kept}}}});
+  console.document(
+      {{"trial", {{"objective_before", verdict.before}, {"objective_after", verdict.after}, {"kept", verdict.kept}}}});
   const std::string figures = fmt::format("on frames of the trial the heads differ by {:.3f} levels, {:.3f} before",
                                           std::sqrt(verdict.after), std::sqrt(verdict.before));
   if (!verdict.kept) {

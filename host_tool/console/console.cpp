@@ -41,7 +41,7 @@ void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, t
 /// Text for people: line ends and the colours of paint() stay; everything else that moves a cursor is replaced, since
 /// names and errors come from rigs and files.
 std::string shown(std::string_view text) {
-  constexpr std::array<std::string_view, 7> kKept{"\n",      kReset,     "\x1b[32m", "\x1b[33m",
+  constexpr std::array<std::string_view, 7> kKept{"\n",       kReset,    "\x1b[32m", "\x1b[33m",
                                                   "\x1b[31m", "\x1b[2m", "\x1b[1m"};
   std::string result;
   while (!text.empty()) {
@@ -82,7 +82,10 @@ std::int64_t now_ns() {
 }  // namespace
 
 Console::Console(std::FILE* out, std::FILE* err)
-    : out_(out), err_(err), out_terminal_(is_terminal(out)), err_terminal_(is_terminal(err)),
+    : out_(out),
+      err_(err),
+      out_terminal_(is_terminal(out)),
+      err_terminal_(is_terminal(err)),
       colour_(colour_wanted()) {}
 
 void Console::bytes(std::string_view data) {
@@ -128,7 +131,8 @@ std::string Console::error_text(const Error& error) const {
 
 std::string Console::error_document(const Error& error) const {
   return line_of(
-      {{"error", {{"code", static_cast<int>(error.code)}, {"name", errc_name(error.code)}, {"message", error.message}}}});
+      {{"error",
+        {{"code", static_cast<int>(error.code)}, {"name", errc_name(error.code)}, {"message", error.message}}}});
 }
 
 std::string Console::paint_for(bool terminal, Colour colour, std::string_view text) const {

@@ -17,9 +17,7 @@ ExitCode exit_code_of(Errc code) {
   }
 }
 
-ExitCode exit_code_of_signal(int signal) {
-  return signal == SIGTERM ? ExitCode::kTerminated : ExitCode::kInterrupted;
-}
+ExitCode exit_code_of_signal(int signal) { return signal == SIGTERM ? ExitCode::kTerminated : ExitCode::kInterrupted; }
 
 const std::array<ExitCodeHelp, 13>& exit_code_help() {
   static const std::array<ExitCodeHelp, 13> help{{

@@ -79,7 +79,8 @@ Result<std::optional<Conversion>> find_conversion(const std::string& pattern) {
     const std::string width = pattern.substr(i + 1, end - i - 1);
     if (end == pattern.size() || pattern[end] != 'd' || width.size() > 2 || found) {
       return fail(Errc::kBadValue, fmt::format("file name '{}': it may hold one %d or %06d for the number, and %% for "
-                                               "a percent sign", pattern));
+                                               "a percent sign",
+                                               pattern));
     }
     found = Conversion{i, end + 1 - i, width.empty() ? 1 : std::atoi(width.c_str())};
     i = end;

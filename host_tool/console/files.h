@@ -19,7 +19,8 @@ enum class Durability { kNow, kLater };
 
 /// Writes beside `path`, then renames over it. Nothing of it stays when that fails. Its mode is 0666 without the umask.
 /// Errors: kDiskFull, kNotFound (the folder), kIo; each names the file.
-Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability = Durability::kNow);
+Status write_file(const std::string& path, std::span<const std::uint8_t> bytes,
+                  Durability durability = Durability::kNow);
 Status write_file(const std::string& path, std::string_view text);
 
 /// `pattern` with its %d or %06d replaced by `number`, and %% by %. At most one number.

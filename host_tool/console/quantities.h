@@ -32,12 +32,12 @@ constexpr std::uint64_t magnitude(std::int64_t ns) {
 }
 
 std::string counted(std::uint64_t count, std::string_view one);  ///< "1 pulse", "2 pulses"
-std::string show_duration(std::uint64_t ns);       ///< "450 ns", "12.3 µs", "8 ms", "1.5 s", "2 h 03 min"
-std::string show_exposure(std::uint64_t ns);       ///< "8 ms"
-std::string show_gain(std::int32_t mdb);           ///< "6.02 dB"
+std::string show_duration(std::uint64_t ns);  ///< "450 ns", "12.3 µs", "8 ms", "1.5 s", "2 h 03 min"
+std::string show_exposure(std::uint64_t ns);  ///< "8 ms"
+std::string show_gain(std::int32_t mdb);      ///< "6.02 dB"
 std::string show_white_balance(std::uint32_t red_q12, std::uint32_t blue_q12);  ///< "1.50, 1.25"
-std::string show_rate(std::uint32_t millihertz);   ///< "29.970"
-std::string show_bytes(std::uint64_t bytes);       ///< "512 B", "1.5 MB"
+std::string show_rate(std::uint32_t millihertz);                                ///< "29.970"
+std::string show_bytes(std::uint64_t bytes);                                    ///< "512 B", "1.5 MB"
 std::string show_id(const std::string& id_bytes);  ///< the first 12 hexadecimal digits, or "none"
 
 }  // namespace nodal::host

@@ -36,7 +36,8 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   const auto format = format_of(head.format());
   const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= media::kMaxImageSide &&
                     head.height() <= media::kMaxImageSide;
-  if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
+  if (!sane)
+    return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
   return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
 }
 

@@ -73,7 +73,8 @@ Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const C
   if (!project) return fail(project.error());
   if (project->calibration.heads.size() != rig.heads.size()) {
     return fail(Errc::kHeadMismatch, fmt::format("it has {} images, the calibration {} heads; both must be of one rig, "
-                                                 "in one order", project->calibration.heads.size(), rig.heads.size()));
+                                                 "in one order",
+                                                 project->calibration.heads.size(), rig.heads.size()));
   }
   std::vector<PointPair> pairs;
   for (const interchange::ControlPoint& point : project->control_points) {
@@ -96,8 +97,9 @@ Result<int> run_quietly(const std::vector<std::string>& command) {
   const int error = posix_spawnp(&process, argv[0], &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   if (error == ENOENT) {
-    return fail(Errc::kNotFound, "there is no " + command[0] + "; install Hugin's tools (Debian: hugin-tools), or give "
-                                 "point pairs by --pairs");
+    return fail(Errc::kNotFound, "there is no " + command[0] +
+                                     "; install Hugin's tools (Debian: hugin-tools), or give "
+                                     "point pairs by --pairs");
   }
   if (error != 0) return fail(Errc::kIo, fmt::format("{} does not start: error {}", command[0], error));
   int status = 0;
@@ -153,7 +155,8 @@ Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibra
   Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
   if (!pairs) return fail(pairs.error().in(file));
   if (pairs->empty()) {
-    return fail(Errc::kMissingField, file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its c lines");
+    return fail(Errc::kMissingField,
+                file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its c lines");
   }
   return pairs;
 }

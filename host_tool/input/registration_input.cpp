@@ -45,8 +45,8 @@ Result<std::string> picture_of(const fs::path& folder, const std::string& head) 
   }
   if (error) return fail(Errc::kIo, folder.string() + ": " + error.message());
   if (found.empty()) {
-    return fail(Errc::kNotFound, fmt::format("{}: no picture of head '{}' ({}.png or {}.jpg)", folder.string(), head,
-                                             head, head));
+    return fail(Errc::kNotFound,
+                fmt::format("{}: no picture of head '{}' ({}.png or {}.jpg)", folder.string(), head, head, head));
   }
   if (found.size() > 1) {
     return fail(Errc::kBadValue, fmt::format("{}: two pictures of head '{}'; leave one", folder.string(), head));
@@ -114,8 +114,8 @@ Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::strin
   if (!calibration) return fail(calibration.error().in(file));
   const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
   if (rest.empty()) {
-    return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}",
-                                                 calibration->heads.size(), file));
+    return fail(Errc::kMissingField,
+                fmt::format("no pictures; give one for each of the {} heads of {}", calibration->heads.size(), file));
   }
   std::vector<std::string> names;
   for (const HeadCalibration& head : calibration->heads) names.push_back(head.name);

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "stitch/media/image_file.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
+#include "stitch/media/image_file.h"
 #include "stitch/registration/registration.h"
 
 namespace nodal::host {
@@ -33,9 +33,9 @@ Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::strin
 /// A rig as its data sheet has it: `--nominal 3x190`.
 struct Nominal {
   int heads = 0;
-  double view_deg = 0;   ///< across the circle
-  double roll_deg = 0;   ///< of every head, clockwise
-  Region::Circle circle; ///< radius 0: the largest one in the picture's middle
+  double view_deg = 0;    ///< across the circle
+  double roll_deg = 0;    ///< of every head, clockwise
+  Region::Circle circle;  ///< radius 0: the largest one in the picture's middle
 };
 /// "3x190": heads and degrees. Errors: kBadValue.
 Result<Nominal> parse_nominal(const std::string& text);

@@ -113,22 +113,27 @@ Json to_json(const CalibrationReport& report) {
 }
 
 void show(Console& console, const CalibrationReport& report) {
-  console.line(fmt::format("{}: {} heads, id {}", console.paint(Colour::kStrong, report.name), report.heads.size(),
-                           report.id));
-  Table table({{"head"}, {"picture"}, {"lens"}, {"field", Table::Align::kRight}, {"yaw", Table::Align::kRight},
-               {"pitch", Table::Align::kRight}, {"roll", Table::Align::kRight}});
+  console.line(
+      fmt::format("{}: {} heads, id {}", console.paint(Colour::kStrong, report.name), report.heads.size(), report.id));
+  Table table({{"head"},
+               {"picture"},
+               {"lens"},
+               {"field", Table::Align::kRight},
+               {"yaw", Table::Align::kRight},
+               {"pitch", Table::Align::kRight},
+               {"roll", Table::Align::kRight}});
   for (const HeadReport& head : report.heads) {
     table.row({head.name, fmt::format("{}×{}", head.width, head.height), head.lens,
-               fmt::format("{:.1f}°×{:.1f}°", head.horizontal_field, head.vertical_field),
-               show_degrees(head.yaw), show_degrees(head.pitch), show_degrees(head.roll)});
+               fmt::format("{:.1f}°×{:.1f}°", head.horizontal_field, head.vertical_field), show_degrees(head.yaw),
+               show_degrees(head.pitch), show_degrees(head.roll)});
   }
   for (const std::string& line : table.lines()) console.line("  " + line);
   console.line(fmt::format("  {:.2f} heads see a ray on average; {:.1f} % of the sphere is seen by two or more",
                            report.heads_per_ray, 100 * report.seen_twice));
   if (report.hole) {
-    console.line(console.paint(Colour::kWarning,
-                               fmt::format("  {:.2f} % of the sphere is seen by no head, such as yaw {:.0f}°, pitch {:.0f}°",
-                                           100 * report.unseen, report.hole->yaw, report.hole->pitch)));
+    console.line(console.paint(
+        Colour::kWarning, fmt::format("  {:.2f} % of the sphere is seen by no head, such as yaw {:.0f}°, pitch {:.0f}°",
+                                      100 * report.unseen, report.hole->yaw, report.hole->pitch)));
   } else {
     console.line("  every ray of the sphere is seen");
   }

@@ -15,8 +15,8 @@ struct HeadReport {
   std::string name;
   int width = 0;
   int height = 0;
-  std::string lens;               ///< "tsai", "rectilinear", "equidistant", "kannala_brandt"
-  double horizontal_field = 0;    ///< degrees, through the lens's centre, within the region
+  std::string lens;             ///< "tsai", "rectilinear", "equidistant", "kannala_brandt"
+  double horizontal_field = 0;  ///< degrees, through the lens's centre, within the region
   double vertical_field = 0;
   double yaw = 0, pitch = 0, roll = 0;  ///< degrees
 };
@@ -25,9 +25,9 @@ struct CalibrationReport {
   std::string id;  ///< 64 hexadecimal digits
   std::string name;
   std::vector<HeadReport> heads;
-  double unseen = 0;          ///< part of the sphere that no head sees, 0 .. 1
-  double seen_twice = 0;      ///< part that at least two see
-  double heads_per_ray = 0;   ///< on average
+  double unseen = 0;         ///< part of the sphere that no head sees, 0 .. 1
+  double seen_twice = 0;     ///< part that at least two see
+  double heads_per_ray = 0;  ///< on average
   struct Direction {
     double yaw = 0, pitch = 0;  ///< degrees
   };

@@ -73,8 +73,8 @@ double place_y(const Axis& axis, double y) {
 std::string grid(const Axis& x, const Axis& y, bool log_y) {
   std::string svg;
   const auto line = [&](double x0, double y0, double x1, double y1) {
-    svg += fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ddd\"/>", x0, y0, x1,
-                       y1);
+    svg +=
+        fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#ddd\"/>", x0, y0, x1, y1);
   };
   for (int k = 0; x.low + k * x.step <= x.high + 1e-9 * x.step; ++k) {
     const double value = x.low + k * x.step;
@@ -152,9 +152,10 @@ void HtmlReport::chart(std::string_view title, std::string_view x_label, std::st
   if (!(x_high >= x_low)) return;
   const Axis x_axis = axis_of(x_low, x_high);
   const Axis y_axis = axis_of(y_low, y_high);
-  std::string svg = fmt::format("<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-                                "font-family=\"sans-serif\" font-size=\"11\">",
-                                kWidth, kHeight);
+  std::string svg = fmt::format(
+      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
+      "font-family=\"sans-serif\" font-size=\"11\">",
+      kWidth, kHeight);
   svg += grid(x_axis, y_axis, log_y);
   for (std::size_t n = 0; n < series.size(); ++n) {
     const char* colour = kColours[n % kColours.size()];

@@ -48,14 +48,16 @@ Status add_residuals(const calibration::LensCalibration& result, HtmlReport& rep
       grey.push_back(static_cast<std::uint8_t>(std::clamp(127.5F + kStretch * 255 * left, 0.0F, 255.0F)));
     }
     const calibration::ViewReport& view = result.report.views[v];
-    Result<std::vector<std::uint8_t>> png = media::png_file({map.width, map.height, 1, 8, grey}, {media::PngNotes::Numbers::kSrgb, 0, view.name, {}, 6});
+    Result<std::vector<std::uint8_t>> png =
+        media::png_file({map.width, map.height, 1, 8, grey}, {media::PngNotes::Numbers::kSrgb, 0, view.name, {}, 6});
     if (!png) return fail(png.error());
     pictures.emplace_back(std::move(*png), fmt::format("{}: {:.1f} of 255 rms left over", view.name, view.rms));
   }
   report.heading("What the pattern and the lens do not explain");
-  report.paragraph(fmt::format("Photograph less model, {:.0f} times stretched about grey. Even grain is noise; lines "
-                               "that follow the pattern are a lens model that does not fit, or a print that is not flat.",
-                               static_cast<double>(kStretch)));
+  report.paragraph(
+      fmt::format("Photograph less model, {:.0f} times stretched about grey. Even grain is noise; lines "
+                  "that follow the pattern are a lens model that does not fit, or a print that is not flat.",
+                  static_cast<double>(kStretch)));
   report.pictures(pictures);
   return {};
 }
@@ -66,17 +68,18 @@ Result<std::string> lens_report(const calibration::LensCalibration& result, cons
   const Result<geometry::Head> head = geometry::Head::make(result.head);
   if (!head) return fail(head.error());
   const calibration::LensReport& found = result.report;
-  HtmlReport report("Lens of head " + result.head.name,
-                    fmt::format("{} photographs, {}x{} px, model {}: a ray's place on the picture is known to "
-                                "± {:.4f} px", found.views.size(), result.head.width, result.head.height, model,
-                                found.mapping_deviation_px));
+  HtmlReport report(
+      "Lens of head " + result.head.name,
+      fmt::format("{} photographs, {}x{} px, model {}: a ray's place on the picture is known to "
+                  "± {:.4f} px",
+                  found.views.size(), result.head.width, result.head.height, model, found.mapping_deviation_px));
   for (const std::string& note : found.notes) report.warning(note);
   report.heading("Found");
-  report.table({"", "value ± standard deviation"}, {{"focal length, px", measured(found.focal)},
-                                                    {"centre x, px", measured(found.center_x)},
-                                                    {"centre y, px", measured(found.center_y)},
-                                                    {"aspect", fmt::format("{:.6f} ± {:.6f}", found.aspect.value,
-                                                                           found.aspect.deviation)}});
+  report.table({"", "value ± standard deviation"},
+               {{"focal length, px", measured(found.focal)},
+                {"centre x, px", measured(found.center_x)},
+                {"centre y, px", measured(found.center_y)},
+                {"aspect", fmt::format("{:.6f} ± {:.6f}", found.aspect.value, found.aspect.deviation)}});
   std::vector<std::vector<std::string>> rows;
   for (const calibration::ViewReport& view : found.views) {
     rows.push_back({view.name, std::to_string(view.pairs), fmt::format("{:.1f}", view.tilt_deg),
@@ -85,9 +88,9 @@ Result<std::string> lens_report(const calibration::LensCalibration& result, cons
                     fmt::format("{:.1f}", view.rms), fmt::format("{:.3f}", view.gain)});
   }
   report.heading("Photographs");
-  report.table({"file", "points", "tilt °", "distance, widths", "blur px", "covers %", "explained %", "left over /255",
-                "light"},
-               rows);
+  report.table(
+      {"file", "points", "tilt °", "distance, widths", "blur px", "covers %", "explained %", "left over /255", "light"},
+      rows);
   add_curves(result, *head, report);
   if (const Status added = add_residuals(result, report); !added) return fail(added.error());
   return report.finish();

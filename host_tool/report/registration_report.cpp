@@ -22,10 +22,10 @@ using registration::FrameSet;
 using registration::Report;
 
 constexpr int kWidth = 768, kHeight = 384;
-constexpr int kClose = 288;         // px of a close-up
-constexpr int kChecker = 36;        // px of a square that one head fills
+constexpr int kClose = 288;   // px of a close-up
+constexpr int kChecker = 36;  // px of a square that one head fills
 constexpr std::size_t kSeams = 6;
-constexpr double kStretch = 8;      // a difference of 32 levels is white
+constexpr double kStretch = 8;  // a difference of 32 levels is white
 
 // One calibration's heads on their pictures.
 class Rig {
@@ -86,8 +86,8 @@ Spheres spheres_of(const Rig& rig) {
   Spheres spheres;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const Ray ray = Ray::at({((x + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi,
-                               ((y + 0.5) / kHeight - 0.5) * std::numbers::pi});
+      const Ray ray =
+          Ray::at({((x + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi, ((y + 0.5) / kHeight - 0.5) * std::numbers::pi});
       double sum = 0, squares = 0, count = 0;
       for (std::size_t h = 0; h < rig.heads().size(); ++h) {
         const std::optional<double> light = rig.light(h, ray);
@@ -118,8 +118,8 @@ std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
   double x = 0, y = 0, z = 0;
   for (int j = 0; j < kHeight; j += 6) {
     for (int i = 0; i < kWidth; i += 6) {
-      const Ray ray = Ray::at({((i + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi,
-                               ((j + 0.5) / kHeight - 0.5) * std::numbers::pi});
+      const Ray ray =
+          Ray::at({((i + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi, ((j + 0.5) / kHeight - 0.5) * std::numbers::pi});
       if (!rig.light(a, ray) || !rig.light(b, ray)) continue;
       const double weight = std::sin((j + 0.5) / kHeight * std::numbers::pi);
       x += weight * ray.x();
@@ -139,8 +139,9 @@ std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b,
   const Ray up = steep ? Ray::towards(0, 0, 1) : Ray::towards(0, 1, 0);
   const Ray right = Ray::towards(up.y() * axis.z() - up.z() * axis.y(), up.z() * axis.x() - up.x() * axis.z(),
                                  up.x() * axis.y() - up.y() * axis.x());
-  const Ray down = Ray::towards(axis.y() * right.z() - axis.z() * right.y(), axis.z() * right.x() - axis.x() * right.z(),
-                                axis.x() * right.y() - axis.y() * right.x());
+  const Ray down =
+      Ray::towards(axis.y() * right.z() - axis.z() * right.y(), axis.z() * right.x() - axis.x() * right.z(),
+                   axis.x() * right.y() - axis.y() * right.x());
   std::vector<std::uint8_t> values;
   for (int j = 0; j < kClose; ++j) {
     for (int i = 0; i < kClose; ++i) {
@@ -178,8 +179,9 @@ void add_convergence(const Report& report, HtmlReport& page) {
     series.back().points.emplace_back(step++, each.objective);
   }
   page.heading("How the objective fell");
-  page.paragraph("The mean squared difference of the rays that heads share. Each finer raymap sees more of the detail, so "
-                 "its curve starts anew.");
+  page.paragraph(
+      "The mean squared difference of the rays that heads share. Each finer raymap sees more of the detail, so "
+      "its curve starts anew.");
   page.chart("Objective", "step", "levels squared", series, true);
 }
 
@@ -187,8 +189,9 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
   std::vector<registration::PairReport> pairs = report.pairs;
   std::ranges::stable_sort(pairs, std::greater<>(), &registration::PairReport::shared_sr);
   page.heading("Seams, before and after");
-  page.paragraph("Squares of one head alternate with the other's, both with their light undone. Lines go on from square "
-                 "to square where the heads stand right.");
+  page.paragraph(
+      "Squares of one head alternate with the other's, both with their light undone. Lines go on from square "
+      "to square where the heads stand right.");
   for (std::size_t k = 0; k < std::min(kSeams, pairs.size()); ++k) {
     const auto a = static_cast<std::size_t>(pairs[k].a), b = static_cast<std::size_t>(pairs[k].b);
     const std::optional<Ray> old_axis = middle_of(before, a, b), axis = middle_of(after, a, b);
@@ -203,7 +206,8 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
 GraphNode node_of(const Head& head, const registration::HeadReport& report) {
   const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis, in the rig's frame
   constexpr double kDegrees = 180 / std::numbers::pi;
-  return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)), !report.placed};
+  return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)),
+          !report.placed};
 }
 
 void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
@@ -219,17 +223,19 @@ void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
                                  report.heads[b].name, pair.shared_sr, pair.rms_after, pair.agreement)});
   }
   page.heading("Who overlaps with whom");
-  page.paragraph("Heads where they look, on the unrolled sphere. A head that hangs by thin or red lines alone is not to be "
-                 "trusted.");
+  page.paragraph(
+      "Heads where they look, on the unrolled sphere. A head that hangs by thin or red lines alone is not to be "
+      "trusted.");
   page.drawing(sphere_graph(nodes, links));
 }
 
 void add_pairs(const Report& report, HtmlReport& page) {
   std::vector<std::vector<std::string>> rows;
   for (const registration::PairReport& pair : report.pairs) {
-    rows.push_back({report.heads[static_cast<std::size_t>(pair.a)].name, report.heads[static_cast<std::size_t>(pair.b)].name,
-                    fmt::format("{:.3f}", pair.shared_sr), fmt::format("{:.2f}", pair.rms_before),
-                    fmt::format("{:.2f}", pair.rms_after), fmt::format("{:.3f}", pair.agreement)});
+    rows.push_back({report.heads[static_cast<std::size_t>(pair.a)].name,
+                    report.heads[static_cast<std::size_t>(pair.b)].name, fmt::format("{:.3f}", pair.shared_sr),
+                    fmt::format("{:.2f}", pair.rms_before), fmt::format("{:.2f}", pair.rms_after),
+                    fmt::format("{:.3f}", pair.agreement)});
   }
   page.heading("Overlaps");
   page.paragraph("Differences are in levels of 255; agreement is that of the detail both see, 1 being the same.");
@@ -242,9 +248,10 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   const Result<Rig> before = Rig::make(prior, frames), after = Rig::make(report.calibration, frames);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
-  HtmlReport page("Registration of " + prior.name,
-                  fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before",
-                              prior.heads.size(), std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
+  HtmlReport page(
+      "Registration of " + prior.name,
+      fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before", prior.heads.size(),
+                  std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
   for (const std::string& warning : report.warnings) page.warning(warning);
   add_heads(report, page);
   add_convergence(report, page);

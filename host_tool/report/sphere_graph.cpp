@@ -14,7 +14,9 @@ constexpr double kWidth = 760, kHeight = 400, kMap = 360;  // below the map stan
 constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
 constexpr double kGood = 0.8, kPoor = 0.4;
 
-const char* colour_of(double agreement) { return agreement >= kGood ? "#2b8a3e" : agreement >= kPoor ? "#f08c00" : "#c92a2a"; }
+const char* colour_of(double agreement) {
+  return agreement >= kGood ? "#2b8a3e" : agreement >= kPoor ? "#f08c00" : "#c92a2a";
+}
 
 double x_of(const GraphNode& node) {
   const double turns = node.yaw_deg / 360 + 0.5;
@@ -24,10 +26,11 @@ double y_of(const GraphNode& node) { return kMap * std::clamp(0.5 - node.pitch_d
 
 std::string line(double x0, double y0, double x1, double y1, const GraphLink& link) {
   const double stroke = kLeastStroke + (kMostStroke - kLeastStroke) * std::clamp(link.share, 0.0, 1.0);
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{:.1f}\" "
-                     "stroke-opacity=\"0.75\"{}><title>{}</title></line>",
-                     x0, y0, x1, y1, colour_of(link.agreement), stroke,
-                     link.agreement < kPoor ? " stroke-dasharray=\"6 5\"" : "", html_escaped(link.told));
+  return fmt::format(
+      "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{:.1f}\" "
+      "stroke-opacity=\"0.75\"{}><title>{}</title></line>",
+      x0, y0, x1, y1, colour_of(link.agreement), stroke, link.agreement < kPoor ? " stroke-dasharray=\"6 5\"" : "",
+      html_escaped(link.told));
 }
 
 std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
@@ -41,11 +44,12 @@ std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
 
 std::string drawn(const GraphNode& node, double x) {
   std::string svg =
-      fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.0f}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"{}/>", x, y_of(node),
-                  kRadius, node.faint ? "#fff3bf" : "#fff", node.faint ? "#f08c00" : "#333",
+      fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.0f}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"{}/>",
+                  x, y_of(node), kRadius, node.faint ? "#fff3bf" : "#fff", node.faint ? "#f08c00" : "#333",
                   node.faint ? " stroke-dasharray=\"3 3\"" : "");
-  return svg + fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\" fill=\"#222\" font-size=\"9.5\">{}</text>", x,
-                           y_of(node) + 3.5, html_escaped(node.name));
+  return svg +
+         fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\" fill=\"#222\" font-size=\"9.5\">{}</text>",
+                     x, y_of(node) + 3.5, html_escaped(node.name));
 }
 
 std::string legend() {
@@ -57,21 +61,26 @@ std::string legend() {
     svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{}</text>", x + 42, kHeight - 14, text);
     x += 150;
   }
-  return svg + fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">thicker: they share more of the sphere</text>", x, kHeight - 14);
+  return svg +
+         fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">thicker: they share more of the sphere</text>", x, kHeight - 14);
 }
 
 }  // namespace
 
 std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<GraphLink>& links) {
-  std::string svg = fmt::format("<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-                                "font-family=\"sans-serif\" font-size=\"11\">",
-                                kWidth, kHeight);
+  std::string svg = fmt::format(
+      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
+      "font-family=\"sans-serif\" font-size=\"11\">",
+      kWidth, kHeight);
   for (int k = 1; k < 4; ++k) {
-    svg += fmt::format("<line x1=\"{0:.1f}\" y1=\"0\" x2=\"{0:.1f}\" y2=\"{1:.0f}\" stroke=\"#e3e3e3\"/>", kWidth * k / 4, kMap);
-    svg += fmt::format("<line x1=\"0\" y1=\"{0:.1f}\" x2=\"{1:.0f}\" y2=\"{0:.1f}\" stroke=\"#e3e3e3\"/>", kMap * k / 4, kWidth);
+    svg += fmt::format("<line x1=\"{0:.1f}\" y1=\"0\" x2=\"{0:.1f}\" y2=\"{1:.0f}\" stroke=\"#e3e3e3\"/>",
+                       kWidth * k / 4, kMap);
+    svg += fmt::format("<line x1=\"0\" y1=\"{0:.1f}\" x2=\"{1:.0f}\" y2=\"{0:.1f}\" stroke=\"#e3e3e3\"/>", kMap * k / 4,
+                       kWidth);
   }
   for (const auto& [at, text] : {std::pair{0.25, "left"}, {0.5, "front"}, {0.75, "right"}}) {
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\" fill=\"#888\">{}</text>", kWidth * at, kMap - 4, text);
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\" fill=\"#888\">{}</text>", kWidth * at,
+                       kMap - 4, text);
   }
   // The surest on top.
   std::vector<GraphLink> sorted = links;

@@ -57,9 +57,10 @@ class Axes {
 
  private:
   std::string line(double us, const std::string& name) const {
-    return fmt::format("<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#{}\"/>\n"
-                       "<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>\n",
-                       kLeft, kLeft + kWide, y(us), y(us), name.empty() ? "e4e4e4" : "ccc", kLeft - 8, y(us) + 4, name);
+    return fmt::format(
+        "<line x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#{}\"/>\n"
+        "<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>\n",
+        kLeft, kLeft + kWide, y(us), y(us), name.empty() ? "e4e4e4" : "ccc", kLeft - 8, y(us) + 4, name);
   }
 
   double first_, wide_;
@@ -72,11 +73,12 @@ std::string bands(const std::vector<wire::RaymapHeader>& sets, const Axes& axes)
   for (std::size_t i = 0; i < sets.size();) {
     std::size_t end = i;
     while (end < sets.size() && sets[end].genlock() == sets[i].genlock()) ++end;
-    const auto band = std::find_if(kBands.begin(), kBands.end(), [&](const Band& b) { return b.state == sets[i].genlock(); });
+    const auto band =
+        std::find_if(kBands.begin(), kBands.end(), [&](const Band& b) { return b.state == sets[i].genlock(); });
     const double from = axes.x(sets[i].set());
     const double to = axes.x(end < sets.size() ? sets[end].set() : sets.back().set());
-    svg += fmt::format("<rect x=\"{:.1f}\" y=\"{}\" width=\"{:.1f}\" height=\"{}\" fill=\"{}\"/>\n", from, kTop, to - from,
-                       kHigh, band == kBands.end() ? "#ffffff" : band->fill);
+    svg += fmt::format("<rect x=\"{:.1f}\" y=\"{}\" width=\"{:.1f}\" height=\"{}\" fill=\"{}\"/>\n", from, kTop,
+                       to - from, kHigh, band == kBands.end() ? "#ffffff" : band->fill);
     if (to - from > 60) {
       svg += fmt::format("<text x=\"{:.1f}\" y=\"{}\" fill=\"#666\">{}</text>\n", from + 4, kTop - 6,
                          html_escaped(sets[i].genlock()));
@@ -102,7 +104,8 @@ std::string curve(const std::vector<wire::RaymapHeader>& sets, const SyncReport:
   for (std::size_t i = 0; i < sets.size(); ++i) {
     if (!head.offsets[i] || (i > 0 && sets[i].set() != sets[i - 1].set() + 1)) flush();
     if (!head.offsets[i]) continue;
-    points += fmt::format("{:.1f},{:.1f} ", axes.x(sets[i].set()), axes.y(static_cast<double>(*head.offsets[i]) / 1000));
+    points +=
+        fmt::format("{:.1f},{:.1f} ", axes.x(sets[i].set()), axes.y(static_cast<double>(*head.offsets[i]) / 1000));
   }
   flush();
   return svg;
@@ -132,11 +135,12 @@ std::string SyncReport::svg() const {
       kLeft + kWide + kRight, kTop + kHigh + kBelow, kLeft);
   svg += bands(sets_, axes) + axes.grid();
   for (std::size_t h = 0; h < all.size(); ++h) svg += curve(sets_, all[h], h, axes) + legend(all[h], h);
-  svg += fmt::format("<text x=\"{}\" y=\"{}\">set {}</text>\n<text x=\"{}\" y=\"{}\" text-anchor=\"end\">set {}</text>\n",
-                     kLeft, kTop + kHigh + 20, first, kLeft + kWide, kTop + kHigh + 20, last);
+  svg +=
+      fmt::format("<text x=\"{}\" y=\"{}\">set {}</text>\n<text x=\"{}\" y=\"{}\" text-anchor=\"end\">set {}</text>\n",
+                  kLeft, kTop + kHigh + 20, first, kLeft + kWide, kTop + kHigh + 20, last);
   const SyncFigures together = spread();
-  svg += fmt::format("<text x=\"{}\" y=\"{}\">spread: median {}, p99 {}, worst {}; {} sets lost</text>\n</svg>\n", kLeft,
-                     kTop + kHigh + 46, time(together.median_ns), time(together.p99_ns), time(together.worst_ns),
+  svg += fmt::format("<text x=\"{}\" y=\"{}\">spread: median {}, p99 {}, worst {}; {} sets lost</text>\n</svg>\n",
+                     kLeft, kTop + kHigh + 46, time(together.median_ns), time(together.p99_ns), time(together.worst_ns),
                      sets_lost());
   return svg;
 }

@@ -10,9 +10,7 @@
 namespace nodal::host {
 namespace {
 
-std::string signed_time(std::int64_t ns) {
-  return (ns < 0 ? "-" : "+") + show_duration(magnitude(ns));
-}
+std::string signed_time(std::int64_t ns) { return (ns < 0 ? "-" : "+") + show_duration(magnitude(ns)); }
 std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64_t>(ns)); }
 
 Json figures_json(const SyncFigures& figures) {
@@ -104,7 +102,10 @@ std::map<std::string, std::uint64_t> SyncReport::states() const {
 
 std::vector<std::string> SyncReport::lines() const {
   using Align = Table::Align;
-  Table table({{"head"}, {"median", Align::kRight}, {"p99", Align::kRight}, {"worst", Align::kRight},
+  Table table({{"head"},
+               {"median", Align::kRight},
+               {"p99", Align::kRight},
+               {"worst", Align::kRight},
                {"missing", Align::kRight}});
   for (const Head& head : heads()) {
     if (head.missing == sets_.size()) {

@@ -34,9 +34,9 @@ class SyncReport {
 
   struct Head {
     std::string name;
-    std::uint64_t missing = 0;       ///< sets without it
-    std::int64_t median_ns = 0;      ///< of its mid-exposure after the set's, with its sign
-    std::int64_t p99_ns = 0;         ///< of how far it was off, either way
+    std::uint64_t missing = 0;   ///< sets without it
+    std::int64_t median_ns = 0;  ///< of its mid-exposure after the set's, with its sign
+    std::int64_t p99_ns = 0;     ///< of how far it was off, either way
     std::int64_t worst_ns = 0;
     std::vector<std::optional<std::int64_t>> offsets;  ///< by set
   };

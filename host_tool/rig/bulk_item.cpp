@@ -19,7 +19,8 @@ Status BulkItemBytes::begin(const BulkPiece& first, std::uint64_t limit, std::st
 void BulkItemBytes::add(const BulkPiece& piece) {
   const std::size_t needed = bytes_.size() + piece.data.size();
   NODAL_ASSERT(needed <= total_);  // the session checks every piece against its item's length
-  if (needed > bytes_.capacity()) bytes_.reserve(std::min<std::size_t>(std::max(needed, 2 * bytes_.capacity()), total_));
+  if (needed > bytes_.capacity())
+    bytes_.reserve(std::min<std::size_t>(std::max(needed, 2 * bytes_.capacity()), total_));
   bytes_.insert(bytes_.end(), piece.data.begin(), piece.data.end());
 }
 

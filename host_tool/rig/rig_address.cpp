@@ -13,7 +13,8 @@ constexpr std::size_t kLongestSocketPath = 107;  // sockaddr_un's sun_path with 
 
 tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
   return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH or "
-                                           "ssh://[USER@]HOST[:PORT]", text, why));
+                                           "ssh://[USER@]HOST[:PORT]",
+                                           text, why));
 }
 
 std::optional<std::uint16_t> port_of(std::string_view text) {

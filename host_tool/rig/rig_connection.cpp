@@ -32,8 +32,8 @@ tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
   if (address.command.empty()) {
     return fail(error.code, fmt::format("{} (--rig or NODAL_RIG say where else to look)", error.message));
   }
-  return fail(Errc::kUnreachable, fmt::format("no rig at {}: {}; does `{}` work when you run it yourself?", address.text,
-                                              error.message, fmt::join(address.command, " ")));
+  return fail(Errc::kUnreachable, fmt::format("no rig at {}: {}; does `{}` work when you run it yourself?",
+                                              address.text, error.message, fmt::join(address.command, " ")));
 }
 
 }  // namespace
@@ -53,16 +53,15 @@ Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& add
   if (!link) return no_rig(address, link.error());
   auto connection = over(std::move(*link), address.text, patience, wait_by_poll);
   if (!connection && connection.error().code == Errc::kLinkClosed) {
-    const std::string why = address.command.empty() ? address.text + ": " + connection.error().message
-                                                    : connection.error().message;
+    const std::string why =
+        address.command.empty() ? address.text + ": " + connection.error().message : connection.error().message;
     return no_rig(address, Error{Errc::kUnreachable, why});
   }
   return connection;
 }
 
-Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::LinkPort> link,
-                                                           std::string address, Duration patience,
-                                                           WaitForLink wait) {
+Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::LinkPort> link, std::string address,
+                                                           Duration patience, WaitForLink wait) {
   std::unique_ptr<RigConnection> connection(
       new RigConnection(std::move(link), std::move(address), patience, std::move(wait)));
   if (const Status hello = connection->say_hello(); !hello) return fail(hello.error());
@@ -71,8 +70,13 @@ Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::
 
 RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience,
                              WaitForLink wait)
-    : link_(std::move(link)), address_(std::move(address)), patience_(patience), wait_(std::move(wait)),
-      session_(Role::kHost, make_hello(std::string(kSoftware))), heard_(now()), sent_(heard_) {}
+    : link_(std::move(link)),
+      address_(std::move(address)),
+      patience_(patience),
+      wait_(std::move(wait)),
+      session_(Role::kHost, make_hello(std::string(kSoftware))),
+      heard_(now()),
+      sent_(heard_) {}
 
 Status RigConnection::say_hello() {
   const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
@@ -220,8 +224,8 @@ Status RigConnection::step_until(const std::function<bool()>& done, const std::s
     const Duration left = within - (now() - (renewed ? std::max(begun, sent_) : begun));
     if (left <= Duration()) {
       return fail(Errc::kTimeout, fmt::format("{}: waited {} for {}; the rig may be busy (--timeout waits longer) or "
-                                              "the link stuck", address_,
-                                              show_duration(static_cast<std::uint64_t>(within.ns())), what));
+                                              "the link stuck",
+                                              address_, show_duration(static_cast<std::uint64_t>(within.ns())), what));
     }
     const Status stepped = step(left);
     sort_answers();

@@ -90,10 +90,10 @@ class RigConnection {
   wire::Hello rig_;
   std::uint64_t next_request_ = 1;
   std::map<std::uint64_t, std::optional<wire::Reply>> questions_;  // by id, with the answer once it is there
-  Duration heard_;                          // when bytes last came from the rig
-  Duration sent_;                           // when the link last took bytes
-  std::optional<std::uint64_t> probe_;      // the status request that a silent rig has not answered yet
-  Duration probed_;                         // when it was sent
+  Duration heard_;                                                 // when bytes last came from the rig
+  Duration sent_;                                                  // when the link last took bytes
+  std::optional<std::uint64_t> probe_;  // the status request that a silent rig has not answered yet
+  Duration probed_;                     // when it was sent
   std::optional<Error> dead_;
 };
 

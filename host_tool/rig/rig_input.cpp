@@ -20,7 +20,8 @@ class Check {
   template <class List>
   void list(const List& entries, int most, std::string_view what) {
     if (entries.size() <= most || !result_) return;
-    result_ = fail(Errc::kTooLarge, fmt::format("the rig sent a list of {} {}; at most {} are taken", entries.size(), what, most));
+    result_ = fail(Errc::kTooLarge,
+                   fmt::format("the rig sent a list of {} {}; at most {} are taken", entries.size(), what, most));
   }
   template <class List>
   void counts(List& entries, std::string_view what) {

@@ -8,9 +8,9 @@
 
 namespace nodal::host {
 
-inline constexpr int kMaxCounts = 64;        ///< reasons in one list of losses, or clients in one of drops
-inline constexpr int kMaxMarks = 256;        ///< a rig keeps the last 32
-inline constexpr int kMaxSentences = 64;     ///< in a list of problems
+inline constexpr int kMaxCounts = 64;     ///< reasons in one list of losses, or clients in one of drops
+inline constexpr int kMaxMarks = 256;     ///< a rig keeps the last 32
+inline constexpr int kMaxSentences = 64;  ///< in a list of problems
 inline constexpr int kMaxCalibrations = 1024;
 inline constexpr int kMaxAuditEntries = 1024;  ///< a rig keeps the newest 256
 inline constexpr int kMaxHosts = 256;          ///< a rig talks to 8

@@ -142,12 +142,8 @@ Json to_json(const wire::HeadState& head) {
 }
 
 Json to_json(const wire::CalibrationEntry& entry) {
-  return {{"id", hex_of(entry.id())},
-          {"name", entry.name()},
-          {"heads", entry.heads()},
-          {"generation", entry.generation()},
-          {"in_force", entry.in_force()},
-          {"on_trial", entry.on_trial()}};
+  return {{"id", hex_of(entry.id())},         {"name", entry.name()},         {"heads", entry.heads()},
+          {"generation", entry.generation()}, {"in_force", entry.in_force()}, {"on_trial", entry.on_trial()}};
 }
 
 Json to_json(const wire::RaymapHeader& header) {
@@ -156,15 +152,15 @@ Json to_json(const wire::RaymapHeader& header) {
     if ((header.heads_mask() >> head & 1U) != 0) heads.push_back(head);
   }
   Json json = {{"set", header.set()},
-          {"mid_exposure_ns", header.mid_exposure_ns()},
-          {"coding", header.coding()},
-          {"width", header.width()},
-          {"height", header.height()},
-          {"layout", header.layout()},
-          {"calibration_id", hex_of(header.calibration_id())},
-          {"heads", heads},
-          {"spread_ns", header.spread_ns()},
-          {"genlock", header.genlock()}};
+               {"mid_exposure_ns", header.mid_exposure_ns()},
+               {"coding", header.coding()},
+               {"width", header.width()},
+               {"height", header.height()},
+               {"layout", header.layout()},
+               {"calibration_id", hex_of(header.calibration_id())},
+               {"heads", heads},
+               {"spread_ns", header.spread_ns()},
+               {"genlock", header.genlock()}};
   if (header.has_field()) {
     json["field"] = header.field();
     json["parity"] = header.parity();

@@ -52,8 +52,7 @@ class BoundedQueue {
   }
 
   void clear() {
-    while (pop()) {
-    }
+    while (pop()) {}
   }
 
   bool empty() const { return size_ == 0; }

@@ -103,11 +103,11 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
   const std::ptrdiff_t h = height;
   const int half_w = (width + 1) / 2;
   const int half_h = (height + 1) / 2;
-  const auto after = [data](std::ptrdiff_t bytes) { return data == nullptr ? nullptr : data + bytes; };  // a shape alone
+  const auto after = [data](std::ptrdiff_t bytes) {
+    return data == nullptr ? nullptr : data + bytes;
+  };  // a shape alone
   switch (format) {
-    case PixelFormat::kGrey8:
-      image.planes[0] = {data, width, height, w, 1};
-      break;
+    case PixelFormat::kGrey8: image.planes[0] = {data, width, height, w, 1}; break;
     case PixelFormat::kI420:
       image.planes = {{{data, width, height, w, 1},
                        {after(w * h), half_w, half_h, half_w, 1},
@@ -137,9 +137,7 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
       }
       break;
     }
-    case PixelFormat::kGrey16:
-      image.planes[0] = {data, width, height, 2 * w, 2};
-      break;
+    case PixelFormat::kGrey16: image.planes[0] = {data, width, height, 2 * w, 2}; break;
     case PixelFormat::kMjpeg: break;
   }
   return image;

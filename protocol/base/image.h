@@ -13,9 +13,9 @@ namespace nodal {
 /// to its driver or converts.
 enum class PixelFormat : std::uint8_t {
   kGrey8 = 1,
-  kI420 = 2,   ///< Y, U, V planes; chroma half size both ways, centred
-  kNv12 = 3,   ///< Y plane, then U and V interleaved; chroma half size both ways
-  kYuyv = 4,   ///< Y0 U Y1 V; chroma half width, on the even luma samples
+  kI420 = 2,  ///< Y, U, V planes; chroma half size both ways, centred
+  kNv12 = 3,  ///< Y plane, then U and V interleaved; chroma half size both ways
+  kYuyv = 4,  ///< Y0 U Y1 V; chroma half width, on the even luma samples
   kUyvy = 5,
   kRgb24 = 6,  ///< R G B bytes
   kMjpeg = 7,  ///< one JPEG picture; plane 0 holds its bytes in one row

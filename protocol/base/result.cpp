@@ -50,9 +50,7 @@ std::string Error::text() const {
   return std::string(errc_name(code)) + " (" + std::to_string(static_cast<unsigned>(code)) + "): " + message;
 }
 
-Error Error::in(std::string_view where) const& {
-  return Error{code, std::string(where) + ": " + message};
-}
+Error Error::in(std::string_view where) const& { return Error{code, std::string(where) + ": " + message}; }
 
 void assertion_failed(const char* condition, const char* file, int line) {
   std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);

@@ -43,9 +43,7 @@ class SpscRing {
     read_.store(read + 1, std::memory_order_release);
     return value;
   }
-  bool empty() const {
-    return written_.load(std::memory_order_acquire) == read_.load(std::memory_order_relaxed);
-  }
+  bool empty() const { return written_.load(std::memory_order_acquire) == read_.load(std::memory_order_relaxed); }
 
   std::size_t capacity() const { return places_.size(); }
 

@@ -58,7 +58,7 @@ struct FrameRate {
   std::uint32_t denominator = 1001;
 
   static constexpr std::uint32_t kMaxTerm = 1'000'000;  ///< of the reduced fraction
-  static constexpr std::uint32_t kFastest = 1000;       ///< frames a second; the slowest is one frame in so many seconds
+  static constexpr std::uint32_t kFastest = 1000;  ///< frames a second; the slowest is one frame in so many seconds
   /// The farthest that start_of() reaches: 146 years. It and the clock's present together still fit into 64 bits.
   static constexpr std::int64_t kFarthestNs = INT64_MAX / 2;
 
@@ -82,7 +82,8 @@ struct FrameRate {
   constexpr Duration start_of(std::uint64_t n) const {
     // 64 + 32 + 30 bits: the product fits into 128.
     const unsigned __int128 ns = static_cast<unsigned __int128>(n) * denominator * 1'000'000'000U / numerator;
-    return Duration::nanoseconds(ns < static_cast<unsigned __int128>(kFarthestNs) ? static_cast<std::int64_t>(ns) : kFarthestNs);
+    return Duration::nanoseconds(ns < static_cast<unsigned __int128>(kFarthestNs) ? static_cast<std::int64_t>(ns)
+                                                                                  : kFarthestNs);
   }
   /// The first frame that begins after `at`, counted as start_of() does; 0 when `at` is before frame 0.
   constexpr std::uint64_t first_after(Duration at) const {

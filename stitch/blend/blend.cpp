@@ -27,8 +27,8 @@ struct Kernels {
 };
 
 /// The rows of a tile that are asked for, as validity.
-void validity_of_tile(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int column,
-                      int row, int row_begin, int row_end) {
+void validity_of_tile(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int column, int row,
+                      int row_begin, int row_end) {
   const GridTable& grid = table.grids[0];
   const std::size_t t = grid.tile_index(column, row);
   const Tile& tile = grid.tiles[t];

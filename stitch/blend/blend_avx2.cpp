@@ -39,14 +39,14 @@ template <class Span>
   const std::uint8_t* left_at = patch.data + record.first_row(half, 0) * patch.stride;
   const std::uint8_t* right_at = patch.data + record.first_row(half, 1) * patch.stride;
   const V right = _mm256_add_epi8(at.column, load(&k.one));
-  const auto row = [&](int y) __attribute__((always_inline)) -> Pair {
+  const auto row = [&](int y) __attribute__((always_inline))->Pair {
     const auto* lower = reinterpret_cast<const __m128i*>(left_at + y * patch.stride);
     const auto* upper = reinterpret_cast<const __m128i*>(right_at + y * patch.stride);
     const V both = _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(lower)), _mm_loadu_si128(upper), 1);
     return {_mm256_shuffle_epi8(both, at.column), _mm256_shuffle_epi8(both, right)};
   };
   Samples samples{row(0), row(1)};
-  const auto take = [&](Pair& taken, int y) __attribute__((always_inline)) {
+  const auto take = [&](Pair & taken, int y) __attribute__((always_inline)) {
     const V reached = _mm256_cmpgt_epi8(at.row, load(&k.before[static_cast<std::size_t>(y)]));
     const Pair of = row(y);
     taken = {_mm256_blendv_epi8(taken.left, of.left, reached), _mm256_blendv_epi8(taken.right, of.right, reached)};
@@ -83,7 +83,8 @@ inline V look_up(const std::uint8_t* of, V index) {
     return _mm256_shuffle_epi8(row(of), index);
   } else {
     constexpr std::size_t kHalf = kLength / 2;
-    const V upper = _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // the bit that tells the halves apart is its byte's top
+    const V upper =
+        _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // the bit that tells the halves apart is its byte's top
     return _mm256_blendv_epi8(look_up<kHalf>(of, index), look_up<kHalf>(of + kHalf, index), upper);
   }
 }
@@ -140,7 +141,8 @@ struct Avx2 {
 
   /// What a record gives to a tile, negative.
   template <int N>
-  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
+  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r,
+                                                              Light<N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     Coordinates coordinates(out_of_sight(kConstants), *job.grid, record);
     alignas(32) std::array<Staged, N> staged;
@@ -162,8 +164,8 @@ struct Avx2 {
     const V zero = _mm256_setzero_si256();
     if (component.output_curve) {
       if (negative) light = negated(light, zero);
-      const Rows shown =
-          on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)}, job.output[component.tone]);
+      const Rows shown = on_curve<9>({_mm256_max_epi16(light.upper, zero), _mm256_max_epi16(light.lower, zero)},
+                                     job.output[component.tone]);
       const V rounding = load(&out_of_sight(kConstants).half_level);
       return {_mm256_srai_epi16(add(shown.upper, rounding), kSampleBits),
               _mm256_srai_epi16(add(shown.lower, rounding), kSampleBits)};

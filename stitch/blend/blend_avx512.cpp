@@ -52,7 +52,8 @@ struct Places {
   return _mm512_add_epi8(both, load(k.pair_of));
 }
 [[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128, -f
-  const V flipped = _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
+  const V flipped =
+      _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
   return _mm512_add_epi8(flipped, load(k.across));
 }
 [[gnu::always_inline]] inline V down_of(const Constants& k, V y) {
@@ -90,7 +91,8 @@ struct Places {
     const V four_rows = _mm512_add_epi16(_mm512_slli_epi16(b_, 2), _mm512_mullo_epi16(c_, load(k.next)));
     return {upper, _mm512_add_epi16(upper, four_rows)};
   };
-  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c)));
+  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)),
+                rows(upper_half(a), upper_half(b), upper_half(c)));
 }
 
 /// Four coefficients of 1, i, j, ij over a tile.
@@ -105,7 +107,8 @@ struct Places {
 
 /// The bytes of a patch at 64 places; those with the top bit set lie in rows 8 .. 15.
 [[gnu::always_inline]] inline V pick(const Patch& patch, V index) {
-  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index), _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
+  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index),
+                                _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
@@ -144,7 +147,8 @@ struct Places {
 /// Bytes 64 k .. 64 k + 63 of R G B R G B ..: of R, and of G in the register after it.
 constexpr Picks triple_bytes() {
   Picks picks;
-  for (std::size_t m = 0; m < 192; ++m) picks.of[m / 64][m % 64] = static_cast<std::uint8_t>(m / 3 + (m % 3 == 1 ? 64 : 0));
+  for (std::size_t m = 0; m < 192; ++m)
+    picks.of[m / 64][m % 64] = static_cast<std::uint8_t>(m / 3 + (m % 3 == 1 ? 64 : 0));
   return picks;
 }
 constexpr Picks kTripleBytes = triple_bytes();
@@ -163,15 +167,16 @@ struct Avx512 {
   /// Light of all components by one record, negative.
   template <int N>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                    std::array<Rows, N>& negative_light) {
+                                                              std::array<Rows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
-    by_layout<N>(job.plane(record).layout, [&](auto layout) __attribute__((always_inline)) {
-      negative_light_of<N, decltype(layout)::value>(job, r, k, negative_light);
-    });
+    by_layout<N>(
+        job.plane(record).layout, [&](auto layout) __attribute__((always_inline)) {
+          negative_light_of<N, decltype(layout)::value>(job, r, k, negative_light);
+        });
   }
   template <int N, SampleLayout kLayout>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                    std::array<Rows, N>& negative_light) {
+                                                              std::array<Rows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     const Places at = places_of(k, *job.grid, record);
     std::array<Patch, N> patch;
@@ -192,7 +197,8 @@ struct Avx512 {
       const V head = all(job.gain(record.head(), c));
       const V upper = alone ? head : _mm512_mulhrs_epi16(vignetting.upper, head);
       const V lower = alone ? head : _mm512_mulhrs_epi16(vignetting.lower, head);
-      negative_light[c] = {_mm512_mulhrs_epi16(negative_light[c].upper, upper), _mm512_mulhrs_epi16(negative_light[c].lower, lower)};
+      negative_light[c] = {_mm512_mulhrs_epi16(negative_light[c].upper, upper),
+                           _mm512_mulhrs_epi16(negative_light[c].lower, lower)};
     }
   }
 
@@ -333,12 +339,14 @@ struct Avx512 {
         for (std::size_t k = 0; k < 3; ++k) {
           const V from = load(kTripleBytes.of[k]);
           const V two = _mm512_permutex2var_epi8(rows[0][j], from, rows[N > 1 ? 1 : 0][j]);
-          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3 + static_cast<std::ptrdiff_t>(64 * k),
+          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3 +
+                  static_cast<std::ptrdiff_t>(64 * k),
               _mm512_mask_permutexvar_epi8(two, kThirds[k], from, rows[N - 1][j]));
         }
       } else if (pairs) {
         for (std::size_t k = 0; k < 2; ++k) {
-          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2 + static_cast<std::ptrdiff_t>(64 * k),
+          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2 +
+                  static_cast<std::ptrdiff_t>(64 * k),
               _mm512_permutex2var_epi8(rows[0][j], load(kPairBytes.of[k]), rows[N - 1][j]));
         }
       } else {

@@ -92,8 +92,8 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
     if (rule.grid != g) continue;
     const OutputTone& output = tone.output[rule.tone];
     const auto slot = static_cast<std::size_t>(job.components++);
-    job.component[slot] = {c, rule.black << kSampleBits, rule.black, rule.tone, output.scale, -output.scale,
-                           output.curve.has_value()};
+    job.component[slot] = {
+        c, rule.black << kSampleBits, rule.black, rule.tone, output.scale, -output.scale, output.curve.has_value()};
     job.out[slot] = raymap.planes[static_cast<std::size_t>(c)];
   }
   expand_tone(tone, job);

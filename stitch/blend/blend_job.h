@@ -23,9 +23,9 @@ struct PatchPlane {
   std::array<const std::uint8_t*, kMaxPlanes> data{};  ///< by component of the grid; for groups [0] is the first group
   std::array<std::uint8_t, kMaxPlanes> offset{};       ///< of the component in its group
   std::ptrdiff_t row_stride = 0;
-  int group = 1;                                       ///< bytes from sample to sample
+  int group = 1;  ///< bytes from sample to sample
   SampleLayout layout = SampleLayout::kPlanar;
-  std::array<PlaneView, kMaxPlanes> views{};           ///< by component of the grid
+  std::array<PlaneView, kMaxPlanes> views{};  ///< by component of the grid
 };
 
 /// A 16-bit number stored twice side by side: one 32-bit broadcast fills a register with it.
@@ -64,11 +64,11 @@ struct Pieces {
 
 /// Of a component of the grid.
 struct JobComponent {
-  int component = 0;        ///< of the raymap's format
-  RepeatedInt16 black;      ///< 128 * ComponentRule::black
+  int component = 0;    ///< of the raymap's format
+  RepeatedInt16 black;  ///< 128 * ComponentRule::black
   RepeatedInt16 black_level;
   std::uint8_t tone = 0;
-  RepeatedInt16 scale;      ///< of light
+  RepeatedInt16 scale;           ///< of light
   RepeatedInt16 negative_scale;  ///< -scale
   bool output_curve = false;
 };

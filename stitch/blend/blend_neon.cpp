@@ -41,9 +41,7 @@ inline TileRows over_tile(const Quadratic& q) {
 }
 
 /// Coefficients of 1, i, j, ij.
-inline TileRows bilinear_over_tile(const std::int16_t* q) {
-  return over_tile({q[0], q[1], q[2], q[3], 0, 0});
-}
+inline TileRows bilinear_over_tile(const std::int16_t* q) { return over_tile({q[0], q[1], q[2], q[3], 0, 0}); }
 
 struct Coordinates {
   TileRows x;
@@ -112,7 +110,8 @@ inline void stage_anyhow(const PatchPlane& plane, const PatchRecord& record, int
 }
 
 template <int N>
-inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Staged<N>& staged, std::array<Patch, N>& patch) {
+inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Staged<N>& staged,
+                       std::array<Patch, N>& patch) {
   const int rows = record.last_row() + 2;
   if (plane.layout == SampleLayout::kGeneral) {
     stage_anyhow<N>(plane, record, rows, staged);
@@ -129,10 +128,10 @@ inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Stage
 
 /// Where two rows of a tile lie in a patch, ready for use.
 struct Places {
-  uint8x16_t place;                  ///< row * 16 + column of the upper left sample
-  uint8x16_t right;                  ///< the right sample's share, of 128
-  std::array<Row, 2> down;           ///< the lower sample's share, of 2^15
-  int first = 0;                     ///< of the patch's rows in which pixels begin
+  uint8x16_t place;         ///< row * 16 + column of the upper left sample
+  uint8x16_t right;         ///< the right sample's share, of 128
+  std::array<Row, 2> down;  ///< the lower sample's share, of 2^15
+  int first = 0;            ///< of the patch's rows in which pixels begin
   int last = 0;
 };
 /// Rows first .. last of the patch hold what has weight; other pixels may lie anywhere.
@@ -147,7 +146,8 @@ inline Places places_of(const Coordinates& at, std::size_t j, int first, int las
   const uint8x16_t column = pack(vshrq_n_u16(x[0], kFractionBits), vshrq_n_u16(x[1], kFractionBits));
   Places places;
   places.place = vsliq_n_u8(column, row, 4);
-  places.right = vandq_u8(pack(vshrq_n_u16(x[0], kFractionBits - 7), vshrq_n_u16(x[1], kFractionBits - 7)), vdupq_n_u8(127));
+  places.right =
+      vandq_u8(pack(vshrq_n_u16(x[0], kFractionBits - 7), vshrq_n_u16(x[1], kFractionBits - 7)), vdupq_n_u8(127));
   const auto share = [](uint16x8_t of) {
     return vreinterpretq_s16_u16(vandq_u16(vshlq_n_u16(of, 15 - kFractionBits), vdupq_n_u16(0x7ff8)));
   };
@@ -197,8 +197,8 @@ inline uint8x16_t look_up(const std::array<std::uint8_t, 32>& of, uint8x16_t ind
   return vqtbl2q_u8({{vld1q_u8(of.data()), vld1q_u8(of.data() + 16)}}, index);
 }
 inline uint8x16_t look_up(const std::array<std::uint8_t, 64>& of, uint8x16_t index) {
-  return vqtbl4q_u8({{vld1q_u8(of.data()), vld1q_u8(of.data() + 16), vld1q_u8(of.data() + 32), vld1q_u8(of.data() + 48)}},
-                    index);
+  return vqtbl4q_u8(
+      {{vld1q_u8(of.data()), vld1q_u8(of.data() + 16), vld1q_u8(of.data() + 32), vld1q_u8(of.data() + 48)}}, index);
 }
 
 /// curve(at), see curve_at, of two rows.
@@ -249,7 +249,8 @@ struct Neon {
   }
 
   template <int N>
-  static inline void finish(const BlendJob& job, const std::array<TileRows, N>& light, bool negative, std::uint8_t* out) {
+  static inline void finish(const BlendJob& job, const std::array<TileRows, N>& light, bool negative,
+                            std::uint8_t* out) {
     for (std::size_t c = 0; c < N; ++c) {
       const JobComponent& component = job.component[c];
       for (std::size_t j = 0; j < kTile; j += 2) {
@@ -345,11 +346,13 @@ struct Neon {
       for (std::size_t k = 0; k < 8; ++k) {
         const std::ptrdiff_t column = x + static_cast<std::ptrdiff_t>(k * kTile);
         if (triples) {
-          vst3_u8(job.out[0].data + row * job.out[0].row_stride + 3 * column, {{eight(0, k), eight(N / 2, k), eight(N - 1, k)}});
+          vst3_u8(job.out[0].data + row * job.out[0].row_stride + 3 * column,
+                  {{eight(0, k), eight(N / 2, k), eight(N - 1, k)}});
         } else if (pairs) {
           vst2_u8(job.out[0].data + row * job.out[0].row_stride + 2 * column, {{eight(0, k), eight(N - 1, k)}});
         } else {
-          for (std::size_t c = 0; c < N; ++c) vst1_u8(job.out[c].data + row * job.out[c].row_stride + column, eight(c, k));
+          for (std::size_t c = 0; c < N; ++c)
+            vst1_u8(job.out[c].data + row * job.out[c].row_stride + column, eight(c, k));
         }
       }
     }

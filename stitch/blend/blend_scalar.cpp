@@ -19,7 +19,8 @@ struct Scalar {
           for (int i = 0; i < kTile; ++i) {
             const auto p = static_cast<std::size_t>(j * kTile + i);
             if (weights[p] == 0) continue;  // its sample and its gain are any number
-            light[c][p] = wrap(light[c][p] + mulr(negative_light_of(job, r, c, negative_light[c][p], i, j), wrap(-weights[p])));
+            light[c][p] =
+                wrap(light[c][p] + mulr(negative_light_of(job, r, c, negative_light[c][p], i, j), wrap(-weights[p])));
           }
         }
       }

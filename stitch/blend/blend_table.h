@@ -16,7 +16,7 @@
 
 namespace nodal::blend {
 
-inline constexpr int kTile = 8;           ///< pixels a side of a tile
+inline constexpr int kTile = 8;  ///< pixels a side of a tile
 inline constexpr int kTilePixels = kTile * kTile;
 inline constexpr int kPatch = 16;         ///< samples a side of a patch
 inline constexpr int kQuarter = 4;        ///< pixels a side of a quarter of a tile
@@ -27,9 +27,9 @@ inline constexpr int kGainBits = 12;      ///< of Source::gain
 inline constexpr int kMaxGain = 32767;    ///< of Source::gain: just below 8
 inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
 inline constexpr int kMaxSharpen = 16;
-inline constexpr int kSharpenReach = 2;   ///< samples to the neighbours that Source::sharpen takes away from
+inline constexpr int kSharpenReach = 2;  ///< samples to the neighbours that Source::sharpen takes away from
 inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< of BlendTable::linear
-inline constexpr int kMaxLevels = 5;      ///< of a head's pyramid: 1, 1/2, .. 1/16
+inline constexpr int kMaxLevels = 5;                  ///< of a head's pyramid: 1, 1/2, .. 1/16
 
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
@@ -96,8 +96,8 @@ struct GridTable {
 
   int width = 0;
   int height = 0;
-  int row_step = 1;                        ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
-  std::vector<Tile> tiles;                 ///< tile_count() of them, and one for the end of the last
+  int row_step = 1;         ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
+  std::vector<Tile> tiles;  ///< tile_count() of them, and one for the end of the last
   std::vector<PatchRecord> records;
   std::vector<std::int16_t> weights;
   std::vector<std::uint16_t> coordinates;  ///< lists of 64 x, then 64 y, row by row
@@ -126,7 +126,9 @@ struct GridTable {
   std::size_t tile_index(int column, int row) const {
     const int block = row / block_rows() * (tiles_across() / kBlockTiles) + column / kBlockTiles;
     return (static_cast<std::size_t>(block) * static_cast<std::size_t>(block_rows()) +
-            static_cast<std::size_t>(row % block_rows())) * kBlockTiles + static_cast<std::size_t>(column % kBlockTiles);
+            static_cast<std::size_t>(row % block_rows())) *
+               kBlockTiles +
+           static_cast<std::size_t>(column % kBlockTiles);
   }
 };
 
@@ -158,8 +160,8 @@ struct BlendTable {
     /// Which field of the head's frames the picture is; `height` is then the field's. Nothing: a whole frame.
     std::optional<FieldParity> field = std::nullopt;
   };
-  std::vector<Source> sources;         ///< what the blend must be given of each head, by head index
-  std::vector<GridTable> grids;        ///< full resolution first, then chroma where it has its own
+  std::vector<Source> sources;   ///< what the blend must be given of each head, by head index
+  std::vector<GridTable> grids;  ///< full resolution first, then chroma where it has its own
   std::array<ComponentRule, kMaxPlanes> components{};
   /// What GridTable::gains are relative to, in 1/256, 256 .. 2048.
   std::uint16_t vignetting_scale = 256;

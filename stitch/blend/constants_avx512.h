@@ -13,15 +13,16 @@ namespace {
 struct Constants {
   using Shorts = std::array<std::int16_t, 32>;
   using Bytes = std::array<std::uint8_t, 64>;
-  alignas(64) Shorts j, jj, next;       ///< of the upper rows, by lane: j, jj, 8j + 16
-  alignas(64) Bytes pair_of;            ///< what makes an index of a byte the pair of it and the next
-  alignas(64) Bytes nibble, seven;      ///< see twice_from: the bits 12 .. 15, and 5 .. 12
-  alignas(64) Bytes tops;               ///< picks the upper byte of each number, twice
-  alignas(64) Bytes order;              ///< picks rows by their numbers out of 0 4 1 5 2 6 3 7; of 64 bits each
+  alignas(64) Shorts j, jj, next;   ///< of the upper rows, by lane: j, jj, 8j + 16
+  alignas(64) Bytes pair_of;        ///< what makes an index of a byte the pair of it and the next
+  alignas(64) Bytes nibble, seven;  ///< see twice_from: the bits 12 .. 15, and 5 .. 12
+  alignas(64) Bytes tops;           ///< picks the upper byte of each number, twice
+  alignas(64) Bytes order;          ///< picks rows by their numbers out of 0 4 1 5 2 6 3 7; of 64 bits each
   alignas(64) Shorts upper_nibbles, low_bits, flips, across, share, row, half_level;
   alignas(32) std::array<std::int16_t, 16> i, ii;
   alignas(32) std::array<std::uint8_t, 32> term[6];  ///< picks number k of both halves
-  alignas(32) std::array<std::uint8_t, 32> pair[2];  ///< picks number k for the lower half, and number k + 2 for the upper
+  alignas(
+      32) std::array<std::uint8_t, 32> pair[2];  ///< picks number k for the lower half, and number k + 2 for the upper
 };
 constexpr Constants constants() {
   Constants c{};

@@ -53,9 +53,8 @@ ChromaFade fade_of(const ToneTable& tones, std::int64_t top) {
 }
 
 bool has_black(const BlendTable& table, std::size_t tone_class) {
-  return std::any_of(table.components.begin(), table.components.end(), [&](const ComponentRule& rule) {
-    return rule.tone == tone_class && rule.black != 0;
-  });
+  return std::any_of(table.components.begin(), table.components.end(),
+                     [&](const ComponentRule& rule) { return rule.tone == tone_class && rule.black != 0; });
 }
 
 /// `top`: the most that a sample can be lifted to.

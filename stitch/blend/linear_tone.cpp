@@ -96,12 +96,14 @@ LinearScale linear_scale(const ToneTable& tones, const SetTone& tone, std::span<
   LinearScale scale;
   const std::size_t count = std::min(tones.heads.size(), heads.size());
   if (count == 0 || tones.shown_light.empty()) {
-    for (std::size_t level = 1; level < 256; ++level) scale.shown_from[level] = static_cast<std::uint16_t>(257 * level - 128);
+    for (std::size_t level = 1; level < 256; ++level)
+      scale.shown_from[level] = static_cast<std::uint16_t>(257 * level - 128);
     return scale;
   }
   const Stops least = least_of(heads.first(count));
   const Stops mean = mean_of(heads.first(count));
-  const Stops full = least - in_light(log2_stops(tone.output[0].scale) - log2_stops(kScaleOne), tones.heads[0].exponent);
+  const Stops full =
+      least - in_light(log2_stops(tone.output[0].scale) - log2_stops(kScaleOne), tones.heads[0].exponent);
   const std::uint64_t white = exp2_stops(full - mean, std::uint64_t{65535} << 8);  // the number of it, in 1 / 256
   scale.full = full;
   // What is held back is so among numbers of a gamma of 2.2, as 8 bits would have them.

@@ -46,7 +46,7 @@ struct HeadLight {
   std::uint32_t solid_angle = 0;  ///< of what it looks at, in 1 / 2^24 spheres; 0: it has no picture
   std::uint32_t clipped = 0;      ///< of that, as it saw it itself
   std::uint32_t black = 0;
-  std::uint32_t overlaps = 0;     ///< bit i: head i sees some of it too
+  std::uint32_t overlaps = 0;  ///< bit i: head i sees some of it too
 };
 
 struct SphereLight {

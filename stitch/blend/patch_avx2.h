@@ -83,7 +83,8 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_
       const V words = _mm256_packus_epi32(a, b);  // a0-3 b0-3 a4-7 b4-7
       const V bytes = _mm256_packus_epi16(words, words);
       const V order = _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5);
-      _mm_store_si128(reinterpret_cast<__m128i*>(to), _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(bytes, order)));
+      _mm_store_si128(reinterpret_cast<__m128i*>(to),
+                      _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(bytes, order)));
     } else if (plane.layout == SampleLayout::kTriples) {
       const auto* group = reinterpret_cast<const __m128i*>(from - plane.offset[c]);
       __m128i bytes = _mm_setzero_si128();

@@ -69,7 +69,9 @@ constexpr Picks kPairPicks = pair_picks();
 constexpr Picks kQuadPicks = quad_picks();
 constexpr Picks kTriplePicks = triple_picks();
 
-[[gnu::always_inline]] inline V load(const std::array<std::uint8_t, 64>& bytes) { return _mm512_load_si512(bytes.data()); }
+[[gnu::always_inline]] inline V load(const std::array<std::uint8_t, 64>& bytes) {
+  return _mm512_load_si512(bytes.data());
+}
 
 /// A patch in memory, one component after the other.
 template <int N>
@@ -109,7 +111,9 @@ template <int N, SampleLayout kLayout>
     patch[0].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0x44);
     patch[1].rows[k] = _mm512_shuffle_i64x2(upper, lower, 0xee);
   } else if constexpr (kLayout == SampleLayout::kTriples) {
-    const auto triples = [&](int y) { return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from[0] + down + y * stride); };
+    const auto triples = [&](int y) {
+      return _mm512_maskz_loadu_epi8(0x0000ffffffffffff, from[0] + down + y * stride);
+    };
     const V rows[4] = {triples(0), triples(1), triples(2), triples(3)};
     const V both = load(kTriplePicks.of[0]);
     const V last = load(kTriplePicks.of[1]);

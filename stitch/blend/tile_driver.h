@@ -137,7 +137,8 @@ inline void put_pixel(const BlendJob& job, const std::int16_t* strip, std::size_
 inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView& plane, const std::uint32_t* places) {
   std::array<std::ptrdiff_t, kTilePixels> to;
   for (std::size_t p = 0; p < kTilePixels; ++p) {
-    to[p] = std::ptrdiff_t{places[p] >> 16} * plane.row_stride + std::ptrdiff_t{places[p] & 0xffff} * plane.pixel_stride;
+    to[p] =
+        std::ptrdiff_t{places[p] >> 16} * plane.row_stride + std::ptrdiff_t{places[p] & 0xffff} * plane.pixel_stride;
   }
   return to;
 }

@@ -36,7 +36,8 @@ SetTone tone_of_fine_gains(const BlendTable& table, std::span<const std::array<s
 SetTone tone_of_gains(const BlendTable& table, std::span<const std::array<std::uint16_t, kToneClasses>> gains) {
   std::array<std::array<std::uint32_t, kToneClasses>, kMaxHeads> fine{};
   for (std::size_t h = 0; h < gains.size(); ++h) {
-    for (std::size_t k = 0; k < kToneClasses; ++k) fine[h][k] = std::uint32_t{gains[h][k]} << (kFineGainBits - kGainBits);
+    for (std::size_t k = 0; k < kToneClasses; ++k)
+      fine[h][k] = std::uint32_t{gains[h][k]} << (kFineGainBits - kGainBits);
   }
   return tone_of_fine_gains(table, std::span(fine).first(gains.size()));
 }

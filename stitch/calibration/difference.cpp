@@ -91,8 +91,8 @@ Spread distances(const std::vector<geometry::RayPixel>& samples, const geometry:
 void compare_light(const geometry::Head& a, const geometry::Head& b, const std::vector<geometry::RayPixel>& samples,
                    HeadDifference& d) {
   for (const geometry::RayPixel& sample : samples) {
-    const double stops = std::log2(std::max(b.vignetting(sample.pixel), 1e-6) /
-                                   std::max(a.vignetting(sample.pixel), 1e-6));
+    const double stops =
+        std::log2(std::max(b.vignetting(sample.pixel), 1e-6) / std::max(a.vignetting(sample.pixel), 1e-6));
     d.vignetting_stops = std::max(d.vignetting_stops, std::abs(stops));
   }
   for (int level = 0; level <= 255; ++level) {

@@ -11,13 +11,13 @@
 namespace nodal::calibration {
 
 struct HeadDifference {
-  std::string name;            ///< in the first calibration
-  std::string other;           ///< in the second
-  double raw_deg = 0;          ///< the turn between the two places of the head
-  double turned_deg = 0;       ///< the same after the turn of the whole rig that brings the two nearest together
-  double lens_rms_px = 0;      ///< lens and centre alone: where a ray of the head falls
+  std::string name;        ///< in the first calibration
+  std::string other;       ///< in the second
+  double raw_deg = 0;      ///< the turn between the two places of the head
+  double turned_deg = 0;   ///< the same after the turn of the whole rig that brings the two nearest together
+  double lens_rms_px = 0;  ///< lens and centre alone: where a ray of the head falls
   double lens_max_px = 0;
-  double rms_px = 0;           ///< place and lens together, after the rig's turn: where a ray of the rig falls
+  double rms_px = 0;  ///< place and lens together, after the rig's turn: where a ray of the rig falls
   double max_px = 0;
   std::array<double, 3> gain_stops{};  ///< red, green, blue, after taking out what all heads share
   double vignetting_stops = 0;         ///< largest, over the region
@@ -26,9 +26,9 @@ struct HeadDifference {
 
 struct RigDifference {
   std::vector<HeadDifference> heads;
-  double rig_turn_deg = 0;          ///< the turn of the whole rig that was taken out
-  double turned_rms_deg = 0;        ///< over the heads
-  std::vector<std::string> notes;   ///< heads that only one has, pictures of two sizes
+  double rig_turn_deg = 0;         ///< the turn of the whole rig that was taken out
+  double turned_rms_deg = 0;       ///< over the heads
+  std::vector<std::string> notes;  ///< heads that only one has, pictures of two sizes
 };
 
 /// Heads are paired by name; when no name is in both and the counts are equal, by their order.

@@ -73,8 +73,8 @@ std::optional<Ray> Head::unproject(Pixel pixel) const {
 
 double Head::distance_to_edge(Pixel pixel) const {
   const Region& region = calibration_.region;
-  double distance = std::min({pixel.x - region.left, region.right - pixel.x, pixel.y - region.top,
-                              region.bottom - pixel.y});
+  double distance =
+      std::min({pixel.x - region.left, region.right - pixel.x, pixel.y - region.top, region.bottom - pixel.y});
   if (region.circle) {
     const double r = std::hypot(pixel.x - region.circle->x, pixel.y - region.circle->y);
     distance = std::min(distance, region.circle->radius - r);
@@ -82,7 +82,8 @@ double Head::distance_to_edge(Pixel pixel) const {
   // Where the lens ends is an ellipse when the aspect is not 1; its distance is taken along the radius.
   const Eigen::Vector2d p = from_center(pixel);
   const double r = p.norm();
-  const double stretch = r > 0 && calibration_.aspect != 1 ? Eigen::Vector2d(p.x(), p.y() * calibration_.aspect).norm() / r : 1.0;
+  const double stretch =
+      r > 0 && calibration_.aspect != 1 ? Eigen::Vector2d(p.x(), p.y() * calibration_.aspect).norm() / r : 1.0;
   return std::min(distance, (lens_.max_radius() - r) * stretch);
 }
 

@@ -13,9 +13,7 @@ Ray Ray::towards(const Eigen::Vector3d& v) {
   return Ray(v / length);
 }
 
-Angles Ray::angles() const {
-  return {std::atan2(x(), z()), std::atan2(y(), std::hypot(x(), z()))};
-}
+Angles Ray::angles() const { return {std::atan2(x(), z()), std::atan2(y(), std::hypot(x(), z()))}; }
 
 double angle_between(const Ray& a, const Ray& b) {
   return std::atan2(a.direction().cross(b.direction()).norm(), a.direction().dot(b.direction()));

@@ -36,9 +36,8 @@ Result<Eigen::Matrix3d> nearest_rotation(const Eigen::Matrix3d& R, double tolera
   if (!R.allFinite()) return fail(Errc::kNotARotation, "the matrix has elements that are not finite");
   const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > tolerance) {
-    return fail(
-        Errc::kNotARotation,
-        "the matrix is not orthonormal: R times its transpose is off the identity by " + std::to_string(off));
+    return fail(Errc::kNotARotation,
+                "the matrix is not orthonormal: R times its transpose is off the identity by " + std::to_string(off));
   }
   if (R.determinant() < 0) {
     return fail(Errc::kNotARotation,

@@ -92,10 +92,10 @@ Result<std::vector<SampledHead>> sampled_heads(const Calibration& calibration, c
 
 Result<PolynomialHead> best_fit(const SampledHead& head, const std::vector<RadialBasis>& bases,
                                 const std::vector<int>& exponents, const FitFreedom& freedom) {
-  Result<PolynomialHead> best = fail(
-      Errc::kUnsupported, "head '" + head.calibration().name + "': its lens sees " +
-                              short_number(head.farthest_angle * 180 / std::numbers::pi) +
-                              " degrees from its axis, which this format's lenses cannot; choose another format");
+  Result<PolynomialHead> best =
+      fail(Errc::kUnsupported, "head '" + head.calibration().name + "': its lens sees " +
+                                   short_number(head.farthest_angle * 180 / std::numbers::pi) +
+                                   " degrees from its axis, which this format's lenses cannot; choose another format");
   for (const RadialBasis basis : bases) {
     if (basis == RadialBasis::kTangent && head.farthest_angle > kTangentEnds) continue;
     PolynomialHead start;
@@ -121,8 +121,9 @@ void tell_fit(const SampledHead& head, const PolynomialHead& fit, const std::str
 void tell_aspect(const std::vector<SampledHead>& heads, ExportResult& result) {
   for (const SampledHead& head : heads) {
     if (std::abs(head.calibration().aspect - 1) < 0.002) continue;
-    result.notes.emplace_back("The format knows only square pixels, and these are not: --square-pixels gives numbers "
-                              "for pictures that are resampled first, which fit.");
+    result.notes.emplace_back(
+        "The format knows only square pixels, and these are not: --square-pixels gives numbers "
+        "for pictures that are resampled first, which fit.");
     return;
   }
 }
@@ -141,12 +142,13 @@ void tell_radiometry(const Calibration& calibration, bool holds_gain_and_vignett
 }
 
 Result<ExportFormat> export_format_named(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, ExportFormat>, 6> kNames{{{"pto", ExportFormat::kHugin},
-                                                                            {"pts", ExportFormat::kPtgui},
-                                                                            {"ptv", ExportFormat::kVideoStitch},
-                                                                            {"surround360", ExportFormat::kSurround360},
-                                                                            {"opencv", ExportFormat::kOpenCv},
-                                                                            {"kalibr", ExportFormat::kKalibr}}};
+  constexpr std::array<std::pair<std::string_view, ExportFormat>, 6> kNames{
+      {{"pto", ExportFormat::kHugin},
+       {"pts", ExportFormat::kPtgui},
+       {"ptv", ExportFormat::kVideoStitch},
+       {"surround360", ExportFormat::kSurround360},
+       {"opencv", ExportFormat::kOpenCv},
+       {"kalibr", ExportFormat::kKalibr}}};
   for (const auto& [known, format] : kNames) {
     if (name == known) return format;
   }

@@ -69,8 +69,9 @@ std::string whole(double value) { return std::to_string(std::lround(value)); }
 }  // namespace
 
 Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& heads, ExportResult& result) {
-  std::string text = "# hugin project file\n#hugin_ptoversion 2\n"
-                     "p f2 w4096 h2048 v360 E0 R0 n\"TIFF_m c:LZW r:CROP\"\nm g1 i0 m2 p0.00784314\n";
+  std::string text =
+      "# hugin project file\n#hugin_ptoversion 2\n"
+      "p f2 w4096 h2048 v360 E0 R0 n\"TIFF_m c:LZW r:CROP\"\nm g1 i0 m2 p0.00784314\n";
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
     const double width = c.width, height = c.height;
@@ -79,8 +80,11 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
     tell_fit(head, w->fit, kNoAspect, result);
     const bool circle = c.region.circle.has_value();
     text += "i w" + std::to_string(c.width) + " h" + std::to_string(c.height) + " f" +
-            (w->rectilinear ? "0" : circle ? "2" : "3") + lens_numbers(*w) + " d" + exact(w->fit.cx - width / 2) +
-            " e" + exact(w->fit.cy - height / 2) + " g0 t0" + pose_numbers(*w);
+            (w->rectilinear ? "0"
+             : circle       ? "2"
+                            : "3") +
+            lens_numbers(*w) + " d" + exact(w->fit.cx - width / 2) + " e" + exact(w->fit.cy - height / 2) + " g0 t0" +
+            pose_numbers(*w);
     // V of ours is over radius^2 from its own centre; Hugin's over half the diagonal.
     const double scale = std::pow(std::hypot(width, height) / 2 / c.vignetting.radius, 2);
     const auto& v = c.vignetting.coefficients;
@@ -105,9 +109,10 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
 }
 
 Status export_ptgui(const Calibration& calibration, std::vector<SampledHead>& heads, ExportResult& result) {
-  std::string text = "# ptGui project file\n\n#-fileversion 14\n# Panorama settings:\n"
-                     "p w4096 h2048 f2 v360 u0 n\"JPEG g0 q95\"\nm g0 i0\n\n# input images:\n"
-                     "#-dummyimage\no w1 h1 y0 r0 p0 v90 a0 b0 c0 f2 d0 e0 g0 t0\n";
+  std::string text =
+      "# ptGui project file\n\n#-fileversion 14\n# Panorama settings:\n"
+      "p w4096 h2048 f2 v360 u0 n\"JPEG g0 q95\"\nm g0 i0\n\n# input images:\n"
+      "#-dummyimage\no w1 h1 y0 r0 p0 v90 a0 b0 c0 f2 d0 e0 g0 t0\n";
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
     const Region& region = c.region;
@@ -124,9 +129,12 @@ Status export_ptgui(const Calibration& calibration, std::vector<SampledHead>& he
     if (!w) return fail(w.error());
     tell_fit(head, w->fit, kNoAspect, result);
     text += "#-imgfile " + std::to_string(c.width) + " " + std::to_string(c.height) + " \"" + head.image + "\"\no f" +
-            (w->rectilinear ? "0" : region.circle ? "2" : "3") + pose_numbers(*w) + lens_numbers(*w) + " d" +
-            exact(w->fit.cx - (left + right) / 2) + " e" + exact(w->fit.cy - (top + bottom) / 2) + " g0 t0 C" +
-            whole(left) + "," + whole(right) + "," + whole(top) + "," + whole(bottom) + "\n";
+            (w->rectilinear  ? "0"
+             : region.circle ? "2"
+                             : "3") +
+            pose_numbers(*w) + lens_numbers(*w) + " d" + exact(w->fit.cx - (left + right) / 2) + " e" +
+            exact(w->fit.cy - (top + bottom) / 2) + " g0 t0 C" + whole(left) + "," + whole(right) + "," + whole(top) +
+            "," + whole(bottom) + "\n";
   }
   tell_aspect(heads, result);
   tell_radiometry(calibration, false, result);
@@ -173,7 +181,9 @@ Status export_videostitch(const Calibration& calibration, std::vector<SampledHea
     inputs.push_back({{"reader_config", head.image},
                       {"width", c.width},
                       {"height", c.height},
-                      {"proj", rectilinear ? "rectilinear" : region.circle ? "circular_fisheye" : "ff_fisheye"},
+                      {"proj", rectilinear     ? "rectilinear"
+                               : region.circle ? "circular_fisheye"
+                                               : "ff_fisheye"},
                       {"crop_left", static_cast<long>(left)},
                       {"crop_right", static_cast<long>(right)},
                       {"crop_top", static_cast<long>(top)},

@@ -126,8 +126,7 @@ Status export_opencv(const Calibration& calibration, std::vector<SampledHead>& h
     double f = 0, cx = c.center_x, cy = c.center_y, aspect = c.aspect;
     std::vector<double> k;
     if (fisheye) {
-      const Result<PolynomialHead> fit =
-          best_fit(head, {RadialBasis::kAngle}, {1, 3, 5, 7, 9}, {true, true, false});
+      const Result<PolynomialHead> fit = best_fit(head, {RadialBasis::kAngle}, {1, 3, 5, 7, 9}, {true, true, false});
       if (!fit) return fail(fit.error());
       tell_fit(head, *fit, "its lens fits OpenCV's fisheye only nearly", result);
       f = fit->coefficients[0];
@@ -143,8 +142,8 @@ Status export_opencv(const Calibration& calibration, std::vector<SampledHead>& h
     }
     std::string text = "%YAML:1.0\n---\n# Head '" + c.name + "' of the rig '" + calibration.name + "', by Nodal.\n";
     text += "image_width: " + std::to_string(c.width) + "\nimage_height: " + std::to_string(c.height) +
-            "\ncamera_name: " + c.name + "\nfisheye_model: " + (fisheye ? "1" : "0") + "\ndistortion_model: " +
-            (fisheye ? "fisheye" : "rational_polynomial") + "\n";
+            "\ncamera_name: " + c.name + "\nfisheye_model: " + (fisheye ? "1" : "0") +
+            "\ndistortion_model: " + (fisheye ? "fisheye" : "rational_polynomial") + "\n";
     text += matrix_text("camera_matrix", 3, 3, {f, 0, cx - 0.5, 0, f * aspect, cy - 0.5, 0, 0, 1});
     text += matrix_text("distortion_coefficients", static_cast<int>(k.size()), 1, k);
     text += matrix_text("R_head_rig", 3, 3, {c.R_head_rig.begin(), c.R_head_rig.end()});
@@ -179,9 +178,9 @@ Status export_kalibr(const Calibration& calibration, std::vector<SampledHead>& h
       text += "  - [0, 0, 0, 1]\n";
     }
     text += "  camera_model: pinhole\n  distortion_model: " + std::string(pinhole ? "radtan" : "equidistant") +
-            "\n  distortion_coeffs: " + list(k) + "\n  intrinsics: " +
-            list({f, f * fit->aspect, fit->cx - 0.5, fit->cy - 0.5}) + "\n  resolution: [" + std::to_string(c.width) +
-            ", " + std::to_string(c.height) + "]\n  rostopic: /" + c.name + "/image_raw\n";
+            "\n  distortion_coeffs: " + list(k) +
+            "\n  intrinsics: " + list({f, f * fit->aspect, fit->cx - 0.5, fit->cy - 0.5}) + "\n  resolution: [" +
+            std::to_string(c.width) + ", " + std::to_string(c.height) + "]\n  rostopic: /" + c.name + "/image_raw\n";
     before = R;
   }
   const Eigen::Matrix3d first = geometry::matrix_of(calibration.heads[0].R_head_rig);

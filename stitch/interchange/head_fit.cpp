@@ -11,9 +11,9 @@ namespace nodal::interchange {
 namespace {
 
 constexpr int kSteps = 25;
-constexpr int kMostRefusals = 3;     // steps are nearly exact: when some fail, only rounding is left
-constexpr double kEnough = 1e-14;    // of the cost
-constexpr double kDamping = 1e-13;   // powers of an angle are nearly dependent: keeps the smallest pivots positive
+constexpr int kMostRefusals = 3;    // steps are nearly exact: when some fail, only rounding is left
+constexpr double kEnough = 1e-14;   // of the cost
+constexpr double kDamping = 1e-13;  // powers of an angle are nearly dependent: keeps the smallest pivots positive
 constexpr double kMostTangent = 89.5 * std::numbers::pi / 180;
 constexpr int kPlace = 6;  // cx, cy, aspect and three of the turn come before the coefficients
 
@@ -69,7 +69,8 @@ Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head,
 
 /// Which of the unknowns stay.
 std::vector<bool> fixed_columns(const PolynomialHead& head, const FitFreedom& freedom) {
-  std::vector<bool> fixed{!freedom.center, !freedom.center, !freedom.aspect, !freedom.turn, !freedom.turn, !freedom.turn};
+  std::vector<bool> fixed{!freedom.center, !freedom.center, !freedom.aspect,
+                          !freedom.turn,   !freedom.turn,   !freedom.turn};
   fixed.resize(kPlace + head.exponents.size(), false);
   return fixed;
 }

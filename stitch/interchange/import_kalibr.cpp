@@ -76,8 +76,9 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
       return fail(Errc::kBadValue, camera.where() + ": the fov model has one coefficient, 0.01 to 3");
     }
     const double w = k[0];
-    return set_radial(pinhole, [w](double a) { return std::atan(2 * std::tan(a) * std::tan(w / 2)) / w; },
-                      89 * kPi / 180, "its fov distortion", head, notes);
+    return set_radial(
+        pinhole, [w](double a) { return std::atan(2 * std::tan(a) * std::tan(w / 2)) / w; }, 89 * kPi / 180,
+        "its fov distortion", head, notes);
   }
   if (!pure && (*model == "radtan" || *model == "none")) {
     const PlumbBob bob{k};
@@ -88,8 +89,12 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
     PlumbBob radial = bob;
     for (std::size_t i = 2; i < std::min<std::size_t>(4, radial.k.size()); ++i) radial.k[i] = 0;
     const Projection p = *projection;
-    return set_radial(pinhole, [p, radial](double a) { return radial.bend({p.tangent(a), 0}).x(); }, 0.95 * kPi,
-                      "its " + p.model + " projection", head, notes);
+    return set_radial(
+        pinhole,
+        [p, radial](double a) {
+          return radial.bend({p.tangent(a), 0}).x();
+        },
+        0.95 * kPi, "its " + p.model + " projection", head, notes);
   }
   return fail(Errc::kUnsupported, camera.where() + ": there is no " + projection->model + " with distortion_model '" +
                                       *model + "' here; there are radtan, equidistant, fov and none");
@@ -142,8 +147,8 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
         !((*resolution)[1] >= 1 && (*resolution)[1] <= 32768)) {
       return fail(Errc::kBadValue, camera_name + ": 'resolution' must be two numbers of 1 to 32768");
     }
-    HeadCalibration head =
-        blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]), static_cast<int>((*resolution)[1]));
+    HeadCalibration head = blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]),
+                                      static_cast<int>((*resolution)[1]));
     const Result<Eigen::Matrix3d> step = read_step(camera, shift);
     if (!step) return fail(step.error());
     R_head_rig = *step * R_head_rig;

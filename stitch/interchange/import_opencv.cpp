@@ -14,8 +14,9 @@ namespace {
 /// rows, cols and data of an !!opencv-matrix, or ROS's map of the same.
 Result<std::vector<double>> read_matrix(const YamlFields& file, const std::string& key) {
   if (!file.has(key)) {
-    return fail(Errc::kMissingField, "there is no '" + key + "' in it; a camera's file has camera_matrix and "
-                                     "distortion_coefficients");
+    return fail(Errc::kMissingField, "there is no '" + key +
+                                         "' in it; a camera's file has camera_matrix and "
+                                         "distortion_coefficients");
   }
   const YamlFields matrix(file.at(key), "'" + key + "'");
   return matrix.numbers("data");
@@ -57,7 +58,8 @@ Status add_camera(std::string_view text, std::string_view path, ImportResult& re
                                       : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
   if (!set) return fail(set.error());
   if ((*K)[1] != 0) {
-    result.notes.push_back("The camera matrix of head '" + head.name + "' has a skew, which is left out: pixels have no shear.");
+    result.notes.push_back("The camera matrix of head '" + head.name +
+                           "' has a skew, which is left out: pixels have no shear.");
   }
   if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
   result.calibration.heads.push_back(std::move(head));
@@ -83,13 +85,15 @@ Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, st
   result.calibration.comment = "Imported from OpenCV camera files, one a head.";
   for (const CameraFile& file : files) {
     if (!is_opencv(file.text)) {
-      const Error error{Errc::kBadFormat, "it is no OpenCV camera; several files make one rig only when each of them is"};
+      const Error error{Errc::kBadFormat,
+                        "it is no OpenCV camera; several files make one rig only when each of them is"};
       return fail(error.in(file.path));
     }
     if (Status added = add_camera(file.text, file.path, result); !added) return fail(added.error().in(file.path));
   }
-  result.notes.emplace_back("OpenCV's files do not say how the cameras stand to each other: all look forward; place them "
-                            "with `nodal pairs`, then `nodal register`.");
+  result.notes.emplace_back(
+      "OpenCV's files do not say how the cameras stand to each other: all look forward; place them "
+      "with `nodal pairs`, then `nodal register`.");
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

@@ -67,8 +67,8 @@ Result<int> picture_side(const ImageLines& images, std::size_t image, const char
   return static_cast<int>(**side);
 }
 
-Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image,
-                                  const std::vector<std::string>& taken, std::vector<std::string>& notes) {
+Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image, const std::vector<std::string>& taken,
+                                  std::vector<std::string>& notes) {
   PanotoolsImage read;
   const std::string* file = images[image].find("n");
   read.name = head_name(file == nullptr ? "" : *file, taken);
@@ -140,11 +140,10 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
     if (line.kind == 'i') images.add(&line);
     masks = masks || line.kind == 'k';
   }
-  if (images.size() == 0)
-    return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
+  if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
   if (images.size() > kMaxHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) +
-                                        " images; a rig has 1 to " + std::to_string(kMaxHeads) + " heads");
+    return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) + " images; a rig has 1 to " +
+                                        std::to_string(kMaxHeads) + " heads");
   }
 
   ImportResult result;

@@ -34,8 +34,7 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
   ImageFile file;
   if (!(sizes >> file.width >> file.height)) return bad();
   if (file.width < 1 || file.height < 1 || file.width > 32768 || file.height > 32768) {
-    return fail(Errc::kBadValue,
-                "line " + std::to_string(line.number) + ": a picture's sides must be 1 to 32768 px");
+    return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": a picture's sides must be 1 to 32768 px");
   }
   file.path = line.comment.substr(quote + 1, last - quote - 1);
   return file;
@@ -70,8 +69,7 @@ Result<Project> read_project(const std::vector<ScriptLine>& lines) {
     project.vignetting =
         project.vignetting || (comment.starts_with("#-vignettingparams") && says_something(comment, 18));
     project.curve = project.curve || (comment.starts_with("#-cameracurve") && says_something(comment, 13));
-    project.exposures =
-        project.exposures || (comment.starts_with("#-exposureparams") && says_something(comment, 16));
+    project.exposures = project.exposures || (comment.starts_with("#-exposureparams") && says_something(comment, 16));
     project.viewpoints = project.viewpoints || (comment.starts_with("#-viewpoint ") && says_something(comment, 12));
     if (line.kind != 'o') continue;
     if (dummy_next && project.lines.size() == 0) {
@@ -141,8 +139,7 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
   const Result<Project> project = read_project(*lines);
   if (!project) return fail(project.error());
   if (project->files.empty()) {
-    return fail(Errc::kBadFormat,
-                "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
+    return fail(Errc::kBadFormat, "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
   }
   if (project->files.size() > kMaxHeads) {
     return fail(Errc::kUnsupported, "the project has " + std::to_string(project->files.size()) +

@@ -64,8 +64,9 @@ Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<st
     return {};
   }
   if (*type != "EQUISOLID" && *type != "ORTHOGRAPHIC") {
-    return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + *type + "' here; there are FTHETA, "
-                                                     "RECTILINEAR, EQUISOLID and ORTHOGRAPHIC");
+    return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + *type +
+                                        "' here; there are FTHETA, "
+                                        "RECTILINEAR, EQUISOLID and ORTHOGRAPHIC");
   }
   const bool equisolid = *type == "EQUISOLID";
   const auto radius = [&](double a) {
@@ -105,8 +106,8 @@ Result<HeadCalibration> read_camera(const nlohmann::json& json, std::size_t inde
   }
   std::vector<std::string> taken;
   for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);
-  HeadCalibration head = blank_head(head_name(*id + ".", taken), static_cast<int>((*resolution)[0]),
-                                    static_cast<int>((*resolution)[1]));
+  HeadCalibration head =
+      blank_head(head_name(*id + ".", taken), static_cast<int>((*resolution)[0]), static_cast<int>((*resolution)[1]));
   if (camera.has("principal")) {
     const Result<std::vector<double>> principal = camera.numbers("principal", 2, 2);
     if (!principal) return fail(principal.error());

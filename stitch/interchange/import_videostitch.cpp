@@ -201,8 +201,8 @@ Result<HeadCalibration> read_input(const nlohmann::json& json, std::size_t index
   if (lens->circle) {
     head.region.circle = {(crop.left + crop.right) / 2, (crop.top + crop.bottom) / 2, lens->unit};
   }
-  head.R_head_rig = geometry::rows_of(
-      geometry::to_R_head_rig({numbers->yaw, numbers->pitch, numbers->roll}) * R_rig_pano);
+  head.R_head_rig =
+      geometry::rows_of(geometry::to_R_head_rig({numbers->yaw, numbers->pitch, numbers->roll}) * R_rig_pano);
   if (Status s = set_lens(*lens, head, result.notes); !s) return fail(s.error());
   const Result<double> ev = input.number_or("ev", 0);
   if (ev && std::abs(*ev) < 20) head.gain.fill(std::exp2(-*ev));
@@ -248,8 +248,7 @@ Status add_points(const JsonFields& pano, const std::vector<int>& head_of, Impor
                   "a matched control point is on input " + short_number(n[k]) + ", which is not there");
     }
     const auto head = [&](double input) { return static_cast<std::size_t>(head_of[static_cast<std::size_t>(input)]); };
-    result.control_points.push_back(
-        {head(n[0]), {n[1] + 0.5, n[2] + 0.5}, head(n[3]), {n[4] + 0.5, n[5] + 0.5}});
+    result.control_points.push_back({head(n[0]), {n[1] + 0.5, n[2] + 0.5}, head(n[3]), {n[4] + 0.5, n[5] + 0.5}});
   }
   return {};
 }

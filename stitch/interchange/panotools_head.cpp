@@ -93,8 +93,7 @@ Status read_geometry(const ImageLines& images, std::size_t image, PanotoolsImage
     if (!number) return fail(number.error());
     *value = *number;
   }
-  if (!(projection >= 0 && projection <= 1000))
-    return fail(Errc::kBadValue, line + ": lens type f is out of range");
+  if (!(projection >= 0 && projection <= 1000)) return fail(Errc::kBadValue, line + ": lens type f is out of range");
   out.projection = static_cast<int>(projection);
   const Result<std::optional<double>> v = images.find_number(image, "v");
   if (!v) return fail(v.error());
@@ -129,8 +128,8 @@ std::string head_name(std::string_view path, const std::vector<std::string>& tak
   if (extension != std::string_view::npos && extension > 0) path = path.substr(0, extension);
   std::string name;
   for (const char c : path.substr(0, 48)) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
-                       c == '_' || c == '-';
+    const bool plain =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' || c == '-';
     name += plain ? c : '_';
   }
   if (name.empty()) name = "head" + std::to_string(taken.size());

@@ -19,11 +19,11 @@ struct Crop {
 
 /// The geometry variables of one image, as the file has them.
 struct PanotoolsImage {
-  std::string name;   ///< for the head
-  int width = 0;      ///< of the picture, px
+  std::string name;  ///< for the head
+  int width = 0;     ///< of the picture, px
   int height = 0;
-  int projection = 0; ///< f: 0 rectilinear, 2 circular and 3 full-frame fisheye
-  double hfov = 0;    ///< v, degrees, across the lens's rectangle
+  int projection = 0;  ///< f: 0 rectilinear, 2 circular and 3 full-frame fisheye
+  double hfov = 0;     ///< v, degrees, across the lens's rectangle
   double a = 0, b = 0, c = 0;
   double d = 0, e = 0;
   double yaw = 0, pitch = 0, roll = 0;

@@ -52,8 +52,7 @@ Result<ScriptLine> parse_line(std::string_view text, int number) {
 }  // namespace
 
 const std::string* ScriptLine::find(std::string_view name) const {
-  const auto found =
-      std::find_if(variables.rbegin(), variables.rend(), [&](const auto& v) { return v.first == name; });
+  const auto found = std::find_if(variables.rbegin(), variables.rend(), [&](const auto& v) { return v.first == name; });
   return found == variables.rend() ? nullptr : &found->second;
 }
 
@@ -88,14 +87,13 @@ Result<double> to_number(const ScriptLine& line, std::string_view name, std::str
   if (value.starts_with('+')) value.remove_prefix(1);
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
   if (error != std::errc{} || end != value.data() + value.size() || !std::isfinite(number)) {
-    return fail(Errc::kBadValue, at_line(line.number) + ": '" + std::string(name) +
-                                     "' should be a number and is '" + std::string(value.substr(0, 40)) + "'");
+    return fail(Errc::kBadValue, at_line(line.number) + ": '" + std::string(name) + "' should be a number and is '" +
+                                     std::string(value.substr(0, 40)) + "'");
   }
   return number;
 }
 
-Result<std::array<double, 4>> to_four_numbers(const ScriptLine& line, std::string_view name,
-                                              std::string_view value) {
+Result<std::array<double, 4>> to_four_numbers(const ScriptLine& line, std::string_view name, std::string_view value) {
   std::array<double, 4> numbers{};
   for (std::size_t k = 0; k < 4; ++k) {
     const std::size_t comma = k < 3 ? value.find(',') : value.size();

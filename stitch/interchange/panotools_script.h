@@ -16,7 +16,7 @@ namespace nodal::interchange {
 /// One line; `number` is its place in the file, from 1.
 struct ScriptLine {
   int number = 0;
-  char kind = '#';    ///< i, o, p, c, k, m, v; '#' for a comment, kept whole in `comment`
+  char kind = '#';  ///< i, o, p, c, k, m, v; '#' for a comment, kept whole in `comment`
   std::string comment;
   std::vector<std::pair<std::string, std::string>> variables;  ///< name and value, quotes taken off
 

@@ -17,8 +17,9 @@ constexpr double kMostTangent = 60;  // beyond 89 degrees a pinhole's picture is
 
 Status check_pinhole(const PinholeNumbers& p, const std::string& name) {
   if (p.fx >= 1 && p.fx <= 1e6 && p.fy >= 1 && p.fy <= 1e6 && std::abs(p.cx) <= 1e6 && std::abs(p.cy) <= 1e6) return {};
-  return fail(Errc::kBadValue, "head '" + name + "': its focal lengths must be 1 to 1000000 px, and its principal "
-                               "point near the picture");
+  return fail(Errc::kBadValue, "head '" + name +
+                                   "': its focal lengths must be 1 to 1000000 px, and its principal "
+                                   "point near the picture");
 }
 
 void set_pinhole(const PinholeNumbers& p, HeadCalibration& head) {
@@ -130,16 +131,17 @@ Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCal
     tell_lens_fit(tsai->rms_px, tsai->max_px, "its rational distortion has no exact counterpart here", head, notes);
     return {};
   }
-  take_fit(*best, any(k, 2, 4) || any(k, 8, 12) ? "its tangential distortion has no counterpart here"
-                                                : "its rational distortion has no exact counterpart here",
+  take_fit(*best,
+           any(k, 2, 4) || any(k, 8, 12) ? "its tangential distortion has no counterpart here"
+                                         : "its rational distortion has no exact counterpart here",
            head, notes);
   return {};
 }
 
 Status set_kannala_brandt(const PinholeNumbers& pinhole, const std::vector<double>& k, HeadCalibration& head) {
   if (k.size() > 4) {
-    return fail(Errc::kUnsupported, "head '" + head.name + "': a fisheye has 4 distortion coefficients, not " +
-                                        std::to_string(k.size()));
+    return fail(Errc::kUnsupported,
+                "head '" + head.name + "': a fisheye has 4 distortion coefficients, not " + std::to_string(k.size()));
   }
   if (Status s = check_pinhole(pinhole, head.name); !s) return s;
   set_pinhole(pinhole, head);

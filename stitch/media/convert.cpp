@@ -107,8 +107,9 @@ void write_yuv(const std::array<Component, 3>& from, const MutableImageView& int
       for (int x = 0; x < plane.width; ++x) {
         const double u = (x + 0.5 - grid.offset_x) * grid.step_x;
         const double v = (y + 0.5 - grid.offset_y) * grid.step_y;
-        write(into, c, x, y, 0.25F * (source.at(u - dx, v - dy) + source.at(u + dx, v - dy) +
-                                      source.at(u - dx, v + dy) + source.at(u + dx, v + dy)));
+        write(into, c, x, y,
+              0.25F * (source.at(u - dx, v - dy) + source.at(u + dx, v - dy) + source.at(u - dx, v + dy) +
+                       source.at(u + dx, v + dy)));
       }
     }
   }

@@ -13,10 +13,18 @@ std::string gpano_packet(int width, int height) {
          "   GPano:UsePanoramaViewer=\"True\"\n"
          "   GPano:StitchingSoftware=\"Nodal\"\n"
          "   GPano:PoseHeadingDegrees=\"0\"\n"
-         "   GPano:CroppedAreaImageWidthPixels=\"" + w + "\"\n"
-         "   GPano:CroppedAreaImageHeightPixels=\"" + h + "\"\n"
-         "   GPano:FullPanoWidthPixels=\"" + w + "\"\n"
-         "   GPano:FullPanoHeightPixels=\"" + h + "\"\n"
+         "   GPano:CroppedAreaImageWidthPixels=\"" +
+         w +
+         "\"\n"
+         "   GPano:CroppedAreaImageHeightPixels=\"" +
+         h +
+         "\"\n"
+         "   GPano:FullPanoWidthPixels=\"" +
+         w +
+         "\"\n"
+         "   GPano:FullPanoHeightPixels=\"" +
+         h +
+         "\"\n"
          "   GPano:CroppedAreaLeftPixels=\"0\"\n"
          "   GPano:CroppedAreaTopPixels=\"0\"/>\n"
          " </rdf:RDF>\n"

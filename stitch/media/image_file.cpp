@@ -91,8 +91,8 @@ Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional
   auto bytes = read_file(file, kMaxImageFileBytes + 1);
   if (!bytes) return fail(bytes.error());
   if (bytes->size() > kMaxImageFileBytes) {
-    return fail(Errc::kTooLarge, "picture '" + file.string() + "': is over " +
-                                     std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+    return fail(Errc::kTooLarge,
+                "picture '" + file.string() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
   }
   return decode_image(*bytes, file.string(), as);
 }

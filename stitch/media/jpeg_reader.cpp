@@ -86,8 +86,8 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
     status = tjDecompressToYUVPlanes(decoder.get(), bytes.data(), bytes.size(), planes, image.width, strides,
                                      image.height, kFlags);
   } else {
-    status = tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0,
-                           image.height, image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
+    status = tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0, image.height,
+                           image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
   if (status != 0) return fail(broken(decoder.get(), bytes, name));
   return image;

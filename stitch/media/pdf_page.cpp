@@ -75,10 +75,11 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
   Pdf pdf;
   pdf.object("<< /Type /Catalog /Pages 2 0 R >>");
   pdf.object("<< /Type /Pages /Kids [3 0 R] /Count 1 >>");
-  pdf.object(fmt::format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:.4f} {:.4f}] /Contents 4 0 R /Resources << "
-                         "/XObject << /P 5 0 R >> /Font << /F << /Type /Font /Subtype /Type1 /BaseFont /Helvetica >> "
-                         ">> >> >>",
-                         page_width_mm * kPointsPerMm, page_height_mm * kPointsPerMm));
+  pdf.object(
+      fmt::format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:.4f} {:.4f}] /Contents 4 0 R /Resources << "
+                  "/XObject << /P 5 0 R >> /Font << /F << /Type /Font /Subtype /Type1 /BaseFont /Helvetica >> "
+                  ">> >> >>",
+                  page_width_mm * kPointsPerMm, page_height_mm * kPointsPerMm));
   pdf.stream("", drawing);
   // Grey of gamma 2.2 is what printers take sRGB's grey for.
   pdf.stream(fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace [/CalGray << /WhitePoint "

@@ -40,8 +40,8 @@ bool write(png_structp png, png_infop info, const PngPicture& picture, const Png
   png_set_write_fn(png, out, append, nullptr);
   png_set_user_limits(png, 1 << 15, 1 << 15);
   png_set_compression_level(png, notes.effort);
-  png_set_IHDR(png, info, static_cast<png_uint_32>(picture.width), static_cast<png_uint_32>(picture.height), picture.bits,
-               picture.channels == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+  png_set_IHDR(png, info, static_cast<png_uint_32>(picture.width), static_cast<png_uint_32>(picture.height),
+               picture.bits, picture.channels == 1 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   set_notes(png, info, notes);
   png_write_info(png, info);

@@ -8,7 +8,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr float kBlack = 6;            // levels: nothing in the picture is brighter
+constexpr float kBlack = 6;  // levels: nothing in the picture is brighter
 constexpr double kLeastAgreement = 0.4;
 
 std::string quoted(const std::string& name) { return "'" + name + "'"; }
@@ -19,7 +19,8 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
   if (prior.heads.size() < 2) {
     return fail(Errc::kBadValue, "the calibration has one head; registration needs two or more that overlap");
   }
-  if (frame_sets.empty()) return fail(Errc::kBadValue, "no frames; give one picture a head, in the calibration's order");
+  if (frame_sets.empty())
+    return fail(Errc::kBadValue, "no frames; give one picture a head, in the calibration's order");
   for (const FrameSet& frames : frame_sets) {
     if (frames.size() != prior.heads.size()) {
       return fail(Errc::kBadValue, std::to_string(frames.size()) + " pictures for " +
@@ -46,10 +47,11 @@ Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyr
   for (std::size_t h = 0; h < pyramids.size(); ++h) {
     // One good picture among many is enough.
     float brightest = 0;
-    for (const Plane& plane : pyramids[h].levels.back()) brightest = std::max(brightest, std::ranges::max(plane.values));
+    for (const Plane& plane : pyramids[h].levels.back())
+      brightest = std::max(brightest, std::ranges::max(plane.values));
     if (brightest < kBlack) {
       return fail(Errc::kNotDetermined, "head " + quoted(prior.heads[h].name) +
-                                       " is black; take its lens cap off, raise its exposure, or leave it out");
+                                            " is black; take its lens cap off, raise its exposure, or leave it out");
     }
     for (std::size_t other = 0; other < h; ++other) {
       const auto same = [](const Plane& a, const Plane& b) { return a.values == b.values; };
@@ -107,7 +109,8 @@ std::string lens_misfit(bool focals, double promised) {
 
 std::string wrong_lenses(bool focals) {
   return std::string("the calibration's lenses cannot have taken these pictures, and so they place only some heads; ") +
-         (focals ? "seek the focal lengths, too" : "check the lens model and the field of view, and seek the lenses, too");
+         (focals ? "seek the focal lengths, too"
+                 : "check the lens model and the field of view, and seek the lenses, too");
 }
 
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought) {
@@ -118,14 +121,15 @@ std::string wrong_focals(double rms_percent, double mean_percent, double held, d
   };
   const bool one_way = std::abs(mean_percent) > 0.7 * rms_percent;
   return "the calibration's focal lengths are about " + number("%.1f", rms_percent) + " % " +
-         (one_way ? mean_percent > 0 ? "too short" : "too long" : "off") + ", and rotations alone cannot make up for that (" +
-         number("%.1f", held) + " levels of difference, " + number("%.1f", sought) +
-         " with the right ones); seek the focal lengths, too";
+         (one_way ? mean_percent > 0 ? "too short" : "too long" : "off") +
+         ", and rotations alone cannot make up for that (" + number("%.1f", held) + " levels of difference, " +
+         number("%.1f", sought) + " with the right ones); seek the focal lengths, too";
 }
 
 std::string doubtful_seam(const std::string& a, const std::string& b) {
   return "heads " + quoted(a) + " and " + quoted(b) +
-         " do not line up in fine detail; look at their seam: things stand near the rig, their lenses are not right, or "
+         " do not line up in fine detail; look at their seam: things stand near the rig, their lenses are not right, "
+         "or "
          "they repeat and are a period off (point pairs help)";
 }
 

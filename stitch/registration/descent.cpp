@@ -14,8 +14,9 @@ namespace {
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
 constexpr int kMostRefusals = 4;
 constexpr double kGrain = 2e-4;  // of the objective: what rays that come and go at the rims make of it, up or down
-constexpr double kSameObjective = 1.001;  // a step that raises the objective by less may still be one in the right direction
-constexpr double kLeastPivot = 1e-9;      // sums are of single-precision products: smaller pivots are their rounding
+constexpr double kSameObjective =
+    1.001;  // a step that raises the objective by less may still be one in the right direction
+constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are their rounding
 
 /// Bounds on a step that keep every head's fall-off plausible at some places.
 std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vector<HeadState>& heads) {
@@ -105,8 +106,8 @@ Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<
                               bounds_of(parameters, heads), {.damping = damping, .least_pivot = kLeastPivot});
 }
 
-Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought,
-                          const Held& held, const DescentOptions& options) {
+Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
+                          const DescentOptions& options) {
   const Parameters parameters(heads, sought, held);
   Result<Normal> start = objective.evaluate(heads, sought, true);
   if (!start) return fail(start.error());

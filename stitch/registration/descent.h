@@ -12,8 +12,8 @@ namespace nodal::registration {
 struct DescentOptions {
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 25;
-  double turn_rad = 3e-6;       ///< a step that turns every head by less ...
-  double gain = 2e-6;           ///< ... or lowers the objective by a smaller share ends the descent
+  double turn_rad = 3e-6;  ///< a step that turns every head by less ...
+  double gain = 2e-6;      ///< ... or lowers the objective by a smaller share ends the descent
   /// After every accepted step (and before the first, as iteration 0): the objective and the largest turn, rad.
   std::function<void(int iteration, double objective, double turn)> accepted;
 };
@@ -32,7 +32,7 @@ Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<
                                 Curvature curvature, double damping);
 
 /// Keeps the best heads so far. Errors: those of evaluating the start.
-Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought,
-                          const Held& held, const DescentOptions& options);
+Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
+                          const DescentOptions& options);
 
 }  // namespace nodal::registration

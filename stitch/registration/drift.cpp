@@ -14,8 +14,8 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kByChance = 4;      // standard deviations
-constexpr double kKnownWell = 2;     // so many must fit into the tolerance
+constexpr double kByChance = 4;   // standard deviations
+constexpr double kKnownWell = 2;  // so many must fit into the tolerance
 
 HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const HeadReport& found, double tolerance_px,
                    double focal_px) {
@@ -27,7 +27,8 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
     drift.why = found.why_not;
     return drift;
   }
-  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R_was(was.R_head_rig.data()), R_is(is.R_head_rig.data());
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R_was(was.R_head_rig.data()),
+      R_is(is.R_head_rig.data());
   // A ray fixed to the head as it was, in the head as it is: the head turned by the opposite.
   const Eigen::AngleAxisd turn(Eigen::Matrix3d(R_was * R_is.transpose()));
   const Eigen::Vector3d about = turn.angle() * turn.axis() * kDegrees;

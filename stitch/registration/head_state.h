@@ -17,12 +17,12 @@ inline constexpr int kVignettingTerms = 2;  ///< that are sought; the third stay
 
 /// Where each sought number of a head is among the numbers the kernel takes derivatives by; -1: not sought.
 struct Slots {
-  int rotation = -1;   ///< three: the turn about the head's own axes, rad
-  int focal = -1;      ///< log
-  int center = -1;     ///< two, px
+  int rotation = -1;  ///< three: the turn about the head's own axes, rad
+  int focal = -1;     ///< log
+  int center = -1;    ///< two, px
   int radial = -1;
   int radials = 0;
-  int gain = -1;       ///< log, one a channel
+  int gain = -1;  ///< log, one a channel
   int gains = 0;
   int vignetting = -1;  ///< kVignettingTerms
   int count = 0;
@@ -45,11 +45,11 @@ struct HeadState {
 
   // What stays.
   double aspect = 1;
-  double max_angle = 0;                         ///< of the document; 0: none
-  double vignetting_x = 0, vignetting_y = 0;    ///< from the lens's centre
+  double max_angle = 0;                       ///< of the document; 0: none
+  double vignetting_x = 0, vignetting_y = 0;  ///< from the lens's centre
   double vignetting_radius = 1;
   Region region;
-  double edge_radius = 1, edge_angle = 1;       ///< the farthest place of the region at the start
+  double edge_radius = 1, edge_angle = 1;  ///< the farthest place of the region at the start
 
   /// Errors: kLensDomain.
   static Result<HeadState> from(const HeadCalibration& head);

@@ -105,8 +105,8 @@ Result<std::unique_ptr<Level>> Level::make(const LevelPlan& plan, Pictures pictu
   settings.max_norm = options.norm == Norm::kMax;
   settings.channels = options.colour == Colour::kRgb ? 3 : 1;
   const double scale = 1 << plan.level;
-  level->objective_ = std::make_unique<Objective>(level->tiles_, std::move(refs), scale, plan.margin_px * scale,
-                                                  settings, workers);
+  level->objective_ =
+      std::make_unique<Objective>(level->tiles_, std::move(refs), scale, plan.margin_px * scale, settings, workers);
   const double per_radian = pixels_per_radian(heads), ray = 2 * std::numbers::pi * per_radian / plan.width;
   const double blur = 4 * std::numbers::pi * std::pow(plan.sigma_px * scale, 2);
   level->pixels_a_sample_ = std::max(ray * ray, blur);

@@ -21,7 +21,7 @@ struct LevelPlan {
   bool share_lens = false;  ///< all heads' lenses move alike
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 10;
-  double turn_rad = 0;   ///< that ends the descent
+  double turn_rad = 0;  ///< that ends the descent
 };
 
 /// Full-size pixels a radian of a typical head.

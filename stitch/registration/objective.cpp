@@ -65,8 +65,8 @@ Eigen::MatrixXd Normal::hessian(int a, int b, Curvature curvature) const {
     const Eigen::Map<const RowMajor> stored(common.data() + a * slots * slots, slots, slots);
     return 0.5 * (stored + stored.transpose());
   }
-  const Eigen::Map<const RowMajor> stored(blocks.data() + static_cast<int>(pair(std::min(a, b), std::max(a, b))) * slots * slots, slots,
-                                          slots);
+  const Eigen::Map<const RowMajor> stored(
+      blocks.data() + static_cast<int>(pair(std::min(a, b), std::max(a, b))) * slots * slots, slots, slots);
   if (a <= b) return stored;
   return stored.transpose();
 }

@@ -32,14 +32,16 @@ std::vector<double> fall_off_seen(const std::vector<HeadState>& heads) {
   std::vector<std::vector<double>> distances(heads.size());
   for (int k = 0; k < kRays; ++k) {
     // Evenly over the sphere: equal steps down, the golden angle round.
-    const double y = 1 - (2 * k + 1.0) / kRays, round = k * std::numbers::pi * (3 - std::sqrt(5.0)), r = std::sqrt(1 - y * y);
+    const double y = 1 - (2 * k + 1.0) / kRays, round = k * std::numbers::pi * (3 - std::sqrt(5.0)),
+                 r = std::sqrt(1 - y * y);
     const Eigen::Vector3d ray(r * std::cos(round), y, r * std::sin(round));
     std::vector<std::pair<std::size_t, double>> seen;
     for (std::size_t h = 0; h < heads.size(); ++h) {
       const Eigen::Vector3d own = heads[h].q_head_rig * ray;
       const double angle = std::atan2(std::hypot(own.x(), own.y()), own.z());
       if (angle > reach[h]) continue;
-      if (const auto radius = lenses[h].radius(angle)) seen.emplace_back(h, std::pow(*radius / heads[h].edge_radius, 2));
+      if (const auto radius = lenses[h].radius(angle))
+        seen.emplace_back(h, std::pow(*radius / heads[h].edge_radius, 2));
     }
     if (seen.size() < 2) continue;
     for (const auto& [h, distance] : seen) distances[h].push_back(distance);
@@ -90,7 +92,8 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
     const Eigen::Matrix3d H = normal->hessian(h, h, Curvature::kCommon);
     mine.sigma_rad = total > 0 ? worst_sigma(H / std::max(noise * (*level)->pixels_a_sample(), 1e-12))
                                : std::numeric_limits<double>::infinity();
-    mine.shared_sr = normal->shared[static_cast<std::size_t>(h)] / static_cast<double>(pyramids.front().levels.front().size());
+    mine.shared_sr =
+        normal->shared[static_cast<std::size_t>(h)] / static_cast<double>(pyramids.front().levels.front().size());
     detail.heads.push_back(mine);
   }
   return detail;
@@ -116,7 +119,8 @@ Certainty certainty_of(const Normal& normal, const Parameters& parameters, doubl
     double rotation = 0, focal = 0;
     if (slots.rotation >= 0) {
       const Eigen::Matrix3d block = all.block<3, 3>(row + slots.rotation, row + slots.rotation);
-      rotation = std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff()));
+      rotation =
+          std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff()));
     }
     if (slots.focal >= 0) focal = std::sqrt(std::max(0.0, all(row + slots.focal, row + slots.focal)));
     certainty.rotation_rad.push_back(rotation);

@@ -62,7 +62,8 @@ Joint joint_of(const std::vector<RayPair>& pairs) {
       const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
       const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
       if (!holds || std::abs(apart_a - apart_b) > 2 * kTolerance) continue;
-      const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
+      const Matrix3d R =
+          frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
       if (const int count = agreeing(pairs, R); count > best.agreeing) best = {R, count};
     }
   }

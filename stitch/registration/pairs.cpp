@@ -28,7 +28,7 @@ constexpr int kMostRounds = 60;
 constexpr double kEnough = 1e-14;                  // of the cost
 constexpr double kDamping = 1e-9;                  // the start is near: steps are nearly Gauss and Newton's
 constexpr double kLeastOutlier = 0.05 / kDegrees;  // by hand nobody is better than that
-constexpr double kFocalSigma = 0.05;               // what a prior's focal length may be off; holds what the pairs do not
+constexpr double kFocalSigma = 0.05;  // what a prior's focal length may be off; holds what the pairs do not
 constexpr double kFocalStep = 1e-5;
 constexpr double kMostRms = 2 / kDegrees;
 
@@ -70,11 +70,11 @@ class Bundle {
   Stand stand_;
   std::vector<bool> placed_, used_;
   std::vector<double> weights_;  // of the pairs
-  std::vector<int> columns_;  // of a head's turn; its focal length is behind; -1: it stays
+  std::vector<int> columns_;     // of a head's turn; its focal length is behind; -1: it stays
   int first_ = 0;
   int count_ = 0;
   Eigen::MatrixXd H_;
-  double noise_ = 0;          // rad, a pair
+  double noise_ = 0;  // rad, a pair
 };
 
 Result<Vector3d> Bundle::ray(std::size_t head, geometry::Pixel pixel, double log_focal) const {
@@ -101,8 +101,8 @@ Status Bundle::start() {
     if (std::max(pair.head_a, pair.head_b) >= prior_.heads.size() || pair.head_a == pair.head_b) {
       return fail(Errc::kBadValue, "a point pair must join two different heads of the calibration");
     }
-    const PointPair way = pair.head_a < pair.head_b
-                              ? pair : PointPair{pair.head_b, pair.pixel_b, pair.head_a, pair.pixel_a};
+    const PointPair way =
+        pair.head_a < pair.head_b ? pair : PointPair{pair.head_b, pair.pixel_b, pair.head_a, pair.pixel_a};
     const Result<Vector3d> a = ray(way.head_a, way.pixel_a, 0), b = ray(way.head_b, way.pixel_b, 0);
     if (!a) return fail(a.error());
     if (!b) return fail(b.error());
@@ -123,8 +123,9 @@ Status Bundle::start() {
     first_ = static_cast<int>(h);
   }
   if (first_ < 0) {
-    return fail(Errc::kNoCoverage, "the point pairs join no two heads; give at least two pairs, some degrees apart, for "
-                                   "two heads that overlap, and check that they belong to these heads");
+    return fail(Errc::kNoCoverage,
+                "the point pairs join no two heads; give at least two pairs, some degrees apart, for "
+                "two heads that overlap, and check that they belong to these heads");
   }
   for (std::size_t h = 0; h < R.size(); ++h) {
     placed_.push_back(found[h].has_value());
@@ -321,8 +322,9 @@ Result<PairFit> Bundle::run() {
   const auto used = std::ranges::count(used_, true);
   const auto joined_ones = std::ranges::count_if(pairs_, [&](const PointPair& pair) { return joined(pair); });
   if (noise_ > kMostRms || 2 * used < joined_ones) {
-    return fail(Errc::kHeadMismatch, "most point pairs contradict each other; check that they belong to these heads, in "
-                                     "the calibration's order, and that the lenses are right");
+    return fail(Errc::kHeadMismatch,
+                "most point pairs contradict each other; check that they belong to these heads, in "
+                "the calibration's order, and that the lenses are right");
   }
   if (Status good = check_calibration(found->calibration); !good) return fail(good.error());
   return found;

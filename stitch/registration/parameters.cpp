@@ -49,7 +49,8 @@ void add_vignetting(Basis& basis, const std::vector<int>& all, const std::vector
     const int column = basis.add();
     for (const int each : all) {
       if (each == row) basis.set(each, column, 1);
-      else if (std::ranges::find(own, each) == own.end()) basis.set(each, column, 1.0 / static_cast<double>(own.size()));
+      else if (std::ranges::find(own, each) == own.end())
+        basis.set(each, column, 1.0 / static_cast<double>(own.size()));
     }
   }
 }
@@ -123,13 +124,12 @@ Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) c
   return basis_.transpose() * all * basis_;
 }
 
-std::vector<HeadState> Parameters::moved(const std::vector<HeadState>& heads,
-                                         const Eigen::VectorXd& free_step) const {
+std::vector<HeadState> Parameters::moved(const std::vector<HeadState>& heads, const Eigen::VectorXd& free_step) const {
   const Eigen::VectorXd all = basis_ * free_step;
   std::vector<HeadState> next;
   for (std::size_t h = 0; h < heads.size(); ++h) {
-    next.push_back(registration::moved(heads[h], slots_[h],
-                                       all.segment(static_cast<Eigen::Index>(h) * stride_, slots_[h].count)));
+    next.push_back(
+        registration::moved(heads[h], slots_[h], all.segment(static_cast<Eigen::Index>(h) * stride_, slots_[h].count)));
   }
   return next;
 }

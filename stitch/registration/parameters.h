@@ -17,7 +17,7 @@ struct Held {
   /// Of a head: its fall-off is its own. The others' moves with the mean of these, or with one another where there are
   /// none. Empty: none.
   std::vector<bool> own_vignetting;
-  bool free_gains = false;     ///< no sum of log gains is held, since some heads' light is known
+  bool free_gains = false;  ///< no sum of log gains is held, since some heads' light is known
 };
 
 /// The heads' numbers as a linear image of the free ones: all = B * free. Sharing, holding and the gauges (the first

@@ -11,8 +11,8 @@ constexpr int kSmallestLevel = 16;  // px on the shorter side of the coarsest pi
 
 }  // namespace
 
-Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, const Options& options,
-                         const Workers& workers) {
+Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
+                         const Options& options, const Workers& workers) {
   if (Status fits = check_frames(calibration, frame_sets); !fits) return fail(fits.error());
   Prepared ready;
   for (const HeadCalibration& head : calibration.heads) {

@@ -17,7 +17,7 @@ struct Prepared {
 };
 
 /// Errors: those of check_frames() and check_light(); kLensDomain.
-Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, const Options& options,
-                         const Workers& workers);
+Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
+                         const Options& options, const Workers& workers);
 
 }  // namespace nodal::registration

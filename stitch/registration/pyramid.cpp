@@ -19,7 +19,8 @@ Plane make_plane(int width, int height) {
 class RowReader {
  public:
   explicit RowReader(const ImageView& image) : image_(image) {
-    for (std::size_t c = 0; c < 3; ++c) grids_[c] = component_grid(image.format, static_cast<int>(c) < count() ? static_cast<int>(c) : 0);
+    for (std::size_t c = 0; c < 3; ++c)
+      grids_[c] = component_grid(image.format, static_cast<int>(c) < count() ? static_cast<int>(c) : 0);
   }
   int count() const { return component_count(image_.format); }
   float component(int c, int i, int j) const {
@@ -232,7 +233,8 @@ struct Lack {
 
 // x: of the row's first pixel from the centre, full-size px; the next ones are `scale` apart. y: aspect taken out.
 NODAL_WIDE
-void put_right(const Lack& lack, const float* p, std::ptrdiff_t w, int count, float x0, float scale, float y, float* out) {
+void put_right(const Lack& lack, const float* p, std::ptrdiff_t w, int count, float x0, float scale, float y,
+               float* out) {
   const float aspect = lack.aspect, aspect2 = aspect * aspect, y2 = y * y;
   for (int i = 0; i < count; ++i) {
     const float x = x0 + scale * static_cast<float>(i), x2 = x * x, step = (x2 + y2) * lack.per_step;
@@ -265,8 +267,9 @@ Plane blurred_in_angle(const Plane& plane, int level, const HeadState& head, dou
   const std::ptrdiff_t w = plane.width;
   for (int j = 1; j + 1 < plane.height; ++j) {
     const double y = ((j + 0.5) * scale - head.center_y) / head.aspect;
-    put_right(lack, smooth.values.data() + j * w + 1, w, plane.width - 2, static_cast<float>(1.5 * scale - head.center_x),
-              static_cast<float>(scale), static_cast<float>(y), out.values.data() + j * w + 1);
+    put_right(lack, smooth.values.data() + j * w + 1, w, plane.width - 2,
+              static_cast<float>(1.5 * scale - head.center_x), static_cast<float>(scale), static_cast<float>(y),
+              out.values.data() + j * w + 1);
   }
   return out;
 }

@@ -100,7 +100,8 @@ Result<RadialTable> RadialTable::make(const LensModel& model, double max_angle, 
   if (derivatives) table.derivatives_.resize(static_cast<std::size_t>(1 + radial_count(model)));
   for (int i = 0; i <= kCells + 1; ++i) {
     // The functions have a limit on the axis and perhaps none straight behind; both are approached, not taken.
-    const double a = std::clamp(2 * std::asin(std::min(i * cell, 1.0)), 1e-4, std::min(last_angle, std::numbers::pi - 1e-3));
+    const double a =
+        std::clamp(2 * std::asin(std::min(i * cell, 1.0)), 1e-4, std::min(last_angle, std::numbers::pi - 1e-3));
     const double r = lens->radius(a).value_or(lens->max_radius());
     const double slope = lens->slope(a, r);
     const double s = std::sin(a), q = r / s;

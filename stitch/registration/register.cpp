@@ -30,8 +30,7 @@ Status check_focals(const Calibration& prior, const std::vector<FrameSet>& frame
   const auto count = static_cast<double>(found->heads.size());
   const double rms = std::sqrt(squares / count);
   if (rms < kFocalsWrong) return {};
-  return fail(Errc::kHeadMismatch, wrong_focals(rms, sum / count, std::sqrt(held),
-                                                std::sqrt(found->objective_after)));
+  return fail(Errc::kHeadMismatch, wrong_focals(rms, sum / count, std::sqrt(held), std::sqrt(found->objective_after)));
 }
 
 }  // namespace
@@ -41,7 +40,8 @@ Result<Report> register_heads(const Calibration& prior, const std::vector<FrameS
   Run run(prior, options);
   Result<Report> report = run.run(frame_sets);
   if (run.focals_doubtful()) {
-    if (Status right = check_focals(prior, frame_sets, options, run.objective_after()); !right) return fail(right.error());
+    if (Status right = check_focals(prior, frame_sets, options, run.objective_after()); !right)
+      return fail(right.error());
   }
   if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
   Options quick = options;
@@ -49,9 +49,7 @@ Result<Report> register_heads(const Calibration& prior, const std::vector<FrameS
   quick.search = false;
   quick.progress = nullptr;
   quick.width = kQuickWidth;
-  const Attempt attempt = [&](const std::vector<FrameSet>& tried) {
-    return Run(prior, quick).run(tried).has_value();
-  };
+  const Attempt attempt = [&](const std::vector<FrameSet>& tried) { return Run(prior, quick).run(tried).has_value(); };
   if (const auto mistake = usual_mistake(prior, frame_sets, run.wrong(), attempt)) {
     return fail(Errc::kHeadMismatch, *mistake);
   }

@@ -40,11 +40,11 @@ enum class Gauge : std::uint8_t {
 
 /// One evaluation of the objective that was accepted.
 struct Step {
-  int width = 0;         ///< of the raymap it was summed on, px
-  int level = 0;         ///< of the pictures' pyramid; 0 is full size, each next one half
-  int iteration = 0;     ///< 0 is where the level starts
-  double objective = 0;  ///< mean squared difference of the shared rays, 8-bit levels squared
-  double turned_deg = 0; ///< the largest turn of a head in this step
+  int width = 0;          ///< of the raymap it was summed on, px
+  int level = 0;          ///< of the pictures' pyramid; 0 is full size, each next one half
+  int iteration = 0;      ///< 0 is where the level starts
+  double objective = 0;   ///< mean squared difference of the shared rays, 8-bit levels squared
+  double turned_deg = 0;  ///< the largest turn of a head in this step
 };
 
 struct Options {
@@ -72,27 +72,27 @@ struct Options {
 
 struct HeadReport {
   std::string name;
-  bool placed = true;        ///< false: the frames do not say where it is, and it stands as the prior has it
-  std::string why_not;       ///< one sentence, when it is not placed
-  double turned_deg = 0;     ///< from the prior
-  double sigma_deg = 0;      ///< standard deviation of its rotation about its worst axis; of an unplaced head what
-                             ///< the frames alone would give, infinite when they say nothing
+  bool placed = true;     ///< false: the frames do not say where it is, and it stands as the prior has it
+  std::string why_not;    ///< one sentence, when it is not placed
+  double turned_deg = 0;  ///< from the prior
+  double sigma_deg = 0;   ///< standard deviation of its rotation about its worst axis; of an unplaced head what
+                          ///< the frames alone would give, infinite when they say nothing
   double focal_change_percent = 0;
   double sigma_focal_percent = 0;  ///< 0 when not sought
-  double shared_sr = 0;      ///< of its view, seen by others too
+  double shared_sr = 0;            ///< of its view, seen by others too
 };
 
 /// What two heads say of the rays they share.
 struct PairReport {
-  int a = 0, b = 0;          ///< indices of heads, a < b
+  int a = 0, b = 0;  ///< indices of heads, a < b
   double shared_sr = 0;
-  double rms_before = 0;     ///< rms difference in 8-bit levels, with the prior
+  double rms_before = 0;  ///< rms difference in 8-bit levels, with the prior
   double rms_after = 0;
-  double agreement = 0;      ///< of the detail both see: 1 the same, 0 nothing in common
+  double agreement = 0;  ///< of the detail both see: 1 the same, 0 nothing in common
 };
 
 struct Report {
-  Calibration calibration;   ///< the prior with what was found; checked
+  Calibration calibration;                           ///< the prior with what was found; checked
   double objective_before = 0, objective_after = 0;  ///< on the finest raymap, 8-bit levels squared
   std::vector<HeadReport> heads;
   std::vector<PairReport> pairs;  ///< that share anything

@@ -17,10 +17,10 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kLooseSigmaPx = 0.5;  // of the picture, or the raymap where that is coarser: more shows at the seams
-constexpr int kAgreementWidth = 400;    // of a raymap that still shows detail, not only where the sky is
+constexpr int kAgreementWidth = 400;   // of a raymap that still shows detail, not only where the sky is
 constexpr double kLeastPairAgreement = 0.2;
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
-constexpr double kLensMisfit = 0.15;    // share of the objective; a true lens's is 0.001, by noise and blur 0.05
+constexpr double kLensMisfit = 0.15;       // share of the objective; a true lens's is 0.001, by noise and blur 0.05
 
 }  // namespace
 
@@ -291,7 +291,8 @@ Result<Report> Run::report() {
                                before->pairs[p].rms(), after->pairs[p].rms(), detail->pairs[p].correlation()});
       const auto j = static_cast<std::size_t>(b);
       const bool both = why_not_[i].empty() && why_not_[j].empty();
-      if (both && report_.pairs.back().agreement < kLeastPairAgreement && report_.pairs.back().shared_sr > kSmallOverlapSr) {
+      if (both && report_.pairs.back().agreement < kLeastPairAgreement &&
+          report_.pairs.back().shared_sr > kSmallOverlapSr) {
         report_.warnings.push_back(doubtful_seam(prior_.heads[i].name, prior_.heads[j].name));
       }
     }

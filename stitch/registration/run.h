@@ -22,8 +22,7 @@ inline constexpr double kSmallOverlapSr = 0.02;
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
 class Run {
  public:
-  Run(const Calibration& prior, const Options& options)
-      : prior_(prior), options_(options), workers_(options.threads) {}
+  Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
 
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
   /// Heads that did not agree with the others when run() failed.
@@ -73,8 +72,8 @@ class Run {
   std::vector<std::size_t> wrong_;    // of the latest check_agreement()
   std::ptrdiff_t apart_ = 0;          // pairs that have detail in common and do not agree on it, then
   bool focals_doubtful_ = false;
-  int loose_heads_ = 0;               // that have detail, which does not hold them
-  std::optional<Normal> last_;        // at the end of the latest level
+  int loose_heads_ = 0;         // that have detail, which does not hold them
+  std::optional<Normal> last_;  // at the end of the latest level
   double last_pixels_a_sample_ = 1;
   Report report_;
   double work_done_ = 0, work_all_ = 1;

@@ -16,14 +16,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kPixelDeg = 1.2;     // about what a pixel of the pictures that are compared spans
-constexpr double kGridDeg = 3.0;      // detail blurred by two such pixels agrees over that
-constexpr int kStride = 2;            // blurred pixels that are taken, both ways
+constexpr double kPixelDeg = 1.2;  // about what a pixel of the pictures that are compared spans
+constexpr double kGridDeg = 3.0;   // detail blurred by two such pixels agrees over that
+constexpr int kStride = 2;         // blurred pixels that are taken, both ways
 constexpr std::size_t kCandidates = 6;
 constexpr double kLeastRays = 40;
 constexpr int kRounds = 6;
-constexpr std::size_t kGlance = 4;    // tiles of which one is taken at a glance
-constexpr std::size_t kLookedAt = 12; // turns of which one is worth a look
+constexpr std::size_t kGlance = 4;     // tiles of which one is taken at a glance
+constexpr std::size_t kLookedAt = 12;  // turns of which one is worth a look
 
 // One head's blurred detail, as rays of its own frame and as a picture to look into.
 struct Sample {
@@ -203,7 +203,9 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
   std::ranges::stable_sort(all, std::greater<>(), &Candidate::score);
   std::vector<Candidate> kept;
   for (const Candidate& each : all) {
-    const auto near = [&](const Candidate& other) { return apart(each.R_b_a, other.R_b_a) < 2.5 * kGridDeg * kRadians; };
+    const auto near = [&](const Candidate& other) {
+      return apart(each.R_b_a, other.R_b_a) < 2.5 * kGridDeg * kRadians;
+    };
     if (std::ranges::any_of(kept, near)) continue;
     kept.push_back(each);
     if (kept.size() == kCandidates) break;
@@ -222,8 +224,7 @@ class Assembly {
 
   std::vector<HeadState> assemble(std::size_t first) {
     grow(first);
-    for (int round = 0; round < kRounds && improve(first); ++round) {
-    }
+    for (int round = 0; round < kRounds && improve(first); ++round) {}
     std::vector<HeadState> placed = heads_;
     for (std::size_t h = 0; h < placed.size(); ++h) placed[h].q_head_rig = Eigen::Quaterniond(R_[h]).normalized();
     return placed;
@@ -256,8 +257,8 @@ class Assembly {
     double sum = 0;
     for (const Pair& pair : pairs_) {
       if (pair.a != head && pair.b != head) continue;
-      const Matrix3d relative = pair.a == head ? Matrix3d(R_[pair.b] * R.transpose())
-                                               : Matrix3d(R * R_[pair.a].transpose());
+      const Matrix3d relative =
+          pair.a == head ? Matrix3d(R_[pair.b] * R.transpose()) : Matrix3d(R * R_[pair.a].transpose());
       sum += Correlator(samples_[pair.a], heads_[pair.b], samples_[pair.b]).score(relative);
     }
     return sum;
@@ -273,8 +274,8 @@ class Assembly {
       for (const Pair& pair : pairs_) {
         if (pair.a != head && pair.b != head) continue;
         for (const Candidate& each : pair.candidates) {
-          const Matrix3d R = pair.a == head ? Matrix3d(each.R_b_a.transpose() * R_[pair.b])
-                                            : Matrix3d(each.R_b_a * R_[pair.a]);
+          const Matrix3d R =
+              pair.a == head ? Matrix3d(each.R_b_a.transpose() * R_[pair.b]) : Matrix3d(each.R_b_a * R_[pair.a]);
           const double score = support(head, R);
           if (score <= best * 1.001) continue;
           best = score;
@@ -323,8 +324,8 @@ Result<std::vector<HeadState>> search_rotations(const std::vector<HeadPyramid>& 
   const std::vector<Vector3d> turns = grid_of_turns();
   workers.run(static_cast<int>(pairs.size()), [&](int p) {
     Pair& pair = pairs[static_cast<std::size_t>(p)];
-    const Matrix3d prior = heads[pair.b].q_head_rig.toRotationMatrix() *
-                           heads[pair.a].q_head_rig.toRotationMatrix().transpose();
+    const Matrix3d prior =
+        heads[pair.b].q_head_rig.toRotationMatrix() * heads[pair.a].q_head_rig.toRotationMatrix().transpose();
     pair.candidates = candidates_of(Correlator(samples[pair.a], heads[pair.b], samples[pair.b]), prior, turns);
   });
   const auto first = static_cast<std::size_t>(std::ranges::find(used, true) - used.begin());

@@ -51,8 +51,7 @@ NODAL_INLINE void turn(const HeadSight& head, const Tile& __restrict tile, float
 }
 
 // Where the rays fall on the picture: Hermite between two nodes of the table; dz = -4 t dt.
-NODAL_INLINE void bend(const HeadSight& head, const float* __restrict t, const Four& nodes,
-                       TileHead& __restrict out) {
+NODAL_INLINE void bend(const HeadSight& head, const float* __restrict t, const Four& nodes, TileHead& __restrict out) {
   const float center_x = head.center_x, center_y = head.center_y, aspect = head.aspect;
   const float per_4 = head.table->cells_per_t() / 4;
   for (int i = 0; i < kTile; ++i) {
@@ -68,8 +67,8 @@ NODAL_INLINE void bend(const HeadSight& head, const float* __restrict t, const F
 
 // Takes the weight from rays that the head does not see. False when it sees none.
 NODAL_INLINE bool clip(const HeadSight& head, const float* __restrict t, TileHead& __restrict out) {
-  const float max_t = head.table->max_t(), aspect = head.aspect, left = head.left, right = head.right,
-              top = head.top, bottom = head.bottom, circle_x = head.circle_x, circle_y = head.circle_y,
+  const float max_t = head.table->max_t(), aspect = head.aspect, left = head.left, right = head.right, top = head.top,
+              bottom = head.bottom, circle_x = head.circle_x, circle_y = head.circle_y,
               circle_radius2 = head.circle_radius2;
   for (int i = 0; i < kTile; ++i) {
     const float u = out.u[i], v = out.v[i], cx = u - circle_x, cy = v - circle_y;
@@ -229,8 +228,7 @@ NODAL_INLINE void picture_gradient_of_others(const HeadSight& head, const TileHe
     const float per = others > 0 ? 1 / others : 0.0F;
     const float gx = (ax[i] - w * in.gradient[0][i]) * per, gy = (ay[i] - w * in.gradient[1][i]) * per,
                 gz = (az[i] - w * in.gradient[2][i]) * per;
-    const float tx = r0 * gx + r1 * gy + r2 * gz, ty = r3 * gx + r4 * gy + r5 * gz,
-                tz = r6 * gx + r7 * gy + r8 * gz;
+    const float tx = r0 * gx + r1 * gy + r2 * gz, ty = r3 * gx + r4 * gy + r5 * gz, tz = r6 * gx + r7 * gy + r8 * gz;
     const float x = in.x[i], y = in.y[i], z = in.z[i], q = in.q[i], s2 = std::max(x * x + y * y, 1e-9F);
     const float slope = q * z - s2 * in.dq_dz[i], along = tx * x + ty * y;
     const float extra = ((z * along - s2 * tz) / slope - along / q) / s2;
@@ -355,7 +353,8 @@ void differentiate_by_others(const std::vector<HeadSight>& sights, const std::ve
     picture_gradient_of_others(sights[i], *heads[h], all, weights, gu, gv);
     by_geometry(sights[i], slots[i], *heads[h], gu, gv, heads[h]->J_others);
     const int radiometry = slots[i].gain >= 0 ? slots[i].gain : slots[i].vignetting;
-    for (int k = radiometry; k >= 0 && k < slots[i].count; ++k) std::ranges::copy(heads[h]->J[k], heads[h]->J_others[k]);
+    for (int k = radiometry; k >= 0 && k < slots[i].count; ++k)
+      std::ranges::copy(heads[h]->J[k], heads[h]->J_others[k]);
   }
 }
 

@@ -13,7 +13,7 @@ inline constexpr int kTile = 128;
 /// Rays that lie together, rig frame. Places past the last ray repeat it with no solid angle.
 struct alignas(64) Tile {
   float x[kTile], y[kTile], z[kTile];
-  float omega[kTile];            ///< sr
+  float omega[kTile];  ///< sr
   float axis[3] = {0, 0, 1};
   float cos_radius = 1, sin_radius = 0;  ///< every ray is that near to the axis
 };
@@ -26,10 +26,10 @@ struct PlaneRef {
 
 /// One head as the kernel reads it, of one state and one level.
 struct HeadSight {
-  float R[9];                    ///< rig to head
+  float R[9];  ///< rig to head
   const RadialTable* table = nullptr;
   float center_x, center_y, aspect;
-  float left, top, right, bottom;        ///< of the region, drawn in so that every tap is good
+  float left, top, right, bottom;  ///< of the region, drawn in so that every tap is good
   float circle_x, circle_y, circle_radius2;
   float vignetting_x, vignetting_y, per_vignetting_radius2, vignetting[3];
   float gain[3];
@@ -46,34 +46,34 @@ struct alignas(64) TileHead {
   float x[kTile], y[kTile], z[kTile];  ///< the rays in the head's frame
   float fraction[kTile];
   float q[kTile], dq_dz[kTile];
-  float u[kTile], v[kTile];            ///< full-size px
-  float weight[kTile];                 ///< density; 0 where the head does not see the ray
+  float u[kTile], v[kTile];  ///< full-size px
+  float weight[kTile];       ///< density; 0 where the head does not see the ray
   float vignetting_s[kTile];
-  float falloff[kTile];                ///< V
+  float falloff[kTile];                  ///< V
   float dlog_du[kTile], dlog_dv[kTile];  ///< of V, by the picture's px
   float fx[kTile], fy[kTile];
   float light[kTile], du[kTile], dv[kTile];  ///< du, dv: by px, gain and V divided out
-  float error[kTile];                  ///< from the ray's mean
-  float share[kTile];                  ///< w / W
-  float active[kTile];                 ///< the weight its difference counts with
-  float gu[kTile], gv[kTile];          ///< of light by the picture's px, aspect taken out, fall-off's share included
-  float gradient[3][kTile];            ///< of light by the ray, rig frame
-  float J[kMaxSlots][kTile];           ///< of light, by the head's slots
-  float J_others[kMaxSlots][kTile];    ///< the same as the other heads on the ray see the light's gradient
+  float error[kTile];                        ///< from the ray's mean
+  float share[kTile];                        ///< w / W
+  float active[kTile];                       ///< the weight its difference counts with
+  float gu[kTile], gv[kTile];        ///< of light by the picture's px, aspect taken out, fall-off's share included
+  float gradient[3][kTile];          ///< of light by the ray, rig frame
+  float J[kMaxSlots][kTile];         ///< of light, by the head's slots
+  float J_others[kMaxSlots][kTile];  ///< the same as the other heads on the ray see the light's gradient
   int cell[kTile];
-  int offset[kTile];                   ///< of the upper left tap
+  int offset[kTile];  ///< of the upper left tap
   int head = 0;
 };
 using Rows = const float (*)[kTile];
 
 /// Per ray of a tile, for one plane.
 struct alignas(64) TileRays {
-  float total[kTile];    ///< W, sum of weights
+  float total[kTile];  ///< W, sum of weights
   float mean[kTile];
   float measure[kTile];  ///< omega, 0 where fewer than two heads see the ray
   float robust[kTile];   ///< Huber's factor
   float active_total[kTile], active_error[kTile];
-  float cost[kTile];     ///< of the ray, Huber's, without measure
+  float cost[kTile];  ///< of the ray, Huber's, without measure
 };
 
 /// Whether a head may see anything of a tile.

@@ -59,8 +59,7 @@ void pair_weight(const TileHead& a, const TileHead& b, bool same, const TileRays
 NODAL_WIDE
 void gradient_weight(const TileHead& a, const TileRays& rays, float* weight) {
   for (int i = 0; i < kTile; ++i) {
-    weight[i] = rays.measure[i] * rays.robust[i] *
-                (a.active[i] * a.error[i] - a.share[i] * rays.active_error[i]);
+    weight[i] = rays.measure[i] * rays.robust[i] * (a.active[i] * a.error[i] - a.share[i] * rays.active_error[i]);
   }
 }
 
@@ -81,7 +80,8 @@ void PairSums::add(const PairSums& other) {
 
 NODAL_WIDE
 void add_pair(const TileHead& a, const TileHead& b, const TileRays& rays, PairSums& sums) {
-  alignas(64) float measure[kLanes] = {}, angle[kLanes] = {}, difference[kLanes] = {}, aa[kLanes] = {}, ab[kLanes] = {}, bb[kLanes] = {};
+  alignas(64) float measure[kLanes] = {}, angle[kLanes] = {}, difference[kLanes] = {}, aa[kLanes] = {}, ab[kLanes] = {},
+                    bb[kLanes] = {};
   for (int i = 0; i < kTile; i += kLanes) {
     for (int l = 0; l < kLanes; ++l) {
       const int k = i + l;

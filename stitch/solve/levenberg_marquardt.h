@@ -12,10 +12,10 @@
 namespace nodal::solve {
 
 struct DescentOptions {
-  int most_steps = 50;          ///< steps tried, refused ones included
-  int most_refusals = 100;      ///< in a row
-  double enough = 1e-6;         ///< ends when a step lowers the cost, or promises to, by less than this share of it
-  double sure = 0;              ///< a step that promises less than this share is taken without an evaluation, as the last
+  int most_steps = 50;      ///< steps tried, refused ones included
+  int most_refusals = 100;  ///< in a row
+  double enough = 1e-6;     ///< ends when a step lowers the cost, or promises to, by less than this share of it
+  double sure = 0;          ///< a step that promises less than this share is taken without an evaluation, as the last
   double first_damping = 1e-4;  ///< the paper's lambda
   double least_damping = 0;     ///< accepted steps divide the damping by ten down to this
   double most_damping = 1e4;    ///< refused steps multiply it by ten; beyond this the descent ends
@@ -24,10 +24,10 @@ struct DescentOptions {
 template <class State, class Evaluation>
 struct Descent {
   State state;
-  Evaluation at;        ///< the evaluation of `state`, or of the one before when a step was taken without one
-  int tried = 0;        ///< steps evaluated
-  int steps = 0;        ///< steps accepted
-  bool settled = false; ///< ended because there was nothing more to gain
+  Evaluation at;         ///< the evaluation of `state`, or of the one before when a step was taken without one
+  int tried = 0;         ///< steps evaluated
+  int steps = 0;         ///< steps accepted
+  bool settled = false;  ///< ended because there was nothing more to gain
 };
 
 /// What the descent needs of a problem. An Evaluation says what a state costs and how it changes; a cost that is
@@ -45,12 +45,12 @@ concept Problem = requires(P& problem, const State& state, const Evaluation& at,
 /// A step as a problem with rules of its own judges it.
 template <class State, class Evaluation>
 struct Trial {
-  const State& state;         ///< where it leads
-  const Evaluation& there;    ///< evaluated
+  const State& state;       ///< where it leads
+  const Evaluation& there;  ///< evaluated
   const Evaluation& here;
   const Eigen::VectorXd& step;
-  double promised = 0;        ///< share of the cost
-  double next_damping = 0;    ///< of the step after it, if it is accepted
+  double promised = 0;      ///< share of the cost
+  double next_damping = 0;  ///< of the step after it, if it is accepted
 };
 
 /// From `start`, which `at` evaluates, to a state of least cost; the best state so far is kept. A problem may add:
@@ -59,8 +59,8 @@ struct Trial {
 ///   reweigh(state)            new weights or a new scale for the residuals after an accepted step: the cost there is
 ///                             then evaluated anew, and costs are compared under one set of weights only
 template <class State, class Evaluation, class P>
-  requires Problem<P, State, Evaluation>
-Descent<State, Evaluation> descend_from(State start, Evaluation at, P& problem, const DescentOptions& options) {
+requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(State start, Evaluation at, P& problem,
+                                                                               const DescentOptions& options) {
   Descent<State, Evaluation> best{std::move(start), std::move(at)};
   if (!std::isfinite(problem.cost(best.at))) return best;
   double damping = options.first_damping;

@@ -31,10 +31,10 @@ class NormalEquations {
   /// The inverse of J^T W J over the unknowns that are not fixed (rows and columns of the others are zero).
   Eigen::MatrixXd covariance(const std::vector<bool>& fixed) const;
 
-  Eigen::MatrixXd matrix() const;            ///< J^T W J
+  Eigen::MatrixXd matrix() const;                                ///< J^T W J
   const Eigen::VectorXd& gradient() const { return gradient_; }  ///< J^T W r
-  double cost() const { return cost_; }      ///< sum of w r^2
-  double weight() const { return weight_; }  ///< sum of w
+  double cost() const { return cost_; }                          ///< sum of w r^2
+  double weight() const { return weight_; }                      ///< sum of w
   long count() const { return count_; }
 
  private:

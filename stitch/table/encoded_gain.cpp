@@ -8,7 +8,7 @@
 namespace nodal::table {
 namespace {
 
-constexpr double kOctaves = 3;        // factors from 2^-3 to 2^3
+constexpr double kOctaves = 3;  // factors from 2^-3 to 2^3
 constexpr int kStepsPerOctave = 16;
 constexpr int kSteps = static_cast<int>(2 * kOctaves) * kStepsPerOctave;
 constexpr int kLevels = 256;

@@ -47,8 +47,8 @@ Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
     const double phi = (top + bottom) / 2;
     for (int column = 0; column < kMeterColumns; ++column) {
       const double theta = 2 * std::numbers::pi * ((column + 0.5) / kMeterColumns - 0.5);
-      const geometry::Ray ray = geometry::Ray::towards(
-          {std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)});
+      const geometry::Ray ray =
+          geometry::Ray::towards({std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)});
       std::uint32_t seen = 0;
       for (std::size_t h = 0; h < heads->size(); ++h) {
         const geometry::Head& head = (*heads)[h];

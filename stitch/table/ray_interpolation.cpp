@@ -32,8 +32,7 @@ Point TangentPlane::lay(const Eigen::Vector3d& ray) const {
   return {u * stretch, v * stretch};
 }
 
-Fractions ray_fractions(const TangentPlane& plane, const std::array<Eigen::Vector3d, 4>& neighbours,
-                        Fractions start) {
+Fractions ray_fractions(const TangentPlane& plane, const std::array<Eigen::Vector3d, 4>& neighbours, Fractions start) {
   std::array<Point, 4> p;
   for (std::size_t k = 0; k < 4; ++k) p[k] = plane.lay(neighbours[k]);
   // p00 + a A + b B + ab C = 0 by Newton, from a start that is right to a thousandth or so.

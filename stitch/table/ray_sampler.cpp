@@ -39,8 +39,7 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
     if (!mixes_into(head_formats[h], raymap_format)) {
       return fail(Errc::kUnsupported,
                   "head '" + head.name + "': its " + std::string(pixel_format_name(head_formats[h])) +
-                      " pictures cannot be blended into a raymap of " +
-                      std::string(pixel_format_name(raymap_format)) +
+                      " pictures cannot be blended into a raymap of " + std::string(pixel_format_name(raymap_format)) +
                       "; GREY heads make GREY and GREY16, RGB24 make RGB24 and RGB48, and I420, NV12, YUYV and UYVY "
                       "make I420 and NV12 (decode MJPEG first)");
     }
@@ -52,8 +51,8 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
     if (fields && (head.height % rows != 0 || head.height < 2 * kSmallestHead)) {
       return fail(Errc::kUnsupported, "head '" + head.name + "': frames of " + std::to_string(head.height) +
                                           " rows cannot be taken apart into fields; in " +
-                                          std::string(pixel_format_name(head_formats[h])) + " they have a multiple of " +
-                                          std::to_string(rows) + ", 8 at least");
+                                          std::string(pixel_format_name(head_formats[h])) +
+                                          " they have a multiple of " + std::to_string(rows) + ", 8 at least");
     }
   }
   return {};
@@ -90,7 +89,11 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   const Eigen::Matrix3d& R = head.R_head_rig();
   Response response = head.calibration().response;
   if (is_linear16(raymap_format)) response = {Response::Curve::kGamma, power, {}};  // after the head's own was undone
-  RaySampler::Optics optics{TabledLens(head.lens(), reach), R.row(0), R.row(1), R.row(2), std::cos(reach) - 1e-9,
+  RaySampler::Optics optics{TabledLens(head.lens(), reach),
+                            R.row(0),
+                            R.row(1),
+                            R.row(2),
+                            std::cos(reach) - 1e-9,
                             1 / feather_px(head.calibration().region, options.feather),
                             EncodedGain(response)};
   if (!options.undo_gain) return optics;
@@ -124,8 +127,8 @@ std::optional<Projected> project(const geometry::Head& head, const TabledLens& l
   const double y = c.aspect * across * d.y();
   const geometry::Pixel at{c.center_x + x, c.center_y + y};
   const Region& region = c.region;
-  double inside = std::min(std::min(at.x - region.left, region.right - at.x),
-                           std::min(at.y - region.top, region.bottom - at.y));
+  double inside =
+      std::min(std::min(at.x - region.left, region.right - at.x), std::min(at.y - region.top, region.bottom - at.y));
   if (region.circle) {
     const double dx = at.x - region.circle->x;
     const double dy = at.y - region.circle->y;
@@ -180,8 +183,8 @@ double same_radius(const geometry::Head& head, const PlaneGrid& lie) {
 Result<RaySampler> RaySampler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                     PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                     const TableOptions& options) {
-  if (Status checked = check_formats(calibration, raymap_format, head_formats, options.field.has_value());
-      !checked) return fail(checked.error());
+  if (Status checked = check_formats(calibration, raymap_format, head_formats, options.field.has_value()); !checked)
+    return fail(checked.error());
   Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
   if (!heads) return fail(heads.error());
 
@@ -207,7 +210,8 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
       const int rows = options.field ? head.height() / 2 : head.height();
       const ImageView picture = halved_chroma(packed_image(head_formats[h], head.width(), rows, nowhere));
       const PlaneView& plane = picture.planes[c];
-      const PlaneGrid lie = options.field ? field_grid(head_formats[h], g, *options.field) : component_grid(head_formats[h], g);
+      const PlaneGrid lie =
+          options.field ? field_grid(head_formats[h], g, *options.field) : component_grid(head_formats[h], g);
       planes[h] = {plane.width, plane.height, halved_chroma_grid(head_formats[h], g, lie)};
       planes[h].same_radius = same_radius(head, planes[h].on_picture);
     }

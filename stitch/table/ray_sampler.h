@@ -66,7 +66,7 @@ class RaySampler {
   struct Optics {
     TabledLens lens;
     Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
-    double cos_reach = -1;  ///< no ray whose cosine with the axis is less is inside the region
+    double cos_reach = -1;              ///< no ray whose cosine with the axis is less is inside the region
     double feathers_per_px = 1;
     EncodedGain undo;
     std::array<double, 3> gain{1, 1, 1};  ///< undoes the head's own gain, by ComponentRule::gain_row

@@ -82,9 +82,8 @@ std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t stri
 void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uint32_t* tile) {
   for (std::size_t i = 0; i < width; ++i) {
     const std::span<Placed> column = rays.subspan(i * height, height);
-    std::sort(column.begin(), column.end(), [](const Placed& a, const Placed& b) {
-      return a.phi != b.phi ? a.phi < b.phi : a.place < b.place;
-    });
+    std::sort(column.begin(), column.end(),
+              [](const Placed& a, const Placed& b) { return a.phi != b.phi ? a.phi < b.phi : a.place < b.place; });
     for (std::size_t j = 0; j < height; ++j) tile[j * blend::kTile + i] = column[j].place;
   }
 }

@@ -37,7 +37,8 @@ int vignetting_scale(const RaySampler& sampler) {
     for (int k = 0; k < kSteps * kSteps; ++k) {
       const geometry::Pixel at{region.left + (region.right - region.left) * (k % kSteps) / (kSteps - 1),
                                region.top + (region.bottom - region.top) * (k / kSteps) / (kSteps - 1)};
-      if (region.circle && std::hypot(at.x - region.circle->x, at.y - region.circle->y) > region.circle->radius) continue;
+      if (region.circle && std::hypot(at.x - region.circle->x, at.y - region.circle->y) > region.circle->radius)
+        continue;
       largest = std::max(largest, sampler.optics()[h].undo.undo(sampler.heads()[h].vignetting(at)));
     }
   }
@@ -280,8 +281,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
 }
 
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const RaymapSpec& raymap,
-                                              std::span<const PixelFormat> head_formats,
-                                              const TableOptions& options) {
+                                              std::span<const PixelFormat> head_formats, const TableOptions& options) {
   Result<TableCompiler> compiler = TableCompiler::make(calibration, raymap, head_formats, options);
   if (!compiler) return fail(compiler.error());
   compiler->compile_rows(0, compiler->row_count());

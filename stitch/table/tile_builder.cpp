@@ -102,9 +102,10 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
     const auto i = static_cast<int>(p % 8);
     const auto j = static_cast<int>(p / 8);
     const blend::Quadratic& q = record.y;
-    const int y = record.listed() ? coordinates[record.list() * 128 + 64 + p]
-                                  : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j +
-                                                               q[4] * i * i + q[5] * j * j);
+    const int y =
+        record.listed()
+            ? coordinates[record.list() * 128 + 64 + p]
+            : static_cast<std::uint16_t>(q[0] + q[1] * i + q[2] * j + q[3] * i * j + q[4] * i * i + q[5] * j * j);
     const auto quarter = static_cast<std::size_t>(j / blend::kQuarter * 2 + i / blend::kQuarter);
     first[quarter] = std::min(first[quarter], y >> kFractionBits);
     last[quarter] = std::max(last[quarter], y >> kFractionBits);
@@ -159,7 +160,8 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       sum += s.weight;
     }
     if (kept.empty() || !(sum > 0.5)) kept = all;  // where only slight heads meet, they are all there is
-    else if (kept.size() < all.size()) for (RaySample& s : kept) s.weight /= sum;
+    else if (kept.size() < all.size())
+      for (RaySample& s : kept) s.weight /= sum;
     if (kept.empty()) return;
     share_out(kept, weights);
     for (std::size_t k = 0; k < kept.size(); ++k) {
@@ -347,7 +349,8 @@ void TileBuilder::share(const TileSamples& samples, TileRun& run) {
   const bool closed = covered == samples.inside;
   if (made_.empty() || (made_.size() == 1 && closed)) return;  // Sharing::kAlone
   const auto sharing = [&](Sharing how) {
-    run.tiles.back().sharing = static_cast<std::uint32_t>(how) << 30 | static_cast<std::uint32_t>(run.weights.size() / 4);
+    run.tiles.back().sharing =
+        static_cast<std::uint32_t>(how) << 30 | static_cast<std::uint32_t>(run.weights.size() / 4);
   };
   const std::size_t begin = run.weights.size();
   sharing(Sharing::kBilinear);
@@ -358,9 +361,7 @@ void TileBuilder::share(const TileSamples& samples, TileRun& run) {
     const std::size_t at = run.weights.size();
     run.weights.resize(at + blend::kTilePixels);
     const Part& part = parts_[made_[k].part];
-    for_each(made_[k].mask, [&](std::size_t p) {
-      run.weights[at + p] = static_cast<std::int16_t>(-part.weight[p]);
-    });
+    for_each(made_[k].mask, [&](std::size_t p) { run.weights[at + p] = static_cast<std::int16_t>(-part.weight[p]); });
   }
 }
 

@@ -102,7 +102,8 @@ blend::ToneTable compile_tone_table(const Calibration& calibration, PixelFormat 
   for (const HeadCalibration& head : calibration.heads) {
     blend::ToneTable::Head& made = table.heads.emplace_back();
     // A gamma below one would be an exponent above it; none is in use, and a bent one is better than a wrapped one.
-    made.exponent = static_cast<std::uint16_t>(std::lround(32768 / std::max(0.5001, powers ? gamma_of(head.response) : kPower)));
+    made.exponent =
+        static_cast<std::uint16_t>(std::lround(32768 / std::max(0.5001, powers ? gamma_of(head.response) : kPower)));
     if (!powers) made.curve = to_power(head.response);
   }
   if (powers) return table;

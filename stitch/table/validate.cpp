@@ -71,9 +71,9 @@ Status check_components(const BlendTable& table) {
     const blend::ComponentRule& rule = table.components[c];
     const std::size_t expected = chroma && c > 0 ? 1 : 0;
     // A tone class has one black.
-    const bool other_black = std::ranges::any_of(
-        std::span(table.components).first(static_cast<std::size_t>(component_count(table.format))),
-        [&](const auto& other) { return other.tone == rule.tone && other.black != rule.black; });
+    const bool other_black =
+        std::ranges::any_of(std::span(table.components).first(static_cast<std::size_t>(component_count(table.format))),
+                            [&](const auto& other) { return other.tone == rule.tone && other.black != rule.black; });
     if (rule.grid != expected || rule.tone > 2 || other_black) return invalid("rule of component " + std::to_string(c));
     const GridTable& grid = table.grids[expected];
     const int step = expected == 1 ? 2 : 1;
@@ -87,7 +87,8 @@ Status check_components(const BlendTable& table) {
 /// One grid's proof.
 class GridProof {
  public:
-  GridProof(const BlendTable& table, std::size_t g) : table_(table), grid_(table.grids[g]), where_("grid " + std::to_string(g)) {
+  GridProof(const BlendTable& table, std::size_t g)
+      : table_(table), grid_(table.grids[g]), where_("grid " + std::to_string(g)) {
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
       const BlendTable::Source& source = table.sources[h];
       planes_[h] = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
@@ -95,7 +96,8 @@ class GridProof {
   }
 
   Status run() {
-    if (grid_.tiles.size() != grid_.tile_count() + 1) return invalid(where_ + ": there is not one tile more than it has");
+    if (grid_.tiles.size() != grid_.tile_count() + 1)
+      return invalid(where_ + ": there is not one tile more than it has");
     if (grid_.tiles.front().record != 0) return invalid(where_ + ": its tiles do not begin with the first record");
     if (grid_.tiles.back().record != grid_.records.size()) {
       return invalid(where_ + ": its tiles do not end with the last record");
@@ -124,8 +126,9 @@ class GridProof {
     for (int row = 0; row < grid_.tiles_down() * blend::kTile; ++row) {
       for (int column = 0; column < grid_.tiles_across() * blend::kTile; ++column) {
         const std::size_t t = grid_.tile_index(column / blend::kTile, row / blend::kTile);
-        const std::uint32_t place = grid_.places[t * blend::kTilePixels + static_cast<std::size_t>(
-                                                     row % blend::kTile * blend::kTile + column % blend::kTile)];
+        const std::uint32_t place =
+            grid_.places[t * blend::kTilePixels +
+                         static_cast<std::size_t>(row % blend::kTile * blend::kTile + column % blend::kTile)];
         const bool inside = column < grid_.width && row < grid_.height;
         if (inside != (place != GridTable::kNowhere)) return false;
         if (!inside) continue;
@@ -163,8 +166,7 @@ class GridProof {
       for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) {
         const int i = static_cast<int>(p % blend::kTile);
         const int j = static_cast<int>(p / blend::kTile);
-        weights[p] = how == Sharing::kBilinear ? -(at[0] + at[1] * i + at[2] * j + at[3] * i * j)
-                                               : -at[p];
+        weights[p] = how == Sharing::kBilinear ? -(at[0] + at[1] * i + at[2] * j + at[3] * i * j) : -at[p];
       }
       if (const char* fault = fault_of_record(grid_.records[tile.record + k], tile.record + k, weights)) return fault;
       for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) rest[p] -= weights[p];
@@ -190,20 +192,23 @@ class GridProof {
     });
   }
 
-  const char* fault_of_record(const PatchRecord& record, std::size_t r, const std::array<std::int32_t, 64>& weights) const {
+  const char* fault_of_record(const PatchRecord& record, std::size_t r,
+                              const std::array<std::int32_t, 64>& weights) const {
     if (record.head() >= table_.sources.size()) return "names a head that is not there";
     const int level = record.pyramid_level();
     if (level >= table_.sources[record.head()].levels) return "names a level that its head does not have";
     const int width = planes_[record.head()].width >> level;
     const int height = planes_[record.head()].height >> level;
-    const bool small = std::min(width, height) < blend::kPatch;  // then it is read sample by sample, and may reach beyond
+    const bool small =
+        std::min(width, height) < blend::kPatch;  // then it is read sample by sample, and may reach beyond
     if (small ? record.left >= width || record.top >= height
               : record.left + blend::kPatch > width || record.top + blend::kPatch > height) {
       return "has a patch outside its head's picture";
     }
     if (record.last_row() > blend::kPatch - 2 || record.span() < blend::kLeastSpan) return "has rows beyond its patch";
     for (std::size_t quarter = 0; quarter < 4; ++quarter) {
-      if (record.first_row(quarter / 2, quarter % 2) + record.span() > blend::kPatch - 1) return "has rows beyond its patch";
+      if (record.first_row(quarter / 2, quarter % 2) + record.span() > blend::kPatch - 1)
+        return "has rows beyond its patch";
     }
     if (record.listed() && record.list() >= grid_.coordinates.size() / (2 * blend::kTilePixels)) {
       return "names a list that is not there";

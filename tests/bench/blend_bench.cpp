@@ -4,11 +4,11 @@
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
+#include <turbojpeg.h>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <turbojpeg.h>
 
 #include "frames.h"
 #include "growth.h"
@@ -155,14 +155,16 @@ void Course::add_peers() {
     });
   }
   const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
-  const auto sampler = table::RaySampler::make(work_.rig, *layout_, PixelFormat::kI420, formats, options_of(false)).value();
+  const auto sampler =
+      table::RaySampler::make(work_.rig, *layout_, PixelFormat::kI420, formats, options_of(false)).value();
   auto peer = std::make_shared<OpenCvPeer>(sampler, RaysAre::kInOrder);
   kept_.push_back(peer);
   opencv_frame_ = [&input, out, peer](std::size_t set, Pool& pool) {
     pool.run(peer->bands(), [&](int band) { peer->band(input.at(set).heads, out->at(set), band); });
   };
   opencv_out_ = out.get();
-  for (const int threads : {1, 2}) add("OpenCV remap + blend", "native", threads, pixels, peer->table_bytes(), opencv_frame_);
+  for (const int threads : {1, 2})
+    add("OpenCV remap + blend", "native", threads, pixels, peer->table_bytes(), opencv_frame_);
 }
 
 /// By two threads, as fast as they can.
@@ -174,17 +176,19 @@ std::shared_ptr<blend::BlendTable> Course::compile(const std::string& name, cons
   const double begin = clock_time_ms(), busy = process_time_ms();
   auto compiler = table::TableCompiler::make(work_.rig, layout, format, formats, options).value();
   const int rows = compiler.row_count();
-  two.run((rows + kRows - 1) / kRows, [&](int k) { compiler.compile_rows(k * kRows, std::min(rows, (k + 1) * kRows)); });
+  two.run((rows + kRows - 1) / kRows,
+          [&](int k) { compiler.compile_rows(k * kRows, std::min(rows, (k + 1) * kRows)); });
   auto table = std::make_shared<blend::BlendTable>(std::move(compiler).finish().value());
-  std::printf("%s, %s: table compiled in %.0f ms by two threads, which took %.0f ms of their cores\n", work_.name.c_str(),
-              name.c_str(), clock_time_ms() - begin, process_time_ms() - busy);
+  std::printf("%s, %s: table compiled in %.0f ms by two threads, which took %.0f ms of their cores\n",
+              work_.name.c_str(), name.c_str(), clock_time_ms() - begin, process_time_ms() - busy);
   return table;
 }
 
 void Course::add_list_peer(const geometry::RaymapLayout& layout) {
   const Films& input = films(PixelFormat::kI420);
   const std::vector<PixelFormat> formats(heads_, PixelFormat::kI420);
-  const auto sampler = table::RaySampler::make(work_.rig, layout, PixelFormat::kI420, formats, options_of(false)).value();
+  const auto sampler =
+      table::RaySampler::make(work_.rig, layout, PixelFormat::kI420, formats, options_of(false)).value();
   auto out = std::make_shared<Outputs>(PixelFormat::kI420, layout.width(), layout.height());
   auto peer = std::make_shared<OpenCvPeer>(sampler, RaysAre::kInNoOrder);
   kept_.insert(kept_.end(), {out, peer});
@@ -216,7 +220,8 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   const Films& input = films(head_format);
   const double pixels = static_cast<double>(width) * height;
   Finding judged;
-  if (!quick_ && sharpen == 0 && (name == "plain" || layout.scattered() || light)) judge(*table, layout, input, options, judged);
+  if (!quick_ && sharpen == 0 && (name == "plain" || layout.scattered() || light))
+    judge(*table, layout, input, options, judged);
   for (const blend::Kernel kernel : blend::kernels()) {
     if (kernel == blend::Kernel::kScalar && name != "plain") continue;
     for (const int threads : {1, 2}) {
@@ -324,7 +329,8 @@ int main(int argc, char** argv) {
   app.add_option("--json", json, "write the findings here, too");
   std::string plots;
   app.add_option("--plots", plots, "measure how cost grows, too, and draw it into this folder");
-  app.add_option("--only", only, "r10, r8 or growth (which needs --plots)")->check(CLI::IsMember({"r10", "r8", "growth"}));
+  app.add_option("--only", only, "r10, r8 or growth (which needs --plots)")
+      ->check(CLI::IsMember({"r10", "r8", "growth"}));
   CLI11_PARSE(app, argc, argv);
   if (only == "growth" && plots.empty()) {
     std::fprintf(stderr, "blend_bench: --only growth needs --plots DIR, the folder to draw into\n");
@@ -335,7 +341,8 @@ int main(int argc, char** argv) {
     if (only.empty() || only == work.name) Course(std::move(work), quick).run(findings);
   }
   if (!plots.empty() && (only.empty() || only == "growth") && !measure_growth(plots, quick, findings)) {
-    std::fprintf(stderr, "blend_bench: the plots could not be written to %s: name a folder that may be written\n", plots.c_str());
+    std::fprintf(stderr, "blend_bench: the plots could not be written to %s: name a folder that may be written\n",
+                 plots.c_str());
     return 1;
   }
   print_table(findings);

@@ -21,8 +21,10 @@ FrameSet noise(const Calibration& rig) {
   FrameSet set;
   std::uint32_t state = 1;
   for (const HeadCalibration& head : rig.heads) {
-    std::vector<std::uint8_t>& memory = set.memory.emplace_back(packed_size(PixelFormat::kI420, head.width, head.height));
-    for (std::uint8_t& sample : memory) sample = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
+    std::vector<std::uint8_t>& memory =
+        set.memory.emplace_back(packed_size(PixelFormat::kI420, head.width, head.height));
+    for (std::uint8_t& sample : memory)
+      sample = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
     set.heads.push_back(packed_image(PixelFormat::kI420, head.width, head.height, std::as_const(memory).data()));
   }
   return set;
@@ -31,8 +33,7 @@ FrameSet noise(const Calibration& rig) {
 void blend(blend::Kernel kernel, bool light) {
   const Workload work = r10();
   const std::vector<PixelFormat> formats(work.rig.heads.size(), PixelFormat::kI420);
-  const blend::BlendTable table =
-      table::compile_blend_table(work.rig, work.raymap, formats, options_of(light)).value();
+  const blend::BlendTable table = table::compile_blend_table(work.rig, work.raymap, formats, options_of(light)).value();
   blend::SetTone tone = blend::calibrated_tone(table);
   if (light) add_curves(tone);
   const FrameSet set = noise(work.rig);

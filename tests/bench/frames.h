@@ -90,16 +90,17 @@ inline void blend_frame(blend::Kernel kernel, const blend::BlendTable& table, bl
                         const blend::SetTone& tone, const MutableImageView& raymap, Pool& pool) {
   constexpr int kRows = 64;
   pool.run((table.height + kRows - 1) / kRows, [&](int band) {
-    blend::blend_rows_by(kernel, table, pictures, tone, raymap, band * kRows, std::min(table.height, (band + 1) * kRows));
+    blend::blend_rows_by(kernel, table, pictures, tone, raymap, band * kRows,
+                         std::min(table.height, (band + 1) * kRows));
   });
 }
 
 inline double table_bytes(const blend::BlendTable& table) {
   double bytes = 0;
   for (const blend::GridTable& g : table.grids) {
-    bytes += static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
-                                 g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8 +
-                                 g.places.size() * 4);
+    bytes +=
+        static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
+                            g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8 + g.places.size() * 4);
   }
   return bytes;
 }

@@ -80,21 +80,41 @@ double mpixels(const Setting& s) { return s.width * (s.width / 2.0) / 1e6; }
 
 std::vector<Sweep> sweeps() {
   std::vector<Sweep> all;
-  all.push_back({"pixels", "Cost by output pixels", "Mpixel of raymap", "Mpixel",
-                 "10 heads, whose pixels grow alike, 1.6 of them a ray, 1 thread", {}, mpixels});
+  all.push_back({"pixels",
+                 "Cost by output pixels",
+                 "Mpixel of raymap",
+                 "Mpixel",
+                 "10 heads, whose pixels grow alike, 1.6 of them a ray, 1 thread",
+                 {},
+                 mpixels});
   for (const int width : {1024, 1536, 2048, 3072, 4096}) all.back().settings.push_back({.width = width});
-  all.push_back({"overlap", "Cost by overlap", "heads that see a ray, mean", "heads a ray",
-                 "10 heads, 2048x1024, 1 thread; of 1.1 a ray some rays have none", {},
+  all.push_back({"overlap",
+                 "Cost by overlap",
+                 "heads that see a ray, mean",
+                 "heads a ray",
+                 "10 heads, 2048x1024, 1 thread; of 1.1 a ray some rays have none",
+                 {},
                  [](const Setting& s) { return s.heads_a_ray; }});
   for (const double mean : {1.1, 1.6, 2.2, 3.0}) all.back().settings.push_back({.heads_a_ray = mean});
-  all.push_back({"heads", "Cost by heads, of equal coverage and as many pixels altogether", "heads", "heads",
-                 "1.6 heads a ray, 2048x1024, 1 thread", {}, [](const Setting& s) { return s.heads; }});
+  all.push_back({"heads",
+                 "Cost by heads, of equal coverage and as many pixels altogether",
+                 "heads",
+                 "heads",
+                 "1.6 heads a ray, 2048x1024, 1 thread",
+                 {},
+                 [](const Setting& s) { return s.heads; }});
   for (const int heads : {2, 4, 8, 10, 16}) all.back().settings.push_back({.heads = heads});
-  all.push_back({"threads", "Cost by threads", "threads", "threads",
-                 "10 heads, 1.6 a ray, 4096x2048; one thread by processor time, several by the clock", {},
-                 [](const Setting& s) { return s.threads; }, true});
+  all.push_back({"threads",
+                 "Cost by threads",
+                 "threads",
+                 "threads",
+                 "10 heads, 1.6 a ray, 4096x2048; one thread by processor time, several by the clock",
+                 {},
+                 [](const Setting& s) { return s.threads; },
+                 true});
   const int cores = std::max(2, static_cast<int>(std::thread::hardware_concurrency()));
-  for (int threads = 1; threads <= cores; threads *= 2) all.back().settings.push_back({.width = 4096, .threads = threads});
+  for (int threads = 1; threads <= cores; threads *= 2)
+    all.back().settings.push_back({.width = 4096, .threads = threads});
   return all;
 }
 
@@ -133,7 +153,8 @@ class Points {
     for (const auto& point : points_) {
       const Setting& s = point->setting;
       for (const bool light : {false, true}) {
-        Finding found{fmt::format("{} heads", s.heads), fmt::format("{:g} a ray, {}{}", s.heads_a_ray, s.width, light ? ", light" : ""),
+        Finding found{fmt::format("{} heads", s.heads),
+                      fmt::format("{:g} a ray, {}{}", s.heads_a_ray, s.width, light ? ", light" : ""),
                       std::string(blend::kernel_name(blend::kernels().back())), s.threads, point->ms(light)};
         found.mpixels = mpixels(s);
         found.table_bytes_per_pixel = table_bytes(*point->rig->tables[light]) / (found.mpixels * 1e6);
@@ -170,8 +191,11 @@ struct Law {
 };
 
 Plot draw(const Sweep& sweep, Points& points) {
-  Plot plot{sweep.title, sweep.x_label, "ms a frame",
-            fmt::format("I420 by {}; {}", blend::kernel_name(blend::kernels().back()), sweep.note), {}};
+  Plot plot{sweep.title,
+            sweep.x_label,
+            "ms a frame",
+            fmt::format("I420 by {}; {}", blend::kernel_name(blend::kernels().back()), sweep.note),
+            {}};
   for (const bool light : {false, true}) {
     PlotSeries series{light ? "tone + gain" : "plain", {}, {}, {}};
     for (const Setting& s : sweep.settings) series.points.push_back({sweep.x(s), points.at(s).ms(light)});
@@ -179,7 +203,8 @@ Plot draw(const Sweep& sweep, Points& points) {
     series.law = [law](double x) { return law.at(x); };
     series.law_text = fmt::format("ms = {:.3f} {} {:.4f} {} {}", law.a, law.b < 0 ? '-' : '+', std::abs(law.b),
                                   sweep.inverse ? '/' : 'x', sweep.x_unit);
-    series.law_text += series.points.size() > 2 ? fmt::format("; at most {:.1f} % off", 100 * law.worst) : "; through its two points";
+    series.law_text +=
+        series.points.size() > 2 ? fmt::format("; at most {:.1f} % off", 100 * law.worst) : "; through its two points";
     if (sweep.name == "heads") {
       const double eight = points.at({.heads = 8}).ms(light), sixteen = points.at({.heads = 16}).ms(light);
       series.law_text += fmt::format("; 16 cost {:+.1f} % on 8", 100 * (sixteen / eight - 1));

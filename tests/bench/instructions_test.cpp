@@ -15,11 +15,13 @@ constexpr double kInstructionsAPixel = 16.50;
 constexpr double kMargin = 0.05;
 
 TEST(BlendInstructions, Avx2OnR10_NoMoreForAPixelThanWhenLastCounted) {
-  if (!std::filesystem::exists("/usr/bin/valgrind")) GTEST_SKIP() << "valgrind is not installed: no instructions are counted";
-  if (!std::filesystem::exists("/usr/include/valgrind/callgrind.h")) GTEST_SKIP() << "valgrind's headers are not installed";
+  if (!std::filesystem::exists("/usr/bin/valgrind"))
+    GTEST_SKIP() << "valgrind is not installed: no instructions are counted";
+  if (!std::filesystem::exists("/usr/include/valgrind/callgrind.h"))
+    GTEST_SKIP() << "valgrind's headers are not installed";
   if (__builtin_cpu_supports("avx2") == 0) GTEST_SKIP() << "no AVX2 here";
-  test::Process count({NODAL_SOURCE_DIR "/tests/bench/instructions", "--program", NODAL_BIN_DIR "/blend_once", "--kernel",
-                       "avx2", "--plain"});
+  test::Process count({NODAL_SOURCE_DIR "/tests/bench/instructions", "--program", NODAL_BIN_DIR "/blend_once",
+                       "--kernel", "avx2", "--plain"});
   const test::Finished counted = count.wait(std::chrono::seconds(280));
   ASSERT_EQ(counted.code, 0) << counted.err;
   const std::string start = "avx2    plain";

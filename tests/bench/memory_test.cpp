@@ -20,8 +20,8 @@ void write_jpeg(const std::filesystem::path& file, const ImageView& picture) {
   const tjhandle coder = tjInitCompress();
   unsigned char* jpeg = nullptr;
   unsigned long bytes = 0;
-  const int failed = tjCompressFromYUV(coder, picture.planes[0].data, picture.width, 1, picture.height, TJSAMP_420, &jpeg,
-                                       &bytes, 95, 0);
+  const int failed = tjCompressFromYUV(coder, picture.planes[0].data, picture.width, 1, picture.height, TJSAMP_420,
+                                       &jpeg, &bytes, 95, 0);
   EXPECT_EQ(failed, 0) << tjGetErrorStr2(coder);
   test::write_bytes(file, std::vector<std::uint8_t>(jpeg, jpeg + bytes));
   tjFree(jpeg);
@@ -50,8 +50,9 @@ Resident resident(pid_t pid) {
 class MemoryOf {
  public:
   explicit MemoryOf(const Workload& work) : work_(work) {
-    std::string toml = "[rig]\nname = \"" + work.name + "\"\nrate = \"25\"\n[raymap]\nwidth = " +
-                       std::to_string(work.raymap.width) + "\nheight = " + std::to_string(work.raymap.height) +
+    std::string toml = "[rig]\nname = \"" + work.name +
+                       "\"\nrate = \"25\"\n[raymap]\nwidth = " + std::to_string(work.raymap.width) +
+                       "\nheight = " + std::to_string(work.raymap.height) +
                        "\n[trigger]\nstart = true\n[links]\nunix = \"sock\"\n[store]\nfolder = \"store\"\n";
     const FrameSet set = film(work.rig, PixelFormat::kI420, 1);
     for (std::size_t h = 0; h < set.heads.size(); ++h) {
@@ -66,7 +67,8 @@ class MemoryOf {
   /// After three calibrations, of which two came while another ran, and raymaps of each. Heads' pictures count, one a
   /// head: a camera's driver has its frames in memory, too.
   Resident measure() {
-    test::Process daemon({NODAL_BIN_DIR "/nodald", "--config", (folder_ / "rig.toml").string(), "--blend-threads", "2"});
+    test::Process daemon(
+        {NODAL_BIN_DIR "/nodald", "--config", (folder_ / "rig.toml").string(), "--blend-threads", "2"});
     EXPECT_TRUE(test::wait_until([&] { return nodal({"status"}).code == 0; })) << daemon.complained();
     say("started", resident(daemon.pid()));
     for (const char* name : {"first", "second", "third"}) {

@@ -8,7 +8,8 @@ namespace nodal::bench {
 namespace {
 
 cv::Mat mat_of(const PlaneView& plane) {
-  return {plane.height, plane.width, CV_8U, const_cast<std::uint8_t*>(plane.data), static_cast<std::size_t>(plane.row_stride)};
+  return {plane.height, plane.width, CV_8U, const_cast<std::uint8_t*>(plane.data),
+          static_cast<std::size_t>(plane.row_stride)};
 }
 void remap(const PlaneView& from, const cv::Mat& map1, const cv::Mat& map2, cv::Mat& to) {
   cv::remap(mat_of(from), to, map1, map2, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
@@ -38,7 +39,8 @@ class Band {
   virtual ~Band() = default;
   virtual double bytes() const = 0;
   /// Adds what heads give to `sums`, in 1/255, ray by ray.
-  virtual void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums, cv::Mat& warped) const = 0;
+  virtual void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums,
+                   cv::Mat& warped) const = 0;
   /// Puts what one head gives alone over what the sums came to.
   virtual void cover(std::span<const ImageView> heads, std::size_t c, const cv::Mat& plane) const = 0;
 };
@@ -83,7 +85,8 @@ class OrderedBand : public Band {
     for (const Piece& piece : pieces_) bytes += piece.area.area() * (piece.alone ? 6. : 7.);
     return bytes;
   }
-  void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums, cv::Mat& warped) const override {
+  void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums,
+           cv::Mat& warped) const override {
     for (const Piece& piece : pieces_) {
       if (piece.alone) continue;
       remap(heads[piece.head].planes[c], piece.map1, piece.map2, warped);
@@ -133,7 +136,8 @@ class OrderedBand : public Band {
 /// Rays in no order: for every head a list.
 class ListedBand : public Band {
  public:
-  ListedBand(const table::RaySampler& sampler, int grid, int top, int rows, int width) : heads_(sampler.heads().size()) {
+  ListedBand(const table::RaySampler& sampler, int grid, int top, int rows, int width)
+      : heads_(sampler.heads().size()) {
     std::vector<std::vector<float>> xs(heads_.size()), ys(heads_.size());
     each_sample(sampler, grid, top, rows, width, [&](int x, int y, const table::RaySample& s, std::uint8_t weight) {
       xs[s.head].push_back(static_cast<float>(s.x));
@@ -149,7 +153,8 @@ class ListedBand : public Band {
     for (const Seen& seen : heads_) bytes += static_cast<double>(seen.index.size()) * 11;
     return bytes;
   }
-  void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums, cv::Mat& warped) const override {
+  void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums,
+           cv::Mat& warped) const override {
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       const Seen& seen = heads_[h];
       if (seen.index.empty()) continue;

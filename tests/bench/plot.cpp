@@ -10,8 +10,8 @@
 namespace nodal::bench {
 namespace {
 
-constexpr double kWidth = 760, kHeight = 490;                             // px of the picture
-constexpr double kLeft = 70, kTop = 96, kRight = 730, kBottom = 415;      // of the axes
+constexpr double kWidth = 760, kHeight = 490;                         // px of the picture
+constexpr double kLeft = 70, kTop = 96, kRight = 730, kBottom = 415;  // of the axes
 constexpr std::array kColours{"#0b6e99", "#b3470f", "#3a7d34", "#6b4a9e"};
 
 std::string escaped(std::string_view text) {
@@ -28,11 +28,13 @@ std::string escaped(std::string_view text) {
 }
 
 std::string text(double x, double y, std::string_view anchor, std::string_view more, std::string_view what) {
-  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" {}>{}</text>\n", x, y, anchor, more, escaped(what));
+  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" {}>{}</text>\n", x, y, anchor, more,
+                     escaped(what));
 }
 
 std::string line(double x0, double y0, double x1, double y1, std::string_view colour) {
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\"/>\n", x0, y0, x1, y1, colour);
+  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\"/>\n", x0, y0, x1, y1,
+                     colour);
 }
 
 /// From 0 to a round number, in at most eight round steps.
@@ -103,7 +105,8 @@ std::string to_svg(const Plot& plot) {
   const Frame frame{Axis(x), Axis(y)};
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:g} {1:g}\" width=\"{0:g}\" height=\"{1:g}\" "
-      "font-family=\"sans-serif\" font-size=\"13\" fill=\"#222\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+      "font-family=\"sans-serif\" font-size=\"13\" fill=\"#222\">\n<rect width=\"100%\" height=\"100%\" "
+      "fill=\"white\"/>\n",
       kWidth, kHeight);
   svg += text(kLeft, 26, "start", "font-size=\"16\" font-weight=\"bold\"", plot.title);
   svg += axes(frame, plot);

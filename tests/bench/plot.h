@@ -24,7 +24,7 @@ struct Plot {
   std::string title;
   std::string x_label;
   std::string y_label;
-  std::string note;  ///< below: what was the same for all points
+  std::string note;                ///< below: what was the same for all points
   std::vector<PlotSeries> series;  ///< at most four
 };
 

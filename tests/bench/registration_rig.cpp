@@ -105,8 +105,10 @@ void render_row(const hal::sim::Scene& scene, test::Picture& sphere, int y) {
     }
     for (std::size_t c = 0; c < 3; ++c) {
       const double level = std::clamp(0.85 * 255 * sum[c] / (kSamples * kSamples), 0.0, 255.0);
-      sphere.bytes[(static_cast<std::size_t>(y) * static_cast<std::size_t>(sphere.width) + static_cast<std::size_t>(x)) * 3 + c] =
-          static_cast<std::uint8_t>(std::lround(level));
+      sphere
+          .bytes[(static_cast<std::size_t>(y) * static_cast<std::size_t>(sphere.width) + static_cast<std::size_t>(x)) *
+                     3 +
+                 c] = static_cast<std::uint8_t>(std::lround(level));
     }
   }
 }

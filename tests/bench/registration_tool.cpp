@@ -12,9 +12,9 @@
 #include <random>
 #include <sstream>
 
-#include "stitch/media/image_file.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
 #include "stitch/table/table_compiler.h"
 #include "tests/bench/registration_rig.h"
 #include "tests/data/truth_rig.h"
@@ -102,12 +102,13 @@ double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::ve
   for (const auto& picture : pictures) views.push_back(picture.view());
   table::TableOptions options;
   options.feather = 0.05;  // the heads share their nodal point exactly
-  const auto table = must(table::compile_blend_table(rig, *layout, PixelFormat::kRgb24,
-                                                     std::vector<PixelFormat>(views.size(), PixelFormat::kRgb24), options),
-                          "blend table");
+  const auto table =
+      must(table::compile_blend_table(rig, *layout, PixelFormat::kRgb24,
+                                      std::vector<PixelFormat>(views.size(), PixelFormat::kRgb24), options),
+           "blend table");
   test::Picture raymap(PixelFormat::kRgb24, kWidth, kHeight);
-  blend::blend_rows(table, test::PreparedHeads(table, views).views(), blend::calibrated_tone(table), raymap.mutable_view(), 0,
-                    kHeight);
+  blend::blend_rows(table, test::PreparedHeads(table, views).views(), blend::calibrated_tone(table),
+                    raymap.mutable_view(), 0, kHeight);
   const test::Picture truth = must(test::read_png(folder / "gt_equirect_2048.png"), "the true sphere");
   return test::score(raymap.view(), truth.view(), *layout).psnr_db;
 }

@@ -124,7 +124,9 @@ std::optional<geometry::Ray> Hammersley::ray(double x, double y) const {
   return geometry::Ray::towards(level * std::sin(theta), down, level * std::cos(theta));
 }
 
-double Hammersley::solid_angle(int, int) const { return 4 * std::numbers::pi / (static_cast<double>(width()) * height()); }
+double Hammersley::solid_angle(int, int) const {
+  return 4 * std::numbers::pi / (static_cast<double>(width()) * height());
+}
 
 FrameSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
   FrameSet set;

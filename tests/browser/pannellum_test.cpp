@@ -121,7 +121,8 @@ class Pannellum : public RigTest {
           "<!doctype html><link rel=stylesheet href=pannellum.css><script src=pannellum.js></script>"
           "<style>html,body,#p{margin:0;width:640px;height:480px;overflow:hidden}</style><div id=p></div><script>"
           "pannellum.viewer('p',{panorama:'raymap.jpg',autoLoad:true,showControls:false,hfov:90,minPitch:-90,"
-          "maxPitch:90,yaw:" + std::to_string(view.yaw) + ",pitch:" + std::to_string(view.pitch) + "})</script>");
+          "maxPitch:90,yaw:" +
+              std::to_string(view.yaw) + ",pitch:" + std::to_string(view.pitch) + "})</script>");
     const Finished browser =
         Process({"chromium", "--headless", "--no-sandbox", "--allow-file-access-from-files", "--hide-scrollbars",
                  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=640,480",

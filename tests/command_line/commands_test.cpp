@@ -44,7 +44,8 @@ TEST_F(Commands, FromUploadToPicture_EverythingIsThere) {
   int width = 0, height = 0, sampling = 0, colours = 0;
   tjhandle decoder = tjInitDecompress();
   EXPECT_EQ(tjDecompressHeader3(decoder, reinterpret_cast<const unsigned char*>(jpeg.data()), jpeg.size(), &width,
-                                &height, &sampling, &colours), 0);
+                                &height, &sampling, &colours),
+            0);
   tjDestroy(decoder);
   EXPECT_EQ(width, 256);
   EXPECT_EQ(height, 128);
@@ -111,7 +112,8 @@ TEST_F(Commands, GreyRaymap_IsPulledAsRawPngAndJpeg) {
   write("rig.toml", in_formats(read("rig.toml"), "GREY", "GREY"));
   start_nodald();
   bring_up();
-  for (const char* name : {"r.raw", "r.png", "r.jpg"}) ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
+  for (const char* name : {"r.raw", "r.png", "r.jpg"})
+    ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
   EXPECT_EQ(read("r.raw").size(), 256U * 128);
   EXPECT_EQ(read("r.png").substr(24, 2), std::string("\x08\x00", 2)) << "8 bits of grey";
   EXPECT_EQ(read("r.jpg").substr(0, 3), "\xff\xd8\xff");
@@ -121,7 +123,8 @@ TEST_F(Commands, Nv12Raymap_IsPulledAsRawPngAndJpeg) {
   write("rig.toml", in_formats(read("rig.toml"), "YUYV", "NV12"));
   start_nodald();
   bring_up();
-  for (const char* name : {"r.raw", "r.png", "r.jpg"}) ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
+  for (const char* name : {"r.raw", "r.png", "r.jpg"})
+    ASSERT_EQ(nodal({"raymap", "pull", "--out", path(name)}).code, 0);
   EXPECT_EQ(read("r.raw").size(), 256U * 128 * 3 / 2);
   const Json planes = Json::parse(read("r.raw.json"))["planes"];
   EXPECT_EQ(planes[2]["offset"], 256 * 128 + 1);
@@ -158,8 +161,9 @@ TEST_F(Commands, HeadSettings_TakeEffectOnExactlyThoseHeads) {
     bool all = heads.size() == 6;
     for (std::size_t i = 0; i < heads.size(); ++i) {
       const bool set = i == 1 || i == 4;
-      all = all && heads[i]["exposure_ns"] == (set ? 2'000'000 : 4'000'000) && heads[i]["gain_mdb"] == (set ? 3000 : 0) &&
-            heads[i]["red_q12"] == (set ? 6144 : 4096) && heads[i]["blue_q12"] == (set ? 5120 : 4096);
+      all = all && heads[i]["exposure_ns"] == (set ? 2'000'000 : 4'000'000) &&
+            heads[i]["gain_mdb"] == (set ? 3000 : 0) && heads[i]["red_q12"] == (set ? 6144 : 4096) &&
+            heads[i]["blue_q12"] == (set ? 5120 : 4096);
     }
     return all;
   });
@@ -178,7 +182,8 @@ TEST_F(Commands, GenlockStopAndAnotherRate_AreSeen) {
 
 TEST_F(Commands, AButtonInRigToml_StartsMarksAndStopsWithoutAHost) {
   // A press, one while it runs, and one that is held.
-  write("rig.toml", "[panel]\nbutton = \"sim:1+0.2,3+0.2,4+1.8\"\nstatus = \"sim:\"\ntally = \"sim:\"\n" + read("rig.toml"));
+  write("rig.toml",
+        "[panel]\nbutton = \"sim:1+0.2,3+0.2,4+1.8\"\nstatus = \"sim:\"\ntally = \"sim:\"\n" + read("rig.toml"));
   start_nodald();
   EXPECT_TRUE(wait_until([&] {
     nodald().complained();  // it logs every host that comes
@@ -256,7 +261,8 @@ TEST_F(Commands, WatchedStatus_IsALineOrADocumentEachTime) {
   EXPECT_EQ(lines.out.find('\x1b'), std::string::npos);
   const std::vector<Json> documents = nodal_json({"status", "--watch", "--interval", "20ms", "--count", "3"});
   ASSERT_EQ(documents.size(), 3U);
-  EXPECT_GE(documents[2]["uptime_ns"].get<std::uint64_t>(), documents[0]["uptime_ns"].get<std::uint64_t>() + 40'000'000);
+  EXPECT_GE(documents[2]["uptime_ns"].get<std::uint64_t>(),
+            documents[0]["uptime_ns"].get<std::uint64_t>() + 40'000'000);
 }
 
 TEST_F(Commands, CtrlC_EndsAContinuousPullInGoodOrder) {
@@ -273,9 +279,9 @@ TEST_F(Commands, CtrlC_EndsAContinuousPullInGoodOrder) {
 
 TEST_F(Commands, BashCompletion_OffersWhatMayFollow) {
   const auto offered = [this](const std::string& words, const std::string& cursor) {
-    const Finished bash = Process({"bash", "-c", "source <(" NODAL_BIN_DIR "/nodal completion bash); COMP_WORDS=(" +
-                                                     words + "); COMP_CWORD=" + cursor +
-                                                     "; _nodal; echo \"${COMPREPLY[@]}\""})
+    const Finished bash = Process({"bash", "-c",
+                                   "source <(" NODAL_BIN_DIR "/nodal completion bash); COMP_WORDS=(" + words +
+                                       "); COMP_CWORD=" + cursor + "; _nodal; echo \"${COMPREPLY[@]}\""})
                               .wait();
     EXPECT_EQ(bash.code, 0) << bash.err;
     return " " + bash.out;

@@ -42,9 +42,7 @@ class BumpedRig : public RigTest {
     start_nodald();
     bring_up();
   }
-  Json drift() const {
-    return Json::parse(nodal({"--json", "drift", "--tolerance", "0.2"}).out);
-  }
+  Json drift() const { return Json::parse(nodal({"--json", "drift", "--tolerance", "0.2"}).out); }
   /// Whether a calibration is on trial. What nodald says meanwhile is read, or its log would fill the pipe.
   bool on_trial() {
     (void)nodald().complained();

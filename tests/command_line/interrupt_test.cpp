@@ -47,7 +47,8 @@ class Interrupt : public testing::Test {
         test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 1});
     std::filesystem::create_directories(*folder_ / "frames");
     for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
-      test::write_bytes(*folder_ / ("frames/" + truth.heads[h].name + ".png"), test::png_of(rig.bytes[h], kSide, kSide, 1));
+      test::write_bytes(*folder_ / ("frames/" + truth.heads[h].name + ".png"),
+                        test::png_of(rig.bytes[h], kSide, kSide, 1));
     }
     std::ofstream(*folder_ / "prior.json") << to_json(test::turned(truth, 1, 3, 3));
     // No photograph of a pattern, which costs a search of every one.
@@ -103,8 +104,9 @@ TEST_F(Interrupt, WhileALensIsCalibrated_EndsAtOnce) {
 }
 
 TEST_F(Interrupt, WhileLightIsCalibrated_EndsAtOnce) {
-  expect_the_end_at_once({"calibrate", "light", path("prior.json"), path("frames"), path("frames"), path("frames"),
-                          "--own-vignetting"}, SIGINT, 130);
+  expect_the_end_at_once(
+      {"calibrate", "light", path("prior.json"), path("frames"), path("frames"), path("frames"), "--own-vignetting"},
+      SIGINT, 130);
 }
 
 }  // namespace

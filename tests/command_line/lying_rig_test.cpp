@@ -183,20 +183,44 @@ TEST_F(LyingRigs, ListsOverTheirLimits_AreRefused) {
     std::function<void(wire::Reply&)> fill;
   };
   const std::vector<Case> cases{
-      {"heads", "17 heads", [](wire::Reply& r) { for (int i = 0; i < 17; ++i) r.mutable_heads()->add_heads(); }},
-      {"heads", "losses of a head", [](wire::Reply& r) {
+      {"heads", "17 heads",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 17; ++i) r.mutable_heads()->add_heads();
+       }},
+      {"heads", "losses of a head",
+       [](wire::Reply& r) {
          wire::HeadState& head = *r.mutable_heads()->add_heads();
          for (int i = 0; i < 1000; ++i) head.add_losses();
        }},
-      {"exposure show", "heads", [](wire::Reply& r) { for (int i = 0; i < 17; ++i) r.mutable_exposure()->add_heads(); }},
-      {"status", "marks", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_status()->add_marks(); }},
-      {"status", "losses", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_status()->add_losses(); }},
+      {"exposure show", "heads",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 17; ++i) r.mutable_exposure()->add_heads();
+       }},
+      {"status", "marks",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_status()->add_marks();
+       }},
+      {"status", "losses",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_status()->add_losses();
+       }},
       {"status", "SHA-256|id of 5 bytes", [](wire::Reply& r) { r.mutable_status()->set_calibration_id("12345"); }},
-      {"genlock show", "aligned", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_genlock()->add_unaligned(); }},
-      {"hosts", "hosts", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_hosts()->add_hosts(); }},
-      {"audit", "changes", [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_audit_log()->add_entries(); }},
+      {"genlock show", "aligned",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_genlock()->add_unaligned();
+       }},
+      {"hosts", "hosts",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_hosts()->add_hosts();
+       }},
+      {"audit", "changes",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_audit_log()->add_entries();
+       }},
       {"calibration list", "calibrations",
-       [](wire::Reply& r) { for (int i = 0; i < 9000; ++i) r.mutable_calibrations()->add_entries(); }},
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_calibrations()->add_entries();
+       }},
   };
   for (const Case& c : cases) {
     const auto lie = [&c](Liar& rig, const wire::Request& request) {
@@ -248,11 +272,14 @@ TEST_F(LyingRigs, AnswersToNoQuestion_AreDropped) {
 // --- text ------------------------------------------------------------------------------------------------
 
 bool has_controls(const std::string& text) {
-  return std::ranges::any_of(text, [](char c) { return (static_cast<unsigned char>(c) < 0x20 && c != '\n') || c == 0x7F; });
+  return std::ranges::any_of(text,
+                             [](char c) { return (static_cast<unsigned char>(c) < 0x20 && c != '\n') || c == 0x7F; });
 }
 
 TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
-  const std::string evil = "a\x1b[2J\nnodal: all is well\r\x07\x7F\xC2\x9B" "31m";
+  const std::string evil =
+      "a\x1b[2J\nnodal: all is well\r\x07\x7F\xC2\x9B"
+      "31m";
   rig_.hello.set_rig_name(evil);
   rig_.hello.set_software(evil);
   const auto lie = [&evil](Liar& rig, const wire::Request& request) {
@@ -270,7 +297,8 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
       status.mutable_publish_drops(0)->set_frames(1);
     } else if (request.has_heads()) {
       wire::HeadState& head = *reply.mutable_heads()->add_heads();
-      for (std::string* text : {head.mutable_name(), head.mutable_path(), head.mutable_format(), head.mutable_problem()}) {
+      for (std::string* text :
+           {head.mutable_name(), head.mutable_path(), head.mutable_format(), head.mutable_problem()}) {
         *text = evil;
       }
     } else if (request.has_hosts()) {
@@ -278,8 +306,8 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
       for (std::string* text : {host.mutable_peer(), host.mutable_software(), host.add_streams()}) *text = evil;
     } else if (request.has_audit_log()) {
       wire::AuditEntry& entry = *reply.mutable_audit_log()->add_entries();
-      for (std::string* text : {entry.mutable_who(), entry.mutable_what(), entry.mutable_before(), entry.mutable_after(),
-                                entry.mutable_error()->mutable_message()}) {
+      for (std::string* text : {entry.mutable_who(), entry.mutable_what(), entry.mutable_before(),
+                                entry.mutable_after(), entry.mutable_error()->mutable_message()}) {
         *text = evil;
       }
     } else if (request.has_calibration_list()) {
@@ -299,7 +327,8 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
     EXPECT_EQ((run.out + run.err).find("\xC2\x9B"), std::string::npos) << words;
     const Finished json = against(lie, "--json " + words);
     std::istringstream lines(json.out);
-    for (std::string line; std::getline(lines, line);) EXPECT_FALSE(Json::parse(line, nullptr, false).is_discarded()) << line;
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_FALSE(Json::parse(line, nullptr, false).is_discarded()) << line;
   }
 }
 

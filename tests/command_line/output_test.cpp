@@ -46,9 +46,9 @@ std::size_t times(const std::string& text, const std::string& words) {
 TEST_F(Output, FullDevice_IsSaidOnceAndIsAnExitCodeOfItsOwn) {
   start_nodald();
   bring_up();
-  for (const std::string command :
-       {"--help", "--version", "raymap pull --help", "completion bash", "--json completion bash", "calibration check SIX",
-        "--json calibration check SIX", "status", "--json status", "status --watch", "raymap pull --out -"}) {
+  for (const std::string command : {"--help", "--version", "raymap pull --help", "completion bash",
+                                    "--json completion bash", "calibration check SIX", "--json calibration check SIX",
+                                    "status", "--json status", "status --watch", "raymap pull --out -"}) {
     std::string words = command;
     if (const std::size_t at = words.find("SIX"); at != std::string::npos) words.replace(at, 3, path("six.json"));
     const Finished run = shell(kNodal + words + " > /dev/full");
@@ -68,7 +68,8 @@ TEST_F(Output, ReaderThatGoesAway_EndsItQuietlyAsSigpipeDoes) {
   bring_up();
   for (const std::string command : {"status --watch --interval 5ms", "--json status --watch --interval 5ms",
                                     "raymap pull --continuous --out -", "raymap pull -n 100000 --out -"}) {
-    const Finished run = shell("{ " + kNodal + command + "; echo $? > " + path("code") + "; } | head -c 10 > /dev/null");
+    const Finished run =
+        shell("{ " + kNodal + command + "; echo $? > " + path("code") + "; } | head -c 10 > /dev/null");
     EXPECT_EQ(run.code, 0) << run.err;
     EXPECT_EQ(read("code"), "141\n") << command;
     EXPECT_EQ(run.err, "") << command;
@@ -87,8 +88,8 @@ TEST_F(Output, ClosedStandardOutput_IsALostAnswerAndNothingReachesTheRig) {
 }
 
 TEST_F(Output, NodaldWithoutStandardDescriptors_PutsNothingElseInTheirPlace) {
-  const auto rig = start_shell("exec " NODAL_BIN_DIR "/nodald --config " + path("rig.toml") +
-                               " --blend-threads 1 <&- >&- 2>&-");
+  const auto rig =
+      start_shell("exec " NODAL_BIN_DIR "/nodald --config " + path("rig.toml") + " --blend-threads 1 <&- >&- 2>&-");
   ASSERT_TRUE(wait_until([this] { return nodal({"status"}).code == 0; }));
   for (const std::string descriptor : {"0", "1", "2"}) {
     EXPECT_EQ(fs::read_symlink("/proc/" + std::to_string(rig->pid()) + "/fd/" + descriptor), "/dev/null") << descriptor;

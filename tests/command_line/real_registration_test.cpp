@@ -27,7 +27,8 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippe
     words.insert(words.begin(), "register");
     words.insert(words.end(), pictures.begin(), pictures.end());
     // On one raymap, so that the two figures mean the same.
-    for (const char* word : {"--vignetting", "fixed", "--no-search", "--width", "2048", "--json", "-o"}) words.emplace_back(word);
+    for (const char* word : {"--vignetting", "fixed", "--no-search", "--width", "2048", "--json", "-o"})
+      words.emplace_back(word);
     words.push_back((folder / "found.json").string());
     const test::Finished done = run(words);
     EXPECT_EQ(done.code, 0) << done.err;
@@ -45,8 +46,8 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippe
 /// The mean squared difference that heads keep when only their light is fitted, and how the pairs agree: the same question
 /// of every calibration.
 json judged(const std::string& calibration, const std::vector<std::string>& pictures, const std::string& scratch) {
-  std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "--json", "register", calibration, "--free", "light", "--vignetting",
-                                 "own", "--width", "2048", "-o", scratch};
+  std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "--json", "register", calibration, "--free", "light",
+                                 "--vignetting",         "own",    "--width",  "2048",      "-o",     scratch};
   words.insert(words.end(), pictures.begin(), pictures.end());
   const test::Finished done = test::Process(words).wait(std::chrono::seconds(110));
   EXPECT_EQ(done.code, 0) << done.err;
@@ -60,10 +61,22 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheetAlone_EverySeamLinesUpBetter
   const std::string shipped = (folder / "shipped.json").string(), found = (folder / "found.json").string();
   const std::vector<std::string> pictures{rig / "input-00.jpg", rig / "input-01.jpg", rig / "input-02.jpg"};
   ASSERT_EQ(test::Process({NODAL_BIN_DIR "/nodal", "import", rig / "3_Cam_-_Sample.pts", "-o", shipped})
-                .wait(std::chrono::seconds(20)).code, 0);
+                .wait(std::chrono::seconds(20))
+                .code,
+            0);
   const json by_maker = judged(shipped, pictures, (folder / "judged.json").string());
-  std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "register", "--nominal", "3x230", "--circle", "1920,1080,1587", "--roll",
-                                 "90", "--free", "lens", "-o", found};
+  std::vector<std::string> words{NODAL_BIN_DIR "/nodal",
+                                 "register",
+                                 "--nominal",
+                                 "3x230",
+                                 "--circle",
+                                 "1920,1080,1587",
+                                 "--roll",
+                                 "90",
+                                 "--free",
+                                 "lens",
+                                 "-o",
+                                 found};
   words.insert(words.end(), pictures.begin(), pictures.end());
   const test::Finished done = test::Process(words).wait(std::chrono::seconds(360));
   ASSERT_EQ(done.code, 0) << done.err;
@@ -81,8 +94,8 @@ TEST(RealRegistration, TwoFisheyesBackToBack_AreNotPlacedByTheirRimsButTheirExpo
   const test::TemporaryFolder folder;
   const auto run = [&](const std::string& free) {
     // The circle and the field of view of the maker's data sheet.
-    return test::Process({NODAL_BIN_DIR "/nodal", "--json", "register", "--nominal", "2x190", "--circle", "779,742,765", "--free",
-                          free, "-o", (folder / "found.json").string(), rig / "FR" / "GPFR0003_img1.jpg",
+    return test::Process({NODAL_BIN_DIR "/nodal", "--json", "register", "--nominal", "2x190", "--circle", "779,742,765",
+                          "--free", free, "-o", (folder / "found.json").string(), rig / "FR" / "GPFR0003_img1.jpg",
                           rig / "BK" / "GPBK0003_img1.jpg"})
         .wait(std::chrono::seconds(110));
   };

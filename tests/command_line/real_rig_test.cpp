@@ -8,9 +8,9 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "stitch/media/image_file.h"
 #include "rig_process.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
 #include "tests/reference/png_file.h"
 #include "tests/reference/score.h"
 
@@ -93,8 +93,8 @@ TEST_F(RealRig, RooftopImportedReplayedUploadedPulled_IsTheReferenceStitch) {
   const fs::path data = fs::path(NODAL_SHARED_DIR) / "data" / "stitchem_3cam";
   if (!fs::exists(data / "3_Cam_-_Sample.pts")) GTEST_SKIP() << data << " is not there: no real rig is stitched";
 
-  const Finished imported = nodal({"import", (data / "3_Cam_-_Sample.pts").string(), "-o", path("rooftop.json"),
-                                   "--rig-toml", path("rig.toml")});
+  const Finished imported = nodal(
+      {"import", (data / "3_Cam_-_Sample.pts").string(), "-o", path("rooftop.json"), "--rig-toml", path("rig.toml")});
   ASSERT_EQ(imported.code, 0) << imported.err;
   start_nodald();
   const Finished uploaded = nodal({"--timeout", "60s", "calibration", "upload", path("rooftop.json")});

@@ -93,7 +93,8 @@ TEST_F(RegisterCommand, FramesThatCannotBeRegistered_OneSentenceAndNoFile) {
     void (*spoil)(test::RenderedRig&);
   };
   for (const Trouble& trouble :
-       {Trouble{"head 'cam2' is black", [](test::RenderedRig& rig) { std::ranges::fill(rig.bytes[2], std::uint8_t{1}); }},
+       {Trouble{"head 'cam2' is black",
+                [](test::RenderedRig& rig) { std::ranges::fill(rig.bytes[2], std::uint8_t{1}); }},
         Trouble{"have the same picture", [](test::RenderedRig& rig) { rig.bytes[1] = rig.bytes[0]; }},
         Trouble{"head 'cam3' is upside down", [](test::RenderedRig& rig) { std::ranges::reverse(rig.bytes[3]); }}}) {
     test::RenderedRig rig = town();
@@ -110,11 +111,13 @@ TEST_F(RegisterCommand, Report_IsOneFileWithEveryHeadAndPicturesAndNothingFromAN
   test::RenderedRig rig = town();
   std::ranges::fill(rig.bytes[4], std::uint8_t{140});
   write(rig);
-  const Finished done = run({path("prior.json"), path("frames"), "-o", path("found.json"), "--report", path("page.html")});
+  const Finished done =
+      run({path("prior.json"), path("frames"), "-o", path("found.json"), "--report", path("page.html")});
   ASSERT_EQ(done.code, 0) << done.err;
   const std::string page = text_of(path("page.html"));
   for (const char* says : {"<html", "cam0", "cam5", "kept as it was", "is not placed", "Seams, before and after",
-                           "What the heads differ by", "Who overlaps with whom", "<svg", "cam0 and cam1:", "data:image/png;base64,", "</html>"}) {
+                           "What the heads differ by", "Who overlaps with whom", "<svg",
+                           "cam0 and cam1:", "data:image/png;base64,", "</html>"}) {
     EXPECT_NE(page.find(says), std::string::npos) << says;
   }
   for (const char* remote : {"src=\"http", "href=\"http", "url(http", "@import"}) {
@@ -135,20 +138,24 @@ TEST_F(RegisterCommand, HeadsAnywhereAndPointPairs_AreRegisteredFromThere) {
       for (std::size_t b = a + 1; b < heads.size(); ++b) {
         const auto pa = heads[a].project(ray), pb = heads[b].project(ray);
         if (!pa || !pb || !heads[a].contains(*pa) || !heads[b].contains(*pb)) continue;
-        csv += heads[a].name() + "," + std::to_string(std::round(pa->x)) + "," + std::to_string(std::round(pa->y)) + "," +
-               heads[b].name() + "," + std::to_string(std::round(pb->x)) + "," + std::to_string(std::round(pb->y)) + "\n";
+        csv += heads[a].name() + "," + std::to_string(std::round(pa->x)) + "," + std::to_string(std::round(pa->y)) +
+               "," + heads[b].name() + "," + std::to_string(std::round(pb->x)) + "," +
+               std::to_string(std::round(pb->y)) + "\n";
       }
     }
   }
   std::ofstream(path("points.csv")) << csv;
-  const Finished done = run({path("prior.json"), path("frames"), "--pairs", path("points.csv"), "-o", path("found.json")});
+  const Finished done =
+      run({path("prior.json"), path("frames"), "--pairs", path("points.csv"), "-o", path("found.json")});
   ASSERT_EQ(done.code, 0) << done.err;
   const Calibration found = parse_calibration(text_of(path("found.json"))).value();
   EXPECT_LT(test::rotation_error(town().truth, found).rms_deg, 0.01 * kPixelDeg);
-  const Finished rough = Process({NODAL_BIN_DIR "/nodal", "pairs", path("prior.json"), path("points.csv"), "-o",
-                                  path("rough.json")}).wait();
+  const Finished rough =
+      Process({NODAL_BIN_DIR "/nodal", "pairs", path("prior.json"), path("points.csv"), "-o", path("rough.json")})
+          .wait();
   ASSERT_EQ(rough.code, 0) << rough.err;
-  EXPECT_LT(test::rotation_error(town().truth, parse_calibration(text_of(path("rough.json"))).value()).rms_deg, 2 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(town().truth, parse_calibration(text_of(path("rough.json"))).value()).rms_deg,
+            2 * kPixelDeg);
   EXPECT_NE(rough.out.find("the point pairs agree within"), std::string::npos) << rough.out;
 }
 

@@ -73,8 +73,8 @@ RigTest::~RigTest() {
 }
 
 void RigTest::start_nodald() {
-  nodald_ = std::make_unique<Process>(
-      Words{NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--blend-threads", "1"});
+  nodald_ =
+      std::make_unique<Process>(Words{NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--blend-threads", "1"});
   const bool up = wait_until([this] { return nodal({"status"}).code == 0; });
   ASSERT_TRUE(up) << nodald_->wait(std::chrono::seconds(1)).err;
 }

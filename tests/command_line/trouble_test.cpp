@@ -153,8 +153,8 @@ TEST_F(Trouble, DiskThatFillsUp_KeepsTheWholePicturesAndNoHalfOne) {
 
 TEST_F(Trouble, ReaderThatGoesAway_EndsAWatch) {
   start_nodald();
-  const Finished shell = Process({"sh", "-c", NODAL_BIN_DIR "/nodal status --watch --interval 5ms | head -n 1"},
-                                 environment_).wait();
+  const Finished shell =
+      Process({"sh", "-c", NODAL_BIN_DIR "/nodal status --watch --interval 5ms | head -n 1"}, environment_).wait();
   EXPECT_EQ(std::count(shell.out.begin(), shell.out.end(), '\n'), 1);
 }
 
@@ -189,8 +189,11 @@ TEST_F(Trouble, LinkThatBreaksInTheMiddleOfAnUpload_IsMadeAnewAndGoesOn) {
   // Blanks make the document long enough for several pieces; the first two links die after 150 and 300 kB. (The
   // bridge makes its output non-blocking, and with it the input of dd, were they not kept apart by cat.)
   write("long.json", to_json(six_heads("long")) + std::string(600'000, ' '));
-  fake_ssh("n=$(cat " + path("links") + " 2>/dev/null || echo 0)\n"
-           "echo $((n + 1)) > " + path("links") + "\n"
+  fake_ssh("n=$(cat " + path("links") +
+           " 2>/dev/null || echo 0)\n"
+           "echo $((n + 1)) > " +
+           path("links") +
+           "\n"
            "case $n in\n"
            "  0|1) dd bs=1 count=$((150000 * (n + 1))) 2>/dev/null | BRIDGE | cat ;;\n"
            "  *) exec BRIDGE ;;\n"

@@ -49,8 +49,7 @@ TEST_P(ClockConformance, AskedFromManyThreads_NoneSeesItGoBackwards) {
         const std::int64_t now = clock_->now().ns();
         if (now < before) ++backwards;
         std::int64_t seen = newest.load();
-        while (seen < now && !newest.compare_exchange_weak(seen, now)) {
-        }
+        while (seen < now && !newest.compare_exchange_weak(seen, now)) {}
       }
     });
   }

@@ -380,9 +380,9 @@ TEST_P(HeadConformance, UnpluggedWhileStreaming_EveryCallSaysSoByNameAndLentFram
   // What arrived before may still be taken.
   auto frame = head->take_frame();
   for (int i = 0; i < 64 && frame; ++i) frame = head->take_frame();
-  const std::vector<Status> statuses{
-      frame ? Status{} : fail(frame.error()), head->set_exposure(head->limits().exposure_max),
-      head->set_gain(head->limits().gain_max), head->start(TriggerMode::kFreeRun)};
+  const std::vector<Status> statuses{frame ? Status{} : fail(frame.error()),
+                                     head->set_exposure(head->limits().exposure_max),
+                                     head->set_gain(head->limits().gain_max), head->start(TriggerMode::kFreeRun)};
   for (const Status& status : statuses) {
     ASSERT_FALSE(status);
     EXPECT_EQ(status.error().code, Errc::kDeviceGone);

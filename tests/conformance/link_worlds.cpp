@@ -104,13 +104,12 @@ class PipeWorld final : public LinkWorld {
   std::unique_ptr<Listener> listener_ = std::make_unique<Listener>();
 };
 
-INSTANTIATE_TEST_SUITE_P(
-    Links, LinkConformance,
-    testing::Values(LinkWorldKind{"sim", [] { return std::make_unique<SimWorld>(0); }},
-                    LinkWorldKind{"sim_split", [] { return std::make_unique<SimWorld>(900); }},
-                    LinkWorldKind{"unix", [] { return std::make_unique<SocketWorld>(); }},
-                    LinkWorldKind{"pipe", [] { return std::make_unique<PipeWorld>(); }}),
-    [](const auto& kind) { return kind.param.name; });
+INSTANTIATE_TEST_SUITE_P(Links, LinkConformance,
+                         testing::Values(LinkWorldKind{"sim", [] { return std::make_unique<SimWorld>(0); }},
+                                         LinkWorldKind{"sim_split", [] { return std::make_unique<SimWorld>(900); }},
+                                         LinkWorldKind{"unix", [] { return std::make_unique<SocketWorld>(); }},
+                                         LinkWorldKind{"pipe", [] { return std::make_unique<PipeWorld>(); }}),
+                         [](const auto& kind) { return kind.param.name; });
 
 }  // namespace
 }  // namespace nodal::hal

@@ -26,7 +26,7 @@ using swarm::Hostile;
 using swarm::HostileKind;
 using swarm::Line;
 
-constexpr int kTurnMs = 10;        ///< of every attacker: a flood is 600 requests a second, a storm 150 connections
+constexpr int kTurnMs = 10;  ///< of every attacker: a flood is 600 requests a second, a storm 150 connections
 constexpr int kOfAKind = 2;
 constexpr Duration kChangesEvery = Duration::milliseconds(50);
 constexpr Duration kUploadsEvery = Duration::seconds(2);
@@ -48,8 +48,7 @@ class Changer {
       uploading_.reset();
     }
     if (!line_) return;
-    while (line_->take()) {
-    }
+    while (line_->take()) {}
     if (now >= next_change_) {
       next_change_ = now + kChangesEvery;
       send(change());

@@ -90,9 +90,8 @@ Besieged::~Besieged() {
 
 bool Besieged::start() {
   // Its log goes to a file, so that a full pipe never holds it up.
-  nodald_.emplace(std::vector<std::string>{
-      "/bin/sh", "-c", "exec \"$0\" --config \"$1\" 2>\"$2\"", nodald({}).front(), (folder_ / "rig.toml").string(),
-      (folder_ / "log").string()});
+  nodald_.emplace(std::vector<std::string>{"/bin/sh", "-c", "exec \"$0\" --config \"$1\" 2>\"$2\"", nodald({}).front(),
+                                           (folder_ / "rig.toml").string(), (folder_ / "log").string()});
   return set_up();
 }
 
@@ -250,7 +249,8 @@ void Besieged::sample() {
       std::max(report_.resident_bytes, resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)));
   std::error_code gone;
   const auto entries = fs::directory_iterator("/proc/" + std::to_string(nodald_->pid()) + "/fd", gone);
-  if (!gone) report_.descriptors = std::max<std::uint64_t>(report_.descriptors, std::distance(begin(entries), end(entries)));
+  if (!gone)
+    report_.descriptors = std::max<std::uint64_t>(report_.descriptors, std::distance(begin(entries), end(entries)));
 }
 
 int Besieged::stop() {

@@ -19,14 +19,14 @@ namespace nodal::crash {
 struct PhaseReport {
   std::string name;
   double seconds = 0;
-  std::uint64_t raymaps = 0;            ///< that the good puller got
-  std::uint64_t sets = 0;               ///< that the rig made
-  std::string lost;                     ///< of them, by reason; "none"
-  std::vector<double> latencies_ms;     ///< of the good clients' requests, sorted
-  std::uint64_t resident_bytes = 0;     ///< most
-  std::uint64_t descriptors = 0;        ///< most
+  std::uint64_t raymaps = 0;         ///< that the good puller got
+  std::uint64_t sets = 0;            ///< that the rig made
+  std::string lost;                  ///< of them, by reason; "none"
+  std::vector<double> latencies_ms;  ///< of the good clients' requests, sorted
+  std::uint64_t resident_bytes = 0;  ///< most
+  std::uint64_t descriptors = 0;     ///< most
   std::uint64_t log_bytes = 0, settings_bytes = 0;
-  std::uint64_t reconnects = 0;         ///< of good clients that the rig had dropped
+  std::uint64_t reconnects = 0;  ///< of good clients that the rig had dropped
   double rate() const { return static_cast<double>(raymaps) / seconds; }
   double log_bytes_a_minute() const { return static_cast<double>(log_bytes) * 60 / seconds; }
   double median_ms() const { return latencies_ms.empty() ? 0 : latencies_ms[latencies_ms.size() / 2]; }
@@ -67,7 +67,7 @@ class Besieged {
     std::unique_ptr<swarm::Line> line;
     std::chrono::milliseconds every;
     bool newcomer = false;
-    Clock::time_point due{};          ///< since when it wants an answer
+    Clock::time_point due{};  ///< since when it wants an answer
     Clock::time_point next_try{};
     std::optional<std::uint64_t> asked;
   };

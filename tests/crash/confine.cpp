@@ -24,7 +24,8 @@ bool permit_some(scmp_filter_ctx filter, const std::string& name) {
     (void)seccomp_rule_add(filter, SCMP_ACT_ALLOW, seccomp_syscall_resolve_name(name.c_str()), 1, condition);
   };
   if (name == "mmap") {  // MemoryDenyWriteExecute=
-    for (const std::uint64_t allowed : {0, PROT_WRITE, PROT_EXEC}) permit(SCMP_A2(SCMP_CMP_MASKED_EQ, kWriteAndExecute, allowed));
+    for (const std::uint64_t allowed : {0, PROT_WRITE, PROT_EXEC})
+      permit(SCMP_A2(SCMP_CMP_MASKED_EQ, kWriteAndExecute, allowed));
   } else if (name == "mprotect" || name == "pkey_mprotect") {
     permit(SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   } else if (name == "clone") {  // RestrictNamespaces=

@@ -36,7 +36,8 @@ TEST(Memory, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
     const test::Finished finished = daemon.wait(seconds(20));
     // 1 when threads are there and the first steps of a stage find no memory.
     EXPECT_TRUE(finished.code == 0 || finished.code == 1 || finished.code == 3)
-        << finished.code << " at " << mib << " MiB\n" << finished.err;
+        << finished.code << " at " << mib << " MiB\n"
+        << finished.err;
     if (finished.code == 1) {
       EXPECT_NE(finished.err.find("was refused memory"), std::string::npos) << finished.err;
     }
@@ -108,13 +109,13 @@ class RefusedThread : public Refused, public testing::WithParamInterface<const c
 TEST_P(RefusedThread, WhileTheRigRuns_NodaldEndsInOneSentenceWithItsOutputsSafe) {
   start();
   refuse(GetParam());
-  for (int round = 0; round < 20 && keep_busy(round); ++round) {
-  }
+  for (int round = 0; round < 20 && keep_busy(round); ++round) {}
   daemon_->signal(SIGTERM);
   const test::Finished finished = daemon_->wait(seconds(20));
   EXPECT_EQ(finished.code, 1) << finished.err;
   EXPECT_GT(refusal_->refused.load(), 0u);
-  const std::string sentence = std::string("nodald: ") + GetParam() + " was refused memory; outputs are at their safe levels";
+  const std::string sentence =
+      std::string("nodald: ") + GetParam() + " was refused memory; outputs are at their safe levels";
   EXPECT_NE(finished.err.find(sentence), std::string::npos) << finished.err;
 }
 

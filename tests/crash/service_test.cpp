@@ -98,7 +98,15 @@ std::vector<std::string> confined(const RigFolder& folder) {
                              " && mount -t tmpfs -o mode=000 none /home && mount -t tmpfs -o mode=000 none /dev"
                              " && umask 0007 && exec setpriv --reuid=65534 --regid=65534 --clear-groups"
                              " --bounding-set=-all --inh-caps=-all --no-new-privs ";
-  return {"unshare", "--mount", "--net", "--ipc", "--uts", "--propagation", "private", "sh", "-c",
+  return {"unshare",
+          "--mount",
+          "--net",
+          "--ipc",
+          "--uts",
+          "--propagation",
+          "private",
+          "sh",
+          "-c",
           mounts + NODAL_BIN_DIR "/confine " + list.string() + " " NODAL_BIN_DIR "/nodald --config " + folder.config()};
 }
 

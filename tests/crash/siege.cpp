@@ -29,8 +29,8 @@ struct Options {
 };
 
 void print_header() {
-  std::printf("%-8s %7s %11s %8s %8s %8s %8s %5s %10s %9s %6s  %s\n", "phase", "s", "raymaps/s", "sets/s", "median", "worst",
-              "RSS", "fds", "log", "settings", "again", "sets lost");
+  std::printf("%-8s %7s %11s %8s %8s %8s %8s %5s %10s %9s %6s  %s\n", "phase", "s", "raymaps/s", "sets/s", "median",
+              "worst", "RSS", "fds", "log", "settings", "again", "sets lost");
   std::printf("%-8s %7s %11s %8s %8s %8s %8s %5s %10s %9s %6s\n", "", "", "", "", "ms", "ms", "MiB", "", "bytes/min",
               "bytes", "");
 }

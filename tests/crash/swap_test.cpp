@@ -159,8 +159,10 @@ TEST(CalibrationSwap, KilledInAnyDiskOperationOfKeepingATrial_TheOldOneOrTheTrie
         ASSERT_TRUE(keeping.ask(install(numbered(1))));
         ASSERT_TRUE(keeping.ask(KeeperRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
       },
-      [](Keeping& keeping) { return keeping.ask(KeeperRequest::EndTrial{"", true}); }, calibration_id(numbered(1)),
-      calibration_id(numbered(2)), 20);
+      [](Keeping& keeping) {
+        return keeping.ask(KeeperRequest::EndTrial{"", true});
+      },
+      calibration_id(numbered(1)), calibration_id(numbered(2)), 20);
 }
 
 TEST(CalibrationSwap, ATrial_TouchesNoDiskUntilItIsKept) {

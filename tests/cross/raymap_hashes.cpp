@@ -122,7 +122,8 @@ bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std
   const blend::ToneTable tones = table::compile_tone_table(rig, spec.format);
   std::vector<blend::ExposedHead> exposed(rig.heads.size(), {10 * kStop, 0});
   exposed[0].exposure += 3 * kStop / 2;
-  const blend::SetTone tone = is_linear16(spec.format) ? blend::linear_tone(*table, tones, exposed) : blend::calibrated_tone(*table);
+  const blend::SetTone tone =
+      is_linear16(spec.format) ? blend::linear_tone(*table, tones, exposed) : blend::calibrated_tone(*table);
   std::vector<std::uint8_t> raymap(packed_size(spec.format, spec.width, spec.height));
   blend::blend_rows(*table, test::PreparedHeads(*table, heads).views(), tone,
                     packed_image(spec.format, spec.width, spec.height, raymap.data()), 0, spec.height);
@@ -139,15 +140,14 @@ int main() {
   using namespace nodal;
   using enum PixelFormat;
   const std::vector<PixelFormat> any_yuv{kNv12, kYuyv, kUyvy};
-  const bool good =
-      print_case(ten_heads(), {"equirectangular", 512, 256, kI420}, std::vector(10, kYuyv)) &&
-      print_case(ten_heads(), {"cube", 384, 256, kRgb24}, std::vector(10, kRgb24)) &&
-      print_case(symmetric(), {"equirectangular", 384, 192, kRgb24}, std::vector(4, kRgb24)) &&
-      print_case(symmetric(), {"cube", 384, 256, kGrey8}, std::vector(4, kGrey8)) &&
-      print_case(mixed(), {"equirectangular", 512, 256, kI420}, any_yuv) &&
-      print_case(mixed(), {"cube", 384, 256, kRgb24}, std::vector(3, kRgb24)) &&
-      print_case(ten_heads(), {"equirectangular", 512, 256, kNv12}, std::vector(10, kYuyv)) &&
-      print_case(ten_heads(), {"equirectangular", 512, 256, kRgb48}, std::vector(10, kRgb24)) &&
-      print_case(mixed(), {"cube", 384, 256, kGrey16}, std::vector(3, kGrey8));
+  const bool good = print_case(ten_heads(), {"equirectangular", 512, 256, kI420}, std::vector(10, kYuyv)) &&
+                    print_case(ten_heads(), {"cube", 384, 256, kRgb24}, std::vector(10, kRgb24)) &&
+                    print_case(symmetric(), {"equirectangular", 384, 192, kRgb24}, std::vector(4, kRgb24)) &&
+                    print_case(symmetric(), {"cube", 384, 256, kGrey8}, std::vector(4, kGrey8)) &&
+                    print_case(mixed(), {"equirectangular", 512, 256, kI420}, any_yuv) &&
+                    print_case(mixed(), {"cube", 384, 256, kRgb24}, std::vector(3, kRgb24)) &&
+                    print_case(ten_heads(), {"equirectangular", 512, 256, kNv12}, std::vector(10, kYuyv)) &&
+                    print_case(ten_heads(), {"equirectangular", 512, 256, kRgb48}, std::vector(10, kRgb24)) &&
+                    print_case(mixed(), {"cube", 384, 256, kGrey16}, std::vector(3, kGrey8));
   return good ? 0 : 1;
 }

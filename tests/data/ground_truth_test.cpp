@@ -10,9 +10,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "stitch/media/image_file.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
 #include "stitch/table/table_compiler.h"
 #include "tests/data/truth_rig.h"
 #include "tests/reference/double_blend.h"
@@ -53,7 +53,8 @@ class GroundTruth : public testing::Test {
 
   static const Data& data() {
     static const Data all = [] {
-      Data d{test_data::read_truth_rig(read_text(folder() / "rig_gt.json")).value(), {},
+      Data d{test_data::read_truth_rig(read_text(folder() / "rig_gt.json")).value(),
+             {},
              read_png(folder() / "gt_equirect_2048.png").value(),
              geometry::make_layout("equirectangular", kWidth, kHeight).value()};
       for (const std::string& image : d.rig.images) {
@@ -85,8 +86,8 @@ class GroundTruth : public testing::Test {
     const auto table = table::compile_blend_table(data().rig.calibration, *data().layout, PixelFormat::kRgb24,
                                                   all(PixelFormat::kRgb24), options);
     Picture raymap(PixelFormat::kRgb24, kWidth, kHeight);
-    blend::blend_rows(table.value(), PreparedHeads(table.value(), views()).views(), blend::calibrated_tone(table.value()),
-                      raymap.mutable_view(), 0, kHeight);
+    blend::blend_rows(table.value(), PreparedHeads(table.value(), views()).views(),
+                      blend::calibrated_tone(table.value()), raymap.mutable_view(), 0, kHeight);
     return raymap;
   }
 
@@ -134,8 +135,9 @@ TEST_F(GroundTruth, FixedPoint_IsWithinAFiftiethOfADecibelOfTheDoubleBlendAndNow
 }
 
 TEST_F(GroundTruth, PixelsWithoutAHead_AreExactlyThoseTheTrueRigDoesNotSee) {
-  const auto table = table::compile_blend_table(data().rig.calibration, *data().layout, PixelFormat::kRgb24,
-                                                all(PixelFormat::kRgb24)).value();
+  const auto table =
+      table::compile_blend_table(data().rig.calibration, *data().layout, PixelFormat::kRgb24, all(PixelFormat::kRgb24))
+          .value();
   const auto cameras = nlohmann::json::parse(read_text(folder() / "rig_gt.json"))["cameras"];
   const double pi = std::acos(-1.0);
   Picture validity(PixelFormat::kGrey8, kWidth, kHeight);
@@ -173,9 +175,8 @@ TEST_F(GroundTruth, EachStepLeftOut_CostsWhatItIsWorth) {
                            Step{"gain", 4, 8, [](table::TableOptions& o) { o.undo_gain = false; }},
                            Step{"sharpening", 0.4, 0.5, [](table::TableOptions& o) { o.sharpen = 0; }},
                            Step{"narrow feather", 0.1, 0.2, [](table::TableOptions& o) { o.feather = 0.5; }},
-                           Step{"ray interpolation", -0.001, 0.001, [](table::TableOptions& o) {
-                                  o.interpolation = table::Interpolation::kPixel;
-                                }}}) {
+                           Step{"ray interpolation", -0.001, 0.001,
+                                [](table::TableOptions& o) { o.interpolation = table::Interpolation::kPixel; }}}) {
     table::TableOptions options = one_nodal_point();
     step.leave_out(options);
     const double lost = whole - score_of(on_board(options)).psnr_db;
@@ -187,7 +188,8 @@ TEST_F(GroundTruth, EachStepLeftOut_CostsWhatItIsWorth) {
 
 TEST_F(GroundTruth, HeadsInI420_LoseOnlyWhatHalvedColourCosts) {
   const auto table = table::compile_blend_table(data().rig.calibration, *data().layout, PixelFormat::kI420,
-                                                all(PixelFormat::kI420), one_nodal_point()).value();
+                                                all(PixelFormat::kI420), one_nodal_point())
+                         .value();
   std::vector<DecodedImage> pictures;
   std::vector<ImageView> heads;
   for (const ImageView& view : views()) pictures.push_back(media::convert_image(view, PixelFormat::kI420));
@@ -198,8 +200,8 @@ TEST_F(GroundTruth, HeadsInI420_LoseOnlyWhatHalvedColourCosts) {
   const auto rgb = media::convert_image(raymap.view(), PixelFormat::kRgb24);
   const double by_yuv = score(rgb.view(), data().truth.view(), *data().layout).psnr_db;
   // What the same halving does to the true sphere itself: nothing blended in I420 can do better.
-  const auto halved = media::convert_image(
-      media::convert_image(data().truth.view(), PixelFormat::kI420).view(), PixelFormat::kRgb24);
+  const auto halved =
+      media::convert_image(media::convert_image(data().truth.view(), PixelFormat::kI420).view(), PixelFormat::kRgb24);
   const double ceiling = score(halved.view(), data().truth.view(), *data().layout).psnr_db;
   std::printf("by I420 %.2f dB; the true sphere through I420 %.2f dB\n", by_yuv, ceiling);
   EXPECT_LT(by_yuv, ceiling);

@@ -19,7 +19,8 @@ class TrueRotations : public testing::Test {
  protected:
   void SetUp() override {
     const fs::path folder = fs::path(NODAL_SHARED_DIR) / "data" / "synthetic_10head";
-    if (!fs::exists(folder / "rig_gt.json")) GTEST_SKIP() << folder << " is not there: registration is not held against it";
+    if (!fs::exists(folder / "rig_gt.json"))
+      GTEST_SKIP() << folder << " is not there: registration is not held against it";
     std::ifstream stream(folder / "rig_gt.json");
     const std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
     Result<test_data::TruthRig> rig = test_data::read_truth_rig(text);

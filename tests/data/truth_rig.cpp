@@ -59,8 +59,7 @@ HeadCalibration to_head(Camera& camera, const std::string& image) {
   head.lens = TsaiLens{camera.number("f"), camera.number("k1"), camera.number("k2")};
   head.R_head_rig = camera.rotation();
   head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}};
-  head.vignetting = {
-      head.center_x, head.center_y, kVignettingRadius, {camera.number("v2"), camera.number("v4"), 0}};
+  head.vignetting = {head.center_x, head.center_y, kVignettingRadius, {camera.number("v2"), camera.number("v4"), 0}};
   const double gain = camera.number("gain");
   head.gain = {gain, gain, gain};
   return head;
@@ -96,8 +95,8 @@ Result<TruthRig> read_truth_rig(std::string_view text) {
 std::string replay_rig_toml(const TruthRig& rig, std::string_view folder, std::string_view format, int width) {
   std::string text =
       "# Replays the pictures of a rendered rig.\n[rig]\nname = \"truth\"\nrate = \"30000/1001\"\n\n[raymap]\n";
-  text += "layout = \"equirectangular\"\nwidth = " + std::to_string(width) +
-          "\nheight = " + std::to_string(width / 2) + "\n";
+  text += "layout = \"equirectangular\"\nwidth = " + std::to_string(width) + "\nheight = " + std::to_string(width / 2) +
+          "\n";
   text += "format = \"" + std::string(format) + "\"\njpeg_quality = 95\nfeather = 0.05\n\n[trigger]\nstart = true\n\n";
   text += "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n";
   for (std::size_t i = 0; i < rig.images.size(); ++i) {

@@ -57,7 +57,8 @@ BlendTable with_places(BlendTable table) {
   grid.places.assign(grid.tile_count() * blend::kTilePixels, GridTable::kNowhere);
   for (int y = 0; y < grid.height; ++y) {
     for (int x = 0; x < grid.width; ++x) {
-      grid.places[grid.tile_index(x / 8, y / 8) * 64 + static_cast<std::size_t>(y % 8 * 8 + x % 8)] = GridTable::place(x, y);
+      grid.places[grid.tile_index(x / 8, y / 8) * 64 + static_cast<std::size_t>(y % 8 * 8 + x % 8)] =
+          GridTable::place(x, y);
     }
   }
   return table;
@@ -87,7 +88,9 @@ void take(const Step& step, BlendTable& table) {
   GridTable& grid = table.grids[step.grid % table.grids.size()];
   BlendTable::Source& source = table.sources[step.place % table.sources.size()];
   const auto set = [&](auto& field) { field = static_cast<std::remove_reference_t<decltype(field)>>(step.value); };
-  const auto set_one = [&](auto& list) { if (!list.empty()) set(list[step.place % list.size()]); };
+  const auto set_one = [&](auto& list) {
+    if (!list.empty()) set(list[step.place % list.size()]);
+  };
   blend::PatchRecord none;
   blend::PatchRecord& record = grid.records.empty() ? none : grid.records[step.place % grid.records.size()];
   blend::Tile& tile = grid.tiles[step.place % grid.tiles.size()];
@@ -103,7 +106,9 @@ void take(const Step& step, BlendTable& table) {
     case 8: set(record.y[step.grid / 2 % 6]); break;
     case 9: set_one(grid.weights); break;
     case 10: set_one(grid.coordinates); break;
-    case 11: if (!grid.gains.empty()) set(grid.gains[step.place % grid.gains.size()][step.grid / 2 % 4]); break;
+    case 11:
+      if (!grid.gains.empty()) set(grid.gains[step.place % grid.gains.size()][step.grid / 2 % 4]);
+      break;
     case 12: set_one(grid.places); break;
     case 13: grid.width = static_cast<int>(step.value % 256); break;
     case 14: grid.height = static_cast<int>(step.value % 256); break;

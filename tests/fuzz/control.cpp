@@ -52,7 +52,8 @@ class Operations {
       case 9: return upload_junk();
       case 10: return stop_reading();
       case 11: return pass_time();
-      case 12: return stand_.jump(Duration::nanoseconds(static_cast<std::int64_t>(telling(in_, 47))));  // up to 39 hours
+      case 12:
+        return stand_.jump(Duration::nanoseconds(static_cast<std::int64_t>(telling(in_, 47))));  // up to 39 hours
       case 13: return restart();
       case 14: return recover();
       default: return change_disk();

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <span>
 
-#include "stitch/media/image_file.h"
 #include "memory_limit.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
+#include "stitch/media/image_file.h"
 
 namespace nodal::fuzz {
 

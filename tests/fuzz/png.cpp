@@ -1,6 +1,6 @@
 // The PNG reader, by which head pictures and scenes are opened.
-#include "stitch/media/png_reader.h"
 #include "picture.h"
+#include "stitch/media/png_reader.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   nodal::fuzz::decode_any({data, size}, nodal::media::png_header);

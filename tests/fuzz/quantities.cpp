@@ -43,7 +43,8 @@ void parse_all(const std::string& text) {
       before = begin;
     }
   }
-  if (const auto address = host::parse_rig_address(text, "ssh")) NODAL_ASSERT(address->command.empty() != address->link.empty());
+  if (const auto address = host::parse_rig_address(text, "ssh"))
+    NODAL_ASSERT(address->command.empty() != address->link.empty());
   if (const auto name = host::numbered_name(text, 7)) NODAL_ASSERT(name->size() <= text.size() + 100);
   (void)host::raymap_format_of_name(text);
   if (const auto nominal = host::parse_nominal(text)) (void)host::nominal_rig(*nominal, 640, 480);  // may be refused

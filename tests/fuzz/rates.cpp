@@ -79,7 +79,8 @@ std::optional<FrameRate> rate_said(const std::string& said) {
 
 void check_rig_toml(ByteReader& in) {
   const std::string said = rate_text(in);
-  const std::string toml = "[rig]\nname = \"r\"\nrate = \"" + said + "\"\n[[heads]]\nname = \"a\"\nport = \"replay:a.png\"\n";
+  const std::string toml =
+      "[rig]\nname = \"r\"\nrate = \"" + said + "\"\n[[heads]]\nname = \"a\"\nport = \"replay:a.png\"\n";
   const auto config = firmware::parse_rig_config(toml, "rig.toml");
   const std::optional<FrameRate> rate = rate_said(said);
   NODAL_ASSERT(config.has_value() == rate.has_value());

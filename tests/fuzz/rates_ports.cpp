@@ -29,7 +29,8 @@ void pause(ByteReader& in, hal::sim::SimClock& clock) {
 hal::TriggerSettings drawn_settings(ByteReader& in) {
   hal::TriggerSettings settings;
   settings.rate = {telling32(in), telling32(in)};
-  if (const auto reduced = FrameRate::make(settings.rate.numerator, settings.rate.denominator)) settings.rate = *reduced;
+  if (const auto reduced = FrameRate::make(settings.rate.numerator, settings.rate.denominator))
+    settings.rate = *reduced;
   settings.pulse_width = Duration::microseconds(100);
   if (in.u8() % 8 == 0) settings.pulse_width = Duration::nanoseconds(static_cast<std::int64_t>(telling(in)));
   return settings;
@@ -74,7 +75,8 @@ const std::string& picture_path() {
         0x00, 0x00, 0x0A, 0x49, 0x44, 0x41, 0x54, 0x78, 0xDA, 0x63, 0x68, 0x00, 0x00, 0x00, 0x82, 0x00, 0x81,
         0xDA, 0x45, 0x08, 0x3B, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4E, 0x44, 0xAE, 0x42, 0x60, 0x82};
     const int fd = ::memfd_create("picture", 0);
-    NODAL_ASSERT(fd >= 0 && ::write(fd, kGreyPixel.data(), kGreyPixel.size()) == static_cast<ssize_t>(kGreyPixel.size()));
+    NODAL_ASSERT(fd >= 0 &&
+                 ::write(fd, kGreyPixel.data(), kGreyPixel.size()) == static_cast<ssize_t>(kGreyPixel.size()));
     return "/proc/self/fd/" + std::to_string(fd);
   }();
   return path;

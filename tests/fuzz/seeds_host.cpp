@@ -22,8 +22,21 @@ namespace fs = std::filesystem;
 
 // As commands() in rig_replies.cpp counts them.
 enum Command : char {
-  kStatus, kHeads, kHeadSet, kExposureShow, kExposureSet, kGenlock, kCalibrationList, kCalibrationShow,
-  kCalibrationRollback, kPullJpeg, kPullPng, kSync, kDrift, kHosts, kAudit
+  kStatus,
+  kHeads,
+  kHeadSet,
+  kExposureShow,
+  kExposureSet,
+  kGenlock,
+  kCalibrationList,
+  kCalibrationShow,
+  kCalibrationRollback,
+  kPullJpeg,
+  kPullPng,
+  kSync,
+  kDrift,
+  kHosts,
+  kAudit
 };
 constexpr char kText = 0;
 constexpr char kJson = 1;
@@ -88,7 +101,9 @@ wire::Reply status() {
   wire::RigStatus& s = *reply.mutable_status();
   s.set_state("running");
   s.set_activity("compiling");
-  s.set_problem("a sentence\r\nnodal: all is well\xC2\x9B" "2J");
+  s.set_problem(
+      "a sentence\r\nnodal: all is well\xC2\x9B"
+      "2J");
   s.set_calibration_id(std::string(32, 'i'));
   s.set_calibration_name("six");
   s.mutable_genlock()->set_state("locked");
@@ -187,7 +202,8 @@ void write_answers(const fs::path& corpus) {
   wire::Reply error;
   error.mutable_error()->set_code(UINT32_MAX);
   error.mutable_error()->set_message("a\x1b]0;b\x07");
-  for (const char flags : {kText, kJson}) Talk(kStatus, flags).reply(error).write(corpus / (flags ? "error-json" : "error"));
+  for (const char flags : {kText, kJson})
+    Talk(kStatus, flags).reply(error).write(corpus / (flags ? "error-json" : "error"));
 }
 
 void write_streams(const fs::path& corpus) {
@@ -203,15 +219,28 @@ void write_streams(const fs::path& corpus) {
                                           : std::string(coding) == "RGB24"  ? PixelFormat::kRgb24
                                                                             : PixelFormat::kI420,
                                           32, 16);
-    Talk(kPullPng, kText).reply(heads(2)).open(false).started()
+    Talk(kPullPng, kText)
+        .reply(heads(2))
+        .open(false)
+        .started()
         .item(0, raymap_header(coding, 32, 16), std::string(bytes, 'x'), bytes)
         .write(corpus / (std::string("pull-") + coding));
   }
   const std::string largest = raymap_header("RGB48", 16384, 8192);
-  Talk(kPullPng, kText).reply(heads(2)).open(false).started().item(0, largest, "x", 16384ULL * 8192 * 6)
+  Talk(kPullPng, kText)
+      .reply(heads(2))
+      .open(false)
+      .started()
+      .item(0, largest, "x", 16384ULL * 8192 * 6)
       .write(corpus / "pull-largest-announced");
   const std::string set = raymap_header("none", 32, 16);
-  Talk(kSync, kText).reply(heads(2)).open(true).started().item(0, set, "", 0).item(1, set, "", 0).item(2, set, "", 0)
+  Talk(kSync, kText)
+      .reply(heads(2))
+      .open(true)
+      .started()
+      .item(0, set, "", 0)
+      .item(1, set, "", 0)
+      .item(2, set, "", 0)
       .write(corpus / "sync");
   Talk(kSync, kJson).reply(heads(2)).open(true).started().item(0, set, "", 0).close(1).write(corpus / "sync-json");
   // Frame sets: two heads of 64x48 grey; then a calibration of other sizes.
@@ -229,17 +258,35 @@ void write_streams(const fs::path& corpus) {
   }
   const std::string pixels(2 * 64 * 48, 'p');
   const std::string meta = frames.SerializeAsString();
-  Talk(kDrift, kText).reply(calibration_of(rig)).open(true).started().item(0, meta, pixels, pixels.size()).close(1)
+  Talk(kDrift, kText)
+      .reply(calibration_of(rig))
+      .open(true)
+      .started()
+      .item(0, meta, pixels, pixels.size())
+      .close(1)
       .write(corpus / "drift");
-  Talk(kDrift, kText).reply(calibration_of(rig)).open(true).started().item(0, meta, pixels, 1'000'000'000)
+  Talk(kDrift, kText)
+      .reply(calibration_of(rig))
+      .open(true)
+      .started()
+      .item(0, meta, pixels, 1'000'000'000)
       .write(corpus / "drift-announces-1GB");
   frames.mutable_heads(1)->set_offset(UINT64_MAX);
-  Talk(kDrift, kText).reply(calibration_of(rig)).open(true).started()
-      .item(0, frames.SerializeAsString(), pixels, pixels.size()).close(1).write(corpus / "drift-offset");
+  Talk(kDrift, kText)
+      .reply(calibration_of(rig))
+      .open(true)
+      .started()
+      .item(0, frames.SerializeAsString(), pixels, pixels.size())
+      .close(1)
+      .write(corpus / "drift-offset");
   frames.mutable_heads(1)->set_offset(0);
   frames.mutable_heads(1)->set_width(32);
-  Talk(kDrift, kText).reply(calibration_of(rig)).open(true).started()
-      .item(0, frames.SerializeAsString(), std::string(64 * 48 + 32 * 48, 'p'), 64 * 48 + 32 * 48).close(1)
+  Talk(kDrift, kText)
+      .reply(calibration_of(rig))
+      .open(true)
+      .started()
+      .item(0, frames.SerializeAsString(), std::string(64 * 48 + 32 * 48, 'p'), 64 * 48 + 32 * 48)
+      .close(1)
       .write(corpus / "drift-other-size");
 }
 
@@ -252,8 +299,9 @@ void write_pictures(const fs::path& png, const fs::path& jpeg) {
   test::write_bytes(png / "grey", test::png_of(rgb, 20, 36, 1));
   test::write_bytes(png / "rgba", test::png_of(rgb, 20, 9, 4));
   test::write_bytes(png / "rgb16", test::png_of(deep, 20, 12, 3, 16));
-  for (const auto& [name, sampling] : {std::pair("420", test::Sampling::k420), std::pair("422", test::Sampling::k422),
-                                       std::pair("444", test::Sampling::k444), std::pair("grey", test::Sampling::kGrey)}) {
+  for (const auto& [name, sampling] :
+       {std::pair("420", test::Sampling::k420), std::pair("422", test::Sampling::k422),
+        std::pair("444", test::Sampling::k444), std::pair("grey", test::Sampling::kGrey)}) {
     std::vector<std::uint8_t> bytes = test::jpeg_of(rgb, 20, 12, sampling);
     test::write_bytes(jpeg / name, bytes);
     // The same file says that it is 32 000 pixels wide and high.

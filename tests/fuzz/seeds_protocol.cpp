@@ -33,8 +33,7 @@ struct Talk {
       (void)to.receive(out);
       from.sent(out.size());
     }
-    while (to.next_event()) {
-    }
+    while (to.next_event()) {}
   }
   void run() {
     for (int i = 0; i < 6; ++i) {
@@ -118,15 +117,15 @@ int main(int argc, char** argv) {
   // The program acts too: opens both kinds, offers, gets a credit, does not read, stops, closes.
   Bytes acting = as_operations(0, talk->from_host);
   acting.resize(1 + 4 + (acting[3] | acting[4] << 8));  // the hello only
-  const Bytes acts{0x80, 0, 0, 0, 0x81, 0, 0, 0, 0x82, 2, 1, 0, 'm', 0x82, 4, 0, 0, 0x82, 4, 0, 0,
-                   18,   2, 3, 0, 0x08, 0xFF, 0x7F, 18, 4, 2, 0, 0x08, 0x7F, 0x86, 0, 0, 0, 0x87, 200, 0, 0,
-                   16,   1, 2, 0, 0x08, 0x01, 0x85, 1, 0, 0, 0x83, 2, 0, 0, 0x84, 4, 0, 0};
+  const Bytes acts{0x80, 0,  0,  0, 0x81, 0,    0,    0,    0x82, 2, 1, 0, 'm',  0x82, 4,    0, 0,    0x82, 4,    0,
+                   0,    18, 2,  3, 0,    0x08, 0xFF, 0x7F, 18,   4, 2, 0, 0x08, 0x7F, 0x86, 0, 0,    0,    0x87, 200,
+                   0,    0,  16, 1, 2,    0,    0x08, 0x01, 0x85, 1, 0, 0, 0x83, 2,    0,    0, 0x84, 4,    0,    0};
   acting.insert(acting.end(), acts.begin(), acts.end());
   write(corpus / "session/program_acts", acting);
   write(corpus / "upload/whole", Bytes{0, 2, 0, 0, 1, 2, 0, 40, 0, 2, 0, 0, 1, 2, 40, 37, 3, 2, 0, 0});
-  write(corpus / "upload/liar", Bytes{0, 3, 0, 0, 2, 3, 0, 100, 1, 3, 100, 100, 3, 3, 0, 0, 0, 3, 0, 0, 1, 3, 0, 200,
-                                      3, 3, 0, 0});
-  write(corpus / "upload/crowd", Bytes{0, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 1, 1, 0, 1,
-                                       3, 1, 0, 0, 3, 0, 0, 0, 4, 2, 0, 0});
+  write(corpus / "upload/liar",
+        Bytes{0, 3, 0, 0, 2, 3, 0, 100, 1, 3, 100, 100, 3, 3, 0, 0, 0, 3, 0, 0, 1, 3, 0, 200, 3, 3, 0, 0});
+  write(corpus / "upload/crowd", Bytes{0, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4,
+                                       0, 0, 1, 1, 0, 1, 3, 1, 0, 0, 3, 0, 0, 0, 4, 2, 0, 0});
   return 0;
 }

@@ -9,9 +9,9 @@
 namespace nodal::fuzz {
 namespace {
 
-constexpr Duration kTick = Duration::milliseconds(50);       ///< how often the rig looks round when nothing happens
-constexpr Duration kWarmUp = Duration::milliseconds(150);    ///< a frame set
-constexpr Duration kConverge = Duration::milliseconds(1500); ///< settings are on the disk, heads have followed
+constexpr Duration kTick = Duration::milliseconds(50);        ///< how often the rig looks round when nothing happens
+constexpr Duration kWarmUp = Duration::milliseconds(150);     ///< a frame set
+constexpr Duration kConverge = Duration::milliseconds(1500);  ///< settings are on the disk, heads have followed
 constexpr Duration kWatch = Duration::seconds(2);
 constexpr std::int64_t kEventsOfACheck = 2500;
 constexpr std::int64_t kMostUploaded = 16 << 20;  ///< documents half there, and generations on the disk
@@ -84,11 +84,16 @@ void Stand::start() {
   for (std::size_t i = 0; i < world_.heads(); ++i) taken_before_.push_back(world_.head(i).counts().taken);
   listener_ = std::make_unique<hal::sim::SimLinkListener>();
   watchdog_ = std::make_unique<hal::sim::SimWatchdog>(world_.clock());
-  rig_ = std::make_unique<firmware::Rig>(
-      config(),
-      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {{listener_.get()}},
-                         watchdog_.get(), {}, nullptr},
-      "a fuzzed rig");
+  rig_ = std::make_unique<firmware::Rig>(config(),
+                                         firmware::RigPorts{world_.clock(),
+                                                            world_.enumerator(),
+                                                            &world_.trigger(),
+                                                            *disk_,
+                                                            {{listener_.get()}},
+                                                            watchdog_.get(),
+                                                            {},
+                                                            nullptr},
+                                         "a fuzzed rig");
   log_bytes_ = 0;
   started_ = world_.now();
 }
@@ -186,7 +191,8 @@ void Stand::check_conserved() {
 void Stand::take_news() {
   for (const std::string& sentence : rig_->control().take_news()) {
     NODAL_ASSERT(sentence.size() <= kSentenceBytes);
-    NODAL_ASSERT(std::none_of(sentence.begin(), sentence.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }));
+    NODAL_ASSERT(
+        std::none_of(sentence.begin(), sentence.end(), [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }));
     log_bytes_ += static_cast<std::int64_t>(sentence.size()) + kLineBytes;
   }
   NODAL_ASSERT(log_bytes_ <= kLogBytesAtOnce + kLogBytesASecond * ((world_.now() - started_).ms() / 1000));

@@ -13,8 +13,7 @@ double level(const PlaneView& plane, int x, int y) {
 }
 
 double luma(const ImageView& rgb, int x, int y) {
-  return 0.299 * level(rgb.planes[0], x, y) + 0.587 * level(rgb.planes[1], x, y) +
-         0.114 * level(rgb.planes[2], x, y);
+  return 0.299 * level(rgb.planes[0], x, y) + 0.587 * level(rgb.planes[1], x, y) + 0.114 * level(rgb.planes[2], x, y);
 }
 
 double block_ssim(const ImageView& a, const ImageView& b, int x0, int y0, int side) {
@@ -36,8 +35,7 @@ double block_ssim(const ImageView& a, const ImageView& b, int x0, int y0, int si
   const double c1 = 0.01 * 255 * 0.01 * 255;
   const double c2 = 0.03 * 255 * 0.03 * 255;
   return (2 * mean_a * mean_b + c1) * (2 * (ab / n - mean_a * mean_b) + c2) /
-         ((mean_a * mean_a + mean_b * mean_b + c1) *
-          (aa / n - mean_a * mean_a + bb / n - mean_b * mean_b + c2));
+         ((mean_a * mean_a + mean_b * mean_b + c1) * (aa / n - mean_a * mean_a + bb / n - mean_b * mean_b + c2));
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ constexpr Duration kPeriod = FrameRate{}.period();
 constexpr std::array<std::int32_t, kHeads> kDrifts = {50, -50, 31, -17, 8, -44};
 
 /// Heads whose crystals are up to 50 ppm off, with phases by chance.
-StandOptions free_rig(Duration stamp_jitter = {}, const std::function<void(HeadIndex, hal::sim::HeadOptions&)>& also = {}) {
+StandOptions free_rig(Duration stamp_jitter = {},
+                      const std::function<void(HeadIndex, hal::sim::HeadOptions&)>& also = {}) {
   StandOptions options;
   options.config.trigger.source = firmware::SyncSource::kNone;
   options.config.trigger.start = true;

@@ -124,8 +124,7 @@ TEST(BringUp, EveryPixel_HoldsTheLightOfItsRay) {
                                   0.5 + 0.4 * std::cos(theta) * std::cos(phi)};
       for (std::size_t c = 0; c < 3; ++c) {
         const std::size_t at = (static_cast<std::size_t>(j) * 128 + static_cast<std::size_t>(i)) * 3 + c;
-        ASSERT_NEAR(rgb[at], expected[c] * 255, 1.5)
-            << "pixel " << i << ", " << j << " component " << c;
+        ASSERT_NEAR(rgb[at], expected[c] * 255, 1.5) << "pixel " << i << ", " << j << " component " << c;
       }
     }
   }

@@ -92,10 +92,10 @@ TEST(Capture, AHeadIsAway_ItsRaysGoToTheHeadsThatSeeThemToo) {
   }
   // Only head 0 sees what is within 35 degrees of forward on both axes: nowhere else is black, and there all is.
   const auto pixel = [&](int x, int y) { return raymap.body[static_cast<std::size_t>(y * 128 + x) * 3]; };
-  EXPECT_EQ(pixel(64, 32), 0);          // forward
-  EXPECT_EQ(pixel(64 + 14, 32), 128);   // 40 degrees right of it: the right head's too
+  EXPECT_EQ(pixel(64, 32), 0);         // forward
+  EXPECT_EQ(pixel(64 + 14, 32), 128);  // 40 degrees right of it: the right head's too
   EXPECT_EQ(pixel(64 - 14, 32), 128);
-  EXPECT_EQ(pixel(0, 32), 128);         // behind
+  EXPECT_EQ(pixel(0, 32), 128);  // behind
   EXPECT_GT(black, 0u);
   EXPECT_LT(static_cast<double>(black), 0.14 * static_cast<double>(black + seen));
 }

@@ -115,8 +115,7 @@ TEST_P(LightChanges, SettlesWithinTenFramesAndNeverATenthTooFar) {
 
 INSTANTIATE_TEST_SUITE_P(
     Changes, LightChanges,
-    testing::Combine(testing::Values(Change{"a lamp goes on, four stops", 1, 16, -4},
-                                     Change{"it goes off", 16, 1, 4},
+    testing::Combine(testing::Values(Change{"a lamp goes on, four stops", 1, 16, -4}, Change{"it goes off", 16, 1, 4},
                                      Change{"into the sun, five stops", 1, 32, -5},
                                      Change{"into the dark, five stops", 2, 1.0 / 16, 5},
                                      Change{"a cloud, half a stop", 1, 0.7071, 0.5}),
@@ -240,12 +239,12 @@ Against against_light(const Pulled& raymap, const hal::sim::Scene& scene, const 
         for (int x = 8 * bx; x < 8 * bx + 8; ++x) {
           const double theta = 2 * M_PI * ((x + 0.5) / 128 - 0.5);
           const double phi = M_PI * ((y + 0.5) / 64 - 0.5);
-          const hal::sim::Direction ray{std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
+          const hal::sim::Direction ray{std::sin(theta) * std::cos(phi), std::sin(phi),
+                                        std::cos(theta) * std::cos(phi)};
           const double light = std::min(1.0, scene.light(ray, 0).r * lift);
-          const double expected = 255 * (response.curve == Response::Curve::kGamma
-                                             ? std::pow(light, 1 / response.gamma)
-                                             : light <= 0.0031308 ? 12.92 * light
-                                                                  : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
+          const double expected = 255 * (response.curve == Response::Curve::kGamma ? std::pow(light, 1 / response.gamma)
+                                         : light <= 0.0031308                      ? 12.92 * light
+                                                              : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
           const double off = raymap.body[static_cast<std::size_t>(3 * (128 * y + x) + 1)] - expected;
           result.worst = std::max(result.worst, std::abs(off));
           sum += std::abs(off);
@@ -312,8 +311,7 @@ TEST_P(FourStopsApart, HeadsMeetWithoutASeamAndThePictureIsTheLight) {
   EXPECT_LT(apart.worst, 2.5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Responses, FourStopsApart,
-                         testing::Values(Response::Curve::kGamma, Response::Curve::kSrgb));
+INSTANTIATE_TEST_SUITE_P(Responses, FourStopsApart, testing::Values(Response::Curve::kGamma, Response::Curve::kSrgb));
 
 }  // namespace
 }  // namespace nodal::scenario

@@ -21,7 +21,8 @@ wire::Request made_by(const Extreme& extreme) {
   return request;
 }
 
-void start_genlock(wire::Request& request, std::uint32_t numerator, std::uint32_t denominator, std::uint64_t pulse = 0) {
+void start_genlock(wire::Request& request, std::uint32_t numerator, std::uint32_t denominator,
+                   std::uint64_t pulse = 0) {
   request.mutable_genlock()->set_action(wire::GenlockRequest::START);
   request.mutable_genlock()->set_rate_numerator(numerator);
   request.mutable_genlock()->set_rate_denominator(denominator);
@@ -109,12 +110,15 @@ TEST(Extremes, RequestsBeyondTheEnds_AreRefusedWithTheRange) {
   Stand stand;
   TestHost& host = stand.bring_up();
   const Beyond all[] = {
-      {{"exposure", [](wire::Request& r) { r.mutable_head_set()->set_exposure_ns(3'600'000'000'001); }}, "1 ns to 1 hour"},
+      {{"exposure", [](wire::Request& r) { r.mutable_head_set()->set_exposure_ns(3'600'000'000'001); }},
+       "1 ns to 1 hour"},
       {{"exposure", [](wire::Request& r) { r.mutable_head_set()->set_exposure_ns(UINT64_MAX); }}, "1 ns to 1 hour"},
       {{"gain", [](wire::Request& r) { r.mutable_head_set()->set_gain_mdb(60'001); }}, "-60000 to 60000 mdB"},
       {{"gain", [](wire::Request& r) { r.mutable_head_set()->set_gain_mdb(INT32_MIN); }}, "-60000 to 60000 mdB"},
-      {{"highest", [](wire::Request& r) { r.mutable_exposure()->set_highest_gain_mdb(INT32_MIN); }}, "-60000 to 60000 mdB"},
-      {{"highest", [](wire::Request& r) { r.mutable_exposure()->set_highest_gain_mdb(INT32_MAX); }}, "-60000 to 60000 mdB"},
+      {{"highest", [](wire::Request& r) { r.mutable_exposure()->set_highest_gain_mdb(INT32_MIN); }},
+       "-60000 to 60000 mdB"},
+      {{"highest", [](wire::Request& r) { r.mutable_exposure()->set_highest_gain_mdb(INT32_MAX); }},
+       "-60000 to 60000 mdB"},
       {{"gamma", [](wire::Request& r) { r.mutable_head_set()->set_gamma(UINT32_MAX); }}, "100 to 8000"},
       {{"white balance", [](wire::Request& r) { white_balance(r, UINT32_MAX, 4096); }}, "256 to 65535"},
       {{"target", [](wire::Request& r) { r.mutable_exposure()->set_target_below(UINT32_MAX); }}, "500 to 8000"},
@@ -122,10 +126,12 @@ TEST(Extremes, RequestsBeyondTheEnds_AreRefusedWithTheRange) {
       {{"difference", [](wire::Request& r) { r.mutable_exposure()->set_difference(UINT32_MAX); }}, "0 to 8000"},
       {{"longest", [](wire::Request& r) { r.mutable_exposure()->set_longest_ns(UINT64_MAX); }}, "1 us to 10 s"},
       {{"pulse", [](wire::Request& r) { start_genlock(r, 0, 0, UINT64_MAX); }}, "shorter than a frame"},
-      {{"trial", [](wire::Request& r) {
+      {{"trial",
+        [](wire::Request& r) {
           r.mutable_upload_commit()->set_sha256(std::string(32, 'x'));
           r.mutable_upload_commit()->set_trial_ns(UINT64_MAX);
-        }}, "1 s to 1 hour"},
+        }},
+       "1 s to 1 hour"},
   };
   for (const Beyond& beyond : all) {
     const wire::Error error = host.ask(made_by(beyond.request)).error();
@@ -136,11 +142,12 @@ TEST(Extremes, RequestsBeyondTheEnds_AreRefusedWithTheRange) {
 
 /// A rig.toml of the small rig; `head` goes into its first head, `rest` to where tables may begin.
 std::string rig_toml(const std::string& rig, const std::string& head, const std::string& rest) {
-  std::string toml = "[rig]\nname = \"ends\"\n" + rig + "\n[raymap]\nwidth = 128\nheight = 64\nformat = \"RGB24\"\n" + rest +
-                     "\n[sim]\ncalibration = \"truth.json\"\n";
+  std::string toml = "[rig]\nname = \"ends\"\n" + rig + "\n[raymap]\nwidth = 128\nheight = 64\nformat = \"RGB24\"\n" +
+                     rest + "\n[sim]\ncalibration = \"truth.json\"\n";
   for (int i = 0; i < kHeads; ++i) {
     const std::string name = "cam" + std::to_string(i);
-    toml += "[[heads]]\nname = \"" + name + "\"\nport = \"sim:" + name + "\"\nformat = \"RGB24\"\n" + (i == 0 ? head : "") + "\n";
+    toml += "[[heads]]\nname = \"" + name + "\"\nport = \"sim:" + name + "\"\nformat = \"RGB24\"\n" +
+            (i == 0 ? head : "") + "\n";
   }
   return toml;
 }

@@ -171,7 +171,8 @@ TEST(Fields, WovenBeforeAMovingBar_RowsShowTheEdgeOfEitherFieldInTurns) {
 TEST(Fields, SeparateBeforeAStillEdge_BothFieldsHaveItWhereItIs) {
   const double tilt = 3 * kPi / 180;
   const hal::sim::Direction axis{std::cos(tilt), std::sin(tilt), 0};
-  Stand stand(before(hal::sim::bar_scene(axis, Duration::seconds(1'000'000'000), kHalfBar), firmware::FieldUse::kSeparate));
+  Stand stand(
+      before(hal::sim::bar_scene(axis, Duration::seconds(1'000'000'000), kHalfBar), firmware::FieldUse::kSeparate));
   const std::vector<Pulled> raymaps = pull(stand, 2);
   ASSERT_EQ(raymaps.size(), 2u);
   for (const Pulled& raymap : raymaps) {
@@ -236,7 +237,9 @@ TEST(Fields, ACalibrationComesWhileFieldsAreBlended_NoSetIsMadeByTwo) {
     const bool same = raymaps[i].header.calibration_id() == raymaps[i - 1].header.calibration_id();
     swaps += same ? 0 : 1;
     EXPECT_EQ(raymaps[i].header.set() != raymaps[i - 1].header.set(), raymaps[i].header.field() == 0);
-    if (raymaps[i].header.field() == 1) { EXPECT_TRUE(same) << "set " << raymaps[i].header.set(); }
+    if (raymaps[i].header.field() == 1) {
+      EXPECT_TRUE(same) << "set " << raymaps[i].header.set();
+    }
   }
   EXPECT_EQ(swaps, 1u);
 }

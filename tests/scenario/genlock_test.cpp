@@ -23,8 +23,8 @@ TEST(Genlock, Started_LocksEveryHeadToWithinItsJitter) {
   EXPECT_EQ(host.status().genlock().state(), "off");
   const wire::Reply started = host.ask(genlock(wire::GenlockRequest::START));
   EXPECT_EQ(started.genlock().state(), "acquiring");
-  ASSERT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
-                              Duration::seconds(1)));
+  ASSERT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
   stand.run(Duration::seconds(5));
   const wire::Genlock now = host.status().genlock();
   EXPECT_EQ(now.state(), "locked");
@@ -85,8 +85,8 @@ TEST(Genlock, PulsesAreMissing_ItIsLostAndLocksAgainByItself) {
   stand.lock(host);
   for (int i = 0; i < 5; ++i) stand.world.trigger().lose_pulse();
   EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLost; }, kPeriod * 4));
-  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
-                              Duration::seconds(1)));
+  EXPECT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
   EXPECT_EQ(host.status().genlock().missing_triggers(), 5u);
 }
 
@@ -159,8 +159,8 @@ TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
   TestHost& host = stand.bring_up();
   stand.lock(host);
   stand.world.clock().advance(Duration::seconds(86'400));
-  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
-                              Duration::seconds(1)));
+  EXPECT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
   // Hosts that were silent for a day have been closed.
   TestHost& later = stand.connect();
   EXPECT_GE(later.status().genlock().missing_triggers(), 86'000U * 29);
@@ -216,8 +216,8 @@ TEST(Genlock, RigTomlSaysStart_ItLocksWithoutAHost) {
   StandOptions options;
   options.config.trigger.start = true;
   Stand stand(std::move(options));
-  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; },
-                              Duration::seconds(1)));
+  EXPECT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
 }
 
 TEST(Exposure, Set_IsInEffectInEveryHeadAfterItsLatency) {

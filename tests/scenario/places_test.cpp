@@ -20,8 +20,8 @@ wire::Request status_request() {
 }
 
 std::size_t alive(const Stand& stand, std::size_t from) {
-  return static_cast<std::size_t>(std::count_if(stand.hosts.begin() + static_cast<std::ptrdiff_t>(from), stand.hosts.end(),
-                                                [](const auto& host) { return !host->dead(); }));
+  return static_cast<std::size_t>(std::count_if(stand.hosts.begin() + static_cast<std::ptrdiff_t>(from),
+                                                stand.hosts.end(), [](const auto& host) { return !host->dead(); }));
 }
 
 /// `many` hosts come one after the other, ask, and stay.
@@ -61,7 +61,8 @@ void good_host_survives(hal::PeerIdentity of_storm, bool storm_asks) {
   stand.run(Admission::kSpared);
   for (int second = 0; second < 3; ++second) {
     EXPECT_EQ(good.status().state(), "no-calibration");
-    storm(stand, 200, [&]() -> TestHost& { return stand.connect(of_storm); }, storm_asks);
+    storm(
+        stand, 200, [&]() -> TestHost& { return stand.connect(of_storm); }, storm_asks);
     stand.run(Duration::milliseconds(900));
     ASSERT_FALSE(good.dead()) << good.farewell()->text();
   }

@@ -133,12 +133,15 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
       disk(its_disk ? std::move(its_disk) : std::make_unique<hal::sim::SimDisk>()),
       watchdog(world.clock()),
       button(world.clock()) {
-  rig = std::make_unique<firmware::Rig>(
-      options.config,
-      firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), *disk,
-                         {{&listener}, {&view_listener, firmware::Access::kView}}, &watchdog,
-                         {&button, &status_lamp, &tally_lamp}},
-      "a rig");
+  rig = std::make_unique<firmware::Rig>(options.config,
+                                        firmware::RigPorts{world.clock(),
+                                                           world.enumerator(),
+                                                           &world.trigger(),
+                                                           *disk,
+                                                           {{&listener}, {&view_listener, firmware::Access::kView}},
+                                                           &watchdog,
+                                                           {&button, &status_lamp, &tally_lamp}},
+                                        "a rig");
 }
 
 Stand::~Stand() {

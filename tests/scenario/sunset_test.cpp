@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "stitch/media/image_file.h"
 #include "hal/sim/head.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/sensor.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/exposure_tone.h"
 #include "stitch/blend/linear_tone.h"
+#include "stitch/media/image_file.h"
 #include "stitch/table/table_compiler.h"
 #include "stitch/table/tone_compiler.h"
 #include "tests/reference/png_file.h"
@@ -30,7 +30,7 @@ namespace {
 
 constexpr int kWidth = 1024;
 constexpr int kHeight = 512;
-constexpr int kSide = 256;  ///< of a head's picture
+constexpr int kSide = 256;            ///< of a head's picture
 constexpr std::uint32_t kFrames = 4;  ///< whose raymaps are averaged: noise is no seam
 constexpr auto kPixels = static_cast<std::size_t>(kWidth) * kHeight;
 
@@ -147,9 +147,9 @@ class Sunsets : public testing::TestWithParam<Case> {
     blend::blend_rows(table_, test::PreparedHeads(table_, views_of(frame)).views(), tone,
                       packed_image(GetParam().format, kWidth, kHeight, raymap.data()), 0, kHeight);
     if (GetParam().format == PixelFormat::kRgb24) return raymap;
-    return media::convert_image(packed_image(GetParam().format, kWidth, kHeight,
-                                                   static_cast<const std::uint8_t*>(raymap.data())),
-                                      PixelFormat::kRgb24)
+    return media::convert_image(
+               packed_image(GetParam().format, kWidth, kHeight, static_cast<const std::uint8_t*>(raymap.data())),
+               PixelFormat::kRgb24)
         .bytes;
   }
 
@@ -194,12 +194,12 @@ std::array<double, 3> errors(const Case& how, const double* rgb, const hal::sim:
 
 /// How far a raymap is from the light, and how much of that steps where heads meet.
 struct Seams {
-  double step = 0;       ///< the most that the mean error changes from a block of 16x16 to the next, where heads overlap
+  double step = 0;  ///< the most that the mean error changes from a block of 16x16 to the next, where heads overlap
   int step_x = 0, step_y = 0;
-  double inside = 0;     ///< the same where one head is alone: what is not a seam's
-  double mean = 0;       ///< error of all pixels that could be known, either way
+  double inside = 0;  ///< the same where one head is alone: what is not a seam's
+  double mean = 0;    ///< error of all pixels that could be known, either way
   double worst = 0;
-  double unknown = 0;    ///< share of the pixels that every head which looks there has clipped
+  double unknown = 0;  ///< share of the pixels that every head which looks there has clipped
 };
 
 /// Pixels that some head has seen unclipped, one component after the other; error_of(p, light) are pixel p's.
@@ -278,10 +278,11 @@ TEST_P(Sunsets, HeadsFourStopsApart_NoSeamStepsByALevelAndSunAndShadowAreKept) {
   const std::vector<std::uint8_t> raymap = blend(0, true);
   leave(raymap, std::string(GetParam().name) + "-after");
   leave(blend(0, false), std::string(GetParam().name) + "-before");
-  std::printf("%-12s before: step %.2f; after: step %.2f at %d,%d (inside heads %.2f), mean error %.2f, worst %.1f; "
-              "clipped by all %.2f %%\n",
-              GetParam().name, before.step, after.step, after.step_x, after.step_y, after.inside, after.mean,
-              after.worst, 100 * after.unknown);
+  std::printf(
+      "%-12s before: step %.2f; after: step %.2f at %d,%d (inside heads %.2f), mean error %.2f, worst %.1f; "
+      "clipped by all %.2f %%\n",
+      GetParam().name, before.step, after.step, after.step_x, after.step_y, after.inside, after.mean, after.worst,
+      100 * after.unknown);
   EXPECT_GT(before.step, 20);
   EXPECT_LE(after.step, 1);
   EXPECT_LT(after.mean, 0.8);
@@ -301,7 +302,8 @@ class LinearSunsets : public Sunsets {
     table::TableOptions options;
     options.sharpen = 0;
     const blend::BlendTable table =
-        table::compile_blend_table(calibration_, spec, std::vector<PixelFormat>(kHeads, GetParam().format), options).value();
+        table::compile_blend_table(calibration_, spec, std::vector<PixelFormat>(kHeads, GetParam().format), options)
+            .value();
     const blend::ToneTable tones = table::compile_tone_table(calibration_, spec.format);
     const blend::SetTone tone = blend::linear_tone(table, tones, exposed());
     const double full_us = std::exp2(*blend::linear_scale(tones, tone, exposed()).full / double{kStop});
@@ -325,19 +327,22 @@ TEST_P(LinearSunsets, HeadsFourStopsApart_NumbersAreTheTrueRadianceOnBothSidesOf
     const double* rgb = &raymap[3 * p];
     return std::array<double, 3>{rgb[0] / light.r - 1, rgb[1] / light.g - 1, rgb[2] / light.b - 1};
   });
-  std::printf("%-12s of true radiance: mean error %.2f %%, worst pixel %.1f %%; step across seams %.2f %% at %d,%d "
-              "(inside heads %.2f %%)\n",
-              GetParam().name, 100 * seams.mean, 100 * seams.worst, 100 * seams.step, seams.step_x, seams.step_y,
-              100 * seams.inside);
+  std::printf(
+      "%-12s of true radiance: mean error %.2f %%, worst pixel %.1f %%; step across seams %.2f %% at %d,%d "
+      "(inside heads %.2f %%)\n",
+      GetParam().name, 100 * seams.mean, 100 * seams.worst, 100 * seams.step, seams.step_x, seams.step_y,
+      100 * seams.inside);
   EXPECT_LT(seams.mean, 0.025) << "noise of a level of the heads, which is 4 % of the light in shadow";
   EXPECT_LT(seams.step, seams.inside) << "where heads meet, it is no worse than in the middle of one";
   // The same as levels of 255 that a head exposed like the mean would have: what the eye sees of a step.
   const auto shown = [](double light) { return 255 * std::pow(light, 1 / 2.2); };
   const Seams levels = measure(masks, *scene_, [&](std::size_t p, const hal::sim::Light& light) {
     const double* rgb = &raymap[3 * p];
-    return std::array<double, 3>{shown(rgb[0]) - shown(light.r), shown(rgb[1]) - shown(light.g), shown(rgb[2]) - shown(light.b)};
+    return std::array<double, 3>{shown(rgb[0]) - shown(light.r), shown(rgb[1]) - shown(light.g),
+                                 shown(rgb[2]) - shown(light.b)};
   });
-  std::printf("%-12s as levels of 255: mean error %.2f, step across seams %.2f\n", GetParam().name, levels.mean, levels.step);
+  std::printf("%-12s as levels of 255: mean error %.2f, step across seams %.2f\n", GetParam().name, levels.mean,
+              levels.step);
   EXPECT_LE(levels.step, 1);
 }
 
@@ -348,17 +353,16 @@ Response response_of(Response::Curve curve, double gamma = 2.2) {
   return response;
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Heads, Sunsets,
-    testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
-                    Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
-                    Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
-                    Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)}),
-    [](const auto& param_info) {
-      std::string name = param_info.param.name;
-      std::replace(name.begin(), name.end(), '-', '_');
-      return name;
-    });
+INSTANTIATE_TEST_SUITE_P(Heads, Sunsets,
+                         testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+                                         Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
+                                         Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
+                                         Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)}),
+                         [](const auto& param_info) {
+                           std::string name = param_info.param.name;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
 
 INSTANTIATE_TEST_SUITE_P(Heads, LinearSunsets,
                          testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},

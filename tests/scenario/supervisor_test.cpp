@@ -54,8 +54,7 @@ void run_slow(Stand& stand, Duration duration, int blend_every_ms) {
       const std::uint64_t before = rig.blender().counts().blended.load() + rig.blender().counts().shed.load();
       while (rig.blender().counts().blended.load() + rig.blender().counts().shed.load() == before && rig.step_blend()) {
       }
-      while (rig.step_encode()) {
-      }
+      while (rig.step_encode()) {}
     }
     rig.step_control();
     for (const auto& host : stand.hosts) host->pump();

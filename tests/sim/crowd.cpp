@@ -21,12 +21,20 @@ std::uint64_t Crowd::live_bytes() {
 
 Crowd::Crowd(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally,
              std::uint64_t seed, firmware::Rig& rig, hal::sim::SimDisk& disk, Instant now)
-    : oracle_(oracle), tally_(tally), listener_(listener), torn_(documents.json[0]), random_(seed, "crowd"), rig_(rig),
-      disk_(disk), since_(now), live_before_(live_bytes()), lost_before_(sets_lost()),
-      free_before_(*disk.free_bytes()), next_count_(now) {
+    : oracle_(oracle),
+      tally_(tally),
+      listener_(listener),
+      torn_(documents.json[0]),
+      random_(seed, "crowd"),
+      rig_(rig),
+      disk_(disk),
+      since_(now),
+      live_before_(live_bytes()),
+      lost_before_(sets_lost()),
+      free_before_(*disk.free_bytes()),
+      next_count_(now) {
   for (const bool visitor : {false, true}) {
-    good_.push_back(
-        std::make_unique<GoodClient>(listener, oracle, documents, tally, visitor, random_.next(), now));
+    good_.push_back(std::make_unique<GoodClient>(listener, oracle, documents, tally, visitor, random_.next(), now));
   }
 }
 

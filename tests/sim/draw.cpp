@@ -12,9 +12,9 @@ Duration up_to(hal::sim::Random& random, Duration most) {
 
 /// Frames cost wall time: most rigs are slow ones, some run at what is common, 29.97 among it.
 FrameRate draw_rate(hal::sim::Random& random) {
-  constexpr std::array<FrameRate, 10> kRates = {FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},
-                                                FrameRate{10, 1}, FrameRate{10, 1}, FrameRate{12, 1}, FrameRate{15, 1},
-                                                FrameRate{25, 1}, FrameRate{30000, 1001}};
+  constexpr std::array<FrameRate, 10> kRates = {
+      FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},  FrameRate{10, 1},
+      FrameRate{10, 1}, FrameRate{12, 1}, FrameRate{15, 1}, FrameRate{25, 1}, FrameRate{30000, 1001}};
   return kRates[random.below(kRates.size())];
 }
 
@@ -42,8 +42,9 @@ void draw_alignment(hal::sim::Random& random, Nature& nature) {
 
 std::string_view name_of(HeadFault fault) {
   constexpr std::array<std::string_view, kHeadFaults> names = {
-      "loses frames", "corrupts", "tears", "no signal", "duplicates", "delivers late", "stalls", "unplugged",
-      "wrong size", "stuck exposure", "sequence wraps", "starts at zero", "time wraps", "misses pulses", "deaf"};
+      "loses frames",   "corrupts",       "tears",      "no signal",     "duplicates",
+      "delivers late",  "stalls",         "unplugged",  "wrong size",    "stuck exposure",
+      "sequence wraps", "starts at zero", "time wraps", "misses pulses", "deaf"};
   return names[static_cast<std::size_t>(fault)];
 }
 
@@ -59,10 +60,10 @@ std::string_view name_of(HowMany many) {
 
 std::string_view name_of(RigFault fault) {
   constexpr std::array<std::string_view, kRigFaults> names = {
-      "pulses missing", "pulses unseen", "extra pulses", "trigger drifts", "trigger gone", "clock step", "suspend",
-      "capture stalls", "blend stalls", "keeper stalls", "control stalls", "disk full", "disk fails", "disk slow",
-      "killed", "power loss", "link split", "link reset", "link stalls", "link replays", "link flips",
-      "host gone mid-upload", "storm"};
+      "pulses missing", "pulses unseen",  "extra pulses", "trigger drifts",       "trigger gone",   "clock step",
+      "suspend",        "capture stalls", "blend stalls", "keeper stalls",        "control stalls", "disk full",
+      "disk fails",     "disk slow",      "killed",       "power loss",           "link split",     "link reset",
+      "link stalls",    "link replays",   "link flips",   "host gone mid-upload", "storm"};
   return names[static_cast<std::size_t>(fault)];
 }
 

@@ -15,8 +15,21 @@ namespace nodal::swarm {
 
 /// What may befall one head, two, or all of them.
 enum class HeadFault : std::uint8_t {
-  kLose, kCorrupt, kTear, kNoSignal, kDuplicate, kLate, kStall, kUnplug, kWrongSize, kStuckExposure,
-  kSequenceWraps, kStartsAtZero, kTimeWraps, kMissesPulses, kDeaf,
+  kLose,
+  kCorrupt,
+  kTear,
+  kNoSignal,
+  kDuplicate,
+  kLate,
+  kStall,
+  kUnplug,
+  kWrongSize,
+  kStuckExposure,
+  kSequenceWraps,
+  kStartsAtZero,
+  kTimeWraps,
+  kMissesPulses,
+  kDeaf,
 };
 inline constexpr int kHeadFaults = 15;
 std::string_view name_of(HeadFault fault);
@@ -32,10 +45,29 @@ std::string_view name_of(HowMany many);
 
 /// What befalls the rig as a whole.
 enum class RigFault : std::uint8_t {
-  kPulsesMissing, kPulsesUnseen, kPulsesExtra, kTriggerDrifts, kTriggerGone, kClockStep, kSuspend,
-  kCaptureStalls, kBlendStalls, kKeeperStalls, kControlStalls,
-  kDiskFull, kDiskFails, kDiskSlow, kKilled, kPowerLoss,
-  kLinkSplit, kLinkReset, kLinkStalls, kLinkReplays, kLinkFlips, kHostGoneMidUpload, kStorm,
+  kPulsesMissing,
+  kPulsesUnseen,
+  kPulsesExtra,
+  kTriggerDrifts,
+  kTriggerGone,
+  kClockStep,
+  kSuspend,
+  kCaptureStalls,
+  kBlendStalls,
+  kKeeperStalls,
+  kControlStalls,
+  kDiskFull,
+  kDiskFails,
+  kDiskSlow,
+  kKilled,
+  kPowerLoss,
+  kLinkSplit,
+  kLinkReset,
+  kLinkStalls,
+  kLinkReplays,
+  kLinkFlips,
+  kHostGoneMidUpload,
+  kStorm,
 };
 inline constexpr int kRigFaults = 23;
 std::string_view name_of(RigFault fault);
@@ -45,24 +77,24 @@ struct Nature {
   std::uint64_t seed = 0;
   int heads = 0;
   FrameRate rate;
-  bool genlocked = false;      ///< at start; of an aligned rig, that its heads are moved into step
-  bool aligned = false;        ///< it has no trigger, and its heads run free
-  bool can_align = false;      ///< and all of them can be brought into step
+  bool genlocked = false;                ///< at start; of an aligned rig, that its heads are moved into step
+  bool aligned = false;                  ///< it has no trigger, and its heads run free
+  bool can_align = false;                ///< and all of them can be brought into step
   Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
-  bool hosts = false;          ///< somebody talks to it
-  bool hostile = false;        ///< some of what befalls it is hostile clients
-  Duration look_every;         ///< how often the daemon's threads wake when nothing rings
-  Duration poll;               ///< devices do not ring: frames are found at multiples of this
-  int blend_every = 1;         ///< of the sets, those that are blended
+  bool hosts = false;                    ///< somebody talks to it
+  bool hostile = false;                  ///< some of what befalls it is hostile clients
+  Duration look_every;                   ///< how often the daemon's threads wake when nothing rings
+  Duration poll;                         ///< devices do not ring: frames are found at multiples of this
+  int blend_every = 1;                   ///< of the sets, those that are blended
   TriggerNature trigger;
   std::vector<HeadNature> head;
 };
 
 struct Wish {
-  bool faults = true;          ///< false: nothing goes wrong
-  int heads = 0;               ///< 0: drawn
-  bool ntsc = false;           ///< 29.97 a second and genlocked, not drawn
-  bool hostile = false;        ///< all that befalls the rig is hostile clients
+  bool faults = true;    ///< false: nothing goes wrong
+  int heads = 0;         ///< 0: drawn
+  bool ntsc = false;     ///< 29.97 a second and genlocked, not drawn
+  bool hostile = false;  ///< all that befalls the rig is hostile clients
 };
 
 Nature draw_nature(std::uint64_t seed, const Wish& wish);

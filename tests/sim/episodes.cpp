@@ -57,8 +57,8 @@ void Swarm::draw_episode() {
 /// Brings the heads to the state that was drawn; the fault begins when they are about there.
 void Swarm::prepare() {
   if (episode_.of_clients) {
-    crowd_ = std::make_unique<Crowd>(*listener_, oracle_, documents_, outcome_.tally, crowds_.next(), *rig_,
-                                     *disk_, world_.now());
+    crowd_ = std::make_unique<Crowd>(*listener_, oracle_, documents_, outcome_.tally, crowds_.next(), *rig_, *disk_,
+                                     world_.now());
     return plan_next(Duration::seconds(1));
   }
   if (!episode_.of_heads) {
@@ -179,7 +179,10 @@ void Swarm::begin_rig_fault() {
     case RigFault::kBlendStalls: blend_until_ = until; break;
     case RigFault::kKeeperStalls: keeper_until_ = until; break;
     case RigFault::kControlStalls: control_until_ = until; break;
-    case RigFault::kDiskFull: disk_->set_capacity(random_.below(6000)); host().act(); break;
+    case RigFault::kDiskFull:
+      disk_->set_capacity(random_.below(6000));
+      host().act();
+      break;
     case RigFault::kDiskFails:
       for (int i = 0; i < 3; ++i) disk_->fail_at(disk_->operations() + random_.below(12));
       break;

@@ -16,8 +16,13 @@ std::span<const std::uint8_t> bytes_of(const std::string& text) {
 
 GoodClient::GoodClient(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally,
                        bool visitor, std::uint64_t seed, Instant now)
-    : listener_(listener), oracle_(oracle), documents_(documents), tally_(tally), visitor_(visitor),
-      random_(seed, "good client"), lossless_(random_.chance(500'000)) {
+    : listener_(listener),
+      oracle_(oracle),
+      documents_(documents),
+      tally_(tally),
+      visitor_(visitor),
+      random_(seed, "good client"),
+      lossless_(random_.chance(500'000)) {
   tasks_[kStatus].every = Duration::seconds(1);
   tasks_[kSetting].every = Duration::seconds(3);
   tasks_[kUpload].every = Duration::seconds(5);
@@ -56,7 +61,8 @@ void GoodClient::pump(Instant now) {
     } else if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
       take(*piece, now);
     } else if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
-      if (lossless_ && closed->error) oracle_.fail("a good client's lossless pull was ended: " + closed->error->message);
+      if (lossless_ && closed->error)
+        oracle_.fail("a good client's lossless pull was ended: " + closed->error->message);
       retry(tasks_[kPull], now);
     } else if (std::holds_alternative<StreamStopped>(*event)) {
       uploading_.reset();

@@ -60,12 +60,12 @@ class GoodClient {
   Tally& tally_;
   const bool visitor_;
   hal::sim::Random random_;
-  const bool lossless_;                ///< how it pulls
+  const bool lossless_;  ///< how it pulls
   std::unique_ptr<Line> line_;
   std::array<Task, kWhats> tasks_;
   std::uint64_t next_id_ = 1;
-  std::size_t document_ = 0;           ///< that is being uploaded
-  std::optional<StreamId> uploading_;  ///< and not all of it is out
+  std::size_t document_ = 0;                 ///< that is being uploaded
+  std::optional<StreamId> uploading_;        ///< and not all of it is out
   std::optional<std::uint64_t> newest_set_;  ///< of the pull's raymaps
   wire::RaymapHeader raymap_;
   std::vector<std::uint8_t> pixels_;

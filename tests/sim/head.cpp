@@ -71,9 +71,13 @@ class Head::Port final : public hal::HeadPort {
 
 Head::Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, const HeadNature& nature,
            std::uint64_t seed)
-    : clock_(clock), queue_(queue), nature_(nature),
+    : clock_(clock),
+      queue_(queue),
+      nature_(nature),
       identity_{"sim:cam" + std::to_string(index), "swarm-" + std::to_string(index), "Nodal swarm head"},
-      random_(seed, identity_.path), index_(index), buffers_(static_cast<std::size_t>(nature.buffers)) {
+      random_(seed, identity_.path),
+      index_(index),
+      buffers_(static_cast<std::size_t>(nature.buffers)) {
   for (Buffer& buffer : buffers_) buffer.picture.fill(kPictureLevel);
   format_.pixels = PixelFormat::kGrey8;
   format_.width = kPictureWidth;
@@ -81,8 +85,8 @@ Head::Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, con
   format_.rate = nature.rate;
   format_.fields = nature.fields;
   limits_.exposure_min = Exposure::microseconds(10);
-  limits_.exposure_max = Exposure::of((interlaced() ? nature.rate.period() / 2 : nature.rate.period()) -
-                                      nature.readout / 8);
+  limits_.exposure_max =
+      Exposure::of((interlaced() ? nature.rate.period() / 2 : nature.rate.period()) - nature.readout / 8);
   limits_.gain_max = Gain::millidecibels(24'000);
   limits_.has_white_balance = true;
   limits_.has_trigger_input = true;
@@ -308,8 +312,8 @@ hal::FrameView Head::view(std::size_t slot) const {
     view.fields = swapped ? fields_from(other(first_field(nature_.fields))) : Fields::kTopOnly;
   }
   const bool half = frame.resized && !interlaced();
-  view.image = packed_image(PixelFormat::kGrey8, kPictureWidth, kPictureHeight / (half ? 2 : 1),
-                            buffers_[slot].picture.data());
+  view.image =
+      packed_image(PixelFormat::kGrey8, kPictureWidth, kPictureHeight / (half ? 2 : 1), buffers_[slot].picture.data());
   return view;
 }
 

@@ -25,10 +25,10 @@ struct HeadNature {
   Duration latency = Duration::microseconds(20);  ///< from a pulse to the begin of the exposure
   Duration latency_jitter;                        ///< of each exposure, in free run too
   Duration readout = Duration::milliseconds(8);
-  std::int32_t drift_ppm = 0;                     ///< in free run; positive is slow
-  Duration clock_jitter;                          ///< of what the port says of each exposure's middle
+  std::int32_t drift_ppm = 0;  ///< in free run; positive is slow
+  Duration clock_jitter;       ///< of what the port says of each exposure's middle
   int control_latency = 2;
-  hal::NudgeLimits nudge;                         ///< what it can be moved by in free run; as it is made, it cannot
+  hal::NudgeLimits nudge;  ///< what it can be moved by in free run; as it is made, it cannot
 };
 
 /// Chances of every frame in a million, in a storm of faults.
@@ -59,12 +59,12 @@ class Head {
   void delay(int frames, Duration by);
   void miss_pulses(int pulses) { miss_ += pulses; }
   void set_signal(bool there) { signal_ = there; }
-  void set_stuck(bool stuck) { stuck_ = stuck; }      ///< takes settings and does nothing
-  void set_deaf(bool deaf);                           ///< it goes on by its own clock where pulses had it, and slowly away
-  void stall(Duration how_long);                      ///< delivers nothing until then, then all it has
+  void set_stuck(bool stuck) { stuck_ = stuck; }  ///< takes settings and does nothing
+  void set_deaf(bool deaf);                       ///< it goes on by its own clock where pulses had it, and slowly away
+  void stall(Duration how_long);                  ///< delivers nothing until then, then all it has
   void set_sequence(std::uint32_t next) { sequence_ = next; }
   void set_clock_error(Duration off) { clock_error_ = off; }  ///< of what the port says: a wrap, a clock step
-  void shift(Duration by);                            ///< the rig's clock went on by that much at once
+  void shift(Duration by);                                    ///< the rig's clock went on by that much at once
   void set_storm(const FrameFaults& storm) { storm_ = storm; }
   void unplug();
   void replug() { present_ = true; }

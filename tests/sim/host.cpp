@@ -4,7 +4,11 @@ namespace nodal::swarm {
 
 Host::Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally,
            std::uint64_t seed)
-    : link_(*link), line_(std::move(link), "a swarm's host"), oracle_(oracle), documents_(documents), tally_(tally),
+    : link_(*link),
+      line_(std::move(link), "a swarm's host"),
+      oracle_(oracle),
+      documents_(documents),
+      tally_(tally),
       random_(seed, "host") {}
 
 void Host::send(wire::Request request, Open open) {

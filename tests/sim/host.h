@@ -52,8 +52,7 @@ class Host {
   void leave_mid_upload();
 
  private:
-  Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally,
-       std::uint64_t seed);
+  Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed);
   struct Open {
     std::optional<int> upload_to_begin, upload_to_commit;  ///< which document
   };

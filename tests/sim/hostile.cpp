@@ -52,13 +52,16 @@ std::vector<std::uint8_t> with_length(std::vector<std::uint8_t> bytes, std::uint
 
 std::string_view name_of(HostileKind kind) {
   constexpr std::array<std::string_view, kHostileKinds> names = {
-      "silent", "idle", "half-open", "slow reader", "slow lossless reader",
-      "greedy", "flooding", "lying", "uploading junk", "connect storm"};
+      "silent", "idle",     "half-open", "slow reader",    "slow lossless reader",
+      "greedy", "flooding", "lying",     "uploading junk", "connect storm"};
   return names[static_cast<std::size_t>(kind)];
 }
 
 Hostile::Hostile(HostileKind kind, Connect connect, std::string torn, std::uint64_t unknown_bytes, std::uint64_t seed)
-    : kind_(kind), connect_(std::move(connect)), torn_(std::move(torn)), random_(seed, "hostile"),
+    : kind_(kind),
+      connect_(std::move(connect)),
+      torn_(std::move(torn)),
+      random_(seed, "hostile"),
       bytes_left_(unknown_bytes) {}
 
 void Hostile::act(Instant now) {
@@ -74,8 +77,8 @@ void Hostile::act(Instant now) {
 }
 
 void Hostile::connect(Instant now) {
-  const bool narrow = kind_ == HostileKind::kSlowReader || kind_ == HostileKind::kSlowLossless ||
-                      kind_ == HostileKind::kGreedy;
+  const bool narrow =
+      kind_ == HostileKind::kSlowReader || kind_ == HostileKind::kSlowLossless || kind_ == HostileKind::kGreedy;
   auto link = connect_(narrow);
   next_connect_ = now + kConnectsAgainAfter;
   if (!link) return;
@@ -131,8 +134,7 @@ void Hostile::go_on(Instant now) {
 }
 
 void Hostile::read_all() {
-  while (line_->take()) {
-  }
+  while (line_->take()) {}
 }
 
 void Hostile::send_half_a_frame() {

@@ -66,7 +66,7 @@ class Hostile {
   std::unique_ptr<Line> line_;
   Instant next_connect_, next_turn_;
   std::uint64_t next_id_ = 1;
-  std::uint64_t bytes_left_;  ///< of unknown fields
+  std::uint64_t bytes_left_;               ///< of unknown fields
   std::optional<std::string> committing_;  ///< the SHA-256 of what is being uploaded
   StreamId uploading_ = 0;
 };

@@ -30,7 +30,7 @@ struct Options {
 
 /// What a worker process leaves for its parent, in memory that both have.
 struct Report {
-  std::uint64_t seed = 0;  ///< under way; 0: none
+  std::uint64_t seed = 0;         ///< under way; 0: none
   std::atomic<bool> stop{false};  ///< somebody has found a failure
   std::uint64_t done = 0;
   std::uint64_t failed_seed = 0;
@@ -40,8 +40,8 @@ struct Report {
 };
 
 std::string replay(const Options& options, std::uint64_t seed) {
-  std::string command = options.program + " --seed " + std::to_string(seed) + " --minutes " +
-                        std::to_string(options.minutes);
+  std::string command =
+      options.program + " --seed " + std::to_string(seed) + " --minutes " + std::to_string(options.minutes);
   if (!options.wish.faults) command += " --no-faults";
   if (options.wish.heads) command += " --heads " + std::to_string(options.wish.heads);
   if (options.wish.ntsc) command += " --ntsc";
@@ -78,21 +78,22 @@ void print_tally(const Tally& tally) {
               n(tally.frames), n(tally.sets), n(tally.full_sets), n(tally.locked_sets), n(tally.raymaps));
   std::printf("  %llu episodes, %llu of them storms, %llu processes killed, %llu answers, %llu calibrations uploaded\n",
               n(tally.episodes), n(tally.storms), n(tally.kills), n(tally.replies), n(tally.uploads));
-  std::printf("  worst spread of a locked set, in truth: %lld us; full sets again %lld ms after a replug, %lld ms after "
-              "faults; locked again %lld ms or %lld periods, %lld ms or %lld, at worst\n",
-              static_cast<long long>(tally.worst_locked_spread_ns / 1000),
-              static_cast<long long>(tally.slowest_full_replug / 1'000'000),
-              static_cast<long long>(tally.slowest_full_recovery / 1'000'000),
-              static_cast<long long>(tally.slowest_replug.ns / 1'000'000),
-              static_cast<long long>(tally.slowest_replug.periods),
-              static_cast<long long>(tally.slowest_recovery.ns / 1'000'000),
-              static_cast<long long>(tally.slowest_recovery.periods));
+  std::printf(
+      "  worst spread of a locked set, in truth: %lld us; full sets again %lld ms after a replug, %lld ms after "
+      "faults; locked again %lld ms or %lld periods, %lld ms or %lld, at worst\n",
+      static_cast<long long>(tally.worst_locked_spread_ns / 1000),
+      static_cast<long long>(tally.slowest_full_replug / 1'000'000),
+      static_cast<long long>(tally.slowest_full_recovery / 1'000'000),
+      static_cast<long long>(tally.slowest_replug.ns / 1'000'000), static_cast<long long>(tally.slowest_replug.periods),
+      static_cast<long long>(tally.slowest_recovery.ns / 1'000'000),
+      static_cast<long long>(tally.slowest_recovery.periods));
   std::printf("  without a trigger %llu sets were locked; heads in step again %lld periods after faults, at worst\n",
               n(tally.aligned_sets), static_cast<long long>(tally.slowest_alignment));
-  std::printf("  %llu crowds of hostile clients; good ones were served %llu times, %lld ms at worst, after %llu refusals and "
-              "%llu dropped connections; %llu KiB of memory at most, %llu KiB of it left\n",
-              n(tally.crowds), n(tally.good_answers), static_cast<long long>(tally.slowest_good / 1'000'000),
-              n(tally.good_refused), n(tally.good_dropped), n(tally.most_live >> 10), n(tally.most_left >> 10));
+  std::printf(
+      "  %llu crowds of hostile clients; good ones were served %llu times, %lld ms at worst, after %llu refusals and "
+      "%llu dropped connections; %llu KiB of memory at most, %llu KiB of it left\n",
+      n(tally.crowds), n(tally.good_answers), static_cast<long long>(tally.slowest_good / 1'000'000),
+      n(tally.good_refused), n(tally.good_dropped), n(tally.most_live >> 10), n(tally.most_left >> 10));
   std::printf("  frames lost:");
   const std::uint64_t lost = lost_in(tally);
   if (tally.never_came > 0) std::printf(" before they could be taken %llu", n(tally.never_came));
@@ -127,10 +128,13 @@ int print_coverage(const Tally& tally) {
     tell(tally.rig_faults[static_cast<std::size_t>(f)], std::string(name_of(static_cast<RigFault>(f))));
   }
   for (int k = 0; k < kHostileKinds; ++k) {
-    tell(tally.hostile[static_cast<std::size_t>(k)], "hostile clients: " + std::string(name_of(static_cast<HostileKind>(k))));
+    tell(tally.hostile[static_cast<std::size_t>(k)],
+         "hostile clients: " + std::string(name_of(static_cast<HostileKind>(k))));
   }
-  std::printf("  %d head states x %d faults x one, two, all, %d faults of the rig, and %d kinds of hostile clients: each visited %llu times or more\n",
-              kHeadStates, kHeadFaults, kRigFaults, kHostileKinds, static_cast<unsigned long long>(least));
+  std::printf(
+      "  %d head states x %d faults x one, two, all, %d faults of the rig, and %d kinds of hostile clients: each "
+      "visited %llu times or more\n",
+      kHeadStates, kHeadFaults, kRigFaults, kHostileKinds, static_cast<unsigned long long>(least));
   return missing;
 }
 
@@ -179,7 +183,8 @@ int run(const Options& options) {
     ++failures;
   }
   if (failures == 0 && options.coverage) failures += print_coverage(all.tally);
-  if (options.canary) std::printf(failures > 0 ? "the planted bug was found\n" : "FAILED: a planted bug was not found\n");
+  if (options.canary)
+    std::printf(failures > 0 ? "the planted bug was found\n" : "FAILED: a planted bug was not found\n");
   return (failures == 0) != options.canary ? 0 : 1;
 }
 

@@ -30,10 +30,10 @@ std::string of_head(std::size_t head) { return "head " + std::to_string(head) + 
 }  // namespace
 
 void Tally::add(const Tally& other) {
-  for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
-                      &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
-                      &Tally::uploads, &Tally::never_came, &Tally::aligned_sets, &Tally::crowds, &Tally::good_answers,
-                      &Tally::good_refused, &Tally::good_dropped}) {
+  for (auto member :
+       {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets, &Tally::raymaps,
+        &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms, &Tally::uploads, &Tally::never_came,
+        &Tally::aligned_sets, &Tally::crowds, &Tally::good_answers, &Tally::good_refused, &Tally::good_dropped}) {
     this->*member += other.*member;
   }
   for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment, &Tally::slowest_full_replug,
@@ -156,7 +156,8 @@ void Oracle::check_members(const firmware::FrameSet& set) {
     const auto& frame = set.frames[i];
     const auto stamp = Stamp::read(frame.image.planes[0].data);
     if (!stamp) return fail(of_head(i) + "its picture was overwritten while it was in a set");
-    if (stamp->head != i) return fail(of_head(i) + "its frame in the set is head " + std::to_string(stamp->head) + "'s");
+    if (stamp->head != i)
+      return fail(of_head(i) + "its frame in the set is head " + std::to_string(stamp->head) + "'s");
     if (stamp->serial <= last_serial_[i]) {
       return fail(of_head(i) + "exposure " + std::to_string(stamp->serial) + " is in a set after exposure " +
                   std::to_string(last_serial_[i]));
@@ -170,8 +171,8 @@ void Oracle::check_members(const firmware::FrameSet& set) {
     if (set.sync.offset[i] != frame.mid_exposure - set.mid_exposure) return fail(of_head(i) + "its offset is wrong");
     if (stamp->pulse.epoch == 0) continue;
     if (pulse && *pulse != stamp->pulse) {
-      return fail(of_head(i) + "was exposed by pulse " + std::to_string(stamp->pulse.number) + ", another head of set " +
-                  std::to_string(set.number) + " by pulse " + std::to_string(pulse->number));
+      return fail(of_head(i) + "was exposed by pulse " + std::to_string(stamp->pulse.number) +
+                  ", another head of set " + std::to_string(set.number) + " by pulse " + std::to_string(pulse->number));
     }
     pulse = stamp->pulse;
     if (set.sync.trigger && stamp->pulse.number != *set.sync.trigger) {
@@ -182,8 +183,8 @@ void Oracle::check_members(const firmware::FrameSet& set) {
   if (set.sync.spread != *said_latest - *said_earliest) return fail("a set's spread is not that of its frames");
   // Without a pulse, one exposure ends where the next begins: at one period's distance they cannot be one.
   if (*latest - *earliest > period() * 5 / 4) {
-    return fail("set " + std::to_string(set.number) + " mixes exposures " +
-                std::to_string((*latest - *earliest).us()) + " us apart");
+    return fail("set " + std::to_string(set.number) + " mixes exposures " + std::to_string((*latest - *earliest).us()) +
+                " us apart");
   }
   if (pulse && last_trigger_ && pulse->epoch == last_trigger_->epoch && pulse->number <= last_trigger_->number) {
     return fail("set " + std::to_string(set.number) + " is of an older pulse than the one before it");
@@ -231,10 +232,12 @@ void Oracle::check_books(firmware::Rig& rig) {
       return fail(of_head(i) + std::to_string(taken) + " frames were taken, " + std::to_string(counts.in_sets) +
                   " are in sets, " + std::to_string(counts.held) + " held, " + std::to_string(counts.lost()) + " lost");
     }
-    if (counts.held > firmware::Capture::kMaxOpenSets) return fail(of_head(i) + "more of its frames are held than sets");
+    if (counts.held > firmware::Capture::kMaxOpenSets)
+      return fail(of_head(i) + "more of its frames are held than sets");
     counts_.add(counts);
   }
-  if (rig.control().clients() > firmware::Admission::in_all(firmware::Admission::kMaxLinks)) return fail("more hosts are served than allowed");
+  if (rig.control().clients() > firmware::Admission::in_all(firmware::Admission::kMaxLinks))
+    return fail("more hosts are served than allowed");
 }
 
 void Oracle::check_genlock(firmware::Rig& rig, std::optional<Instant> captured) {

@@ -23,12 +23,12 @@ struct Recovery {
 struct Tally {
   std::uint64_t events = 0, frames = 0, sets = 0, full_sets = 0, locked_sets = 0, raymaps = 0, kills = 0, replies = 0;
   std::uint64_t episodes = 0, storms = 0, uploads = 0;
-  std::uint64_t never_came = 0;  ///< frames that were exposed and lost before the rig could take them
-  std::int64_t worst_locked_spread_ns = 0;  ///< begins, of aligned rigs middles, in truth
+  std::uint64_t never_came = 0;               ///< frames that were exposed and lost before the rig could take them
+  std::int64_t worst_locked_spread_ns = 0;    ///< begins, of aligned rigs middles, in truth
   Recovery slowest_replug, slowest_recovery;  ///< whole again
   std::int64_t slowest_full_replug = 0, slowest_full_recovery = 0;  ///< every head in the sets again, ns
-  std::int64_t slowest_alignment = 0;       ///< in periods, after faults
-  std::uint64_t aligned_sets = 0;           ///< of the locked ones, those without a trigger
+  std::int64_t slowest_alignment = 0;                               ///< in periods, after faults
+  std::uint64_t aligned_sets = 0;                                   ///< of the locked ones, those without a trigger
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
   std::array<std::uint64_t, kRigFaults> rig_faults{};
   std::array<std::uint64_t, firmware::kLossReasons> losses{};
@@ -101,8 +101,8 @@ class Oracle {
   std::optional<std::string> failure_;
   std::uint64_t trace_ = 0xcbf29ce484222325ULL;
 
-  std::vector<std::uint64_t> taken_before_;   ///< by the head's count, when this process began
-  std::vector<std::uint64_t> last_serial_;    ///< of each head, in a set
+  std::vector<std::uint64_t> taken_before_;             ///< by the head's count, when this process began
+  std::vector<std::uint64_t> last_serial_;              ///< of each head, in a set
   std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< of the set at hand
   std::optional<std::uint64_t> last_set_;
   std::uint64_t not_taken_ = 0;

@@ -12,8 +12,8 @@ namespace nodal::swarm {
 /// Heads' pictures: GREY, just big enough for a stamp and a few pixels to blend.
 inline constexpr int kPictureWidth = 16;
 inline constexpr int kPictureHeight = 16;
-inline constexpr int kStampRows = 4;               ///< below them is kPictureLevel
-inline constexpr int kFirstBlended = 8;            ///< row from which on rays are taken: a field's rows reach up as well
+inline constexpr int kStampRows = 4;     ///< below them is kPictureLevel
+inline constexpr int kFirstBlended = 8;  ///< row from which on rays are taken: a field's rows reach up as well
 inline constexpr std::uint8_t kPictureLevel = 100;
 
 /// Which pulse: of which start of the trigger, and which of it. An exposure that no pulse began has none.

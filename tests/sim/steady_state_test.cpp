@@ -1,8 +1,8 @@
 // Once warm, the frame path allocates nothing, takes no page fault and no lock: ten heads at 29.97, every set captured,
 // blended and encoded, counted where the C library hands these things out. What libturbojpeg allocates for itself on
 // every picture, three blocks through its public interface, is counted apart and bounded.
-#include <gtest/gtest.h>
 #include <dlfcn.h>
+#include <gtest/gtest.h>
 #include <pthread.h>
 #include <sys/resource.h>
 
@@ -86,7 +86,8 @@ class SteadyState : public testing::Test {
     const Calibration calibration = calibration_of(nature, 0);
     ASSERT_TRUE(store && store->put(calibration) && store->set_in_force(calibration_id(calibration)));
     rig = std::make_unique<firmware::Rig>(
-        config(), firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), disk, {}, nullptr, {}, nullptr},
+        config(),
+        firmware::RigPorts{world.clock(), world.enumerator(), &world.trigger(), disk, {}, nullptr, {}, nullptr},
         "a rig");
     for (int i = 0; i < 10'000 && rig->blender().counts().adopted == 0; ++i) {
       rig->step_keeper();
@@ -120,13 +121,11 @@ class SteadyState : public testing::Test {
     getrusage(RUSAGE_THREAD, &before);
     counting = true;
     rig->step_capture();
-    while (rig->step_blend()) {
-    }
+    while (rig->step_blend()) {}
     counting = false;
     const std::uint64_t ours = counted.allocations;
     counting = true;
-    while (rig->step_encode()) {
-    }
+    while (rig->step_encode()) {}
     counting = false;
     encoding += counted.allocations - ours;
     getrusage(RUSAGE_THREAD, &after);

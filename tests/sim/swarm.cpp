@@ -11,9 +11,15 @@ constexpr int kStepsALook = 16;  ///< of control, which goes on at once while it
 }  // namespace
 
 Swarm::Swarm(std::uint64_t seed, const Wish& wish)
-    : wish_(wish), nature_(draw_nature(seed, wish)), random_(seed, "plan"), world_(nature_),
-      oracle_(world_, nature_, outcome_.tally), config_(config_of(nature_)),
-      disk_(std::make_unique<hal::sim::SimDisk>(seed)), crowds_(seed, "crowds"), genlocked_(nature_.genlocked) {
+    : wish_(wish),
+      nature_(draw_nature(seed, wish)),
+      random_(seed, "plan"),
+      world_(nature_),
+      oracle_(world_, nature_, outcome_.tally),
+      config_(config_of(nature_)),
+      disk_(std::make_unique<hal::sim::SimDisk>(seed)),
+      crowds_(seed, "crowds"),
+      genlocked_(nature_.genlocked) {
   for (int i = 0; i < kCalibrations; ++i) {
     const Calibration calibration = calibration_of(nature_, i);
     documents_.json[static_cast<std::size_t>(i)] = canonical_json(calibration);
@@ -99,10 +105,8 @@ void Swarm::step(Instant now) {
     look_at_set();
   }
   if (now >= blend_until_) {
-    while (rig_->step_blend()) {
-    }
-    while (rig_->step_encode()) {
-    }
+    while (rig_->step_blend()) {}
+    while (rig_->step_encode()) {}
   }
   if (now >= next_look_) {
     next_look_ = now + nature_.look_every;
@@ -118,8 +122,7 @@ void Swarm::step_rest(Instant now) {
   if (now < control_until_) return;
   for (const auto& host : hosts_) host->pump();
   if (crowd_) crowd_->act(now);
-  for (int steps = crowd_ ? kStepsALook : 1; steps > 0 && rig_->step_control(); --steps) {
-  }
+  for (int steps = crowd_ ? kStepsALook : 1; steps > 0 && rig_->step_control(); --steps) {}
   for (const auto& host : hosts_) host->pump();
   const std::vector<std::string> news = rig_->control().take_news();
   if (crowd_ && phase_ != Phase::kRecovering) {
@@ -162,11 +165,16 @@ bool Swarm::held_up() const {
 void Swarm::start_process() {
   listener_ = std::make_unique<hal::sim::SimLinkListener>();
   watchdog_ = std::make_unique<hal::sim::SimWatchdog>(world_.clock());
-  rig_ = std::make_unique<firmware::Rig>(
-      config_,
-      firmware::RigPorts{world_.clock(), world_.enumerator(), &world_.trigger(), *disk_, {{listener_.get()}},
-                         watchdog_.get(), {}, nullptr},
-      "a swarm");
+  rig_ = std::make_unique<firmware::Rig>(config_,
+                                         firmware::RigPorts{world_.clock(),
+                                                            world_.enumerator(),
+                                                            &world_.trigger(),
+                                                            *disk_,
+                                                            {{listener_.get()}},
+                                                            watchdog_.get(),
+                                                            {},
+                                                            nullptr},
+                                         "a swarm");
   looked_at_.reset();
   oracle_.new_process();
   genlocked_ = nature_.genlocked;
@@ -202,8 +210,8 @@ void Swarm::step_clock(Duration by) {
 Host& Swarm::host() {
   std::erase_if(hosts_, [](const auto& host) { return host->dead(); });
   if (hosts_.empty()) {
-    hosts_.push_back(std::make_unique<Host>(*listener_, oracle_, documents_, outcome_.tally,
-                                            nature_.seed + 1000 * ++hosts_made_));
+    hosts_.push_back(
+        std::make_unique<Host>(*listener_, oracle_, documents_, outcome_.tally, nature_.seed + 1000 * ++hosts_made_));
   }
   return *hosts_[random_.below(hosts_.size())];
 }
@@ -212,8 +220,8 @@ void Swarm::act_hosts() {
   world_.queue().plan(world_.now() + drawn(kHostsAct / 4, kHostsAct * 2), EventKind::kHost);
   if (crowd_) return;
   if (hosts_.size() < 3 && random_.chance(200'000)) {
-    hosts_.push_back(std::make_unique<Host>(*listener_, oracle_, documents_, outcome_.tally,
-                                            nature_.seed + 1000 * ++hosts_made_));
+    hosts_.push_back(
+        std::make_unique<Host>(*listener_, oracle_, documents_, outcome_.tally, nature_.seed + 1000 * ++hosts_made_));
   }
   host().act();
 }

@@ -33,10 +33,10 @@ class Trigger final : public hal::TriggerPort {
   void make_safe() noexcept override {}  // the swarm has one thread: nothing hangs beside it
 
   // What the swarm does.
-  void lose(int pulses) { lose_ += pulses; }      ///< not sent; their numbers are a gap
-  void hide(int pulses) { hide_ += pulses; }      ///< sent, and not seen where they leave
-  void send_extra();                              ///< a spike on the line, now
-  void set_drift(std::int64_t ppb);               ///< from now on
+  void lose(int pulses) { lose_ += pulses; }             ///< not sent; their numbers are a gap
+  void hide(int pulses) { hide_ += pulses; }             ///< sent, and not seen where they leave
+  void send_extra();                                     ///< a spike on the line, now
+  void set_drift(std::int64_t ppb);                      ///< from now on
   void shift(Duration by) { base_at_ = base_at_ + by; }  ///< the rig's clock went on by that much at once
   void unplug() { gone_ = true; }
   void replug() { gone_ = false; }

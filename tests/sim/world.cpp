@@ -7,8 +7,7 @@ World::World(const Nature& nature)
         for (const auto& head : heads_) head->on_pulse(pulse, at);
       }) {
   for (std::size_t i = 0; i < nature.head.size(); ++i) {
-    heads_.push_back(
-        std::make_unique<Head>(static_cast<std::uint8_t>(i), clock_, queue_, nature.head[i], nature.seed));
+    heads_.push_back(std::make_unique<Head>(static_cast<std::uint8_t>(i), clock_, queue_, nature.head[i], nature.seed));
   }
 }
 

@@ -23,18 +23,18 @@ struct Lens {
 
 /// One photograph: how the scene stood, how it was lit, what the sensor added.
 struct Shot {
-  double tilt_deg = 0;       ///< of the scene's normal against the axis
-  double tilt_about_deg = 0; ///< which way it leans
-  double spin_deg = 0;       ///< about the axis
-  double x = 0, y = 0;       ///< where the axis meets the scene, scene widths from its middle
-  double distance = 0.5;     ///< along the axis, scene widths
-  double blur_px = 0.7;      ///< sigma
-  double noise = 2.0;        ///< sigma, grey levels of 255
-  double exposure = 0.9;     ///< light at the brightest place, 1 saturates
+  double tilt_deg = 0;                            ///< of the scene's normal against the axis
+  double tilt_about_deg = 0;                      ///< which way it leans
+  double spin_deg = 0;                            ///< about the axis
+  double x = 0, y = 0;                            ///< where the axis meets the scene, scene widths from its middle
+  double distance = 0.5;                          ///< along the axis, scene widths
+  double blur_px = 0.7;                           ///< sigma
+  double noise = 2.0;                             ///< sigma, grey levels of 255
+  double exposure = 0.9;                          ///< light at the brightest place, 1 saturates
   double light_x = 0, light_y = 0, light_xx = 0;  ///< light over the scene: 1 + light_x X + light_y Y + light_xx X^2
   std::array<double, 3> vignetting{};             ///< 1 + v1 s + v2 s^2 + v3 s^3, s = (r / half diagonal)^2
-  double gamma = 2.2;        ///< encoded = light^(1/gamma)
-  double background = 0.2;   ///< light beside the scene
+  double gamma = 2.2;                             ///< encoded = light^(1/gamma)
+  double background = 0.2;                        ///< light beside the scene
   std::uint64_t seed = 1;
 };
 

@@ -17,9 +17,7 @@ using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 Eigen::Matrix3d rotation_of(const HeadCalibration& head) { return Eigen::Map<const RowMajor>(head.R_head_rig.data()); }
 
-void set_rotation(HeadCalibration& head, const Eigen::Matrix3d& R) {
-  Eigen::Map<RowMajor>(head.R_head_rig.data()) = R;
-}
+void set_rotation(HeadCalibration& head, const Eigen::Matrix3d& R) { Eigen::Map<RowMajor>(head.R_head_rig.data()) = R; }
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 

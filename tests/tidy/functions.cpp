@@ -128,8 +128,8 @@ std::vector<Function> functions_in(const TextFile& file) {
     if (!opens_function(code.brackets, from)) continue;
     Function function;
     function.file = file.path;
-    function.line = 1 + static_cast<std::size_t>(std::count(code.text.begin(),
-                                                            code.text.begin() + static_cast<std::ptrdiff_t>(from), '\n'));
+    function.line = 1 + static_cast<std::size_t>(
+                            std::count(code.text.begin(), code.text.begin() + static_cast<std::ptrdiff_t>(from), '\n'));
     function.lines = lines_between(code.text, from + 1, i);
     function.body = one_blank(code.text.substr(from, i + 1 - from));
     function.shape = shape_of(function.body);

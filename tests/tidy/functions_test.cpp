@@ -17,8 +17,8 @@ TEST(Functions, NoTwo_HaveTheSameBody) {
 }
 
 const TextFile kFirst{"a.cpp",
-                      {"int sum(const Numbers& all) const {", "  int total = 0;  // so far", "", "  for (int n : all) {",
-                       "    if (n > 7) total += n;", "  }", "  return total;", "}"}};
+                      {"int sum(const Numbers& all) const {", "  int total = 0;  // so far", "",
+                       "  for (int n : all) {", "    if (n > 7) total += n;", "  }", "  return total;", "}"}};
 
 TEST(Functions, AFunctionAndItsStatements_AreToldApart) {
   const std::vector<Function> functions = functions_in(kFirst);
@@ -36,9 +36,10 @@ TEST(Functions, BracesInTextAndComments_DoNotCount) {
 }
 
 TEST(Functions, ACopyInOtherLines_IsFound) {
-  const TextFile copy{"b.cpp",
-                      {"long other(Numbers all)", "{", "  int total = 0;", "  for (int n : all) { if (n > 7) total += n; }",
-                       "  // remark", "  return", "      total;", "}"}};
+  const TextFile copy{
+      "b.cpp",
+      {"long other(Numbers all)", "{", "  int total = 0;", "  for (int n : all) { if (n > 7) total += n; }",
+       "  // remark", "  return", "      total;", "}"}};
   EXPECT_EQ(repeated_functions({kFirst, copy}, 4, 99),
             std::vector<std::string>{"b.cpp:2 has the same body as a.cpp:1"});
   EXPECT_TRUE(repeated_functions({kFirst, copy}, 6, 99).empty());
@@ -47,7 +48,8 @@ TEST(Functions, ACopyInOtherLines_IsFound) {
 TEST(Functions, ACopyUnderOtherNames_IsFoundAndAnotherNumberIsNoCopy) {
   TextFile renamed{"b.cpp", kFirst.lines};
   for (std::string& line : renamed.lines) {
-    for (std::size_t at = line.find("total"); at != std::string::npos; at = line.find("total")) line.replace(at, 5, "whole");
+    for (std::size_t at = line.find("total"); at != std::string::npos; at = line.find("total"))
+      line.replace(at, 5, "whole");
   }
   EXPECT_EQ(repeated_functions({kFirst, renamed}, 4, 5),
             std::vector<std::string>{"b.cpp:1 has, but for names, the body of a.cpp:1"});

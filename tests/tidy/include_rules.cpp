@@ -90,10 +90,14 @@ const std::vector<LibraryRule>& library_rules() {
       {"dc1394/", {"hal/linux/", "tests/"}, {}, "a camera is a HeadPort to everybody else"},
       {"gpiod.h", {"hal/linux/", "tests/"}, {}, "a pin is a PinPort to everybody else"},
       {"cmath", {""}, {"stitch/blend/"}, "the blend is integer only"},
-      {"thread", {"firmware/daemon/", "hal/", "host_tool/", "stitch/registration/", "tests/"}, {},
+      {"thread",
+       {"firmware/daemon/", "hal/", "host_tool/", "stitch/registration/", "tests/"},
+       {},
        "stages are stepped: they own no thread (registration is the host's)"},
       {"mutex", {"firmware/daemon/", "hal/", "host_tool/", "tests/"}, {}, "stages are stepped: they wait on no lock"},
-      {"condition_variable", {"firmware/daemon/", "hal/", "host_tool/", "tests/"}, {},
+      {"condition_variable",
+       {"firmware/daemon/", "hal/", "host_tool/", "tests/"},
+       {},
        "stages are stepped: they wait for nothing"},
       {"fstream", {""}, {"firmware/", "stitch/"}, "files are the DiskPort's"},
       {"sys/socket.h", {""}, {"firmware/", "stitch/", "protocol/"}, "sockets are the LinkPort's"},
@@ -103,9 +107,7 @@ const std::vector<LibraryRule>& library_rules() {
 }
 
 std::optional<Include> parse_include(std::string_view line) {
-  const auto skip_blanks = [&line] {
-    line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
-  };
+  const auto skip_blanks = [&line] { line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size())); };
   skip_blanks();
   if (!line.starts_with('#')) return std::nullopt;
   line.remove_prefix(1);
@@ -126,10 +128,10 @@ std::optional<std::string> violation(std::string_view file, const Include& inclu
   if (!include.quoted) {
     for (const LibraryRule& rule : library_rules()) {
       if (!covers(rule.header, include.header)) continue;
-      const bool somewhere = std::ranges::any_of(
-          rule.only_in, [&](std::string_view folder) { return file.starts_with(folder); });
-      const bool forbidden = std::ranges::any_of(
-          rule.but_not_in, [&](std::string_view folder) { return file.starts_with(folder); });
+      const bool somewhere =
+          std::ranges::any_of(rule.only_in, [&](std::string_view folder) { return file.starts_with(folder); });
+      const bool forbidden =
+          std::ranges::any_of(rule.but_not_in, [&](std::string_view folder) { return file.starts_with(folder); });
       const bool daemon = file.starts_with("firmware/daemon/");
       if (!somewhere || (forbidden && !daemon)) return what + ": " + std::string(rule.why);
     }

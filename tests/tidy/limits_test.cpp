@@ -15,7 +15,7 @@ namespace {
 constexpr const char* kPage = "protocol/LIMITS.md";
 
 // Counts that no peer can fill, or parts of a limit that is listed.
-const std::set<std::string> kNoLimits{"kMaxPieceBytes",    // of kMaxBulkBytes, without its header
+const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // of kMaxBulkBytes, without its header
                                       "kMaxPinholeAngle"};  // an angle
 
 struct Row {

@@ -24,9 +24,7 @@ std::set<std::string> ignored_folders(const fs::path& root) {
   return names;
 }
 
-bool is_text(const std::string& content) {
-  return std::find(content.begin(), content.end(), '\0') == content.end();
-}
+bool is_text(const std::string& content) { return std::find(content.begin(), content.end(), '\0') == content.end(); }
 
 std::vector<TextFile> read_tree() {
   const fs::path root = NODAL_SOURCE_DIR;

@@ -15,13 +15,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLongestFile = 400;    // lines; a longer file is usually two
+constexpr std::size_t kLongestFile = 400;  // lines; a longer file is usually two
 // Files that are longer still, each no longer than this. Shorten them and take them out; never add one.
 const std::map<std::string, std::size_t> kKnownLongFiles{{"tests/conformance/head_conformance.cpp", 412},
                                                          {"tests/unit/firmware/genlock_test.cpp", 416},
                                                          {"tests/unit/hal_sim/head_test.cpp", 438}};
-constexpr std::size_t kLongestReadme = 60;   // lines; a module's README fits a screen
-constexpr std::size_t kLongestLine = 160;    // columns of C++; 120 is better
+constexpr std::size_t kLongestReadme = 60;  // lines; a module's README fits a screen
+constexpr std::size_t kLongestLine = 160;   // columns of C++; 120 is better
 
 const TextFile* find_file(const std::string& path) {
   const auto& files = project_files();
@@ -30,8 +30,9 @@ const TextFile* find_file(const std::string& path) {
 }
 
 TEST(House, TopLevel_HoldsTheDesignsFoldersAndNothingElse) {
-  const std::set<std::string> allowed{"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "protocol",
-                                      "hal", "stitch", "firmware", "host_tool", "tests"};
+  const std::set<std::string> allowed{
+      "CMakeLists.txt", "CMakePresets.json", "LICENSE",   "README.md", "protocol", "hal",
+      "stitch",         "firmware",          "host_tool", "tests"};
   std::set<std::string> top;
   for (const TextFile& file : project_files()) top.insert(file.path.substr(0, file.path.find('/')));
   for (const std::string& name : top) {
@@ -115,7 +116,8 @@ TEST(House, EverySourceFileOfAModule_IsInItsReadmesTable) {
 }
 
 TEST(FileTable, SourceThatOnlyTheProseNames_IsMissing) {
-  const TextFile readme{"a/README.md", {"Read `rig.h` first.", "| `one.h` | one; its sums in `two.cpp` |", "| three | |"}};
+  const TextFile readme{"a/README.md",
+                        {"Read `rig.h` first.", "| `one.h` | one; its sums in `two.cpp` |", "| three | |"}};
   EXPECT_EQ(missing_from_table(readme, {"one.h", "one.cpp", "two.cpp"}), "");
   EXPECT_EQ(missing_from_table(readme, {"rig.h", "two.h", "three.cpp"}), " rig.h two.h three.cpp");
 }

@@ -38,8 +38,7 @@ ssize_t write_without_signal(int fd, std::span<const std::uint8_t> from) {
   const int error = errno;
   if (n < 0 && error == EPIPE && !was_pending) {
     const timespec at_once{0, 0};
-    while (sigtimedwait(&pipe_signal, nullptr, &at_once) < 0 && errno == EINTR) {
-    }
+    while (sigtimedwait(&pipe_signal, nullptr, &at_once) < 0 && errno == EINTR) {}
   }
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   errno = error;
@@ -106,8 +105,8 @@ Result<std::size_t> DescriptorLink::read(std::span<std::uint8_t> into) {
 Result<std::size_t> DescriptorLink::write(std::span<const std::uint8_t> from) {
   if (from.empty()) return 0;
   while (true) {
-    const ssize_t n = write_is_socket_ ? ::send(write_, from.data(), from.size(), MSG_NOSIGNAL)
-                                       : write_without_signal(write_, from);
+    const ssize_t n =
+        write_is_socket_ ? ::send(write_, from.data(), from.size(), MSG_NOSIGNAL) : write_without_signal(write_, from);
     if (n >= 0) return static_cast<std::size_t>(n);
     if (errno == EINTR) continue;
     if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return 0;

@@ -107,8 +107,9 @@ Status remove_stale(const SocketAddress& address) {
   struct stat file {};
   if (::lstat(address.path.c_str(), &file) != 0) return {};
   if (!S_ISSOCK(file.st_mode)) {
-    return fail(Errc::kExists, address.text + ": there is something at that path that is not a socket; remove it or "
-                                              "choose another path");
+    return fail(Errc::kExists, address.text +
+                                   ": there is something at that path that is not a socket; remove it or "
+                                   "choose another path");
   }
   const Descriptor probe = open_socket(address);
   const int error = probe.get() < 0 ? errno : connect_within(probe.get(), address, kConnectTimeoutMs);
@@ -190,15 +191,13 @@ Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
   switch (const int error = connect_within(socket.get(), *address, kConnectTimeoutMs)) {
     case 0: break;
     case ENOENT:
-      return fail(Errc::kUnreachable, address->text + ": there is no such socket; is nodald running, and is this the "
-                                                      "socket its rig.toml names?");
-    case ECONNREFUSED:
-      return fail(Errc::kUnreachable, address->text + ": nobody listens there; is nodald running?");
+      return fail(Errc::kUnreachable, address->text +
+                                          ": there is no such socket; is nodald running, and is this the "
+                                          "socket its rig.toml names?");
+    case ECONNREFUSED: return fail(Errc::kUnreachable, address->text + ": nobody listens there; is nodald running?");
     case EACCES:
-    case EPERM:
-      return fail(Errc::kUnreachable, address->text + ": this user may not open the socket; its group may");
-    case EAGAIN:
-      return fail(Errc::kUnreachable, address->text + ": the program that listens there takes no links now");
+    case EPERM: return fail(Errc::kUnreachable, address->text + ": this user may not open the socket; its group may");
+    case EAGAIN: return fail(Errc::kUnreachable, address->text + ": the program that listens there takes no links now");
     default: return system_error(Errc::kUnreachable, address->text, error);
   }
   const int fd = socket.get();

@@ -17,13 +17,11 @@
 namespace nodal::hal {
 namespace {
 
-constexpr int kPatienceMs = 1000;   // for a program whose input has ended
-constexpr int kExitCodeMs = 200;    // from the end of its output to its exit code
+constexpr int kPatienceMs = 1000;  // for a program whose input has ended
+constexpr int kExitCodeMs = 200;   // from the end of its output to its exit code
 
 /// Readable once the process has ended. By number: the C++ linkage of glibc 2.36's own is broken.
-Descriptor open_process(pid_t process) {
-  return Descriptor(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
-}
+Descriptor open_process(pid_t process) { return Descriptor(static_cast<int>(::syscall(SYS_pidfd_open, process, 0))); }
 
 class SpawnedLink final : public DescriptorLink {
  public:
@@ -46,8 +44,7 @@ class SpawnedLink final : public DescriptorLink {
   void wait(int patience_ms) {
     if (exit_) return;
     pollfd done{handle_.get(), POLLIN, 0};
-    while (handle_.get() >= 0 && ::poll(&done, 1, patience_ms) < 0 && errno == EINTR) {
-    }
+    while (handle_.get() >= 0 && ::poll(&done, 1, patience_ms) < 0 && errno == EINTR) {}
     int status = 0;
     if (::waitpid(process_, &status, WNOHANG) == process_) exit_ = status;
   }

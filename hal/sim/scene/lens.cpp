@@ -79,7 +79,10 @@ std::vector<double> angles_by_radius(const LensModel& lens, double step, int cou
 }
 
 LensTruth::LensTruth(const HeadCalibration& head)
-    : center_x_(head.center_x), center_y_(head.center_y), aspect_(head.aspect), R_head_rig_(head.R_head_rig),
+    : center_x_(head.center_x),
+      center_y_(head.center_y),
+      aspect_(head.aspect),
+      R_head_rig_(head.R_head_rig),
       region_(head.region) {
   double farthest = 0;
   for (const double u : {0.0, double(head.width)}) {

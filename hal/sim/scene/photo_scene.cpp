@@ -10,8 +10,7 @@ namespace {
 
 /// Catmull and Rom's cubic: through the samples, with the slope of their neighbours.
 std::array<float, 4> cubic(float t) {
-  return {((2 - t) * t - 1) * t / 2, ((3 * t - 5) * t * t + 2) / 2, ((4 - 3 * t) * t + 1) * t / 2,
-          (t - 1) * t * t / 2};
+  return {((2 - t) * t - 1) * t / 2, ((3 * t - 5) * t * t + 2) / 2, ((4 - 3 * t) * t + 1) * t / 2, (t - 1) * t * t / 2};
 }
 
 /// The photograph in linear light, and halves of it for heads that see it smaller.
@@ -63,8 +62,8 @@ class PhotoScene final : public Scene {
     }
     x %= level.width;
     if (x < 0) x += level.width;
-    return level.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(level.width) +
-                        static_cast<std::size_t>(x)];
+    return level
+        .pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(level.width) + static_cast<std::size_t>(x)];
   }
 
   static Level halved(const Level& full) {

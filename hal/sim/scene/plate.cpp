@@ -27,9 +27,7 @@ Direction turned(const Direction& d, const Direction& axis, double angle) {
 /// Rims are blurred over a pixel; wider pixels than twice this blur less than they might.
 constexpr double kRim = 0.03;
 
-double smooth_step(double edge, double width, double x) {
-  return std::clamp((x - edge) / width + 0.5, 0.0, 1.0);
-}
+double smooth_step(double edge, double width, double x) { return std::clamp((x - edge) / width + 0.5, 0.0, 1.0); }
 
 }  // namespace
 
@@ -75,8 +73,13 @@ Plate expose_plate(const HeadCalibration& head, const LensTruth& lens, const Sce
 }
 
 PlacedMover::PlacedMover(const Mover& mover, Instant at)
-    : shape_(mover.shape), axis_(mover.axis), radius_(mover.radius_rad), reach_cosine_(std::cos(mover.radius_rad + kRim)),
-      reach_sine_(std::sin(mover.radius_rad + kRim)), colour_(mover.colour), stripes_(mover.stripes) {
+    : shape_(mover.shape),
+      axis_(mover.axis),
+      radius_(mover.radius_rad),
+      reach_cosine_(std::cos(mover.radius_rad + kRim)),
+      reach_sine_(std::sin(mover.radius_rad + kRim)),
+      colour_(mover.colour),
+      stripes_(mover.stripes) {
   const std::int64_t period = mover.period.ns();
   const double phase = period == 0 ? 0 : static_cast<double>(at.ns() % period) / static_cast<double>(period);
   centre_ = turned(mover.start, mover.axis, 2 * std::numbers::pi * phase);
@@ -102,7 +105,8 @@ double PlacedMover::inside_bar(const Direction& from) const {
   const double beyond = std::abs(std::atan2(aside, ahead)) - radius_;
   // Farther round than a quarter turn, the nearest of the edge is its pole.
   const double off_axis = std::sqrt(ahead * ahead + aside * aside);
-  return -std::asin(std::min(1.0, off_axis * std::sin(std::clamp(beyond, -std::numbers::pi / 2, std::numbers::pi / 2))));
+  return -std::asin(
+      std::min(1.0, off_axis * std::sin(std::clamp(beyond, -std::numbers::pi / 2, std::numbers::pi / 2))));
 }
 
 bool PlacedMover::may_touch(const Direction& middle, double cap_cosine, double cap_sine) const {
@@ -130,9 +134,7 @@ PlacedMover::Cover PlacedMover::cover(const Direction& from, double footprint_ra
   const double sharpness = std::clamp(radius_ / (8 * footprint_rad), 1.0, 40.0);
   const double stripe = std::clamp(wave * sharpness + 0.5, 0.0, 1.0);
   const double lit = 0.45 + 0.55 * std::max(0.0, 0.6 * up + 0.35 * right + 0.6 * depth);
-  const auto mix = [&](float a, float b) {
-    return static_cast<float>((a * stripe + b * (1 - stripe)) * lit);
-  };
+  const auto mix = [&](float a, float b) { return static_cast<float>((a * stripe + b * (1 - stripe)) * lit); };
   return {static_cast<float>(share),
           {mix(colour_.r, stripes_.r), mix(colour_.g, stripes_.g), mix(colour_.b, stripes_.b)}};
 }

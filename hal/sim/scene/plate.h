@@ -41,8 +41,8 @@ class PlacedMover {
   double inside_bar(const Direction& from) const;
 
   Mover::Shape shape_;
-  Direction axis_;              ///< of a bar
-  Direction ahead_, aside_;     ///< of a bar: its middle and what is a quarter turn on, both square to the axis
+  Direction axis_;           ///< of a bar
+  Direction ahead_, aside_;  ///< of a bar: its middle and what is a quarter turn on, both square to the axis
   Direction centre_, spin_, side_;
   double radius_;
   double reach_cosine_, reach_sine_;  ///< of the radius and a margin for blurred rims

@@ -30,9 +30,9 @@ struct Mover {
     kBar,   ///< what lies between two meridians of the axis, from pole to pole; of one colour
   };
   Direction axis;
-  Direction start;         ///< where it is at time 0
-  Duration period;         ///< negative: the other way round
-  double radius_rad = 0;   ///< as seen from the nodal point; of a bar, half the angle between its meridians
+  Direction start;        ///< where it is at time 0
+  Duration period;        ///< negative: the other way round
+  double radius_rad = 0;  ///< as seen from the nodal point; of a bar, half the angle between its meridians
   Light colour, stripes;
   Shape shape = Shape::kBall;
 };

@@ -58,9 +58,16 @@ double angle_between(const Direction& a, const Direction& b) {
 }  // namespace
 
 Sensor::Sensor(const HeadCalibration& truth, const SensorOptions& options, ScenePtr scene, std::uint64_t seed)
-    : truth_(truth), noise_(options.noise), format_(options.pixels), supersampling_(options.supersampling),
-      interlaced_(options.interlaced), half_period_(options.half_period), reference_(options.reference),
-      scene_(std::move(scene)), seed_(seed), lens_(truth) {
+    : truth_(truth),
+      noise_(options.noise),
+      format_(options.pixels),
+      supersampling_(options.supersampling),
+      interlaced_(options.interlaced),
+      half_period_(options.half_period),
+      reference_(options.reference),
+      scene_(std::move(scene)),
+      seed_(seed),
+      lens_(truth) {
   NODAL_ASSERT(supersampling_ >= 1);
   NODAL_ASSERT(format_ != PixelFormat::kMjpeg);
   NODAL_ASSERT(!interlaced_ || truth.height % 4 == 0);
@@ -126,8 +133,8 @@ void Sensor::use(const HeadSettings& settings) {
   versions_ready_ = 0;
   still_id_ += kVersions;
   if (still_id_ == kVersions) still_id_ = 1;
-  const double exposure = static_cast<double>(settings.exposure.duration().ns()) /
-                          static_cast<double>(reference_.duration().ns());
+  const double exposure =
+      static_cast<double>(settings.exposure.duration().ns()) / static_cast<double>(reference_.duration().ns());
   const double gain = std::pow(10.0, settings.gain.mdb() / 20'000.0);
   const std::array<double, 3> balance{settings.white_balance.red_q12 / 4096.0, 1.0,
                                       settings.white_balance.blue_q12 / 4096.0};
@@ -179,8 +186,7 @@ bool Sensor::any_touches(const Movers& top, const Movers& bottom) const {
   return false;
 }
 
-void Sensor::draw_touched(const Movers& top, const Movers& bottom, std::uint32_t number,
-                          const MutableImageView& into) {
+void Sensor::draw_touched(const Movers& top, const Movers& bottom, std::uint32_t number, const MutableImageView& into) {
   const int across = (truth_.width + kBlock - 1) / kBlock;
   Movers top_here, bottom_here;
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
@@ -225,8 +231,8 @@ void Sensor::develop(const Rect& rect, std::uint32_t version, std::span<const Pl
 }
 
 /// Rows y and y + step, as far as they are in the picture.
-void Sensor::develop_pair(int y, int step, int x0, int x1, std::uint32_t version,
-                          std::span<const PlacedMover> movers, RowPair& pair) {
+void Sensor::develop_pair(int y, int step, int x0, int x1, std::uint32_t version, std::span<const PlacedMover> movers,
+                          RowPair& pair) {
   const auto width = static_cast<std::size_t>(truth_.width);
   for (std::size_t r = 0; r < 2; ++r) {
     const int row = y + static_cast<int>(r) * step;

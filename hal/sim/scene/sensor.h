@@ -25,9 +25,9 @@ struct NoiseModel {
 struct SensorOptions {
   PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
   bool interlaced = false;
-  Duration half_period;                     ///< from an interlaced head's first field to its second
+  Duration half_period;                                 ///< from an interlaced head's first field to its second
   Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
-  int supersampling = 2;                    ///< n x n samples a pixel
+  int supersampling = 2;                                ///< n x n samples a pixel
   NoiseModel noise;
 };
 
@@ -49,8 +49,7 @@ class Sensor {
   /// written again when they would be the same. Of an interlaced head's frame the field that `fields` says is first
   /// was exposed then, the other half a period later.
   std::uint64_t render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
-                       std::span<std::uint8_t> into, std::uint64_t holds,
-                       Fields fields = Fields::kProgressive);
+                       std::span<std::uint8_t> into, std::uint64_t holds, Fields fields = Fields::kProgressive);
   /// The scene's light in what is rendered from now on, against what the scene says.
   void set_light(double factor);
 
@@ -80,8 +79,8 @@ class Sensor {
 
   struct Block {
     Direction middle;
-    bool sees = false;           ///< something
-    double cosine = 1, sine = 0; ///< of the angle around all it sees
+    bool sees = false;            ///< something
+    double cosine = 1, sine = 0;  ///< of the angle around all it sees
   };
 
   const HeadCalibration truth_;
@@ -103,10 +102,10 @@ class Sensor {
 
   double light_ = 1;
   std::optional<HeadSettings> settings_;
-  Gamma curve_is_of_;                               ///< what `encoded_` was worked out for
+  Gamma curve_is_of_;  ///< what `encoded_` was worked out for
   Curve curve_;
-  std::uint64_t still_id_ = 0;                      ///< of versions_[0] under these settings
-  std::vector<std::vector<std::uint8_t>> versions_; ///< of the still part; those in use come first
+  std::uint64_t still_id_ = 0;                       ///< of versions_[0] under these settings
+  std::vector<std::vector<std::uint8_t>> versions_;  ///< of the still part; those in use come first
   std::size_t versions_ready_ = 0;
   std::optional<std::uint32_t> last_number_;
   std::vector<float> light_row_;

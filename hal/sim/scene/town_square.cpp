@@ -29,10 +29,18 @@ struct Glyph {
   std::array<std::uint8_t, 7> rows;
 };
 constexpr std::array<Glyph, 13> kGlyphs{{
-    {'A', {14, 17, 17, 31, 17, 17, 17}}, {'B', {30, 17, 17, 30, 17, 17, 30}}, {'C', {14, 17, 16, 16, 16, 17, 14}},
-    {'E', {31, 16, 16, 30, 16, 16, 31}}, {'F', {31, 16, 16, 30, 16, 16, 16}}, {'G', {14, 17, 16, 23, 17, 17, 15}},
-    {'H', {17, 17, 17, 31, 17, 17, 17}}, {'I', {14, 4, 4, 4, 4, 4, 14}},      {'K', {17, 18, 20, 24, 20, 18, 17}},
-    {'L', {16, 16, 16, 16, 16, 16, 31}}, {'N', {17, 25, 21, 19, 17, 17, 17}}, {'O', {14, 17, 17, 17, 17, 17, 14}},
+    {'A', {14, 17, 17, 31, 17, 17, 17}},
+    {'B', {30, 17, 17, 30, 17, 17, 30}},
+    {'C', {14, 17, 16, 16, 16, 17, 14}},
+    {'E', {31, 16, 16, 30, 16, 16, 31}},
+    {'F', {31, 16, 16, 30, 16, 16, 16}},
+    {'G', {14, 17, 16, 23, 17, 17, 15}},
+    {'H', {17, 17, 17, 31, 17, 17, 17}},
+    {'I', {14, 4, 4, 4, 4, 4, 14}},
+    {'K', {17, 18, 20, 24, 20, 18, 17}},
+    {'L', {16, 16, 16, 16, 16, 16, 31}},
+    {'N', {17, 25, 21, 19, 17, 17, 17}},
+    {'O', {14, 17, 17, 17, 17, 17, 14}},
     {'R', {30, 17, 17, 30, 20, 18, 17}},
 }};
 
@@ -46,17 +54,21 @@ bool letter_cell(char letter, int column, int row) {
 
 struct Wall {
   std::string_view word;
-  double distance;  ///< of its plane, m
-  double reach;     ///< to each side of its middle, m; streets are left at the corners
-  Direction normal; ///< away from the nodal point
-  Direction right;  ///< as seen from it
+  double distance;   ///< of its plane, m
+  double reach;      ///< to each side of its middle, m; streets are left at the corners
+  Direction normal;  ///< away from the nodal point
+  Direction right;   ///< as seen from it
 };
 constexpr std::array<Wall, 4> kWalls{{{"FRONT", 22, 21, {0, 0, 1}, {1, 0, 0}},
                                       {"RIGHT", 27, 17, {1, 0, 0}, {0, 0, -1}},
                                       {"BACK", 22, 21, {0, 0, -1}, {-1, 0, 0}},
                                       {"LEFT", 27, 17, {-1, 0, 0}, {0, 0, 1}}}};
-constexpr std::array<Light, 7> kPlaster{{{0.62F, 0.47F, 0.30F}, {0.66F, 0.60F, 0.50F}, {0.50F, 0.24F, 0.17F},
-                                         {0.42F, 0.50F, 0.45F}, {0.70F, 0.55F, 0.22F}, {0.45F, 0.42F, 0.52F},
+constexpr std::array<Light, 7> kPlaster{{{0.62F, 0.47F, 0.30F},
+                                         {0.66F, 0.60F, 0.50F},
+                                         {0.50F, 0.24F, 0.17F},
+                                         {0.42F, 0.50F, 0.45F},
+                                         {0.70F, 0.55F, 0.22F},
+                                         {0.45F, 0.42F, 0.52F},
                                          {0.58F, 0.36F, 0.33F}}};
 
 struct Ball {
@@ -172,8 +184,8 @@ class TownSquare final : public Scene {
     const Wall* wall = nullptr;  ///< of the square
     bool tower = false;          ///< one behind it
     std::int64_t side = 0, lot = 0;
-    double s = 0;                ///< along the wall to the right, m
-    double h = 0;                ///< above the ground, m
+    double s = 0;  ///< along the wall to the right, m
+    double h = 0;  ///< above the ground, m
     double eaves = 0;
     double lit = 1;
   };

@@ -15,10 +15,10 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kLeastExplained = 0.6;     // of a photograph's variance
+constexpr double kLeastExplained = 0.6;  // of a photograph's variance
 constexpr double kLeastTilt = 4 * kDegree;
 constexpr double kMostFocalDeviation = 0.003;
-constexpr double kHopeless = 0.03;          // from a few pixels; all of them make it five times surer, not ten times
+constexpr double kHopeless = 0.03;  // from a few pixels; all of them make it five times surer, not ten times
 constexpr std::size_t kLeastViews = 2;
 constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less are one view
 constexpr double kAlikeMove = 0.03;         // of the pattern's distance
@@ -215,9 +215,8 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   for (const LensPhotograph& photo : photographs) lumas.push_back(photo.luma);
   for (const GreyImage& luma : lumas) pictures.push_back(&luma);
   const Region region = find_region(pictures);
-  const Eigen::Vector2d center = region.circle
-                                     ? Eigen::Vector2d(region.circle->x, region.circle->y)
-                                     : Eigen::Vector2d(lumas[0].width / 2.0, lumas[0].height / 2.0);
+  const Eigen::Vector2d center = region.circle ? Eigen::Vector2d(region.circle->x, region.circle->y)
+                                               : Eigen::Vector2d(lumas[0].width / 2.0, lumas[0].height / 2.0);
   const auto views = static_cast<int>(photographs.size());
 
   tell("looking for the pattern", 0);

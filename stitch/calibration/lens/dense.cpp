@@ -10,13 +10,13 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr int kBands = 24;             // pieces of work; fixed, so that sums do not depend on who does them
-constexpr solve::Huber kHuber{2.0};   // scatters
-constexpr int kShadeStride = 3;         // shading is smooth: every third pixel of a row tells it
+constexpr int kBands = 24;           // pieces of work; fixed, so that sums do not depend on who does them
+constexpr solve::Huber kHuber{2.0};  // scatters
+constexpr int kShadeStride = 3;      // shading is smooth: every third pixel of a row tells it
 constexpr double kPixelVariance = 1.0 / 12;
-constexpr int kSmallestSide = 90;      // px, of the coarsest photograph
+constexpr int kSmallestSide = 90;  // px, of the coarsest photograph
 constexpr int kMostTaps = 9;
-constexpr double kCalm = 0.05;         // of the pattern's light, for a doubling of the blur
+constexpr double kCalm = 0.05;  // of the pattern's light, for a doubling of the blur
 constexpr int kRounds = 12;
 
 double binomial(int n, int k) {
@@ -66,8 +66,8 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
 /// A photograph's pose and blur, frozen for many pixels.
 struct DenseAlignment::Look {
   PlaneFinder plane;
-  double sigma;         // of all blur there is, px of the level
-  double by_log_blur;   // d(doublings of it) / d(log_blur)
+  double sigma;        // of all blur there is, px of the level
+  double by_log_blur;  // d(doublings of it) / d(log_blur)
 
   Look(const Pose& pose, double log_blur, int level) : plane(pose) {
     // Halving blurs too: s^2 of a level, in its own pixels.
@@ -84,21 +84,18 @@ struct DenseAlignment::Look {
 
 /// One pixel of one photograph with the pattern behind it.
 struct DenseAlignment::Seen {
-  geometry::Pixel pixel;        // of the full photograph
-  double x = 0, y = 0;          // the same in -1..1
-  double value = 0;             // of the photograph
-  ScaleSpace::Sample pattern;   // per px of the pattern
+  geometry::Pixel pixel;       // of the full photograph
+  double x = 0, y = 0;         // the same in -1..1
+  double value = 0;            // of the photograph
+  ScaleSpace::Sample pattern;  // per px of the pattern
   PlanePoint point;
   const Sight* sight = nullptr;
-  double dlog_blur = 0;         // d(pattern's value) / d(log_blur)
+  double dlog_blur = 0;  // d(pattern's value) / d(log_blur)
 };
 
 DenseAlignment::DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
                                solve::ForEach for_each)
-    : pattern_(pattern),
-      region_(region),
-      for_each_(std::move(for_each)),
-      shadings_(photos.size()) {
+    : pattern_(pattern), region_(region), for_each_(std::move(for_each)), shadings_(photos.size()) {
   for (const GreyImage& photo : photos) {
     std::vector<GreyImage> pyramid{photo};
     while (std::min(pyramid.back().width, pyramid.back().height) >= 2 * kSmallestSide) {
@@ -139,8 +136,8 @@ bool DenseAlignment::in_region(const geometry::Pixel& pixel, double margin) cons
       pixel.y > region_.bottom - margin) {
     return false;
   }
-  return !region_.circle || std::hypot(pixel.x - region_.circle->x, pixel.y - region_.circle->y) <=
-                                region_.circle->radius - margin;
+  return !region_.circle ||
+         std::hypot(pixel.x - region_.circle->x, pixel.y - region_.circle->y) <= region_.circle->radius - margin;
 }
 
 void DenseAlignment::gather(const DenseState& state, int band,
@@ -223,7 +220,8 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
   return total;
 }
 
-solve::Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state) {
+solve::Evaluation DenseAlignment::run(int level, const Care& care, const std::vector<bool>& fixed_lens,
+                                      DenseState& state) {
   set_level(level, care.most_pixels);
   std::vector<bool> fixed = fixed_lens;
   fixed.resize(static_cast<std::size_t>(state.arrangement.lens.count) + kOwn * pyramids_.size(), false);
@@ -238,9 +236,9 @@ solve::Evaluation DenseAlignment::run(int level, const Care& care, const std::ve
   };
   for (int round = 1;; ++round) {
     fit_shading(state);
-    auto descent = solve::descend(
-        state, [this](const DenseState& s) { return evaluate(s); }, step, fixed,
-        {.most_steps = round == 1 ? 6 : 3, .enough = 0, .sure = care.sure, .first_damping = 1e-4});
+    auto descent =
+        solve::descend(state, [this](const DenseState& s) { return evaluate(s); }, step, fixed,
+                       {.most_steps = round == 1 ? 6 : 3, .enough = 0, .sure = care.sure, .first_damping = 1e-4});
     const double before = state.arrangement.lens[kFirstCoefficient];
     const double cx = state.arrangement.lens[kCenterX];
     state = descent.state;

@@ -28,7 +28,7 @@ struct Care {
   double sure;       ///< part of the cost below which a step is taken unseen, as the round's last
   double still_px;   ///< a round that moves the picture less is the last, px of the pyramid's level
 };
-inline constexpr Care kQuick{40'000, 2e-3, 0.02};       // comes within a few hundredths of a pixel
+inline constexpr Care kQuick{40'000, 2e-3, 0.02};      // comes within a few hundredths of a pixel
 inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not make it better
 
 /// How well a photograph is explained.

@@ -12,17 +12,17 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr int kScales = 3;              // an octave
-constexpr double kFirstSigma = 1.6;     // px of the octave
+constexpr int kScales = 3;           // an octave
+constexpr double kFirstSigma = 1.6;  // px of the octave
 constexpr float kLeastContrast = 0.006F;
-constexpr int kBorder = 8;              // px of the octave
-constexpr int kBins = 36;               // of directions
+constexpr int kBorder = 8;  // px of the octave
+constexpr int kBins = 36;   // of directions
 constexpr int kCells = 4;
 constexpr std::size_t kCellBins = 8;
-constexpr double kCellSide = 3.0;       // sigmas
+constexpr double kCellSide = 3.0;  // sigmas
 constexpr int kProbes = 3 * (kCells + 1);
 constexpr float kLargestEntry = 0.2F;
-constexpr float kRatio = 0.85F;         // best distance over second best, squared below
+constexpr float kRatio = 0.85F;  // best distance over second best, squared below
 
 struct Octave {
   std::vector<GreyImage> blurs;        // kScales + 3
@@ -251,8 +251,7 @@ std::vector<Match> match_features(const Features& photo, const Features& pattern
   constexpr Eigen::Index kBlock = 256;
   for (Eigen::Index first = 0; first < photo.descriptors.cols(); first += kBlock) {
     const Eigen::Index count = std::min(kBlock, photo.descriptors.cols() - first);
-    const Eigen::MatrixXf likeness =
-        pattern.descriptors.transpose() * photo.descriptors.middleCols(first, count);
+    const Eigen::MatrixXf likeness = pattern.descriptors.transpose() * photo.descriptors.middleCols(first, count);
     for (Eigen::Index k = 0; k < count; ++k) {
       Eigen::Index best = 0;
       const float best_likeness = likeness.col(k).maxCoeff(&best);

@@ -33,8 +33,8 @@ Result<LensKind> lens_kind_named(std::string_view name) {
   if (name == "tsai") return LensKind::kTsai;
   if (name == "equidistant") return LensKind::kEquidistant;
   if (name == "kannala_brandt") return LensKind::kKannalaBrandt;
-  return fail(Errc::kBadValue, "there is no lens model '" + std::string(name) +
-                                   "'; there are tsai, equidistant and kannala_brandt");
+  return fail(Errc::kBadValue,
+              "there is no lens model '" + std::string(name) + "'; there are tsai, equidistant and kannala_brandt");
 }
 
 int parameter_count(LensKind kind) {

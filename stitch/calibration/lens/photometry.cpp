@@ -16,11 +16,11 @@ namespace {
 constexpr int kFlare = 0, kVignetting = 1, kCurve = 4;  // places of the shared unknowns
 constexpr int kMostCurve = 3;
 constexpr int kShared = kCurve + kMostCurve;
-constexpr int kOwn = 5;                 // gain, slope x, slope y, x^2 - y^2, x y
+constexpr int kOwn = 5;                            // gain, slope x, slope y, x^2 - y^2, x y
 constexpr double kLowest = 0.02, kHighest = 0.98;  // recorded values in between are neither crushed nor saturated
-constexpr double kFoot = 0.002;         // of full light
+constexpr double kFoot = 0.002;                    // of full light
 constexpr solve::Huber kHuber{0.03};
-constexpr double kClearly = 0.9;        // of a gamma curve's rms
+constexpr double kClearly = 0.9;  // of a gamma curve's rms
 
 struct State {
   std::array<double, kShared> shared{};
@@ -137,7 +137,7 @@ solve::Descent<State, solve::Evaluation> fit(State start, const std::vector<Plac
   std::vector<bool> fixed(kShared + start.own.size() * kOwn, false);
   if (gamma) fixed[kCurve + 1] = fixed[kCurve + 2] = true;
   return solve::descend(std::move(start), [&](const State& s) { return evaluate(s, samples, gamma); }, moved, fixed,
-                 {.most_steps = 60, .enough = 1e-7, .first_damping = 1e-3});
+                        {.most_steps = 60, .enough = 1e-7, .first_damping = 1e-3});
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ class ScaleSpace {
 
   struct Sample {
     double value = 0;
-    double dx = 0;      ///< per px of the original
+    double dx = 0;  ///< per px of the original
     double dy = 0;
     double dscale = 0;  ///< per doubling of the blur
   };

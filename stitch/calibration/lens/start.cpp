@@ -268,8 +268,8 @@ constexpr int kOwn = 6;
 constexpr double kLost = 100;  // px, for a pair that the lens or the plane does not reach
 
 /// Adds one pair's two residuals, px; gives their length.
-double add_pair(int view, const PointPair& pair, const SightFinder& lens, const PlaneFinder& plane, const solve::Huber& huber,
-                solve::NormalEquations& sum) {
+double add_pair(int view, const PointPair& pair, const SightFinder& lens, const PlaneFinder& plane,
+                const solve::Huber& huber, solve::NormalEquations& sum) {
   const auto sight = lens.at({pair.photo.x(), pair.photo.y()});
   if (!sight) return kLost;
   const auto point = plane.at(sight->ray);

@@ -31,7 +31,7 @@ struct RadialPose {
   Eigen::Matrix<double, 2, 3> rows;  ///< (x, y) in the head's frame = rows (X, Y, 1), in pattern widths
   Eigen::Vector2d third;             ///< r31, r32, up to their common sign
   std::vector<PointPair> inliers;
-  double tilt() const;               ///< rad, between the pattern's normal and the lens's axis
+  double tilt() const;  ///< rad, between the pattern's normal and the lens's axis
 };
 
 /// The pose most pairs agree with; nothing when fewer than kLeastPairs do. `center` and `aspect` as guessed.

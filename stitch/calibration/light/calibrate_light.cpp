@@ -11,11 +11,11 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kStop = 0.69314718055994530942;  // ln 2
-constexpr int kLeastRays = 60;            // that two heads share, to compare them
-constexpr std::size_t kLeastPlaces = 300; // times three channels, for a response
+constexpr int kLeastRays = 60;                    // that two heads share, to compare them
+constexpr std::size_t kLeastPlaces = 300;         // times three channels, for a response
 constexpr double kLeastGamma = 0.3, kMostGamma = 5;
-constexpr double kLargeLeft = 0.3;        // stops
-constexpr double kUnsureCorner = 0.1;     // stops
+constexpr double kLargeLeft = 0.3;     // stops
+constexpr double kUnsureCorner = 0.1;  // stops
 
 std::string text(double value, const char* format = "%.2f") {
   char buffer[48];
@@ -103,8 +103,9 @@ Result<bool> stops_known(const std::vector<ExposedSet>& sets) {
   }
   if (least > most) return false;
   if (most - least < 0.1) {
-    return fail(Errc::kBadValue, "all stops are alike; a response needs the same scene under exposures that differ by "
-                                 "a stop or more");
+    return fail(Errc::kBadValue,
+                "all stops are alike; a response needs the same scene under exposures that differ by "
+                "a stop or more");
   }
   return true;
 }
@@ -141,7 +142,8 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const LightGroups own = only(places, [h](int head) { return static_cast<std::size_t>(head) == h; });
     if (own.size() < 3 * kLeastPlaces) {
-      report.notes.push_back("head '" + heads[h].name() + "' has too few good places for a response of its own and "
+      report.notes.push_back("head '" + heads[h].name() +
+                             "' has too few good places for a response of its own and "
                              "takes the others'");
       continue;
     }
@@ -201,7 +203,8 @@ void fill_report(const LightGroups& groups, const LightModel& before, const Ligh
     head.before_stops = was.head_rms[h] / kStop;
     head.after_stops = is.head_rms[h] / kStop;
     if (!placed[h]) {
-      report.notes.push_back("head '" + head.name + "' shares too little with the others; its gain and fall-off stay "
+      report.notes.push_back("head '" + head.name +
+                             "' shares too little with the others; its gain and fall-off stay "
                              "as they are");
     }
     report.heads.push_back(std::move(head));

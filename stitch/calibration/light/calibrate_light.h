@@ -19,13 +19,13 @@ struct LightOptions {
 
 struct HeadLight {
   std::string name;
-  bool placed = true;         ///< false: it shares too little with the others, and its gain stays
-  int shared = 0;             ///< rays it shares, all sets together
+  bool placed = true;                        ///< false: it shares too little with the others, and its gain stays
+  int shared = 0;                            ///< rays it shares, all sets together
   std::array<double, 3> gain_stops{};        ///< red, green, blue, against the rig's mean
   std::array<double, 3> sigma_gain_stops{};  ///< standard deviation
-  double corner_stops = 0;        ///< light lost in the corner of its picture
+  double corner_stops = 0;                   ///< light lost in the corner of its picture
   double sigma_corner_stops = 0;
-  double before_stops = 0;        ///< rms distance from the others' light, with the prior
+  double before_stops = 0;  ///< rms distance from the others' light, with the prior
   double after_stops = 0;
 };
 
@@ -33,10 +33,10 @@ struct LightReport {
   Calibration calibration;  ///< the prior with what was found; checked
   std::vector<HeadLight> heads;
   bool response_found = false;
-  double sigma_gamma = 0;          ///< of a gamma curve
-  double response_left_stops = 0;  ///< rms left over between exposures
+  double sigma_gamma = 0;                    ///< of a gamma curve
+  double response_left_stops = 0;            ///< rms left over between exposures
   double before_stops = 0, after_stops = 0;  ///< rms over all rays that are shared
-  std::vector<std::string> notes;  ///< what a person should know, one sentence each
+  std::vector<std::string> notes;            ///< what a person should know, one sentence each
 };
 
 /// Gains and fall-off come from the overlaps; the response only from sets with at least two different known stops

@@ -14,12 +14,12 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr solve::Huber kHuber{1.5};   // scatters
-constexpr double kLoosely = 4;        // weight of "no fall-off" where nothing else says
-constexpr double kHeld = 1e6;         // weight of what must not move, and of which the data say nothing
+constexpr solve::Huber kHuber{1.5};  // scatters
+constexpr double kLoosely = 4;       // weight of "no fall-off" where nothing else says
+constexpr double kHeld = 1e6;        // weight of what must not move, and of which the data say nothing
 constexpr double kLeastLight = 1e-4;
 constexpr double kLeastFall = 0.02;
-constexpr double kClearly = 0.85;     // of a gamma curve's rms
+constexpr double kClearly = 0.85;  // of a gamma curve's rms
 constexpr std::size_t kMostTerms = 4;
 
 /// ln light of an observation, and its slopes by the few unknowns it depends on.
@@ -197,7 +197,9 @@ CurveFit descend_curve(const LightGroups& groups, const Eigen::VectorXd& start) 
         return sum;
       },
       [](const Eigen::VectorXd& x, const Eigen::VectorXd& step) {
-        const auto added = [](const Eigen::VectorXd& from, const Eigen::VectorXd& by) { return Eigen::VectorXd(from + by); };
+        const auto added = [](const Eigen::VectorXd& from, const Eigen::VectorXd& by) {
+          return Eigen::VectorXd(from + by);
+        };
         return moved_within(x, step, added, rises);
       },
       [&](const Eigen::VectorXd& x) { weights = weights_at(groups, lines_of(x)); }, kDescent);
@@ -332,7 +334,9 @@ LightFit fit_gains(const LightGroups& shared_rays, const LightModel& start, cons
         return sum;
       },
       [&](const LightModel& from, const Eigen::VectorXd& step) {
-        const auto by = [&](const LightModel& model, const Eigen::VectorXd& part) { return moved(model, places, part); };
+        const auto by = [&](const LightModel& model, const Eigen::VectorXd& part) {
+          return moved(model, places, part);
+        };
         return moved_within(from, step, by, falls_gently);
       },
       [&](const LightModel& model) { weights = weights_at(shared_rays, lines_of(model)); }, kDescent);

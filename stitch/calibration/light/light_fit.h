@@ -19,8 +19,8 @@ struct LightModel {
 
 /// How far apart observations of one light are under a model, natural logarithms.
 struct Disagreement {
-  double rms = 0;                 ///< weighted
-  std::vector<double> head_rms;   ///< of each head's observations
+  double rms = 0;                ///< weighted
+  std::vector<double> head_rms;  ///< of each head's observations
 };
 Disagreement disagreement(const LightGroups& groups, const LightModel& model);
 

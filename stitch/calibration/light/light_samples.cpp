@@ -9,12 +9,12 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kRays = 60'000;
-constexpr int kPlaces = 4'000;       // a head
-constexpr int kPatch = 2;            // px each way: five by five
+constexpr int kPlaces = 4'000;                 // a head
+constexpr int kPatch = 2;                      // px each way: five by five
 constexpr int kDarkest = 5, kBrightest = 250;  // beyond, a pixel is crushed or clipped
-constexpr double kMostDetail = 16;   // levels; patches with more say where an edge is, not how light it is
-constexpr double kNoise = 1;         // levels, of a patch's mean
-constexpr double kMisplaced = 0.4;   // of a patch's detail: what heads that do not meet exactly differ by
+constexpr double kMostDetail = 16;             // levels; patches with more say where an edge is, not how light it is
+constexpr double kNoise = 1;                   // levels, of a patch's mean
+constexpr double kMisplaced = 0.4;             // of a patch's detail: what heads that do not meet exactly differ by
 
 struct Patch {
   std::array<double, 3> mean{};  // levels
@@ -58,8 +58,8 @@ void add_group(const std::vector<Sighting>& sightings, double misplaced, LightGr
     for (const Sighting& seen : sightings) {
       const double mean = seen.patch.mean[static_cast<std::size_t>(c)];
       const double spread = misplaced * seen.patch.detail;
-      groups.all.push_back({seen.head, c, mean / 255, seen.s, seen.stops,
-                            mean * mean / (kNoise * kNoise + spread * spread)});
+      groups.all.push_back(
+          {seen.head, c, mean / 255, seen.s, seen.stops, mean * mean / (kNoise * kNoise + spread * spread)});
     }
     groups.first.push_back(groups.all.size());
   }

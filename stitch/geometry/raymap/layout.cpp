@@ -39,8 +39,8 @@ Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view name, int wid
     }
     names += (names.empty() ? "" : ", ") + std::string(known.name);
   }
-  return fail(Errc::kUnsupported, "no raymap layout is called '" + std::string(name.substr(0, 64)) +
-                                      "'; there are: " + names);
+  return fail(Errc::kUnsupported,
+              "no raymap layout is called '" + std::string(name.substr(0, 64)) + "'; there are: " + names);
 }
 
 }  // namespace nodal::geometry

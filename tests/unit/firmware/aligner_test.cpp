@@ -54,7 +54,7 @@ class AlignerTest : public testing::Test {
   Aligner aligner;
   std::array<FreeHead, kMaxHeads> free{};
   std::vector<Physical> heads;
-  FrameSet set;                     ///< of what they exposed last
+  FrameSet set;  ///< of what they exposed last
   Duration their_period = kPeriod;
   Instant now = Instant::from_ns(5'000'000'000);
 };
@@ -162,7 +162,8 @@ TEST_F(AlignerTest, TheReferencesExposureChanges_NoHeadSeemsToHaveGoneWhatNobody
     if (i == 12) heads[0].exposure = free[0].exposure = heads[2].exposure = free[2].exposure = heads[1].exposure;
     period(true);
     const Skews seen = aligner.skews(set);
-    for (std::size_t h = 0; h < heads.size(); ++h) EXPECT_EQ(seen.of[h], before.of[h] + seen.moved[h]) << i << ", head " << h;
+    for (std::size_t h = 0; h < heads.size(); ++h)
+      EXPECT_EQ(seen.of[h], before.of[h] + seen.moved[h]) << i << ", head " << h;
     before = seen;
   }
 }
@@ -216,7 +217,8 @@ TEST_F(AlignerTest, AHeadIsStartedAnew_ItsNudgesAreForgottenAndItIsBroughtBack) 
     frame.mid_exposure = now + Duration::milliseconds(12) + kExposure.duration() / 2;
     aligner.on_frame(0, 2, frame);
   }
-  for (const Duration by : aligner.plan(free, false, now + kPeriod / 2)) EXPECT_EQ(by, Duration()) << "not knowing of it";
+  for (const Duration by : aligner.plan(free, false, now + kPeriod / 2))
+    EXPECT_EQ(by, Duration()) << "not knowing of it";
   free[0].starts = 2;
   // The others stand at 3 ms.
   EXPECT_EQ(aligner.plan(free, false, now + kPeriod / 2)[0], Duration::milliseconds(-9));

@@ -67,8 +67,9 @@ class BlenderTest : public testing::Test {
     for (std::size_t i = 0; i < kHeads; ++i) {
       if (set.has(i)) views[i] = set.frames[i].image;
     }
-    blend::blend_rows(calibration.tables[0], test::PreparedHeads(calibration.tables[0], views).views(), calibration.tone,
-                      packed_image(config.format, config.width, config.height, pixels.data()), 0, config.height);
+    blend::blend_rows(calibration.tables[0], test::PreparedHeads(calibration.tables[0], views).views(),
+                      calibration.tone, packed_image(config.format, config.width, config.height, pixels.data()), 0,
+                      config.height);
     return pixels;
   }
   void lend(const FrameSet& set) {
@@ -79,8 +80,7 @@ class BlenderTest : public testing::Test {
   }
   void blend(const FrameSet& set) {
     lend(set);
-    while (blender.step()) {
-    }
+    while (blender.step()) {}
   }
   /// Sets that the blend still holds.
   std::size_t held() {
@@ -159,8 +159,7 @@ TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
   lend(set);
   ASSERT_TRUE(blender.step());  // adopts and begins
   install(second);              // while the raymap is under way
-  while (blender.step()) {
-  }
+  while (blender.step()) {}
   EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first->id);
   EXPECT_EQ(blender.tables_out().pop(), first);
   EXPECT_EQ(blender.counts().adopted.load(), 2u);
@@ -185,8 +184,7 @@ TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
     const auto raymap = blender.raymaps_out().pop();
     ASSERT_TRUE(raymap);
     EXPECT_EQ(raymap->info.set, i);
-    while (blender.step()) {
-    }
+    while (blender.step()) {}
   }
   EXPECT_TRUE(blender.idle());
 }
@@ -299,7 +297,8 @@ TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
 TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   const std::array<InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
-  constexpr std::uint64_t kSets = 1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
+  constexpr std::uint64_t kSets =
+      1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
   std::vector<FrameSet> filled;
   for (std::uint64_t i = 0; i < 6; ++i) {
     filled.push_back(full_set(i));
@@ -322,10 +321,8 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   std::uint64_t got = 0;
   while (got < kSets) {
     if (given < kSets && !sets_in.full()) lend(filled[given++ % filled.size()]);
-    while (blender.tables_out().pop()) {
-    }
-    while (blender.adoptions_out().pop()) {
-    }
+    while (blender.tables_out().pop()) {}
+    while (blender.adoptions_out().pop()) {}
     if (given % 50 == 49) {
       InstalledPtr next = calibrations[(given / 50) % 2];
       (void)blender.tables_in().push(std::move(next));  // both give the same picture

@@ -124,9 +124,7 @@ TEST(RigConfig, KeyLikeNoOther_ListsWhatIsKnown) {
                  "known here are name, rate");
 }
 
-TEST(RigConfig, NotToml_NamesLineAndColumn) {
-  expect_refused("[rig]\nname = \"x\n", Errc::kBadFormat, "rig.toml:2:");
-}
+TEST(RigConfig, NotToml_NamesLineAndColumn) { expect_refused("[rig]\nname = \"x\n", Errc::kBadFormat, "rig.toml:2:"); }
 
 TEST(RigConfig, MissingThings_AreNamed) {
   expect_refused("", Errc::kMissingField, "rig must be there");
@@ -159,11 +157,13 @@ TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
     const char* raymap;
     const char* head;
     PixelFormat format;
-  } fits[] = {{"NV12", "YUYV", PixelFormat::kNv12},     {"RGB48", "RGB24", PixelFormat::kRgb48},
-              {"GREY16", "GREY", PixelFormat::kGrey16}, {"GREY", "GREY", PixelFormat::kGrey8}};
+  } fits[] = {{"NV12", "YUYV", PixelFormat::kNv12},
+              {"RGB48", "RGB24", PixelFormat::kRgb48},
+              {"GREY16", "GREY", PixelFormat::kGrey16},
+              {"GREY", "GREY", PixelFormat::kGrey8}};
   for (const auto& [raymap, head, format] : fits) {
-    const auto config = parse_rig_config(
-        kSmall + "format = \"" + head + "\"\n[raymap]\nformat = \"" + raymap + "\"\n", "rig.toml");
+    const auto config =
+        parse_rig_config(kSmall + "format = \"" + head + "\"\n[raymap]\nformat = \"" + raymap + "\"\n", "rig.toml");
     ASSERT_TRUE(config) << config.error().text();
     EXPECT_EQ(config->raymap.format, format);
   }

@@ -9,7 +9,8 @@ namespace nodal::firmware {
 namespace {
 
 ExposureRange range() {
-  return {Exposure::microseconds(10), Exposure::microseconds(16'000), Gain::millidecibels(0), Gain::millidecibels(24'000)};
+  return {Exposure::microseconds(10), Exposure::microseconds(16'000), Gain::millidecibels(0),
+          Gain::millidecibels(24'000)};
 }
 
 RC_GTEST_PROP(SplitExposure, AnyStopsWithinReach_LetThroughThatMuchAndShuttersGoBeforeGain, ()) {

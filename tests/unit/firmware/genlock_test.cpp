@@ -48,8 +48,7 @@ class GenlockTest : public testing::Test {
   /// much later; nothing: no pulse exposed it.
   void period(std::optional<Duration> apart, Duration latency = Duration::microseconds(20)) {
     clock.advance(settings.rate.period());
-    while (genlock.take_edge(clock.now())) {
-    }
+    while (genlock.take_edge(clock.now())) {}
     Skews skews;
     if (apart) skews.add(0, latency), skews.add(1, latency + *apart);
     set(skews, apart.value_or(Duration()));
@@ -58,8 +57,7 @@ class GenlockTest : public testing::Test {
   /// The same of two heads that began so long after the pulse, or of the first alone.
   void one_period(Duration first, std::optional<Duration> second) {
     clock.advance(settings.rate.period());
-    while (genlock.take_edge(clock.now())) {
-    }
+    while (genlock.take_edge(clock.now())) {}
     Skews skews;
     skews.add(0, first);
     if (second) skews.add(1, *second);
@@ -187,8 +185,7 @@ TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLi
     std::int64_t creep_ns = 0;
     for (int i = 0; i < 3000; ++i) {
       clock.advance(settings.rate.period());
-      while (genlock.take_edge(clock.now())) {
-      }
+      while (genlock.take_edge(clock.now())) {}
       if (i > 200) creep_ns += step_ns;
       Skews skews;
       skews.add(0, seen(Duration()));
@@ -210,8 +207,7 @@ TEST_F(GenlockTest, Locked_SetsAfterAGapAreJudgedAnewHoweverManyCameFromBeforeIt
   lock();
   const Instant before = clock.now();
   clock.advance(Duration::seconds(10));
-  while (genlock.take_edge(clock.now())) {
-  }
+  while (genlock.take_edge(clock.now())) {}
   Skews skews;
   skews.add(0, Duration::microseconds(20));
   skews.add(1, Duration::microseconds(40));
@@ -259,10 +255,10 @@ TEST_F(GenlockTest, SixteenHeadsThatAllJitter_StayLocked) {
   ASSERT_TRUE(genlock.start(settings, clock.now()));
   for (int i = 0; i < 30'000; ++i) {
     clock.advance(settings.rate.period());
-    while (genlock.take_edge(clock.now())) {
-    }
+    while (genlock.take_edge(clock.now())) {}
     Skews skews;
-    for (std::size_t head = 0; head < kMaxHeads; ++head) skews.add(head, random.around_zero(Duration::microseconds(200)));
+    for (std::size_t head = 0; head < kMaxHeads; ++head)
+      skews.add(head, random.around_zero(Duration::microseconds(200)));
     set(skews, {}, (1 << kMaxHeads) - 1);
     genlock.step(clock.now());
   }
@@ -313,8 +309,7 @@ TEST_F(GenlockTest, Locked_NoSetsAnyMoreIsLostWithinThreePeriods) {
   for (int i = 0; i < 4; ++i) {
     EXPECT_EQ(genlock.state(), GenlockState::kLocked) << i;
     clock.advance(settings.rate.period());
-    while (genlock.take_edge(clock.now())) {
-    }
+    while (genlock.take_edge(clock.now())) {}
     genlock.step(clock.now());
   }
   EXPECT_EQ(genlock.state(), GenlockState::kLost);

@@ -23,8 +23,8 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    const Finding found =
-        find_condition(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
+    const Finding found = find_condition(
+        config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 

@@ -61,7 +61,8 @@ RaymapInfo some_info() {
 std::vector<std::uint8_t> encoded(const RaymapConfig& config, const std::vector<std::uint8_t>& pixels) {
   JpegEncoder encoder(config);
   std::vector<std::uint8_t> jpeg;
-  EXPECT_TRUE(encoder.encode(packed_image(config.format, config.width, config.height, pixels.data()), some_info(), jpeg));
+  EXPECT_TRUE(
+      encoder.encode(packed_image(config.format, config.width, config.height, pixels.data()), some_info(), jpeg));
   return jpeg;
 }
 

@@ -17,7 +17,8 @@ Instant after(std::int64_t seconds) { return kStart + Duration::seconds(seconds)
 std::uint64_t left_out(const std::vector<std::string>& sentences) {
   std::uint64_t sum = 0;
   for (const std::string& sentence : sentences) {
-    if (sentence.find(" left out in the last ") != std::string::npos) sum += std::strtoull(sentence.c_str(), nullptr, 10);
+    if (sentence.find(" left out in the last ") != std::string::npos)
+      sum += std::strtoull(sentence.c_str(), nullptr, 10);
   }
   return sum;
 }

@@ -7,8 +7,8 @@
 #include <iterator>
 #include <numeric>
 
-#include "stitch/media/image_file.h"
 #include "hal/sim/scene/plate.h"
+#include "stitch/media/image_file.h"
 #include "tests/data/truth_rig.h"
 
 namespace nodal::hal::sim {

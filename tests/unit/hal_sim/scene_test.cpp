@@ -190,7 +190,9 @@ TEST(BarScene, AtAnyTime_CoversItsLuneOfTheSphereAboutWhereItHasTurnedTo) {
   EXPECT_EQ(placed.cover({-middle.x, -middle.y, -middle.z}, 1e-3).share, 0.0F);
   for (double u = -kPi; u < kPi; u += 0.01) {
     for (double v = -1.5; v < 1.5; v += 0.05) {
-      if (placed.cover(at(u, v), 1e-3).share > 0) { ASSERT_TRUE(placed.may_touch(at(u, v), 1, 0)); }
+      if (placed.cover(at(u, v), 1e-3).share > 0) {
+        ASSERT_TRUE(placed.may_touch(at(u, v), 1, 0));
+      }
     }
   }
 }

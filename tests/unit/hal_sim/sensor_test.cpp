@@ -1,5 +1,5 @@
-#include "hal/sim/head.h"
 #include "hal/sim/scene/sensor.h"
+#include "hal/sim/head.h"
 
 #include <gtest/gtest.h>
 
@@ -101,8 +101,8 @@ INSTANTIATE_TEST_SUITE_P(All, EveryFormat,
                          [](const auto& format) { return std::string(pixel_format_name(format.param)); });
 
 TEST(Sensor, OddSizes_EveryFormatWithOddSizesRenders) {
-  for (const PixelFormat pixels : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24,
-                                   PixelFormat::kYuyv}) {
+  for (const PixelFormat pixels :
+       {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kYuyv}) {
     const auto bytes = render_once(test::plain_head("cam0", 33, 17), with(pixels), town_square_scene());
     EXPECT_GT(of(bytes).mean, 10);
   }
@@ -291,7 +291,8 @@ TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
   const PlaneView v = field_of(packed_image(PixelFormat::kI420, 320, 240, woven.data()), FieldParity::kTop).planes[2];
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 160; ++x) {
-      double red_difference = 0;  // BT.601's V of the four pixels: field rows 2 y and 2 y + 1 are frame rows 4 y, 4 y + 2
+      double red_difference =
+          0;  // BT.601's V of the four pixels: field rows 2 y and 2 y + 1 are frame rows 4 y, 4 y + 2
       for (int k = 0; k < 4; ++k) {
         const std::uint8_t* p = &first[static_cast<std::size_t>(3 * (320 * (4 * y + 2 * (k / 2)) + 2 * x + k % 2))];
         red_difference += (0.5 * p[0] - 0.418688 * p[1] - 0.081312 * p[2]) / 4;

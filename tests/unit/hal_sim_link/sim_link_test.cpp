@@ -16,7 +16,8 @@ using Bytes = std::vector<std::uint8_t>;
 Bytes read_now(SimLink& link) {
   Bytes all;
   std::array<std::uint8_t, 64> part;
-  for (auto n = link.read(part); n && *n > 0; n = link.read(part)) all.insert(all.end(), part.begin(), part.begin() + *n);
+  for (auto n = link.read(part); n && *n > 0; n = link.read(part))
+    all.insert(all.end(), part.begin(), part.begin() + *n);
   return all;
 }
 
@@ -113,8 +114,7 @@ struct Talk {
     EXPECT_TRUE(rig->session.offer(stream, BulkItem{"", body, 0}));
   }
   void run() {
-    while (static_cast<int>(host->step()) + static_cast<int>(rig->step()) > 0) {
-    }
+    while (static_cast<int>(host->step()) + static_cast<int>(rig->step()) > 0) {}
   }
 
   SharedBytes body = std::make_shared<const Bytes>(400'000, std::uint8_t{0x5A});

@@ -6,13 +6,13 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "stitch/media/image_file.h"
 #include "host_tool/console/files.h"
 #include "protocol/calibration.h"
 #include "run_nodal.h"
+#include "stitch/media/image_file.h"
+#include "stitch/media/png_writer.h"
 #include "tests/support/photographer.h"
 #include "tests/support/rendered_rig.h"
-#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {

@@ -31,13 +31,27 @@ TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
 }
 
 TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
-  const std::vector<std::vector<std::string>> wrong{
-      {}, {"stauts"}, {"status", "--wacth"}, {"status", "more"}, {"head", "set", "0"}, {"head", "set", "--gain", "1dB"},
-      {"head", "set", "0", "--gain", "6"}, {"head", "set", "0", "--exposure", "0"}, {"genlock"}, {"genlock", "begin"},
-      {"genlock", "start", "--rate", "fast"}, {"calibration", "upload"}, {"calibration", "use"},
-      {"raymap", "pull", "-n", "0"}, {"raymap", "pull", "-n", "2", "--continuous"},
-      {"raymap", "pull", "--for", "5"}, {"raymap", "pull", "--format", "bmp"}, {"completion", "tcsh"},
-      {"--rig", "rig.local", "status"}, {"--timeout", "5", "status"}, {"import"}};
+  const std::vector<std::vector<std::string>> wrong{{},
+                                                    {"stauts"},
+                                                    {"status", "--wacth"},
+                                                    {"status", "more"},
+                                                    {"head", "set", "0"},
+                                                    {"head", "set", "--gain", "1dB"},
+                                                    {"head", "set", "0", "--gain", "6"},
+                                                    {"head", "set", "0", "--exposure", "0"},
+                                                    {"genlock"},
+                                                    {"genlock", "begin"},
+                                                    {"genlock", "start", "--rate", "fast"},
+                                                    {"calibration", "upload"},
+                                                    {"calibration", "use"},
+                                                    {"raymap", "pull", "-n", "0"},
+                                                    {"raymap", "pull", "-n", "2", "--continuous"},
+                                                    {"raymap", "pull", "--for", "5"},
+                                                    {"raymap", "pull", "--format", "bmp"},
+                                                    {"completion", "tcsh"},
+                                                    {"--rig", "rig.local", "status"},
+                                                    {"--timeout", "5", "status"},
+                                                    {"import"}};
   for (const auto& words : wrong) {
     const Outcome run(words);
     std::string line;
@@ -49,10 +63,12 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
 }
 
 TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
-  EXPECT_NE(Outcome({"statsu"}).err.find("there is no command `nodal statsu`; did you mean 'status'?"), std::string::npos)
+  EXPECT_NE(Outcome({"statsu"}).err.find("there is no command `nodal statsu`; did you mean 'status'?"),
+            std::string::npos)
       << Outcome({"statsu"}).err;
   const Outcome pull({"raymap", "pul"});
-  EXPECT_NE(pull.err.find("there is no command `nodal raymap pul`; did you mean 'pull'?"), std::string::npos) << pull.err;
+  EXPECT_NE(pull.err.find("there is no command `nodal raymap pul`; did you mean 'pull'?"), std::string::npos)
+      << pull.err;
   EXPECT_NE(pull.err.find("Run `nodal raymap --help`."), std::string::npos) << pull.err;
   const Outcome none({"offload-everything"});
   EXPECT_NE(none.err.find("`nodal offload-everything`; there are status, heads"), std::string::npos) << none.err;
@@ -62,7 +78,8 @@ TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
 
 TEST(CommandLine, AnOptionThatIsNotThere_IsNamedWithTheNearestThatIs) {
   const Outcome run({"status", "--wach"});
-  EXPECT_NE(run.err.find("`nodal status` has no option '--wach'; did you mean '--watch'?"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("`nodal status` has no option '--wach'; did you mean '--watch'?"), std::string::npos)
+      << run.err;
   const Outcome above({"status", "--tiemout=3s"});  // one that all commands have, with its value
   EXPECT_NE(above.err.find("did you mean '--timeout'?"), std::string::npos) << above.err;
   const Outcome extra({"status", "now"});
@@ -129,8 +146,8 @@ TEST(ExampleCalibration, TenHeads_SeeTheWholeSphere) {
   EXPECT_EQ(json["heads"].size(), 10U);
   EXPECT_EQ(json["unseen"], 0.0);
   EXPECT_GT(json["seen_twice"], 0.3);
-  const double places[10][2] = {{0, 30},  {90, 30},   {180, 30},  {-90, 30},  {45, -30},
-                                {135, -30}, {-135, -30}, {-45, -30}, {0, 90}, {45, -90}};
+  const double places[10][2] = {{0, 30},    {90, 30},    {180, 30},  {-90, 30}, {45, -30},
+                                {135, -30}, {-135, -30}, {-45, -30}, {0, 90},   {45, -90}};
   for (std::size_t i = 0; i < 10; ++i) {
     const auto& head = json["heads"][i];
     EXPECT_NEAR(head["horizontal_field_deg"], 98, 1.5);

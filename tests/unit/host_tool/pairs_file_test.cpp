@@ -48,11 +48,11 @@ TEST_F(PairsFile, BrokenCsv_NamesTheFileTheLineAndWhatIsWrong) {
     const char* line;
     const char* says;
   };
-  for (const Broken& broken : {Broken{"cam0,1,2,cam7,3,4", "no head 'cam7'"}, Broken{"cam0,1,2,cam1,3", "5 fields"},
-                               Broken{"cam0,1,two,cam1,3,4", "'two' is no number"},
-                               Broken{"cam0,1,nan,cam1,3,4", "'nan' is no number"},
-                               Broken{"cam0,1,2,cam1,inf,4", "'inf' is no number"},
-                               Broken{"cam0,1,2,cam0,3,4", "both points are of head 'cam0'"}}) {
+  for (const Broken& broken :
+       {Broken{"cam0,1,2,cam7,3,4", "no head 'cam7'"}, Broken{"cam0,1,2,cam1,3", "5 fields"},
+        Broken{"cam0,1,two,cam1,3,4", "'two' is no number"}, Broken{"cam0,1,nan,cam1,3,4", "'nan' is no number"},
+        Broken{"cam0,1,2,cam1,inf,4", "'inf' is no number"},
+        Broken{"cam0,1,2,cam0,3,4", "both points are of head 'cam0'"}}) {
     const auto pairs = read("p.csv", "head_a,x_a,y_a,head_b,x_b,y_b\n" + std::string(broken.line) + "\n");
     ASSERT_FALSE(pairs) << broken.line;
     EXPECT_NE(pairs.error().message.find("p.csv: line 2"), std::string::npos) << pairs.error().text();

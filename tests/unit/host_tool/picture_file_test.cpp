@@ -39,8 +39,11 @@ TEST(EncodePng, FullRangePrimaries_ComeBackAsTheirRgb) {
   const struct {
     std::uint8_t y, u, v;
     int r, g, b;
-  } colours[] = {{76, 85, 255, 254, 0, 0}, {29, 255, 107, 0, 0, 254}, {255, 128, 128, 255, 255, 255},
-                 {0, 128, 128, 0, 0, 0},   {128, 128, 128, 128, 128, 128}};
+  } colours[] = {{76, 85, 255, 254, 0, 0},
+                 {29, 255, 107, 0, 0, 254},
+                 {255, 128, 128, 255, 255, 255},
+                 {0, 128, 128, 0, 0, 0},
+                 {128, 128, 128, 128, 128, 128}};
   for (const auto& colour : colours) {
     std::vector<std::uint8_t> bytes(8 * 4, colour.y);
     bytes.insert(bytes.end(), 4 * 2, colour.u);
@@ -79,7 +82,8 @@ TEST(EncodePng, Nv12_IsTheSamePictureAsI420) {
 /// A PNG's chunk by its name (PNG, 5.3), as its bytes.
 std::string chunk(const std::vector<std::uint8_t>& png, const std::string& name) {
   for (std::size_t at = 8; at + 12 <= png.size();) {
-    const std::size_t length = std::size_t{png[at]} << 24 | std::size_t{png[at + 1]} << 16 | std::size_t{png[at + 2]} << 8 | png[at + 3];
+    const std::size_t length =
+        std::size_t{png[at]} << 24 | std::size_t{png[at + 1]} << 16 | std::size_t{png[at + 2]} << 8 | png[at + 3];
     const auto begin = png.begin() + static_cast<std::ptrdiff_t>(at + 4);
     if (std::string(begin, begin + 4) == name) return {begin + 4, begin + 4 + static_cast<std::ptrdiff_t>(length)};
     at += 12 + length;

@@ -14,7 +14,8 @@ TEST(RigAddress, UnixPaths_GoToTheLinkAsTheyAre) {
 }
 
 TEST(RigAddress, SshInAllItsForms_BecomesTheCommandThatBridges) {
-  EXPECT_EQ(parse_rig_address("ssh://rig.local", "ssh")->command, (Words{"ssh", "-T", "rig.local", "nodald", "--bridge"}));
+  EXPECT_EQ(parse_rig_address("ssh://rig.local", "ssh")->command,
+            (Words{"ssh", "-T", "rig.local", "nodald", "--bridge"}));
   EXPECT_EQ(parse_rig_address("ssh://ann@rig:2222/", "/opt/ssh")->command,
             (Words{"/opt/ssh", "-T", "-p", "2222", "ann@rig", "nodald", "--bridge"}));
   EXPECT_EQ(parse_rig_address("ssh://[fe80::1]:22", "ssh")->command,
@@ -38,9 +39,8 @@ TEST(RigAddress, Tcp_IsRefusedWithTheWayThatIsAllowed) {
 }
 
 TEST(RigAddress, WhatIsNoAddress_IsRefusedWithTheForms) {
-  for (const char* text : {"", "unix:", "tcp:127.0.0.1", "tcp:127.0.0.1:x",
-                           "ssh://", "ssh://host:", "ssh://@host", "ssh://[fe80::1", "ssh://[::1]x", "ssh://host:0",
-                           "http://rig", "rig.local"}) {
+  for (const char* text : {"", "unix:", "tcp:127.0.0.1", "tcp:127.0.0.1:x", "ssh://", "ssh://host:", "ssh://@host",
+                           "ssh://[fe80::1", "ssh://[::1]x", "ssh://host:0", "http://rig", "rig.local"}) {
     const auto address = parse_rig_address(text, "ssh");
     ASSERT_FALSE(address) << text;
     EXPECT_EQ(address.error().code, Errc::kBadValue) << text;

@@ -41,10 +41,11 @@ TEST(RigConnection, Question_GetsItsOwnAnswer) {
 TEST(RigConnection, AnswerTogetherWithAFarewell_IsTheAnswer) {
   FakeRig rig;
   rig.answer = [](const wire::Request&) { return status_reply(7); };
-  auto connection = RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience, [&](hal::LinkPort&, bool, Duration) {
-    rig.step();
-    if (!rig.requests.empty()) rig.hang_up();
-  });
+  auto connection =
+      RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience, [&](hal::LinkPort&, bool, Duration) {
+        rig.step();
+        if (!rig.requests.empty()) rig.hang_up();
+      });
   ASSERT_TRUE(connection);
   const auto reply = (*connection)->ask(status_request());
   ASSERT_TRUE(reply) << reply.error().text();
@@ -129,8 +130,8 @@ TEST(RigConnection, RigThatGoesSilentDuringALongRequest_IsATimeout) {
 
 TEST(RigConnection, RigThatNeverSaysHello_IsATimeout) {
   FakeRig rig;
-  auto connection = RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience,
-                                        [](hal::LinkPort&, bool, Duration) {});
+  auto connection =
+      RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience, [](hal::LinkPort&, bool, Duration) {});
   ASSERT_FALSE(connection);
   EXPECT_EQ(connection.error().code, Errc::kTimeout);
 }
@@ -164,8 +165,8 @@ TEST(RigConnection, BytesThatAreNoProtocol_AreAnErrorThatNamesTheRig) {
   auto [host, other] = hal::sim::make_link_pair("sim:web", "sim:host");
   const std::string page = "HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n";
   ASSERT_TRUE(other->write(std::span(reinterpret_cast<const std::uint8_t*>(page.data()), page.size())));
-  const auto connection = RigConnection::over(std::move(host), "sim:web", kPatience,
-                                              [](hal::LinkPort&, bool, Duration) {});
+  const auto connection =
+      RigConnection::over(std::move(host), "sim:web", kPatience, [](hal::LinkPort&, bool, Duration) {});
   ASSERT_FALSE(connection);
   EXPECT_EQ(connection.error().code, Errc::kProtocol);
   EXPECT_NE(connection.error().message.find("sim:web"), std::string::npos);
@@ -277,8 +278,8 @@ FakeRig::Answer upload_answers(UploadReceiver& uploads, std::vector<std::uint8_t
       reply.mutable_error()->set_message(error.message);
     };
     if (request.has_upload_begin()) {
-      const auto offset = uploads.begin(*sha256_from_wire(request.upload_begin().sha256()),
-                                        request.upload_begin().length());
+      const auto offset =
+          uploads.begin(*sha256_from_wire(request.upload_begin().sha256()), request.upload_begin().length());
       if (offset) {
         reply.mutable_upload()->set_offset(*offset);
       } else {

@@ -60,8 +60,7 @@ struct Conversation {
   /// Lets bytes flow both ways until nobody has anything to say. A dead session's receive errors are left
   /// for the test to look at.
   void run() {
-    while (move(*host, *rig, at_rig) + move(*rig, *host, at_host) > 0) {
-    }
+    while (move(*host, *rig, at_rig) + move(*rig, *host, at_host) > 0) {}
   }
 
   static std::size_t move(Session& from, Session& to, std::vector<Event>& events) {

@@ -42,8 +42,8 @@ const Bytes kHi{'h', 'i'};
 
 // The layout of framing.h by hand; the CRCs by the definition, bit by bit, in another language.
 TEST(Framing, RequestFrame_LiesAsDocumented) {
-  const Bytes expected{'N', 'O', 'D', 'L', 1, 2, 0xCD, 0xAB, 4, 3, 2, 1, 0, 0, 0, 0, 2, 0, 0, 0,
-                       0xC2, 0xD9, 0x9D, 0xF5, 0xC5, 0x5B, 0x20, 0x97, 'h', 'i'};
+  const Bytes expected{'N', 'O', 'D', 'L', 1, 2,    0xCD, 0xAB, 4,    3,    2,    1,    0,    0,   0,
+                       0,   2,   0,   0,   0, 0xC2, 0xD9, 0x9D, 0xF5, 0xC5, 0x5B, 0x20, 0x97, 'h', 'i'};
   EXPECT_EQ(frame(FrameHeader{FrameType::kRequest, 0xABCD, 0x01020304, 0}, kHi), expected);
 }
 
@@ -146,8 +146,7 @@ TEST(FrameDecoder, AnyBitFlipped_AnErrorAndNeverAFrame) {
     Bytes bytes = honest;
     bytes[bit / 8] ^= static_cast<std::uint8_t>(1U << (bit % 8));
     const Error error = first_error(bytes);
-    EXPECT_TRUE(error.code == Errc::kChecksum || error.code == Errc::kProtocol ||
-                error.code == Errc::kVersionMismatch)
+    EXPECT_TRUE(error.code == Errc::kChecksum || error.code == Errc::kProtocol || error.code == Errc::kVersionMismatch)
         << "bit " << bit << ": " << error.text();
   }
 }

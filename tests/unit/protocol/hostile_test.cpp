@@ -145,7 +145,8 @@ TEST(HostileStream, TornAtEveryByte_WhatCameBeforeIsRightAndTheEndIsKnown) {
       const Seen torn = play(to, std::span(bytes).first(n), 17);
       ASSERT_TRUE(is_beginning_of(torn.events, whole.events)) << n;
       ASSERT_TRUE(torn.error.empty() || torn.error.starts_with("link-closed (302): ") ||
-                  torn.error.starts_with("cancelled")) << torn.error;
+                  torn.error.starts_with("cancelled"))
+          << torn.error;
     }
   }
 }

@@ -30,7 +30,8 @@ std::vector<wire::Request> every_request() {
     bytes.push_back(static_cast<char>(inner.size() % 128 + 128));
     bytes.push_back(static_cast<char>(inner.size() / 128));
     wire::Request request;
-    if (request.ParseFromString(bytes + inner + unknown_field(3000)) && request.what_case() != 0) all.push_back(request);
+    if (request.ParseFromString(bytes + inner + unknown_field(3000)) && request.what_case() != 0)
+      all.push_back(request);
   }
   return all;
 }

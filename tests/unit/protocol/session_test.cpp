@@ -188,16 +188,11 @@ TEST(Session, RulesOfOrder_BrokenOnesAreNamed) {
     bool after_hello;
     const char* says;
   };
-  const Case cases[] = {{FrameType::kRequest, 0, false, "not a hello"},
-                        {FrameType::kHello, 0, true, "second hello"},
-                        {FrameType::kReply, 0, true, "only rigs give"},
-                        {FrameType::kRequest, 3, true, "on stream 3"},
-                        {FrameType::kBulk, 0, true, "on stream 0"},
-                        {FrameType::kBulk, 1, true, "not open"},
-                        {FrameType::kCredit, 2, true, "never opened"},
-                        {FrameType::kStreamClose, 1, true, "not open"},
-                        {FrameType::kStreamOpen, 1, true, "policy 0"},
-                        {FrameType::kStreamOpen, 2, true, "turn"}};
+  const Case cases[] = {{FrameType::kRequest, 0, false, "not a hello"}, {FrameType::kHello, 0, true, "second hello"},
+                        {FrameType::kReply, 0, true, "only rigs give"}, {FrameType::kRequest, 3, true, "on stream 3"},
+                        {FrameType::kBulk, 0, true, "on stream 0"},     {FrameType::kBulk, 1, true, "not open"},
+                        {FrameType::kCredit, 2, true, "never opened"},  {FrameType::kStreamClose, 1, true, "not open"},
+                        {FrameType::kStreamOpen, 1, true, "policy 0"},  {FrameType::kStreamOpen, 2, true, "turn"}};
   for (const Case& c : cases) {
     Session rig(Role::kRig, make_hello("rig"));
     std::uint32_t sequence = 0;

@@ -127,9 +127,9 @@ TEST(Upload, LinkCutAtEveryByte_ResumedAndIdentical) {
     RigSide rig(receiver);
     HostSide first(document);
     ASSERT_NO_FATAL_FAILURE(talk_until(first, rig, cut));
-    if (first.done) break;  // the cut came after everything
+    if (first.done) break;             // the cut came after everything
     if (!rig.taken.empty()) continue;  // the answer was lost; the document was not
-    RigSide rig_again(receiver);  // streams died with the session, the receiver did not
+    RigSide rig_again(receiver);       // streams died with the session, the receiver did not
     HostSide second(document);
     ASSERT_NO_FATAL_FAILURE(talk_until(second, rig_again, SIZE_MAX));
     ASSERT_TRUE(second.done) << cut;

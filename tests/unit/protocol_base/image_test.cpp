@@ -58,8 +58,8 @@ TEST(HalvedChroma, RowsOfPackedPictures_AreEverySecondAndLieWhereTheyDid) {
       const PlaneGrid every = component_grid(format, c);
       const PlaneGrid second = halved_chroma_grid(format, c, every);
       for (int k = 0; k < plane.height; ++k) {
-        EXPECT_EQ(plane.data + k * plane.row_stride,
-                  all.planes[static_cast<std::size_t>(c)].data + 2 * k * all.planes[static_cast<std::size_t>(c)].row_stride);
+        EXPECT_EQ(plane.data + k * plane.row_stride, all.planes[static_cast<std::size_t>(c)].data +
+                                                         2 * k * all.planes[static_cast<std::size_t>(c)].row_stride);
         const double on_picture = (2 * k + 0.5 - every.offset_y) * every.step_y;
         EXPECT_DOUBLE_EQ((k + 0.5 - second.offset_y) * second.step_y, on_picture);
       }

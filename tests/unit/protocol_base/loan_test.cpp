@@ -86,8 +86,7 @@ TEST(Loan, HoldersOnFourThreads_NoValueComesBackWhileAnyOfThemReads) {
   stop.store(true);
   for (std::thread& reader : readers) reader.join();
   for (auto& ring : rings) {
-    while (ring.pop()) {
-    }
+    while (ring.pop()) {}
   }
   pool.collect();
   EXPECT_EQ(wrong.load(), 0u);

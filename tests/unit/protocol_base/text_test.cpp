@@ -9,8 +9,8 @@ constexpr const char* kReplaced = "\xEF\xBF\xBD";
 
 TEST(ValidUtf8, WellFormed_Unchanged) {
   // One, two, three and four bytes, and the borders of each: RFC 3629 section 3.
-  for (const char* text : {"", "nodal", "\x7F", "\xC2\x80", "\xDF\xBF", "\xE0\xA0\x80", "\xED\x9F\xBF",
-                           "\xEE\x80\x80", "\xEF\xBF\xBF", "\xF0\x90\x80\x80", "\xF4\x8F\xBF\xBF"}) {
+  for (const char* text : {"", "nodal", "\x7F", "\xC2\x80", "\xDF\xBF", "\xE0\xA0\x80", "\xED\x9F\xBF", "\xEE\x80\x80",
+                           "\xEF\xBF\xBF", "\xF0\x90\x80\x80", "\xF4\x8F\xBF\xBF"}) {
     EXPECT_EQ(valid_utf8(text), text);
   }
 }
@@ -34,7 +34,11 @@ TEST(ValidUtf8, NotWellFormed_EachByteReplaced) {
 
 TEST(Printable, ControlCharacters_CannotMoveACursor) {
   EXPECT_EQ(printable("a\x1B[2Jb\r\n\x7F", 100), "a?[2Jb???");
-  EXPECT_EQ(printable("\xC2\x9B" "2J", 100), "?2J") << "the one-character form of ESC [";
+  EXPECT_EQ(printable("\xC2\x9B"
+                      "2J",
+                      100),
+            "?2J")
+      << "the one-character form of ESC [";
   EXPECT_EQ(printable("gr\xC3\xBC\xC3\x9F", 100), "gr\xC3\xBC\xC3\x9F");
 }
 
@@ -50,8 +54,8 @@ TEST(Printable, LineSeparatorsAndBidirectionalControls_AreReplaced) {
 
 TEST(Printable, CharactersBesideTheControls_AreShown) {
   // U+00A0, U+061B, U+061D, U+2010, U+2027, U+202F, U+2065 (unassigned), U+206A, U+1F600.
-  for (const char* shown : {" ", "~", "\xC2\xA0", "\xD8\x9B", "\xD8\x9D", "\xE2\x80\x90", "\xE2\x80\xA7", "\xE2\x80\xAF",
-                            "\xE2\x81\xA5", "\xE2\x81\xAA", "\xF0\x9F\x98\x80"}) {
+  for (const char* shown : {" ", "~", "\xC2\xA0", "\xD8\x9B", "\xD8\x9D", "\xE2\x80\x90", "\xE2\x80\xA7",
+                            "\xE2\x80\xAF", "\xE2\x81\xA5", "\xE2\x81\xAA", "\xF0\x9F\x98\x80"}) {
     EXPECT_EQ(printable(shown, 100), shown);
     EXPECT_TRUE(is_printable(shown));
   }

@@ -53,7 +53,9 @@ TEST(FrameRate, LargestFrameNumber_StopsAtTheFarthestInstant) {
 }
 
 template <class A, class B>
-concept Addable = requires(A a, B b) { a + b; };
+concept Addable = requires(A a, B b) {
+  a + b;
+};
 
 TEST(Units, TwoUnits_NeverMix) {
   static_assert(Addable<Instant, Duration>);

@@ -31,8 +31,7 @@ TEST_P(ParseRefuses, NamingHeadAndField) {
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().code, GetParam().code) << read.error().text();
   for (const char* words : GetParam().says) {
-    EXPECT_NE(read.error().message.find(words), std::string::npos)
-        << words << " is not in: " << read.error().text();
+    EXPECT_NE(read.error().message.find(words), std::string::npos) << words << " is not in: " << read.error().text();
   }
 }
 
@@ -76,10 +75,8 @@ INSTANTIATE_TEST_SUITE_P(
                 swap("\"aspect\"", "\"aspekt\": 1, \"aspect\""),
                 Errc::kUnknownField,
                 {"head 'cam5'", "'aspekt'", "'aspect'"}},
-        BadText{"UnknownAtTop",
-                swap("\"comment\"", "\"coment\": \"\", \"comment\""),
-                Errc::kUnknownField,
-                {"'coment'"}},
+        BadText{
+            "UnknownAtTop", swap("\"comment\"", "\"coment\": \"\", \"comment\""), Errc::kUnknownField, {"'coment'"}},
         BadText{"UnknownDeep",
                 swap("\"kappa1\"", "\"kappa3\": 0, \"kappa1\""),
                 Errc::kUnknownField,
@@ -107,17 +104,12 @@ INSTANTIATE_TEST_SUITE_P(
                 swap("\"width\": 720", "\"width\": 720.5"),
                 Errc::kBadValue,
                 {"width must be a whole number"}},
-        BadText{"HugeWidth",
-                swap("\"width\": 720", "\"width\": 1e300"),
-                Errc::kBadValue,
-                {"width must be a whole number"}},
-        BadText{"NaN", swap("\"aspect\": 1.083", "\"aspect\": NaN"), Errc::kBadFormat, {"NaN", "line 11"}},
         BadText{
-            "Overflow", swap("\"aspect\": 1.083", "\"aspect\": 1e999"), Errc::kBadFormat, {"too large", "line 11"}},
-        BadText{"ShortCenter",
-                swap("[360.8, 224.6]", "[360.8]"),
-                Errc::kBadValue,
-                {"center must be a list of 2 numbers"}},
+            "HugeWidth", swap("\"width\": 720", "\"width\": 1e300"), Errc::kBadValue, {"width must be a whole number"}},
+        BadText{"NaN", swap("\"aspect\": 1.083", "\"aspect\": NaN"), Errc::kBadFormat, {"NaN", "line 11"}},
+        BadText{"Overflow", swap("\"aspect\": 1.083", "\"aspect\": 1e999"), Errc::kBadFormat, {"too large", "line 11"}},
+        BadText{
+            "ShortCenter", swap("[360.8, 224.6]", "[360.8]"), Errc::kBadValue, {"center must be a list of 2 numbers"}},
         BadText{"TwoRows",
                 swap("[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "[[1, 0, 0], [0, 1, 0]]"),
                 Errc::kBadValue,
@@ -126,8 +118,7 @@ INSTANTIATE_TEST_SUITE_P(
                 swap("\"tsai\"", "\"thin\""),
                 Errc::kUnsupported,
                 {"head 'cam5': lens", "'thin'", "kannala_brandt"}},
-        BadText{
-            "Curve", swap("\"linear\"", "\"log\""), Errc::kUnsupported, {"head 'cam5': response", "'log'", "srgb"}},
+        BadText{"Curve", swap("\"linear\"", "\"log\""), Errc::kUnsupported, {"head 'cam5': response", "'log'", "srgb"}},
         BadText{"NoHeads",
                 [](auto) { return R"({"nodal_calibration": 1, "name": "", "comment": "", "heads": []})"; },
                 Errc::kBadValue,
@@ -174,10 +165,8 @@ INSTANTIATE_TEST_SUITE_P(
     Rigs, CheckRefuses,
     testing::Values(
         BadValue{"NoHead", [](Calibration& c) { c.heads.clear(); }, Errc::kBadValue, {"0 heads"}},
-        BadValue{"SeventeenHeads",
-                 [](Calibration& c) { c.heads.resize(17, c.heads[0]); },
-                 Errc::kBadValue,
-                 {"17 heads"}},
+        BadValue{
+            "SeventeenHeads", [](Calibration& c) { c.heads.resize(17, c.heads[0]); }, Errc::kBadValue, {"17 heads"}},
         BadValue{"SameName",
                  [](Calibration& c) { c.heads[1].name = "cam5"; },
                  Errc::kBadValue,
@@ -234,8 +223,7 @@ INSTANTIATE_TEST_SUITE_P(
                   h.lens = EquidistantLens{{300, -50}};
                   h.max_angle = 3.1;
                 },
-                Errc::kLensDomain,
-                {"max_angle is 177.617 degrees", "turns back at 171.887 degrees", "at most 3 rad"}),
+                Errc::kLensDomain, {"max_angle is 177.617 degrees", "turns back at 171.887 degrees", "at most 3 rad"}),
         in_head("AngleBehindAPinhole", [](auto& h) { h.max_angle = 1.6; }, Errc::kLensDomain,
                 {"ends at 89.99 degrees"}),
         in_head("NegativeAngle", [](auto& h) { h.max_angle = -0.1; }, Errc::kBadValue, {"max_angle"}),
@@ -251,8 +239,7 @@ INSTANTIATE_TEST_SUITE_P(
         in_head("ZeroMatrix", [](auto& h) { h.R_head_rig = {}; }, Errc::kNotARotation, {"not a rotation"}),
         in_head("NaNMatrix", [](auto& h) { h.R_head_rig[4] = kNaN; }, Errc::kBadValue, {"R_head_rig"}),
         in_head("RegionOutside", [](auto& h) { h.region.right = 721; }, Errc::kBadValue, {"region", "720x480"}),
-        in_head("RegionEmpty", [](auto& h) { h.region.right = h.region.left; }, Errc::kBadValue,
-                {"region is empty"}),
+        in_head("RegionEmpty", [](auto& h) { h.region.right = h.region.left; }, Errc::kBadValue, {"region is empty"}),
         in_head("RegionNaN", [](auto& h) { h.region.top = kNaN; }, Errc::kBadValue, {"region"}),
         in_head("CircleElsewhere",
                 [](auto& h) {

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <rapidcheck/gtest.h>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <rapidcheck/gtest.h>
 
 #include "examples.h"
 
@@ -64,11 +64,9 @@ HeadCalibration any_head(int index) {
   head.max_angle = between(0.1, 1.0);
   head.R_head_rig = any_rotation();
   head.region = {between(0, 3), between(0, 3), head.width - between(0, 3), head.height - between(0, 3), {}};
-  if (*rc::gen::arbitrary<bool>())
-    head.region.circle = Region::Circle{head.center_x, head.center_y, between(30, 3000)};
+  if (*rc::gen::arbitrary<bool>()) head.region.circle = Region::Circle{head.center_x, head.center_y, between(30, 3000)};
   head.response = any_response();
-  head.vignetting = {
-      between(0, head.width), between(0, head.height), 6000, {between(-0.3, 0), between(-0.1, 0.1), 0}};
+  head.vignetting = {between(0, head.width), between(0, head.height), 6000, {between(-0.3, 0), between(-0.1, 0.1), 0}};
   head.gain = {between(0.5, 2), between(0.5, 2), between(0.5, 2)};
   return head;
 }
@@ -116,8 +114,7 @@ TEST(Calibration, CanonicalForm_IsFixedForever) {
       R"("right":720,"top":0},"response":{"curve":"gamma","gamma":2.2},"vignetting":{"coefficients":[-0.2,-0.08,0],)"
       R"("radius":423,"x":360.8,"y":224.6},"width":720}],"name":"r","nodal_calibration":1})");
   // sha256sum of the text above.
-  EXPECT_EQ(to_hex(calibration_id(calibration)),
-            "eafe84027278344889854b67870fbfdbac86bc08a1dfeb2dab7a98706bbd0d97");
+  EXPECT_EQ(to_hex(calibration_id(calibration)), "eafe84027278344889854b67870fbfdbac86bc08a1dfeb2dab7a98706bbd0d97");
 }
 
 TEST(Calibration, ReadFromTextWrittenInAnotherOrder_HasTheSameId) {
@@ -160,9 +157,8 @@ TEST(Calibration, ForPeople_HasTheFieldsInTheDocumentsOrderAndRowsOnTheirLines) 
   const std::string text = to_json(two_heads());
   EXPECT_EQ(text.find("{\n  \"nodal_calibration\": 1,\n  \"name\": \"test rig\","), 0u) << text;
   EXPECT_NE(text.find("\"center\": [360.8, 224.6],\n"), std::string::npos) << text;
-  EXPECT_NE(
-      text.find("\"lens\": {\"model\": \"tsai\", \"focal\": 490, \"kappa1\": 2.29e-06, \"kappa2\": 1.65e-11},\n"),
-      std::string::npos)
+  EXPECT_NE(text.find("\"lens\": {\"model\": \"tsai\", \"focal\": 490, \"kappa1\": 2.29e-06, \"kappa2\": 1.65e-11},\n"),
+            std::string::npos)
       << text;
 }
 

@@ -54,8 +54,8 @@ TEST(LensRange, LensThatDoesNotRise_HasNoRange) {
 }
 
 TEST(LensRadius, OfEveryModel_IsItsFormula) {
-  EXPECT_NEAR(lens_radius(RectilinearLens{{400, 0, 30}}, 0.5),
-              400 * std::tan(0.5) + 30 * std::pow(std::tan(0.5), 3), 1e-9);
+  EXPECT_NEAR(lens_radius(RectilinearLens{{400, 0, 30}}, 0.5), 400 * std::tan(0.5) + 30 * std::pow(std::tan(0.5), 3),
+              1e-9);
   EXPECT_NEAR(lens_radius(EquidistantLens{{400, 20}}, 2), 880, 1e-9);
   EXPECT_NEAR(lens_radius(KannalaBrandtLens{400, {0.01, 0, 0, 0}}, 2), 400 * 2.08, 1e-9);
   // Tsai: at r = 360 Figure 3's lens has r_ideal = 360 * 1.574...

@@ -98,7 +98,8 @@ TEST(BlendRows, AMillionTilesByEveryKernel_AreTheSameBytes) {
       scene.tone = tables.tone(scene.table);
       const Picture expected = blended(Kernel::kScalar, scene);
       for (const Kernel kernel : kernels().subspan(1)) {
-        ASSERT_EQ(blended(kernel, scene).bytes, expected.bytes) << kernel_name(kernel) << " after " << tiles << " tiles";
+        ASSERT_EQ(blended(kernel, scene).bytes, expected.bytes)
+            << kernel_name(kernel) << " after " << tiles << " tiles";
       }
       for (const GridTable& grid : scene.table.grids) tiles += grid.tile_count();
     }

@@ -6,7 +6,8 @@
 namespace nodal::blend::test {
 namespace {
 
-std::vector<std::uint8_t> blend_grey(const BlendTable& table, const std::vector<ImageView>& heads, const SetTone& tone) {
+std::vector<std::uint8_t> blend_grey(const BlendTable& table, const std::vector<ImageView>& heads,
+                                     const SetTone& tone) {
   Picture raymap(PixelFormat::kGrey8, table.width, table.height, 77);
   blend_rows_by(Kernel::kScalar, table, heads, tone, raymap.mutable_view(), 0, table.height);
   return raymap.bytes;
@@ -30,7 +31,8 @@ Curve straight() {
   Curve curve;
   const auto step = 32768 / (static_cast<int>(curve.knots.size()) - 1);
   for (std::size_t i = 0; i < curve.knots.size(); ++i) {
-    curve.knots[i] = static_cast<typename decltype(curve.knots)::value_type>(std::min(static_cast<int>(i) * step, kMaxSample));
+    curve.knots[i] =
+        static_cast<typename decltype(curve.knots)::value_type>(std::min(static_cast<int>(i) * step, kMaxSample));
   }
   return curve;
 }
@@ -128,7 +130,8 @@ TEST(ToneOfGains, LargestGain_SetsTheScaleAndTheRestIsLowered) {
   BlendTable table = grey_row({{{0, 0, 0}}, {{1, 0, 0}}}, 2, 2);
   EXPECT_FALSE(calibrated_tone(table).gains);
   EXPECT_EQ(calibrated_tone(table).output[0].scale, kScaleOne);
-  const std::array<std::array<std::uint16_t, 3>, 2> gains{{{kOneGain * 4, kOneGain, kOneGain}, {kOneGain, 1, kOneGain}}};
+  const std::array<std::array<std::uint16_t, 3>, 2> gains{
+      {{kOneGain * 4, kOneGain, kOneGain}, {kOneGain, 1, kOneGain}}};
   const SetTone tone = tone_of_gains(table, gains);
   EXPECT_TRUE(tone.gains);
   EXPECT_EQ(tone.output[0].scale, 4 * kScaleOne);

@@ -116,7 +116,8 @@ class Definition {
     for (Share& share : shares) {
       if (gone(share.record->head())) share.weight = 0;
       if (share.weight == 0) continue;
-      if (tone_.confidence) share.weight *= tone_.confidence->of_level[share.record->head()][static_cast<std::size_t>(seen(share, c))];
+      if (tone_.confidence)
+        share.weight *= tone_.confidence->of_level[share.record->head()][static_cast<std::size_t>(seen(share, c))];
       sum += share.weight;
     }
     for (Share& share : shares) share.weight = sum == 0 ? 0 : (share.weight * 32768 + sum / 2) / sum;

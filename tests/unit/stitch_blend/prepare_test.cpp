@@ -53,8 +53,8 @@ TEST(PreparePicture, NothingToDo_TakesNoMemoryAndIsThePictureItself) {
 
 TEST(PreparePicture, Levels_AreMeansOfFourEachOfTheOneBefore) {
   Picture picture(PixelFormat::kGrey8, 5, 4);
-  picture.bytes = {1, 3, 10, 10, 99,  //
-                   5, 8, 10, 12, 99,  //
+  picture.bytes = {1, 3, 10,  10,  99,  //
+                   5, 8, 10,  12,  99,  //
                    0, 0, 255, 255, 99, 0, 1, 255, 255, 99};
   BlendTable::Source source{PixelFormat::kGrey8, 5, 4};
   source.levels = 3;

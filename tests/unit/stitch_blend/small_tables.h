@@ -130,7 +130,8 @@ class RandomTables {
         for (auto& gain : head.gain) gain = static_cast<std::uint16_t>(1 + below(kMaxToneGain));
       }
     }
-    for (OutputTone& output : tone.output) output.scale = static_cast<std::uint16_t>(1 + below(below(2) == 0 ? 512 : 32767));
+    for (OutputTone& output : tone.output)
+      output.scale = static_cast<std::uint16_t>(1 + below(below(2) == 0 ? 512 : 32767));
     if (below(2) == 0) {
       for (HeadTone& head : tone.heads) {
         for (auto& curve : head.curve) {

@@ -88,7 +88,7 @@ TEST(Difference, LensGainAndVignetting_AreToldInTheirUnits) {
   // One stop in one of twelve channels: a twelfth is exposure.
   EXPECT_NEAR(d->heads[3].gain_stops[0], 1 - 1.0 / 12, 1e-12);
   EXPECT_NEAR(d->heads[3].gain_stops[1], -1.0 / 12, 1e-12);
-  EXPECT_NEAR(d->heads[0].vignetting_stops, 1, 1e-9);  // half the light in the corner
+  EXPECT_NEAR(d->heads[0].vignetting_stops, 1, 1e-9);         // half the light in the corner
   EXPECT_NEAR(d->heads[2].response_levels, 255 * 0.25, 0.1);  // e - e^2 at one half
 }
 

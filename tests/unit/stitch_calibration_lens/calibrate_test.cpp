@@ -215,9 +215,8 @@ TEST(CalibrateLens, AllHeadOn_FocalLengthIsNotDeterminedAndItIsSaid) {
 TEST(CalibrateLens, AllFromOnePlace_AreRefusedAsOneView) {
   ph::Shot shot;
   shot.noise = 3;
-  const auto refused =
-      calibrate_lens(photographs(print(), paper_lens(), {{25, 40, 0}, {25.5, 41, 1}, {25, 40, 0}}, 0.3, shot),
-                     pattern(), {});
+  const auto refused = calibrate_lens(
+      photographs(print(), paper_lens(), {{25, 40, 0}, {25.5, 41, 1}, {25, 40, 0}}, 0.3, shot), pattern(), {});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, Errc::kNotDetermined);
   EXPECT_NE(refused.error().message.find("all 3 photographs are taken from one place"), std::string::npos)

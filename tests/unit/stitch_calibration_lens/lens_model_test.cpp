@@ -95,12 +95,13 @@ TEST(PlaneFinder, Derivatives_AreWhatDifferencesSay) {
   for (int k = 0; k < 3; ++k) {
     const Eigen::Vector3d e = kStep * Eigen::Vector3d::Unit(k);
     // Moving the pattern by e moves the point that the ray meets the other way.
-    const Eigen::Vector2d by_move =
-        (PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), e)).at(ray)->at -
-         PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), -e)).at(ray)->at) / (2 * kStep);
+    const Eigen::Vector2d by_move = (PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), e)).at(ray)->at -
+                                     PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), -e)).at(ray)->at) /
+                                    (2 * kStep);
     EXPECT_LT((by_move + point->by_move.col(k)).norm(), 1e-7);
     const Eigen::Vector2d by_turn = (PlaneFinder(pose.moved(e, Eigen::Vector3d::Zero())).at(ray)->at -
-                                     PlaneFinder(pose.moved(-e, Eigen::Vector3d::Zero())).at(ray)->at) / (2 * kStep);
+                                     PlaneFinder(pose.moved(-e, Eigen::Vector3d::Zero())).at(ray)->at) /
+                                    (2 * kStep);
     const Eigen::Vector3d unit = Eigen::Vector3d::Unit(k);
     const Eigen::Vector3d swept(unit.y() * point->in_head.z() - unit.z() * point->in_head.y(),
                                 unit.z() * point->in_head.x() - unit.x() * point->in_head.z(),

@@ -127,14 +127,23 @@ MappingError opencvs(const ph::Lens& truth) {
   fs::create_directories(folder);
   // More than twice as many photographs as we take, all corners of the board inside each, the board in every part of
   // the picture, as its manual asks for. Tilt, about, spin, x, y, distance.
-  constexpr std::array<std::array<double, 6>, 15> kPlaces{{
-      {5, 0, 0, 0, -0.02, 0.72}, {25, 20, 3, 0, 0, 0.75}, {25, 110, -5, 0.03, 0.0, 0.75},
-      {25, 200, 4, -0.05, 0, 0.75}, {25, 290, -3, 0, 0, 0.8}, {20, 45, 0, 0.45, 0.14, 0.95},
-      {20, 135, 0, -0.45, 0.14, 0.95}, {20, 225, 0, 0.45, -0.16, 0.95}, {20, 315, 0, -0.45, -0.16, 0.95},
-      {30, 0, 90, 0, 0, 1.0}, {35, 60, 0, 0.2, 0.1, 0.9}, {35, 240, 0, -0.2, -0.1, 0.9},
-      {25, 0, 0, 0.55, 0, 0.9}, {25, 180, 0, -0.55, 0, 0.9}, {30, 150, 10, 0, 0.15, 0.9}}};
-  std::string command = std::string(kPython) + " " + NODAL_SOURCE_DIR +
-                        "/tests/unit/stitch_calibration_lens/opencv_chessboard.py 10 7";
+  constexpr std::array<std::array<double, 6>, 15> kPlaces{{{5, 0, 0, 0, -0.02, 0.72},
+                                                           {25, 20, 3, 0, 0, 0.75},
+                                                           {25, 110, -5, 0.03, 0.0, 0.75},
+                                                           {25, 200, 4, -0.05, 0, 0.75},
+                                                           {25, 290, -3, 0, 0, 0.8},
+                                                           {20, 45, 0, 0.45, 0.14, 0.95},
+                                                           {20, 135, 0, -0.45, 0.14, 0.95},
+                                                           {20, 225, 0, 0.45, -0.16, 0.95},
+                                                           {20, 315, 0, -0.45, -0.16, 0.95},
+                                                           {30, 0, 90, 0, 0, 1.0},
+                                                           {35, 60, 0, 0.2, 0.1, 0.9},
+                                                           {35, 240, 0, -0.2, -0.1, 0.9},
+                                                           {25, 0, 0, 0.55, 0, 0.9},
+                                                           {25, 180, 0, -0.55, 0, 0.9},
+                                                           {30, 150, 10, 0, 0.15, 0.9}}};
+  std::string command =
+      std::string(kPython) + " " + NODAL_SOURCE_DIR + "/tests/unit/stitch_calibration_lens/opencv_chessboard.py 10 7";
   for (std::size_t n = 0; n < kPlaces.size(); ++n) {
     ph::Shot shot = any_light(n + 1);
     shot.light_xx = -0.4;
@@ -146,9 +155,9 @@ MappingError opencvs(const ph::Lens& truth) {
     shot.distance = kPlaces[n][5];
     const ph::Photo photo = ph::take(scene, truth, shot);
     const fs::path file = folder / ("board" + std::to_string(n) + ".pgm");
-    std::ofstream(file, std::ios::binary)
-        << "P5\n" << photo.width << " " << photo.height << "\n255\n"
-        << std::string(photo.grey.begin(), photo.grey.end());
+    std::ofstream(file, std::ios::binary) << "P5\n"
+                                          << photo.width << " " << photo.height << "\n255\n"
+                                          << std::string(photo.grey.begin(), photo.grey.end());
     command += " " + file.string();
   }
   EXPECT_EQ(std::system((command + " > " + (folder / "out.json").string()).c_str()), 0);

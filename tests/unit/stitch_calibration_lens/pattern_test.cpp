@@ -17,7 +17,8 @@ const PatternRaster& small_pattern() {
 
 double at(const PatternRaster& raster, int x, int y) {
   return raster.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
-                       static_cast<std::size_t>(x)] / 255.0;
+                       static_cast<std::size_t>(x)] /
+         255.0;
 }
 
 TEST(Pattern, PrintedYesterday_IsStillTheSameBytes) {

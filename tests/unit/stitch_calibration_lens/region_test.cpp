@@ -33,8 +33,7 @@ TEST(FindRegion, BlackBands_AreCutOff) {
 }
 
 TEST(FindRegion, CircleOfAFisheye_IsFoundThoughItsTopIsCutOff) {
-  const GreyImage image =
-      picture(400, 300, [](double x, double y) { return std::hypot(x - 205, y - 140) < 170; });
+  const GreyImage image = picture(400, 300, [](double x, double y) { return std::hypot(x - 205, y - 140) < 170; });
   const Region region = find_region({&image});
   ASSERT_TRUE(region.circle);
   EXPECT_NEAR(region.circle->x, 205, 1);

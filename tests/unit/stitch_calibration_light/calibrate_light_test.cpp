@@ -109,8 +109,8 @@ TEST(CalibrateLight, CurveThatIsNoGamma_IsFoundAsAPolynomial) {
     head.response.coefficients = {0.4, 0, 0, 0.6};
   }
   const auto dark = film(truth, -1), bright = film(truth, 0.5);
-  const auto found = calibrate_light(geometry_of(truth),
-                                     {{"dark", dark.frames(), -1.0}, {"bright", bright.frames(), 0.5}}, {});
+  const auto found =
+      calibrate_light(geometry_of(truth), {{"dark", dark.frames(), -1.0}, {"bright", bright.frames(), 0.5}}, {});
   ASSERT_TRUE(found) << found.error().text();
   const Response& curve = found->calibration.heads[0].response;
   ASSERT_EQ(curve.curve, Response::Curve::kPolynomial);

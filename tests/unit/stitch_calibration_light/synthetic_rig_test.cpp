@@ -6,8 +6,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "stitch/media/image_file.h"
 #include "stitch/calibration/light/calibrate_light.h"
+#include "stitch/media/image_file.h"
 #include "tests/data/truth_rig.h"
 
 namespace nodal::calibration {

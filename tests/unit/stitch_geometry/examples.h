@@ -1,9 +1,9 @@
 // Lenses and heads of every kind, for the property tests.
 #pragma once
 
+#include <rapidcheck.h>
 #include <cmath>
 #include <numbers>
-#include <rapidcheck.h>
 #include <string>
 #include <utility>
 #include <vector>

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
-#include <rapidcheck/gtest.h>
 
 #include "examples.h"
 

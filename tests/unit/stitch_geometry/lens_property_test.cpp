@@ -1,8 +1,8 @@
 // What must hold for every lens over all of its domain.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <rapidcheck/gtest.h>
+#include <cmath>
 
 #include "examples.h"
 #include "stitch/geometry/lens/lens.h"

@@ -1,10 +1,10 @@
 // Raymap layouts: what each one's own mathematics says, and what must hold for all.
 #include <gtest/gtest.h>
 
+#include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
-#include <rapidcheck/gtest.h>
 
 #include "examples.h"
 #include "stitch/geometry/raymap/layout.h"
@@ -77,10 +77,8 @@ RC_GTEST_PROP(EveryLayout, SolidAngle_IsTheAreaThatThePixelsRaysSpan, ()) {
     double area = 0;
     for (const double x : {i + 0.5 - g, i + 0.5 + g}) {
       for (const double y : {j + 0.5 - g, j + 0.5 + g}) {
-        const Eigen::Vector3d dx =
-            (layout->ray(x + h, y)->direction() - layout->ray(x - h, y)->direction()) / (2 * h);
-        const Eigen::Vector3d dy =
-            (layout->ray(x, y + h)->direction() - layout->ray(x, y - h)->direction()) / (2 * h);
+        const Eigen::Vector3d dx = (layout->ray(x + h, y)->direction() - layout->ray(x - h, y)->direction()) / (2 * h);
+        const Eigen::Vector3d dy = (layout->ray(x, y + h)->direction() - layout->ray(x, y - h)->direction()) / (2 * h);
         area += dx.cross(dy).norm() / 4;
       }
     }

@@ -80,7 +80,7 @@ const KannalaBrandtLens kFisheye{250, {-0.02, 0.003, -0.001, 0.0001}};
 const EquidistantLens kPanotools{{260, -4, 3, -2}};
 const RectilinearLens kPlain{{500}};
 
-constexpr std::array kAll{ExportFormat::kHugin,  ExportFormat::kPtgui,  ExportFormat::kVideoStitch,
+constexpr std::array kAll{ExportFormat::kHugin,       ExportFormat::kPtgui,  ExportFormat::kVideoStitch,
                           ExportFormat::kSurround360, ExportFormat::kOpenCv, ExportFormat::kKalibr};
 
 TEST(Export, EveryFormatAndLens_ComesBackAsFarOffAsItWasTold) {
@@ -105,9 +105,7 @@ TEST(Export, LensThatTheFormatHolds_IsExact) {
 
 TEST(Export, LensOfThePaper_IsOffByWhatOtherProgramsModelsAllow) {
   // Measured once with other tools: OpenCV's rational model 0.003 px rms, Kannala-Brandt 0.07, Hugin's fisheye 0.08.
-  const auto rms = [](ExportFormat format) {
-    return export_calibration(rig_of(kPaper), format)->heads[0].rms_px;
-  };
+  const auto rms = [](ExportFormat format) { return export_calibration(rig_of(kPaper), format)->heads[0].rms_px; };
   EXPECT_LT(rms(ExportFormat::kOpenCv), 0.01);
   EXPECT_LT(rms(ExportFormat::kKalibr), 0.1);
   EXPECT_LT(rms(ExportFormat::kHugin), 0.12);
@@ -118,8 +116,8 @@ TEST(Export, OblongPixels_AreSqueezedOrResampledAndToldEitherWay) {
   const auto squeezed = export_calibration(rig, ExportFormat::kHugin);
   ASSERT_TRUE(squeezed);
   EXPECT_GT(squeezed->heads[0].max_px, 5);
-  EXPECT_TRUE(std::ranges::any_of(squeezed->notes,
-                                  [](const std::string& n) { return n.find("--square-pixels") != n.npos; }));
+  EXPECT_TRUE(
+      std::ranges::any_of(squeezed->notes, [](const std::string& n) { return n.find("--square-pixels") != n.npos; }));
 
   const auto square = export_calibration(rig, ExportFormat::kHugin, {.images = {}, .square_pixels = true});
   ASSERT_TRUE(square);

@@ -32,8 +32,7 @@ std::vector<Pixel> by_hugin(const std::string& project, const std::vector<Place>
   for (const Place& place : places) in << place.image << ' ' << place.pixel.x << ' ' << place.pixel.y << '\n';
   in.close();
   const std::string command = "LC_ALL=C pano_trafo " + (folder / "in.pto").string() + " < " +
-                              (folder / "in.txt").string() + " > " + (folder / "out.txt").string() +
-                              " 2> /dev/null";
+                              (folder / "in.txt").string() + " > " + (folder / "out.txt").string() + " 2> /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0);
   std::ifstream out(folder / "out.txt");
   std::vector<Pixel> result;
@@ -47,7 +46,7 @@ std::vector<Pixel> by_hugin(const std::string& project, const std::vector<Place>
 bool there_is_pano_trafo() { return std::system("command -v pano_trafo > /dev/null 2>&1") == 0; }
 
 double worst_disagreement(const std::string& project, const std::vector<Head>& heads, int panorama_width) {
-std::vector<Place> places;
+  std::vector<Place> places;
   for (std::size_t i = 0; i < heads.size(); ++i) {
     const Head& head = heads[i];
     for (double y = 0.03; y < 1; y += 0.094) {

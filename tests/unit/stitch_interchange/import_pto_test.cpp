@@ -98,7 +98,7 @@ TEST(ImportPto, MeanResponse_IsHuginsOwn) {
   // What nona 2022 makes, in 16 bits, of these values at Eev 0 in a panorama at E1, E2, E4 and E-1.
   struct {
     double stops, in, out;
-  } const kByNona[] = {{1, 512.0 / 2047, 0.14862287},  {1, 1024.0 / 2047, 0.3054551}, {1, 1536.0 / 2047, 0.51270314},
+  } const kByNona[] = {{1, 512.0 / 2047, 0.14862287},  {1, 1024.0 / 2047, 0.3054551},  {1, 1536.0 / 2047, 0.51270314},
                        {2, 1024.0 / 2047, 0.18077363}, {4, 1536.0 / 2047, 0.11116197}, {-1, 512.0 / 2047, 0.4186923}};
   for (const auto& [stops, in, out] : kByNona) {
     const double light = geometry::decode(response, in) * std::exp2(-stops);

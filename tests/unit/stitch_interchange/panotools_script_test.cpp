@@ -12,8 +12,7 @@ std::vector<ScriptLine> parsed(std::string_view text) {
 }
 
 TEST(PanotoolsScript, Line_FallsIntoVariables) {
-  const auto lines =
-      parsed("# hello\r\n\r\ni w780 h480 Ra0.5 v=0 a-1.5e-3 n\"my cam0.png\" C-21,1941,-441,1521\r\n");
+  const auto lines = parsed("# hello\r\n\r\ni w780 h480 Ra0.5 v=0 a-1.5e-3 n\"my cam0.png\" C-21,1941,-441,1521\r\n");
   ASSERT_EQ(lines.size(), 2u);
   EXPECT_EQ(lines[0].comment, "# hello");
   const ScriptLine& line = lines[1];
@@ -48,8 +47,7 @@ TEST(PanotoolsScript, Links_AreFollowedAcrossImages) {
   EXPECT_EQ(*images.number_or(1, "a", 0), 1);
   EXPECT_EQ(*images.number_or(2, "a", 0), 2);
   EXPECT_EQ(*images.number_or(4, "a", -3), -3);
-  EXPECT_NE(images.number_or(3, "v", 0).error().message.find("linked to image 7, and there are 5"),
-            std::string::npos);
+  EXPECT_NE(images.number_or(3, "v", 0).error().message.find("linked to image 7, and there are 5"), std::string::npos);
   EXPECT_NE(images.number_or(3, "a", 0).error().message.find("in a circle"), std::string::npos);
   EXPECT_NE(images.number_or(4, "v", 0).error().message.find("in a circle"), std::string::npos);
 }

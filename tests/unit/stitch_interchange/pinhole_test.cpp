@@ -20,7 +20,8 @@ std::string opencv(const std::string& k, const std::string& extra = "") {
   return "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n" + extra +
          "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
          "   data: [ 500., 0., 321.25, 0., 510.5, 236.75, 0., 0., 1. ]\n"
-         "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ " + k + " ]\n";
+         "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ " +
+         k + " ]\n";
 }
 
 /// OpenCV's pixel (centres at integers) of a point in front of the camera; calib3d's documentation.
@@ -107,12 +108,12 @@ TEST(ImportOpenCv, Fisheye_IsExactAndToldByItsField) {
 }
 
 TEST(ImportOpenCv, BrokenFiles_AreRefusedWithTheField) {
-  for (const auto& [text, word] : std::vector<std::pair<std::string, std::string>>{
-           {"%YAML:1.0\n---\nimage_width: 640\n", "image_height"},
-           {opencv("0, 0, 0, 0, 0, 0, 0"), "7 distortion coefficients"},
-           {opencv("abc"), "list of numbers"},
-           {"%YAML:1.0\n---\nfoo: [1, 2\n", "not YAML"},
-           {"%YAML:1.0\n---\nimage_width: 64000000\n", "1 to 32768"}}) {
+  for (const auto& [text, word] :
+       std::vector<std::pair<std::string, std::string>>{{"%YAML:1.0\n---\nimage_width: 640\n", "image_height"},
+                                                        {opencv("0, 0, 0, 0, 0, 0, 0"), "7 distortion coefficients"},
+                                                        {opencv("abc"), "list of numbers"},
+                                                        {"%YAML:1.0\n---\nfoo: [1, 2\n", "not YAML"},
+                                                        {"%YAML:1.0\n---\nimage_width: 64000000\n", "1 to 32768"}}) {
     const auto refused = import_project(text, "cam");
     ASSERT_FALSE(refused) << text;
     EXPECT_NE(refused.error().message.find(word), std::string::npos) << refused.error().text();
@@ -145,7 +146,8 @@ TEST(ImportOpenCvCameras, AFileEach_AreHeadsInTheOrderGivenEachWithItsOwnLens) {
 TEST(ImportOpenCvCameras, TwoOfOneName_TheSecondIsCalledAsItsFile) {
   // ROS calls every camera so.
   const std::string camera = opencv("-0.1, 0.02, 0., 0., 0.", "camera_name: narrow_stereo\n");
-  const auto import = import_opencv_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
+  const auto import =
+      import_opencv_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
   ASSERT_TRUE(import) << import.error().text();
   EXPECT_EQ(import->calibration.heads[0].name, "narrow_stereo");
   EXPECT_EQ(import->calibration.heads[1].name, "back");

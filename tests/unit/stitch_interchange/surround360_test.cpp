@@ -96,8 +96,8 @@ TEST(ImportSurround360, EquisolidLens_IsFittedAndTold) {
 }
 
 TEST(ImportSurround360, BrokenCameras_AreRefusedByName) {
-  const json good{{"id", "cam7"},          {"type", "FTHETA"},      {"right", {0, -1, 0}},  {"up", {0, 0, 1}},
-                  {"forward", {1, 0, 0}},  {"resolution", {10, 10}}, {"focal", {5.0, -5.0}}};
+  const json good{{"id", "cam7"},         {"type", "FTHETA"},       {"right", {0, -1, 0}}, {"up", {0, 0, 1}},
+                  {"forward", {1, 0, 0}}, {"resolution", {10, 10}}, {"focal", {5.0, -5.0}}};
   const auto refusal = [&](const char* key, const json& value) {
     json camera = good;
     camera[key] = value;

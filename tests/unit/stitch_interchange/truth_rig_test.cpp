@@ -7,9 +7,9 @@
 #include <cmath>
 
 #include "files.h"
-#include "stitch/media/image_file.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
 #include "tests/data/truth_rig.h"
 
 namespace nodal::test_data {

@@ -21,12 +21,12 @@ std::string project(const std::string& proj, const std::string& geometry, const 
 }
 
 TEST(ImportVideoStitch, FisheyeWithMeterDistortion_FollowsItsFormula) {
-  const auto import = import_project(
-      project("ff_fisheye",
-              R"("horizontalFocal": 300, "verticalFocal": 310, "center_x": 7, "center_y": -4,
+  const auto import =
+      import_project(project("ff_fisheye",
+                             R"("horizontalFocal": 300, "verticalFocal": 310, "center_x": 7, "center_y": -4,
                  "distort_a": 0.01, "distort_b": -0.04, "distort_c": 0.02)",
-              R"("useMeterDistortion": true, )"),
-      "one");
+                             R"("useMeterDistortion": true, )"),
+                     "one");
   ASSERT_TRUE(import) << import.error().text();
   const auto head = *geometry::Head::make(import->calibration.heads[0]);
   for (const double a : {0.2, 0.7, 1.3}) {

@@ -42,9 +42,10 @@ TEST(DecodePng, GreyAlphaAnd16Bits_BecomeGreyAndRgbOf8) {
 }
 
 TEST(DecodeJpeg, EachSampling_ComesInItsNaturalFormatCloseToTheOriginal) {
-  for (const auto& [sampling, format] :
-       {std::pair{Sampling::k420, PixelFormat::kI420}, {Sampling::k422, PixelFormat::kRgb24},
-        {Sampling::k444, PixelFormat::kRgb24}, {Sampling::kGrey, PixelFormat::kGrey8}}) {
+  for (const auto& [sampling, format] : {std::pair{Sampling::k420, PixelFormat::kI420},
+                                         {Sampling::k422, PixelFormat::kRgb24},
+                                         {Sampling::k444, PixelFormat::kRgb24},
+                                         {Sampling::kGrey, PixelFormat::kGrey8}}) {
     const auto bytes = test::jpeg_of(picture(), kWidth, kHeight, sampling);
     const auto natural = decode_image(bytes, "a.jpg");
     ASSERT_TRUE(natural) << natural.error().text();
@@ -182,8 +183,8 @@ TEST(ConvertImage, KnownColours_AreJfifs) {
                                  {std::array{90, 90, 90}, std::array{90, 128, 128}}}) {
     std::vector<std::uint8_t> flat;
     for (int i = 0; i < 8 * 4; ++i) flat.insert(flat.end(), rgb.begin(), rgb.end());
-    const auto image = convert_image(packed_image(PixelFormat::kRgb24, 8, 4, std::as_const(flat).data()),
-                                     PixelFormat::kYuyv);
+    const auto image =
+        convert_image(packed_image(PixelFormat::kRgb24, 8, 4, std::as_const(flat).data()), PixelFormat::kYuyv);
     const ImageView view = image.view();
     for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(view.planes[c].data[0], yuv[c]) << c;
   }

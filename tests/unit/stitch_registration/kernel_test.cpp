@@ -88,9 +88,8 @@ TEST(Kernel, EveryLens_ProjectsWhereDoublePrecisionGeometryDoes) {
     const auto out = std::make_unique<TileHead>();
     ASSERT_TRUE(project(seen.sight, tile, *out));
     for (int i = 0; i < kTile; ++i) {
-      const geometry::Pixel at = *head.project(geometry::Ray::towards(static_cast<double>(tile.x[i]),
-                                                                      static_cast<double>(tile.y[i]),
-                                                                      static_cast<double>(tile.z[i])));
+      const geometry::Pixel at = *head.project(geometry::Ray::towards(
+          static_cast<double>(tile.x[i]), static_cast<double>(tile.y[i]), static_cast<double>(tile.z[i])));
       EXPECT_NEAR(out->u[i], at.x, 2e-3);
       EXPECT_NEAR(out->v[i], at.y, 2e-3);
       EXPECT_NEAR(out->weight[i] / head.density(at), 1, 0.01);

@@ -127,8 +127,10 @@ TEST(Pairs, PairsThatSayNothingOrContradictThemselves_AreRefused) {
   std::uniform_real_distribution<double> anywhere(80, 320);
   std::vector<PointPair> nonsense;
   for (int k = 0; k < 200; ++k) {
-    nonsense.push_back({static_cast<std::size_t>(k % 6), {anywhere(random), anywhere(random)},
-                        static_cast<std::size_t>((k + 1 + k % 3) % 6), {anywhere(random), anywhere(random)}});
+    nonsense.push_back({static_cast<std::size_t>(k % 6),
+                        {anywhere(random), anywhere(random)},
+                        static_cast<std::size_t>((k + 1 + k % 3) % 6),
+                        {anywhere(random), anywhere(random)}});
   }
   const auto contradiction = fit_to_pairs(truth, nonsense, Free::kRotations);
   ASSERT_FALSE(contradiction);

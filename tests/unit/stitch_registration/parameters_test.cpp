@@ -77,8 +77,7 @@ TEST(StepToMinimum, AFallOffThatWouldBrighten_StopsAtTheBestPlaceThatIsPlausible
   const Eigen::Vector4d goal(0.3, 0.2, -0.2, -0.05);
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data()) = -bowl * goal.head<2>();
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data() + 2) = -bowl * goal.tail<2>();
-  const Eigen::VectorXd step =
-      parameters.basis() * step_to_minimum(parameters, heads, normal, Curvature::kOwn, 0);
+  const Eigen::VectorXd step = parameters.basis() * step_to_minimum(parameters, heads, normal, Curvature::kOwn, 0);
   // The best of a fine grid of plausible fall-offs, tried one by one.
   double best = 1e9;
   for (double a = -0.3; a < 0.3; a += 0.001) {
@@ -101,8 +100,7 @@ TEST(Parameters, AHeadIsHeld_NothingOfItsGeometryMovesButItsGainDoes) {
   Held held = nothing_held();
   held.geometry[3] = true;
   const Parameters parameters(heads, lens, held);
-  const std::vector<HeadState> next =
-      parameters.moved(heads, Eigen::VectorXd::Constant(parameters.free_count(), 0.01));
+  const std::vector<HeadState> next = parameters.moved(heads, Eigen::VectorXd::Constant(parameters.free_count(), 0.01));
   EXPECT_EQ(next[3].q_head_rig.coeffs(), heads[3].q_head_rig.coeffs());
   EXPECT_EQ(next[3].lens, heads[3].lens);
   EXPECT_EQ(next[3].center_x, heads[3].center_x);

@@ -75,8 +75,9 @@ TEST(BlurredInAngle, FarFromTheAxisOfAStretchingLens_TheSpreadInAngleIsTheSameBo
   const double counted = level_variance(0);
   for (const auto& [x, y] : {std::pair{360, 240}, {650, 240}, {640, 420}, {360, 440}, {90, 70}}) {
     const Spread spread = spread_of(head, x, y, sigma);
-    const auto J = geometry::Head::make(head)->project_with_jacobian(
-        *geometry::Head::make(head)->unproject({x + 0.5, y + 0.5}))->J;
+    const auto J = geometry::Head::make(head)
+                       ->project_with_jacobian(*geometry::Head::make(head)->unproject({x + 0.5, y + 0.5}))
+                       ->J;
     const double px_a_radian2 = J.squaredNorm() / 2;
     EXPECT_NEAR(std::sqrt(spread.along_rad * spread.along_rad + counted / px_a_radian2) / sigma, 1, 0.05);
     EXPECT_NEAR(std::sqrt(spread.across_rad * spread.across_rad + counted / px_a_radian2) / sigma, 1, 0.05);

@@ -81,7 +81,8 @@ TEST(Register, AHeadUpsideDown_IsNamed) {
 TEST(Register, MirroredPictures_AreRefused) {
   test::RenderedRig rig = town();
   for (auto& picture : rig.bytes) {
-    for (int row = 0; row < kSide; ++row) std::reverse(picture.begin() + row * kSide, picture.begin() + (row + 1) * kSide);
+    for (int row = 0; row < kSide; ++row)
+      std::reverse(picture.begin() + row * kSide, picture.begin() + (row + 1) * kSide);
   }
   expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch,
                  "the pictures of all heads are mirrored");
@@ -92,7 +93,8 @@ TEST(Register, SixteenHeadsOfNoise_AreRefused) {
   test::RenderedRig rig;
   rig.truth = test::six_fisheyes(kSmall);
   for (int h = 6; h < 16; ++h) {
-    HeadCalibration head = test::turned(rig.truth, 10, 40, static_cast<std::uint64_t>(h)).heads[static_cast<std::size_t>(h) % 6];
+    HeadCalibration head =
+        test::turned(rig.truth, 10, 40, static_cast<std::uint64_t>(h)).heads[static_cast<std::size_t>(h) % 6];
     head.name = "cam" + std::to_string(h);
     rig.truth.heads.push_back(head);
   }
@@ -105,7 +107,8 @@ TEST(Register, SixteenHeadsOfNoise_AreRefused) {
 
 TEST(Register, HeadsThatShareNothing_AreToldSo) {
   Calibration truth = test::six_fisheyes(kSide, 70);
-  const test::RenderedRig rig = test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  const test::RenderedRig rig =
+      test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
   expect_refused(truth, rig, Errc::kNoCoverage, "share");
 }
 

@@ -75,7 +75,9 @@ TEST(Descend, StartThatIsNoNumber_IsGivenBackUnsettled) {
 
 TEST(Descend, NoParameters_IsSettledAtOnce) {
   const auto end = solved(
-      [](const Eigen::VectorXd&) { return problems::Residuals{Eigen::VectorXd::Ones(1), Eigen::MatrixXd(1, 0)}; },
+      [](const Eigen::VectorXd&) {
+        return problems::Residuals{Eigen::VectorXd::Ones(1), Eigen::MatrixXd(1, 0)};
+      },
       Eigen::VectorXd(0), {.enough = 0});
   EXPECT_TRUE(end.settled);
   EXPECT_EQ(end.tried, 0);

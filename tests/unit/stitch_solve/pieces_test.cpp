@@ -59,9 +59,8 @@ TEST(Pieces, AddedInTheirOrder_WhoeverComputesThem) {
     std::string all;
     void add(const Words& other) { all += other.all; }
   };
-  const Words sum = sum_of_pieces(6, Words{}, on_threads(3), [](int piece, Words& part) {
-    part.all += static_cast<char>('a' + piece);
-  });
+  const Words sum = sum_of_pieces(6, Words{}, on_threads(3),
+                                  [](int piece, Words& part) { part.all += static_cast<char>('a' + piece); });
   EXPECT_EQ(sum.all, "abcdef");
 }
 

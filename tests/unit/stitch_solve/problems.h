@@ -68,7 +68,8 @@ inline Eigen::VectorXd sum_of(const Eigen::VectorXd& x, const Eigen::VectorXd& s
 
 inline Descent<Eigen::VectorXd, Evaluation> solved(const Function& function, const Eigen::VectorXd& start,
                                                    const DescentOptions& options, double huber = 0) {
-  return descend(start, [&](const Eigen::VectorXd& x) { return evaluated(function, x, huber); }, sum_of, {}, options);
+  return descend(
+      start, [&](const Eigen::VectorXd& x) { return evaluated(function, x, huber); }, sum_of, {}, options);
 }
 
 /// The same with bounds: least <= x <= most.

@@ -31,7 +31,8 @@ Response response_of(Response::Curve curve, double gamma = 1) { return {curve, g
 struct LitRig {
   explicit LitRig(const Response& response)
       : rig(lit_by(response)),
-        table(table::compile_blend_table(rig, kSpec, std::vector<PixelFormat>(rig.heads.size(), PixelFormat::kGrey8)).value()),
+        table(table::compile_blend_table(rig, kSpec, std::vector<PixelFormat>(rig.heads.size(), PixelFormat::kGrey8))
+                  .value()),
         tones(table::compile_tone_table(rig, kSpec.format)) {}
   static Calibration lit_by(const Response& response) {
     Calibration rig = cube_rig(48);
@@ -50,7 +51,8 @@ struct Blended {
 };
 
 /// Of GREY heads; levels[h] fills head h's picture.
-Blended blend_flat(const LitRig& lit, const std::vector<std::uint8_t>& levels, const std::vector<ExposedHead>& exposed) {
+Blended blend_flat(const LitRig& lit, const std::vector<std::uint8_t>& levels,
+                   const std::vector<ExposedHead>& exposed) {
   const blend::SetTone tone = blend::linear_tone(lit.table, lit.tones, exposed);
   Blended blended{blend::linear_scale(lit.tones, tone, exposed), {}};
   std::vector<Picture> pictures;
@@ -173,7 +175,8 @@ Expected expected_of(double in_numbers, double scale, double power) {
   return {65535 * std::pow(part, power), 65535 * power * std::pow(part, power - 1) / 255 / scale};
 }
 
-RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelOfDoublePrecision, (std::uint32_t seed)) {
+RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelOfDoublePrecision,
+              (std::uint32_t seed)) {
   std::mt19937 random(seed);
   Calibration rig = random_rig_with_light(random);
   const Response response =
@@ -198,7 +201,8 @@ RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelO
     for (std::size_t i = 0; i < picture.bytes.size(); ++i) {
       // Smooth: a 32nd of a sample, which places may be off by, is to be far below a level.
       const double along = static_cast<double>(i / channels % width + i / channels / width) / head.width;
-      picture.bytes[i] = static_cast<std::uint8_t>(120 + 30 * std::sin(turn + along + static_cast<double>(i % channels)));
+      picture.bytes[i] =
+          static_cast<std::uint8_t>(120 + 30 * std::sin(turn + along + static_cast<double>(i % channels)));
     }
   }
   for (const Picture& picture : pictures) views.push_back(picture.view());

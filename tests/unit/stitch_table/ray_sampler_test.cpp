@@ -119,8 +119,9 @@ TEST(RaySampler, FramesThatHaveNoTwoFields_AreRefusedByHeadAndRows) {
   const auto yuv = RaySampler::make(rig, *layout, PixelFormat::kI420, std::vector(6, PixelFormat::kI420), options);
   ASSERT_FALSE(yuv);
   EXPECT_EQ(yuv.error().code, Errc::kUnsupported);
-  EXPECT_EQ(yuv.error().message, "head 'c0': frames of 30 rows cannot be taken apart into fields; in I420 they have a "
-                                 "multiple of 4, 8 at least");
+  EXPECT_EQ(yuv.error().message,
+            "head 'c0': frames of 30 rows cannot be taken apart into fields; in I420 they have a "
+            "multiple of 4, 8 at least");
   EXPECT_TRUE(RaySampler::make(rig, *layout, PixelFormat::kGrey8, std::vector(6, PixelFormat::kGrey8), options));
 }
 

@@ -86,7 +86,8 @@ RC_GTEST_PROP(ScatteredRaymap, AnyOrder_IsWhatDoublePrecisionSaysPixelByPixel, (
     test::Picture raymap(format, layout.width(), layout.height(), 77);
     for (int row = 0; row < layout.height();) {
       const int end = std::min(layout.height(), row + 2 * static_cast<int>(1 + random() % 9));
-      blend::blend_rows_by(kernel, table, prepared.views(), blend::calibrated_tone(table), raymap.mutable_view(), row, end);
+      blend::blend_rows_by(kernel, table, prepared.views(), blend::calibrated_tone(table), raymap.mutable_view(), row,
+                           end);
       row = end;
     }
     for (std::size_t c = 0; c < real.size(); ++c) {

@@ -9,10 +9,10 @@ namespace nodal::table {
 namespace {
 
 const LensModel kLenses[] = {
-    TsaiLens{490, 2.29e-6, 1.65e-11},           // Figure 3
-    TsaiLens{490, -1e-6, 0},                    // turns back at 577 px
-    RectilinearLens{{300, 0, -20}},             // turns back
-    EquidistantLens{{200, 0, 5}},               // beyond 180 degrees
+    TsaiLens{490, 2.29e-6, 1.65e-11},  // Figure 3
+    TsaiLens{490, -1e-6, 0},           // turns back at 577 px
+    RectilinearLens{{300, 0, -20}},    // turns back
+    EquidistantLens{{200, 0, 5}},      // beyond 180 degrees
     KannalaBrandtLens{250, {0.02, -0.01, 0, 0}},
 };
 
@@ -27,7 +27,8 @@ TEST(TabledLens, EveryModelOverItsWholeDomain_IsTheLensItself) {
         const std::optional<TabledLens::Radius> radius = tabled.radius(std::sin(angle), std::cos(angle));
         const double expected = lens->radius(angle).value();
         ASSERT_TRUE(radius);
-        EXPECT_NEAR(radius->radius, expected, 4 * TabledLens::kTolerance) << "model " << model.index() << " at " << angle;
+        EXPECT_NEAR(radius->radius, expected, 4 * TabledLens::kTolerance)
+            << "model " << model.index() << " at " << angle;
         const double slope = lens->slope(angle, expected);
         // At the very end of a lens that turns back the slope has no end, and rounding decides its sign.
         if (slope > 0 && slope < 1e6) {

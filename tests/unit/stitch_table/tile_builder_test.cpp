@@ -64,7 +64,8 @@ std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g
   return heads;
 }
 
-RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFrom, (std::uint32_t seed, bool minified)) {
+RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFrom,
+              (std::uint32_t seed, bool minified)) {
   std::mt19937 random(seed);
   const Calibration rig = test::random_rig_with_light(random);
   const int width = minified ? 32 : 120;

@@ -88,7 +88,8 @@ TEST(ChromaOfSrgbHeads, FourStopsApart_IsUndoneToALevelNearlyAlwaysAndToTwoAndAH
     for (double level = 0.05; level < 0.5; level += 0.01) {
       const double grey = std::pow(level, 2.2);
       for (int k = 0; k < 64; ++k) {
-        std::array<double, 3> light{grey * (1 - 0.2 * (k % 4)), grey * (1 - 0.2 * (k / 4 % 4)), grey * (1 - 0.2 * (k / 16))};
+        std::array<double, 3> light{grey * (1 - 0.2 * (k % 4)), grey * (1 - 0.2 * (k / 4 % 4)),
+                                    grey * (1 - 0.2 * (k / 16))};
         if (std::max({light[0], light[1], light[2]}) * factor > 1) continue;
         const auto seen = chroma_of(light, factor);
         const auto shown = chroma_of(light, 1);
@@ -99,7 +100,8 @@ TEST(ChromaOfSrgbHeads, FourStopsApart_IsUndoneToALevelNearlyAlwaysAndToTwoAndAH
       }
     }
   }
-  std::printf("of %d colours %.1f %% are more than a level off, %.2f at most\n", colours, 100.0 * over_one / colours, worst);
+  std::printf("of %d colours %.1f %% are more than a level off, %.2f at most\n", colours, 100.0 * over_one / colours,
+              worst);
   EXPECT_LT(over_one, colours / 10);
   EXPECT_LT(worst, 2.5);
 }

@@ -76,7 +76,8 @@ std::vector<Fault> faults() {
       {"HeadGain", "head 2: gain 40000", [](BlendTable& t) { t.sources[2].gain[1] = 40000; }},
       {"Sharpening", "head 0: sharpening 17", [](BlendTable& t) { t.sources[0].sharpen = 17; }},
       {"RaymapFormat", "raymap format YUYV", [](BlendTable& t) { t.format = PixelFormat::kYuyv; }},
-      {"LinearLightInEightBits", "numbers of linear light", [](BlendTable& t) { t.linear.resize(blend::kLinearSteps); }},
+      {"LinearLightInEightBits", "numbers of linear light",
+       [](BlendTable& t) { t.linear.resize(blend::kLinearSteps); }},
       {"RaymapOfNothing", "raymap of 0 x 20", [](BlendTable& t) { t.width = 0; }},
       {"GridMissing", "1 grids", [](BlendTable& t) { t.grids.pop_back(); }},
       {"GridOfAnotherSize", "grid 1", [](BlendTable& t) { t.grids[1].width = 19; }},
@@ -99,23 +100,33 @@ std::vector<Fault> faults() {
       {"PatchBelowThePicture", "patch outside", [](BlendTable& t) { t.grids[1].records[0].top = 65535; }},
       {"RowsBeyond", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows = 15 | 6 << 4; }},
       {"SpanTooShort", "rows beyond", [](BlendTable& t) { t.grids[0].records[0].rows = 14 | 5 << 4; }},
-      {"SpanBeyond", "rows beyond", [](BlendTable& t) {
+      {"SpanBeyond", "rows beyond",
+       [](BlendTable& t) {
          t.grids[0].records[0].rows = 14 | 6 << 4;
          t.grids[0].records[0].first[1] = 10 << 4;
        }},
-      {"RowAboveTheFirst", "does not name", [](BlendTable& t) {
+      {"RowAboveTheFirst", "does not name",
+       [](BlendTable& t) {
          plain_record(t).rows = 14 | 6 << 4;
          plain_record(t).first = {0x99, 0x99};
        }},
-      {"RowBelowTheLast", "does not name", [](BlendTable& t) { plain_record(t).rows = 0 | 15 << 4; plain_record(t).first = {}; }},
+      {"RowBelowTheLast", "does not name",
+       [](BlendTable& t) {
+         plain_record(t).rows = 0 | 15 << 4;
+         plain_record(t).first = {};
+       }},
       {"BlackOfItsOwn", "rule of component 1", [](BlendTable& t) { t.components[2].black = 127; }},
-      {"ListNotThere", "names a list", [](BlendTable& t) {
+      {"ListNotThere", "names a list",
+       [](BlendTable& t) {
          t.grids[0].records[0].source |= blend::PatchRecord::kListed;
          t.grids[0].records[0].x[1] = 77;
        }},
       {"PixelAtThePatchsEdge", "patch's edge", [](BlendTable& t) { plain_record(t).x = {-1, 0, 0, 0, 0, 0}; }},
       {"NegativeWeight", "less than nothing", [](BlendTable& t) { t.grids[0].weights[shared_tile(t).weights()] = 1; }},
-      {"NoGain", "gain out of range", [](BlendTable& t) { t.grids[0].gains[0] = {0, 0, 0, 0}; }},
+      {"NoGain", "gain out of range",
+       [](BlendTable& t) {
+         t.grids[0].gains[0] = {0, 0, 0, 0};
+       }},
   };
 }
 
