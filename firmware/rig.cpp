@@ -8,15 +8,21 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.add_outlet(Blender::kSets)),
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
-      control_(config, software,
-               Stages{capture_, blender_, encoder_, keeper_, capture_.add_outlet(FrameSender::kSets, false)},
-               ports.listeners, ports.watchdog, ports.panel, ports.clock.now()) {
+      settings_(ports.disk),
+      control_(config, software, Stages{capture_, blender_, encoder_, keeper_, settings_},
+               capture_.add_outlet(FrameSender::kSets, false), ports.listeners, ports.watchdog, ports.panel,
+               ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
 }
 
 Rig::~Rig() { close(); }
 
 bool Rig::step_capture() { return capture_.step(clock_.now()); }
+
+bool Rig::step_keeper() {
+  const bool settings = settings_.step();
+  return keeper_.step(clock_.now()) || settings;
+}
 
 bool Rig::step_control() { return control_.step(clock_.now()); }
 
@@ -32,7 +38,7 @@ bool Rig::step_all() {
 void Rig::close() {
   blender_.close();
   capture_.close();
-  keeper_.close();
+  settings_.close();
 }
 
 }  // namespace nodal::firmware

@@ -9,9 +9,10 @@
 #include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
 #include "firmware/hosts/access.h"
-#include "firmware/operate/control.h"
+#include "firmware/hosts/control.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
+#include "firmware/storage/settings_store.h"
 #include "hal/clock.h"
 #include "hal/disk.h"
 #include "hal/head.h"
@@ -50,7 +51,8 @@ class Rig {
   bool step_capture();
   bool step_blend() { return blender_.step(); }
   bool step_encode() { return encoder_.step(); }
-  bool step_keeper() { return keeper_.step(clock_.now()); }
+  /// All that waits for the disk: calibrations and settings.
+  bool step_keeper();
   bool step_control();
 
   /// Everything once, for an executor of one thread; bands until none are left.
@@ -70,6 +72,7 @@ class Rig {
   Blender blender_;
   EncodeStage encoder_;
   CalibrationKeeper keeper_;
+  SettingsStore settings_;
   Control control_;
 };
 

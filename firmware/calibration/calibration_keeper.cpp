@@ -7,13 +7,11 @@
 #include "stitch/table/tone_compiler.h"
 
 #include "firmware/calibration/calibration_signature.h"
-#include "firmware/storage/durable_file.h"
-#include "firmware/storage/settings.h"
 
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kRequests = 32;  // one of every host, and control's own
+constexpr std::size_t kRequests = 32;  // one of every host
 
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
 
@@ -56,7 +54,6 @@ CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& dis
                                      SpscRing<InstalledPtr>& tables_back)
     : config_(config),
       disk_(disk),
-      starts_(disk),
       tables_out_(tables_out),
       tables_back_(tables_back),
       requests_(kRequests),
@@ -71,7 +68,6 @@ bool CalibrationKeeper::step(Instant now) {
   while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
   if (!started_) {
     started_ = true;
-    read_settings();
     load_at_start();
     busy = true;
   } else if (installing_) {
@@ -93,21 +89,6 @@ bool CalibrationKeeper::compile_within_memory() {
   } catch (const std::bad_alloc&) {
     end(fail(out_of_memory(installing_->id)));
     return true;
-  }
-}
-
-void CalibrationKeeper::read_settings() {
-  const auto file = disk_.read(kSettingsFile, kMaxSettingsBytes);
-  report_.settings = file ? std::string(file->begin(), file->end()) : std::string();
-  if (report_.settings->empty()) {
-    // Nothing to count.
-  } else if (auto put_aside = starts_.begin()) {
-    report_.settings->clear();
-    report_.settings_problem = std::move(*put_aside);
-  }
-  if (!file && file.error().code != Errc::kNotFound) {
-    report_.settings_problem =
-        file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
   }
 }
 
@@ -159,13 +140,7 @@ bool CalibrationKeeper::take_request() {
 }
 
 bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
-  if (const auto* settings = std::get_if<KeeperRequest::Remember>(&request.what)) {
-    const Status kept = write_durably(disk_, "", kSettingsFile, settings->settings);
-    answer(request.ticket, kept ? Result<Answered>(KeeperAnswer::Done{}) : fail(kept.error().in("settings")));
-  } else if (std::holds_alternative<KeeperRequest::RunsWell>(request.what)) {
-    starts_.succeeded();
-    answer(request.ticket, KeeperAnswer::Done{});
-  } else if (!store_) {
+  if (!store_) {
     answer(request.ticket, fail(store_status_.error()));
   } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
     answer(request.ticket, list());
@@ -178,16 +153,16 @@ bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
 }
 
 Status CalibrationKeeper::start(const KeeperRequest& request) {
-  if (const auto* wish = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *wish);
-  if (on_trial_) {
+  if (const auto* how = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *how);
+  if (trial_.running()) {
     if (std::holds_alternative<KeeperRequest::Rollback>(request.what)) return end_trial(request, {});
-    return fail(Errc::kBusy, "calibration " + short_id(report_.trial->id) + " is on trial for " +
-                                 std::to_string((report_.trial->until - now_).ms() / 1000) +
+    return fail(Errc::kBusy, "calibration " + short_id(trial_.report().id) + " is on trial for " +
+                                 std::to_string((trial_.report().until - now_).ms() / 1000) +
                                  " s more; wait, or end it: nodal calibration rollback");
   }
   if (std::holds_alternative<KeeperRequest::Install>(request.what)) return install(request);
-  if (const auto* wish = std::get_if<KeeperRequest::Use>(&request.what)) {
-    const auto found = store_->find(wish->id_prefix);
+  if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
+    const auto found = store_->find(wanted->id_prefix);
     return found ? use(request, found->id) : Status(fail(found.error()));
   }
   if (store_->before()) return use(request, Sha256(*store_->before()));
@@ -223,54 +198,54 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
                 "no calibration is in force that a trial could go back to; upload this one for good");
   }
   if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
-  OnTrial on_trial{calibration, running_, std::move(original)};
-  if (Status begun = begin(request.ticket, std::move(calibration), id, false, request.heads); !begun) return begun;
-  installing_->trial = trial;
-  on_trial_ = std::move(on_trial);
+  if (Status begun = begin(request.ticket, calibration, id, false, request.heads); !begun) return begun;
+  installing_->on_trial = true;
+  trial_.prepare(std::move(calibration), std::move(original), running_, trial);
   return {};
 }
 
 /// Keeping may fail, as the disk may; then the trial goes on, and the rig will go back.
-Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish) {
-  if (!report_.trial) {
+Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how) {
+  if (!trial_.running()) {
     return fail(Errc::kWrongState, "no calibration is on trial; its time was up, or it was ended");
   }
-  const Sha256 id = report_.trial->id;
-  if (!std::string_view(reinterpret_cast<const char*>(id.data()), id.size()).starts_with(wish.id_prefix)) {
+  const Sha256 id = trial_.report().id;
+  if (!std::string_view(reinterpret_cast<const char*>(id.data()), id.size()).starts_with(how.id_prefix)) {
     return fail(Errc::kNotFound, "calibration " + short_id(id) + " is on trial, and not that one");
   }
-  if (!wish.keep) {
+  if (!how.keep) {
     go_back(request.ticket);
     return {};
   }
   const bool known = store_->read(id).has_value();
-  if (auto stored = store_->put(on_trial_->calibration, on_trial_->original); !stored) {
+  if (auto stored = store_->put(trial_.calibration(), trial_.original()); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
   if (Status kept = store_->set_in_force(id); !kept) {
     if (!known) store_->remove(id);
     return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
   }
+  trial_.keep();
   report_.trial.reset();
   report_.problem.clear();
-  on_trial_.reset();
   answer(request.ticket, KeeperAnswer::Done{});
   return {};
 }
 
 /// Goes back by itself when nobody has ended the trial in time.
 bool CalibrationKeeper::watch_trial() {
-  if (!report_.trial || installing_ || now_ < report_.trial->until) return false;
+  if (installing_ || !trial_.overdue(now_)) return false;
   go_back(std::nullopt);
   return true;
 }
 
 /// What was in force before runs again, as soon as the blend takes it; then a ticket is answered.
 void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
-  report_.in_force = on_trial_->before->id;
-  report_.name = on_trial_->before->name;
+  InstalledPtr before = trial_.go_back();
+  report_.in_force = before->id;
+  report_.name = before->name;
   report_.trial.reset();
-  hand_over(std::exchange(on_trial_, std::nullopt)->before);
+  hand_over(std::move(before));
   Installation back;
   back.ticket = ticket;
   back.id = running_->id;
@@ -300,8 +275,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   try {
     auto job = TableJob::make(*fitted, config_, std::move(formats));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    installing_.emplace(
-        Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), std::nullopt, false});
+    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
   }
@@ -335,7 +309,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
       make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
                      table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
   // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
-  if (!done.trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
+  if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
       report_.problem = kept.error().message;  // runs all the same, this once
@@ -343,7 +317,10 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   }
   report_.in_force = done.id;
   report_.name = done.calibration.name;
-  if (done.trial) report_.trial = Trial{done.id, report_.name, on_trial_->before->id, now_ + *done.trial};
+  if (done.on_trial) {
+    trial_.run(now_);
+    report_.trial = trial_.report();
+  }
   hand_over(std::move(installed));
   done.handed_over = true;
   return {};
@@ -362,8 +339,8 @@ void CalibrationKeeper::end(const Status& status) {
     }
   } else {
     if (!status && installing_->newly_stored) store_->remove(installing_->id);
-    if (!status && installing_->trial) on_trial_.reset();
-    if (status && !installing_->trial) report_.problem.clear();
+    if (!status && installing_->on_trial) trial_.give_up();
+    if (status && !installing_->on_trial) report_.problem.clear();
     Result<Answered> result = KeeperAnswer::Done{};
     if (!status) result = fail(status.error());
     answer(*installing_->ticket, std::move(result));
@@ -373,9 +350,9 @@ void CalibrationKeeper::end(const Status& status) {
 
 Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
   KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt};
-  if (report_.trial) {
+  if (trial_.running()) {
     listed.on_trial.emplace(
-        CalibrationStore::Entry{0, report_.trial->id, report_.name, on_trial_->calibration.heads.size(), ""});
+        CalibrationStore::Entry{0, trial_.report().id, report_.name, trial_.calibration().heads.size(), ""});
   }
   return listed;
 }
@@ -390,8 +367,9 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
     if (!found) return fail(found.error());
     id = found->id;
   }
-  if (report_.trial && id == report_.trial->id)
-    return KeeperAnswer::Document{id, canonical_json(on_trial_->calibration)};
+  if (trial_.running() && id == trial_.report().id) {
+    return KeeperAnswer::Document{id, canonical_json(trial_.calibration())};
+  }
   auto json = store_->read(id);
   if (!json) return fail(json.error());
   return KeeperAnswer::Document{id, std::move(*json)};

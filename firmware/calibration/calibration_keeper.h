@@ -10,11 +10,11 @@
 
 #include "firmware/calibration/calibration_store.h"
 #include "firmware/calibration/table_job.h"
+#include "firmware/calibration/trial.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/installed_calibration.h"
 #include "firmware/frame/snapshot.h"
-#include "firmware/storage/start_count.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
@@ -38,17 +38,15 @@ struct KeeperRequest {
   struct Rollback {};
   struct List {};
   struct Get {
-    std::string id_prefix;
-  };  ///< empty: the one in force
-  struct Remember {
-    std::string settings;
-  };                   ///< to be in report().settings after the next start
-  struct RunsWell {};  ///< the rig has run well for a while since the start
+    std::string id_prefix;  ///< empty: the one in force
+  };
+  using What = std::variant<List, Get, Install, Use, Rollback, EndTrial>;
 
   std::uint64_t ticket = 0;
-  std::variant<List, Get, Install, Use, Rollback, EndTrial, Remember, RunsWell> what;
+  What what;
   HeadShapes heads;
 };
+using CalibrationCommand = KeeperRequest::What;
 
 struct KeeperAnswer {
   struct Done {
@@ -68,24 +66,14 @@ struct KeeperAnswer {
   Result<std::variant<Done, Listed, Document>> result;
 };
 
-/// A calibration on trial: it runs, and the disk knows nothing of it.
-struct Trial {
-  Sha256 id{};
-  std::string name;
-  Sha256 before{};  ///< what the rig goes back to
-  Instant until;    ///< when it does so by itself
-};
-
 /// The keeper as status tells of it.
 struct KeeperReport {
-  bool ready = false;                   ///< what was in force before the start runs again, or there was nothing
-  std::optional<Sha256> in_force;       ///< what the blend runs
-  std::string name;                     ///< of it
-  std::optional<Trial> trial;           ///< of it, when it is on trial
-  std::string activity;                 ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
-  std::string problem;                  ///< what stays wrong until somebody acts
-  std::optional<std::string> settings;  ///< once they were read: what was remembered before the start; empty: nothing
-  std::string settings_problem;         ///< why what was remembered is not used
+  bool ready = false;              ///< what was in force before the start runs again, or there was nothing
+  std::optional<Sha256> in_force;  ///< what the blend runs
+  std::string name;                ///< of it
+  std::optional<Trial> trial;      ///< of it, when it is on trial
+  std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
+  std::string problem;             ///< what stays wrong until somebody acts
 };
 
 /// The calibration's heads in the rig's order, or which head does not fit: kHeadMismatch, naming it.
@@ -110,8 +98,6 @@ class CalibrationKeeper {
 
   /// True when it did something.
   bool step(Instant now);
-  /// The rig ends because it was asked to: this start was no failure.
-  void close() { starts_.succeeded(); }
 
   SpscRing<KeeperRequest>& requests() { return requests_; }
   SpscRing<KeeperAnswer>& answers() { return answers_; }
@@ -129,19 +115,12 @@ class CalibrationKeeper {
     Sha256 id{};
     bool newly_stored = false;
     std::optional<TableJob> job;  ///< nothing: goes back to what is at hand
-    std::optional<Duration> trial{};
+    bool on_trial = false;
     bool handed_over = false;  ///< to the blend, which takes it between two sets
-  };
-  /// What a trial needs to end either way.
-  struct OnTrial {
-    Calibration calibration;
-    InstalledPtr before;
-    std::optional<SignedDocument> original;
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
   void load_at_start();
-  void read_settings();
   void start_next_good();
   bool take_request();
   Status start(const KeeperRequest& request);
@@ -150,7 +129,7 @@ class CalibrationKeeper {
   Status install_on_trial(const KeeperRequest& request, Calibration calibration, std::optional<SignedDocument> original,
                           Duration trial);
   Status use(const KeeperRequest& request, const Sha256& id);
-  Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& wish);
+  Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how);
   bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
   void hand_over(InstalledPtr installed);
@@ -167,7 +146,6 @@ class CalibrationKeeper {
 
   const RigConfig config_;
   hal::DiskPort& disk_;
-  StartCount starts_;
   SpscRing<InstalledPtr>& tables_out_;
   SpscRing<InstalledPtr>& tables_back_;
   SpscRing<KeeperRequest> requests_;
@@ -180,7 +158,7 @@ class CalibrationKeeper {
   bool started_ = false;
   std::vector<CalibrationStore::Entry> to_try_;  ///< at start, the next to try last
   std::optional<Installation> installing_;
-  std::optional<OnTrial> on_trial_;       ///< exactly while report_.trial
+  CalibrationTrial trial_;
   InstalledPtr running_;                  ///< what the blend has, or takes next
   Instant now_;                           ///< of the step under way
   std::optional<KeeperRequest> waiting_;  ///< for the installation under way

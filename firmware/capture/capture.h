@@ -27,7 +27,6 @@
 
 namespace nodal::firmware {
 
-/// What control asks of capture, and the answer to it.
 struct HeadChange {
   HeadMask heads = 0;
   SettingsChange change;
@@ -37,9 +36,11 @@ struct GenlockStart {
   std::optional<Duration> pulse_width;
 };
 struct GenlockStop {};
+using CaptureChange = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange>;
+/// What control asks of capture, and the answer to it.
 struct CaptureCommand {
   std::uint64_t ticket = 0;
-  std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange> what;
+  CaptureChange what;
 };
 struct CaptureAnswer {
   std::uint64_t ticket = 0;

@@ -30,4 +30,18 @@ ExposureSettings ExposureChange::applied_to(ExposureSettings settings) const {
   return settings;
 }
 
+void ExposureChange::add(const ExposureChange& newer) {
+  const auto over = [](auto& value, const auto& newer_value) {
+    if (newer_value) value = newer_value;
+  };
+  over(program, newer.program);
+  over(anchor, newer.anchor);
+  over(target, newer.target);
+  over(difference, newer.difference);
+  over(ramp, newer.ramp);
+  over(longest, newer.longest);
+  over(highest, newer.highest);
+  over(locked, newer.locked);
+}
+
 }  // namespace nodal::firmware

@@ -33,8 +33,8 @@ struct ExposureSettings {
   friend bool operator==(const ExposureSettings&, const ExposureSettings&) = default;
 };
 
-/// What a request changes of an ExposureSettings: the fields that it names. Capture applies it to the settings that is in effect
-/// then, so that two requests that come one right after the other both count.
+/// What a request changes of an ExposureSettings: the fields that it names. Capture applies it to the settings that are
+/// in effect then, so that two requests that come one right after the other both count.
 struct ExposureChange {
   std::optional<ExposureProgram> program;
   std::optional<std::optional<HeadIndex>> anchor;  ///< the inner one is empty: no head is the anchor
@@ -44,6 +44,8 @@ struct ExposureChange {
   std::optional<bool> locked;
 
   ExposureSettings applied_to(ExposureSettings settings) const;
+  /// What `newer` says goes over what this says.
+  void add(const ExposureChange& newer);
 };
 
 }  // namespace nodal::firmware

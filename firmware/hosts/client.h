@@ -81,8 +81,6 @@ class Client {
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
   std::size_t requests_open = 0;
-  std::size_t with_capture = 0;       ///< of them, those that capture has
-  std::size_t with_keeper = 0;        ///< of them, those that the keeper of calibrations has
   std::optional<wire::Request> held;  ///< the next one, while that stage has as many of this host's as it may
   std::uint64_t dropped = 0;          ///< raymaps, on streams that have ended
   std::uint64_t lossless_ended = 0;   ///< lossless pulls that were too slow

@@ -210,6 +210,19 @@ void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& i
   }
 }
 
+void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into) {
+  for (const AuditEntry& entry : log.entries()) {
+    wire::AuditEntry& added = *into.add_entries();
+    added.set_number(entry.number);
+    added.set_at_ns(static_cast<std::uint64_t>((entry.at - start).ns()));
+    added.set_who(entry.who);
+    added.set_what(entry.what);
+    added.set_before(entry.before);
+    added.set_after(entry.after);
+    if (entry.error) *added.mutable_error() = to_wire(*entry.error);
+  }
+}
+
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into) {
   into.set_id(sha256_to_wire(trial.id));
   into.set_name(shown(trial.name));

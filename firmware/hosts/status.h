@@ -6,6 +6,7 @@
 #include "firmware/config/config.h"
 #include "firmware/frame/raymap.h"
 #include "firmware/hosts/client.h"
+#include "firmware/operate/audit.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
@@ -22,6 +23,7 @@ void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::R
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
+void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
 /// Who talks to the rig; `asking` is one of them.
 void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);

@@ -2,83 +2,79 @@
 
 #include <utility>
 
-#include "firmware/hosts/status.h"
+#include "firmware/config/exposure_settings.h"
 #include "protocol/base/text.h"
 
 namespace nodal::firmware {
 namespace {
 
-std::string calibration_text(const std::optional<Sha256>& id) {
-  return id ? "calibration " + to_hex(*id).substr(0, 12) : "no calibration";
-}
-
 /// "a, b": the parts that are there.
 void add(std::string& text, const std::string& part) { text += (text.empty() ? "" : ", ") + part; }
 
-std::string text_of(const wire::HeadSetRequest& set) {
+std::string text_of(const SettingsChange& set) {
   std::string text;
-  if (set.has_exposure_ns()) add(text, "exposure " + std::to_string(set.exposure_ns()) + " ns");
-  if (set.has_gain_mdb()) add(text, "gain " + std::to_string(set.gain_mdb()) + " mdB");
-  if (set.has_red_q12()) {
-    add(text, "white balance " + std::to_string(set.red_q12()) + "/" + std::to_string(set.blue_q12()) + " q12");
+  if (set.exposure) add(text, "exposure " + std::to_string(set.exposure->duration().ns()) + " ns");
+  if (set.gain) add(text, "gain " + std::to_string(set.gain->mdb()) + " mdB");
+  if (set.white_balance) {
+    add(text, "white balance " + std::to_string(set.white_balance->red_q12) + "/" +
+                  std::to_string(set.white_balance->blue_q12) + " q12");
   }
-  if (set.has_gamma()) add(text, "gamma " + std::to_string(set.gamma()) + "/1000");
+  if (set.gamma) add(text, "gamma " + std::to_string(set.gamma->thousandths()) + "/1000");
   return text;
 }
 
 /// The values in effect that `set` names, of one head.
-std::string text_of(const wire::HeadSetRequest& set, const HeadReport& head) {
-  wire::HeadSetRequest now;
-  if (set.has_exposure_ns()) now.set_exposure_ns(static_cast<std::uint64_t>(head.in_effect.exposure.duration().ns()));
-  if (set.has_gain_mdb()) now.set_gain_mdb(head.in_effect.gain.mdb());
-  if (set.has_red_q12()) {
-    now.set_red_q12(head.in_effect.white_balance.red_q12);
-    now.set_blue_q12(head.in_effect.white_balance.blue_q12);
-  }
-  if (set.has_gamma()) now.set_gamma(static_cast<std::uint32_t>(head.in_effect.gamma.thousandths()));
+std::string text_of(const SettingsChange& set, const hal::HeadSettings& in_effect) {
+  SettingsChange now;
+  if (set.exposure) now.exposure = in_effect.exposure;
+  if (set.gain) now.gain = in_effect.gain;
+  if (set.white_balance) now.white_balance = in_effect.white_balance;
+  if (set.gamma) now.gamma = in_effect.gamma;
   return text_of(now);
 }
 
-std::string heads_before(const wire::HeadSetRequest& set, const CaptureReport& capture) {
+std::string heads_before(const HeadChange& set, const CaptureReport& capture) {
   std::string text;
-  const auto head = [&](std::size_t i) {
-    if (i >= capture.heads.size()) return;
-    text += (text.empty() ? "" : "; ") + ("head " + std::to_string(i) + ": ") + text_of(set, capture.heads[i]);
-  };
-  for (const std::uint32_t i : set.heads()) head(i);
-  for (std::size_t i = 0; set.heads().empty() && i < capture.heads.size(); ++i) head(i);
+  for (std::size_t i = 0; i < capture.heads.size(); ++i) {
+    if ((set.heads & head_bit(i)) == 0) continue;
+    text += (text.empty() ? "" : "; ") + ("head " + std::to_string(i) + ": ") +
+            text_of(set.change, capture.heads[i].in_effect);
+  }
   return text;
 }
 
-std::string heads_after(const wire::HeadSetRequest& set) {
-  std::string heads;
-  for (const std::uint32_t i : set.heads()) add(heads, std::to_string(i));
-  return (heads.empty() ? "all heads: " : "heads " + heads + ": ") + text_of(set);
+std::string heads_after(const HeadChange& set, std::size_t heads) {
+  if (set.heads == head_bit(heads) - 1) return "all heads: " + text_of(set.change);
+  std::string named;
+  for (std::size_t i = 0; i < heads; ++i) {
+    if ((set.heads & head_bit(i)) != 0) add(named, std::to_string(i));
+  }
+  return "heads " + named + ": " + text_of(set.change);
 }
 
 /// The fields of `values` that `named` has.
-std::string text_of(const wire::ExposureRequest& values, const wire::ExposureRequest& named) {
+std::string text_of(const ExposureSettings& values, const ExposureChange& named) {
+  const auto mstops = [](Stops stops) { return std::to_string(std::int64_t{stops} * 1000 / kStop) + " mstops"; };
   std::string text;
-  if (named.has_program()) add(text, "program " + values.program());
-  if (named.has_anchor()) add(text, "anchor " + std::to_string(values.anchor()));
-  if (named.has_target_below()) add(text, "target -" + std::to_string(values.target_below()) + " mstops");
-  if (named.has_difference()) add(text, "difference " + std::to_string(values.difference()) + " mstops");
-  if (named.has_ramp()) add(text, "ramp " + std::to_string(values.ramp()) + " mstops");
-  if (named.has_longest_ns()) add(text, "longest " + std::to_string(values.longest_ns()) + " ns");
-  if (named.has_highest_gain_mdb()) add(text, "highest gain " + std::to_string(values.highest_gain_mdb()) + " mdB");
-  if (named.has_locked()) add(text, values.locked() ? "locked" : "not locked");
+  if (named.program) add(text, "program " + std::string(exposure_program_name(values.program)));
+  if (named.anchor) add(text, "anchor " + (values.anchor ? std::to_string(*values.anchor) : "none"));
+  if (named.target) add(text, "target " + mstops(values.target));
+  if (named.difference) add(text, "difference " + mstops(values.difference));
+  if (named.ramp) add(text, "ramp " + mstops(values.ramp));
+  if (named.longest) add(text, "longest " + std::to_string(values.longest.duration().ns()) + " ns");
+  if (named.highest) add(text, "highest gain " + std::to_string(values.highest.mdb()) + " mdB");
+  if (named.locked) add(text, values.locked ? "locked" : "not locked");
   return text;
 }
 
-std::string rate_text(std::uint32_t numerator, std::uint32_t denominator) {
-  return std::to_string(numerator) + "/" + std::to_string(denominator);
+std::string text_of(const FrameRate& rate) {
+  return "rate " + std::to_string(rate.numerator) + "/" + std::to_string(rate.denominator);
 }
 
-std::string text_of(const wire::GenlockRequest& genlock) {
-  std::string text = genlock.action() == wire::GenlockRequest::START ? "start" : "stop";
-  if (genlock.rate_numerator() != 0)
-    add(text, "rate " + rate_text(genlock.rate_numerator(), genlock.rate_denominator()));
-  if (genlock.pulse_width_ns() != 0) add(text, "pulse " + std::to_string(genlock.pulse_width_ns()) + " ns");
+std::string text_of(const GenlockStart& start) {
+  std::string text = "start";
+  if (start.rate) add(text, text_of(*start.rate));
+  if (start.pulse_width) add(text, "pulse " + std::to_string(start.pulse_width->ns()) + " ns");
   return text;
 }
 
@@ -97,39 +93,28 @@ std::string AuditLog::record(AuditEntry entry) {
   return line;
 }
 
-std::string values_before(const wire::Request& request, const RigConfig& config, const CaptureReport& capture,
-                          const KeeperReport& keeper) {
-  if (request.has_head_set()) return heads_before(request.head_set(), capture);
-  if (request.has_exposure()) {
-    wire::ExposureState state;
-    fill_exposure(capture.exposure, config.heads.size(), state);
-    return text_of(state.settings(), request.exposure());
-  }
-  if (request.has_genlock()) {
-    return std::string(genlock_state_name(capture.genlock.state)) + ", rate " +
-           rate_text(capture.genlock.rate.numerator, capture.genlock.rate.denominator);
-  }
-  return calibration_text(keeper.in_force) + (keeper.trial ? " on trial" : "");
+std::string calibration_text(const std::optional<Sha256>& id) {
+  return id ? "calibration " + to_hex(*id).substr(0, 12) : "no calibration";
 }
 
-std::string values_after(const wire::Request& request, const std::optional<Sha256>& in_force) {
-  if (request.has_head_set()) return heads_after(request.head_set());
-  if (request.has_exposure()) return text_of(request.exposure(), request.exposure());
-  if (request.has_genlock()) return text_of(request.genlock());
-  return calibration_text(in_force) + (request.upload_commit().has_trial_ns() ? " on trial" : "");
+std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper) {
+  const auto* change = std::get_if<CaptureChange>(&command);
+  if (!change) return calibration_text(keeper.in_force) + (keeper.trial ? " on trial" : "");
+  if (const auto* heads = std::get_if<HeadChange>(change)) return heads_before(*heads, capture);
+  if (const auto* exposure = std::get_if<ExposureChange>(change)) return text_of(capture.exposure.settings, *exposure);
+  return std::string(genlock_state_name(capture.genlock.state)) + ", " + text_of(capture.genlock.rate);
 }
 
-void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into) {
-  for (const AuditEntry& entry : log.entries()) {
-    wire::AuditEntry& told = *into.add_entries();
-    told.set_number(entry.number);
-    told.set_at_ns(static_cast<std::uint64_t>((entry.at - start).ns()));
-    told.set_who(entry.who);
-    told.set_what(entry.what);
-    told.set_before(entry.before);
-    told.set_after(entry.after);
-    if (entry.error) *told.mutable_error() = to_wire(*entry.error);
+std::string values_after(const Command& command, const RigConfig& config, const std::optional<Sha256>& in_force) {
+  if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
+    const auto* install = std::get_if<KeeperRequest::Install>(calibration);
+    return calibration_text(in_force) + (install && install->trial ? " on trial" : "");
   }
+  const CaptureChange& change = std::get<CaptureChange>(command);
+  if (const auto* heads = std::get_if<HeadChange>(&change)) return heads_after(*heads, config.heads.size());
+  if (const auto* exposure = std::get_if<ExposureChange>(&change)) return text_of(exposure->applied_to({}), *exposure);
+  const auto* start = std::get_if<GenlockStart>(&change);
+  return start ? text_of(*start) : "stop";
 }
 
 }  // namespace nodal::firmware

@@ -6,11 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "firmware/calibration/calibration_keeper.h"
-#include "firmware/capture/capture.h"
-#include "firmware/config/config.h"
+#include "firmware/operate/commands.h"
 #include "protocol/base/result.h"
-#include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
 
@@ -18,8 +15,8 @@ struct AuditEntry {
   std::uint64_t number = 0;  ///< counts all entries since the start, from 1
   Instant at;
   std::string who;     ///< "user 1000, process 4711, host 3 at unix:...", "button", "settings of the last start"
-  std::string what;    ///< as nodal.proto names the request
-  std::string before;  ///< of what the request changes
+  std::string what;    ///< command_name()
+  std::string before;  ///< of what the command changes
   std::string after;   ///< asked for, or in force now
   std::optional<Error> error;  ///< nothing: it was carried out
 };
@@ -44,11 +41,11 @@ class AuditLog {
   std::uint64_t count_ = 0;
 };
 
-/// What a request would change, as it is now: only the values that the request names.
-std::string values_before(const wire::Request& request, const RigConfig& config, const CaptureReport& capture,
-                          const KeeperReport& keeper);
-/// What a request asks for. Of a calibration that is in force by now: which.
-std::string values_after(const wire::Request& request, const std::optional<Sha256>& in_force);
-void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
+/// What a command would change, as it is now: only the values that it names.
+std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper);
+/// What a command asks for. Of a calibration that is in force by now: which.
+std::string values_after(const Command& command, const RigConfig& config, const std::optional<Sha256>& in_force);
+/// "calibration 0123456789ab", "no calibration".
+std::string calibration_text(const std::optional<Sha256>& id);
 
 }  // namespace nodal::firmware

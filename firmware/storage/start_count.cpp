@@ -1,7 +1,7 @@
 #include "firmware/storage/start_count.h"
 
 #include "firmware/storage/durable_file.h"
-#include "firmware/storage/settings.h"
+#include "firmware/storage/settings_store.h"
 
 namespace nodal::firmware {
 

@@ -13,7 +13,7 @@ namespace nodal::firmware {
 /// asked to end. After kMostFailed of them in a row the settings are put aside under another name, one file at most,
 /// and the rig starts as rig.toml says.
 ///
-/// Threading: thread-bound to the keeper. Calls take as long as the disk does.
+/// Threading: thread-bound to its SettingsStore. Calls take as long as the disk does.
 /// Ownership: the disk outlives it.
 /// Errors: a disk that fails costs the count, not the start.
 class StartCount {

@@ -62,16 +62,16 @@ fuzz_canary(catch_up_unbounded rates
   PATCH hal/sim/trigger.cpp "if (done == kEdgesKept) skip_to(now)" "if (done == ~std::size_t{0}) skip_to(now)")
 fuzz_canary(rig_toml_rate_unchecked rates
   PATCH firmware/config/config.cpp "return FrameRate::make(*above, *below)" "return FrameRate{*above, *below}")
-set(rate_accepted ALSO tests/sim/trigger.cpp ${start_of_overflows}
-  PATCH firmware/operate/requests.cpp "start.rate = FrameRate::make(wish.rate_numerator(), wish.rate_denominator())"
-  "if (wish.rate_numerator() != 0 && wish.rate_denominator() != 0) start.rate = FrameRate{wish.rate_numerator(), wish.rate_denominator()}")
-fuzz_canary(rate_accepted_from_hosts control ${rate_accepted})
-fuzz_canary(rate_accepted_from_settings settings_file ${rate_accepted})
+set(rate_accepted ALSO tests/sim/trigger.cpp ${start_of_overflows})
+fuzz_canary(rate_accepted_from_hosts control ${rate_accepted} PATCH firmware/hosts/wire_commands.cpp
+  "start.rate = FrameRate::make(request.rate_numerator(), request.rate_denominator())"
+  "if (request.rate_numerator() != 0 && request.rate_denominator() != 0) start.rate = FrameRate{request.rate_numerator(), request.rate_denominator()}")
+fuzz_canary(rate_accepted_from_settings settings_file ${rate_accepted} PATCH firmware/operate/settings.cpp
+  "start.rate = FrameRate::make(above, below)"
+  "if (above != 0 && below != 0) start.rate = FrameRate{above, below}")
 
-# Memory and disk that grow: unknown fields come in and are merged into the settings, and no bound is asserted.
-set(unknown_fields_kept PATCH protocol/session.cpp "drop_unknown_fields(*request)" "(void)request"
-  PATCH firmware/storage/settings.cpp
-  "if (from.has_exposure_ns()) into.set_exposure_ns(from.exposure_ns())" "into.MergeFrom(from), into.clear_heads()"
-  PATCH firmware/storage/settings.cpp "NODAL_ASSERT(file.size() <= kMaxSettingsBytes)" "(void)0")
-fuzz_canary(unknown_fields_from_hosts control ${unknown_fields_kept})
-fuzz_canary(unknown_fields_from_settings settings_file ${unknown_fields_kept})
+# Memory that grows: the audit log keeps every word of a refusal, and a refusal repeats what the host sent. (Settings, which
+# once kept the unknown fields of requests, have no place for them any more.)
+fuzz_canary(refusals_kept_whole control
+  PATCH firmware/operate/audit.cpp "printable(entry.error->message, kLongestText)" "printable(entry.error->message, ~std::size_t{0})"
+  PATCH firmware/operate/audit.cpp "if (entries_.size() > kKept) entries_.pop_front()" "(void)0")

@@ -7,7 +7,7 @@
 
 #include "exact_rate.h"
 #include "firmware/config/config.h"
-#include "firmware/storage/settings.h"
+#include "firmware/operate/settings.h"
 #include "firmware/sync/drift.h"
 #include "firmware/sync/set_clock.h"
 #include "rates_ports.h"
@@ -89,18 +89,21 @@ void check_rig_toml(ByteReader& in) {
 }
 
 void check_settings(ByteReader& in) {
-  wire::Request request;
-  request.mutable_genlock()->set_action(wire::GenlockRequest::START);
-  request.mutable_genlock()->set_rate_numerator(telling32(in));
-  request.mutable_genlock()->set_rate_denominator(telling32(in));
-  request.mutable_genlock()->set_pulse_width_ns(telling(in));
-  firmware::Settings settings;
-  NODAL_ASSERT(settings.remember(request, 2));
-  const std::string file = settings.encode({});
-  const auto again =
+  const std::uint32_t numerator = telling32(in), denominator = telling32(in);
+  const auto pulse = static_cast<std::int64_t>(telling(in, 63));
+  const std::string file = firmware::Settings::with_checksum(
+      "rig_toml = \"" + to_hex(Sha256{}) +
+      "\"\n[genlock]\nrunning = true\nrate_numerator = " + std::to_string(numerator) +
+      "\nrate_denominator = " + std::to_string(denominator) + "\npulse_width_ns = " + std::to_string(pulse) + "\n");
+  const auto settings =
       firmware::Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(file.data()), file.size()), {});
-  NODAL_ASSERT(again && again->requests().size() == 1);
-  NODAL_ASSERT(again->requests()[0].SerializeAsString() == request.SerializeAsString());
+  const std::optional<FrameRate> rate = allowed_rate(numerator, denominator);
+  NODAL_ASSERT(settings.has_value() == rate.has_value());
+  if (!settings) return;
+  const auto commands = settings->commands();
+  NODAL_ASSERT(commands.size() == 1);
+  const auto& start = std::get<firmware::GenlockStart>(commands.front());
+  NODAL_ASSERT(start.rate == rate && start.pulse_width == Duration::nanoseconds(pulse));
 }
 
 /// Up to 100 years, as the clock of a rig may say.

@@ -1,61 +1,71 @@
 // The settings file from a disk that anything may have been written to: decode() gives settings within their limits or
-// says why not, and a rig starts by them. The input's first byte says what the rest is: the whole file; a body that gets
-// the head, checksum and rig.toml that decode() wants; or what requests with extreme values and unknown fields are drawn
-// from, which such a body holds. It also says what is done with the file, as a start costs a hundred times as much.
-#include "firmware/storage/settings.h"
-
+// says why not, and a rig starts by them. The input's first byte says what the rest is: the whole file; a text that gets
+// the checksum and rig.toml that decode() wants; or what keys with extreme values are drawn from, which such a text holds.
+// It also says what is done with the file, as a start costs a hundred times as much.
 #include <algorithm>
+#include <array>
 
-#include "draw_request.h"
+#include "firmware/operate/settings.h"
+#include "firmware/storage/settings_store.h"
 #include "tests/fuzz/live_heap.h"
 #include "tests/fuzz/stand.h"
+#include "tests/fuzz/telling.h"
 
 namespace {
 
 using namespace nodal;
 
-std::vector<std::uint8_t> file_of(std::span<const std::uint8_t> body) {
-  // Settings without anything are the head, the checksum of what follows, and the rig.toml that they hold for.
-  static const std::string empty = firmware::Settings().encode(fuzz::Stand::config().text_id);
-  static const std::size_t toml_bytes = [] {
-    wire::RigSettings none;
-    none.set_rig_toml(sha256_to_wire(fuzz::Stand::config().text_id));
-    return none.ByteSizeLong();
-  }();
-  const std::size_t head_bytes = empty.size() - toml_bytes - Sha256{}.size();
-  std::vector<std::uint8_t> all(empty.end() - static_cast<std::ptrdiff_t>(toml_bytes), empty.end());
-  all.insert(all.end(), body.begin(), body.end());
-  const Sha256 checksum = sha256(all);
-  all.insert(all.begin(), checksum.begin(), checksum.end());
-  all.insert(all.begin(), empty.begin(), empty.begin() + static_cast<std::ptrdiff_t>(head_bytes));
-  return all;
+std::vector<std::uint8_t> file_of(std::string_view text) {
+  const std::string file = firmware::Settings::with_checksum("rig_toml = \"" + to_hex(fuzz::Stand::config().text_id) +
+                                                             "\"\n" + std::string(text));
+  return {file.begin(), file.end()};
 }
 
-/// With its head, no longer than a settings file may be.
-constexpr std::size_t kMostOfABody = firmware::kMaxSettingsBytes - 256;
+/// With its first line, no longer than a settings file may be.
+constexpr std::size_t kMostOfAText = firmware::kMaxSettingsBytes - 256;
 
-std::vector<std::uint8_t> drawn_body(std::span<const std::uint8_t> input) {
-  constexpr int kMostRequests = 64;
+std::string drawn_value(ByteReader& in) {
+  constexpr std::array kWords{"\"manual\"", "\"each\"", "\"joint\"", "true",   "false", "-1",   "0",         "15",
+                              "16",         "1.5",      "nan",       "[1, 2]", "{}",    "\"\"", "1979-05-27"};
+  const unsigned kind = in.u8();
+  if (kind % 2 == 0) return kWords[kind / 2 % kWords.size()];
+  return (kind % 4 == 1 ? "" : "-") + std::to_string(fuzz::telling(in, kind % 8 < 4 ? 63 : 17));
+}
+
+/// Tables and keys of settings in any order, some twice, some of the wrong table or of none.
+std::string drawn_text(ByteReader& in) {
+  constexpr std::array kTables{"[genlock]", "[exposure]", "[[heads]]", "[heads]", "[other]"};
+  constexpr std::array kKeys{"running",  "rate_numerator", "rate_denominator", "pulse_width_ns",
+                             "program",  "anchor",         "target",           "difference",
+                             "ramp",     "longest_ns",     "highest_gain_mdb", "locked",
+                             "index",    "exposure_ns",    "gain_mdb",         "red_q12",
+                             "blue_q12", "gamma",          "rig_toml",         "other"};
+  std::string text;
+  while (in.left() > 0 && text.size() < kMostOfAText - 100) {
+    const unsigned what = in.u8();
+    if (what % 4 == 0) text += std::string(kTables[what / 4 % kTables.size()]) + "\n";
+    else text += std::string(kKeys[what / 4 % kKeys.size()]) + " = " + drawn_value(in) + "\n";
+  }
+  return text;
+}
+
+std::string drawn(std::span<const std::uint8_t> input) {
   ByteReader in(input);
-  wire::RigSettings stored;
-  for (int i = 0; i < kMostRequests && in.left() > 0; ++i) *stored.add_requests() = fuzz::draw_request(in);
-  std::string body = stored.SerializePartialAsString();
-  if (body.size() > kMostOfABody) body.resize(kMostOfABody);
-  return {body.begin(), body.end()};
+  return drawn_text(in);
 }
 
-/// As much as known fields take: 16 heads of 54 bytes, one genlock of 30, one exposure of 60, and what wraps them.
-constexpr std::size_t kMostOfKnownFields = 2048;
+/// As much as all fields take (SettingsSize.EveryFieldAtItsLargest_IsFarBelowTheLimit).
+constexpr std::size_t kMostOfAllFields = firmware::kMaxSettingsBytes / 8;
 
 void check_decoded(std::span<const std::uint8_t> file) {
   const Sha256& rig = fuzz::Stand::config().text_id;
   const auto settings = firmware::Settings::decode(file, rig);
   if (!settings) {
-    NODAL_ASSERT(!settings.error().message.empty() && settings.error().message.size() < 500);
+    NODAL_ASSERT(!settings.error().message.empty() && settings.error().message.size() < 1000);
     return;
   }
   const std::string again = settings->encode(rig);
-  NODAL_ASSERT(again.size() <= kMostOfKnownFields);
+  NODAL_ASSERT(again.size() <= kMostOfAllFields);
   const auto twice =
       firmware::Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(again.data()), again.size()), rig);
   NODAL_ASSERT(twice && twice->encode(rig) == again);
@@ -69,9 +79,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0 || size > 4 * firmware::kMaxSettingsBytes) return 0;
   const unsigned what = data[0] % 4, start = data[0] / 4;
   const std::span rest(data + 1, size - 1);
-  const std::vector<std::uint8_t> file = what == 0   ? std::vector(rest.begin(), rest.end())
-                                         : what == 1 ? file_of(rest)
-                                                     : file_of(drawn_body(rest));
+  const std::vector<std::uint8_t> file = what == 0 ? std::vector(rest.begin(), rest.end())
+                                         : what == 1
+                                             ? file_of({reinterpret_cast<const char*>(rest.data()), rest.size()})
+                                             : file_of(drawn(rest));
   check_decoded(file);
   if (start % 4 != 0 || file.size() > firmware::kMaxSettingsBytes) return 0;
   const bool calibrated = start == 0;

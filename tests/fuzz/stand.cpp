@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "firmware/calibration/calibration_store.h"
-#include "firmware/storage/settings.h"
+#include "firmware/storage/settings_store.h"
 #include "tests/fuzz/live_heap.h"
 
 namespace nodal::fuzz {

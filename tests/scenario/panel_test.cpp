@@ -41,7 +41,7 @@ TEST(PanelScenario, MoreMarksThanAreKept_TheOldestGo) {
   const std::uint64_t before = stand.capture().sets;
   for (int i = 0; i < 35; ++i) press(stand, Duration::milliseconds(150));
   const wire::RigStatus status = host.status();
-  ASSERT_EQ(status.marks_size(), 32);  // Control::kMarksKept
+  ASSERT_EQ(status.marks_size(), 32);  // Operation::kMarksKept
   EXPECT_GE(status.marks(0).set(), before + 3 * 4) << "three are gone, each some seven sets after the one before";
 }
 

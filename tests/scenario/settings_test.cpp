@@ -2,7 +2,8 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
-#include "firmware/storage/settings.h"
+#include "firmware/operate/settings.h"
+#include "firmware/storage/settings_store.h"
 #include "firmware/storage/start_count.h"
 #include "tests/scenario/stand.h"
 
@@ -119,31 +120,47 @@ TEST(Settings, TheProgramIsOfRigTomlAndAHostLocksIt_ItIsTheSameAndLockedAfterARe
   EXPECT_EQ(settings_after_restart(stand, options), wanted);
 }
 
+/// The bytes of a settings file with this text after the line of the rig.toml.
+std::vector<std::uint8_t> settings_of(const StandOptions& options, const std::string& text) {
+  const std::string file =
+      firmware::Settings::with_checksum("rig_toml = \"" + to_hex(options.config.text_id) + "\"\n" + text);
+  return {file.begin(), file.end()};
+}
+
 // A nodald before 64-bit products were bounded has stored it.
 TEST(Settings, AStoredRateThatIsNotAllowed_IsToldAndNotMade) {
   const StandOptions options;
   auto disk = set_and_lose_power(options);
-  firmware::Settings settings;
-  wire::Request genlock;
-  genlock.mutable_genlock()->set_action(wire::GenlockRequest::START);
-  genlock.mutable_genlock()->set_rate_numerator(299'700'300);
-  genlock.mutable_genlock()->set_rate_denominator(10'000'000);
-  ASSERT_TRUE(settings.remember(genlock, kHeads));
-  const std::string text = settings.encode(options.config.text_id);
-  const auto handle = disk->create(firmware::kSettingsFile).value();
-  ASSERT_TRUE(disk->write(handle, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size())));
-  ASSERT_TRUE(disk->sync(handle));
-  disk->close(handle);
+  write_settings(*disk, settings_of(options,
+                                    "[genlock]\nrunning = true\nrate_numerator = 299700300\n"
+                                    "rate_denominator = 10000000\n"));
+  Stand stand(options, std::move(disk));
+  ASSERT_TRUE(stand.run_until([&] { return stand.state() == "degraded"; })) << "it runs, and says what it lost";
+  EXPECT_NE(stand.rig->control().health().problem.find("a rate of 299700300/10000000, which is not allowed"),
+            std::string::npos)
+      << stand.rig->control().health().problem;
+  stand.run(Duration::seconds(65));
+  EXPECT_EQ(stand.state(), "degraded");
+  EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
+}
+
+// Each value fits its type; that no rig may be asked for it is found when it is made again, as of any command.
+TEST(Settings, AStoredExposureThatIsNotAllowed_IsToldAndTheOthersAreMade) {
+  const StandOptions options;
+  auto disk = set_and_lose_power(options);
+  write_settings(*disk, settings_of(options,
+                                    "[[heads]]\nindex = 0\nexposure_ns = 9223372036854775807\n"
+                                    "[[heads]]\nindex = 1\nexposure_ns = 3000000\n"));
   Stand stand(options, std::move(disk));
   std::string news;
   ASSERT_TRUE(stand.run_until([&] {
     for (const std::string& sentence : stand.rig->control().take_news()) news += sentence + "\n";
     return stand.state() == "running";
   }));
-  EXPECT_NE(news.find("a rate of 299700300/10000000 is not allowed"), std::string::npos) << news;
-  stand.run(Duration::seconds(65));
-  EXPECT_EQ(stand.state(), "running");
-  EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
+  EXPECT_NE(news.find("a remembered setting is not made: an exposure of 9223372036854775807 ns"), std::string::npos)
+      << news;
+  stand.run(Duration::seconds(1));
+  EXPECT_EQ(stand.capture().heads[1].in_effect.exposure.duration(), Duration::milliseconds(3));
 }
 
 /// Starts with the disk, runs and is killed; the disk as it is then.
@@ -313,11 +330,13 @@ TEST(Settings, TheyCannotBeStored_TheReplyAndTheStatusSaySoUntilTheyAre) {
 
 TEST(Settings, AnyFile_IsReadOrRefused) {
   firmware::Settings settings;
-  EXPECT_TRUE(settings.remember(exposure_of({0}, 5), 6));
+  firmware::HeadChange change{firmware::head_bit(0), {}};
+  change.change.exposure = Exposure::of(Duration::nanoseconds(5));
+  settings.remember(change);
   const Sha256 rig{};
   const std::string good = settings.encode(rig);
   const std::vector<std::uint8_t> bytes(good.begin(), good.end());
-  EXPECT_EQ(firmware::Settings::decode(bytes, rig)->requests().size(), 1u);
+  EXPECT_EQ(firmware::Settings::decode(bytes, rig)->commands().size(), 1u);
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     std::vector<std::uint8_t> torn(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(i));
     EXPECT_FALSE(firmware::Settings::decode(torn, rig)) << "cut at " << i;

@@ -78,7 +78,4 @@ canary(lossless_pull_holds_the_rig firmware/hosts/publisher.cpp
   "for (const auto& client : clients) { for (const auto& [stream, pull] : client->pulls) { const auto counts = client->session().counts(stream)\; if (pull.lossless && counts && counts->pending >= 2) return false\; } } const auto raymap = raymaps_in_.take()\;" HOSTILE)
 canary(lossless_pull_has_gaps firmware/hosts/publisher.cpp "if (!client.session().offer(stream, item(raymap, pull.coding))) return false\;"
   "if (raymap.info.set % 64 == 0 || !client.session().offer(stream, item(raymap, pull.coding))) return false\;" HOSTILE)
-canary(unknown_fields_kept protocol/session.cpp "drop_unknown_fields(*request)\;" ""
-  firmware/storage/settings.cpp "if (from.has_gamma()) into.set_gamma(from.gamma())\;" "into.MergeFrom(from)\;"
-  HOSTILE)
 canary(log_without_limit firmware/operate/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)

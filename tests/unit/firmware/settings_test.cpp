@@ -1,85 +1,110 @@
-#include "firmware/storage/settings.h"
+#include "firmware/operate/settings.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <limits>
 
-#include "firmware/storage/settings_writer.h"
+#include "firmware/operate/settings_writer.h"
+#include "firmware/storage/settings_store.h"
 #include "hal/sim/clock.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
 namespace {
 
-/// Every known field at the value that takes the most bytes, for every head that a rig can have.
-std::vector<wire::Request> largest_requests() {
-  std::vector<wire::Request> all;
-  wire::HeadSetRequest& heads = *all.emplace_back().mutable_head_set();
-  heads.set_exposure_ns(std::numeric_limits<std::uint64_t>::max());
-  heads.set_gain_mdb(std::numeric_limits<std::int32_t>::min());
-  heads.set_red_q12(std::numeric_limits<std::uint32_t>::max());
-  heads.set_blue_q12(std::numeric_limits<std::uint32_t>::max());
-  heads.set_gamma(std::numeric_limits<std::uint32_t>::max());
-  wire::ExposureRequest& exposure = *all.emplace_back().mutable_exposure();
-  exposure.set_program("manual");  // the longest name
-  exposure.set_anchor(std::numeric_limits<std::int32_t>::min());
-  exposure.set_target_below(std::numeric_limits<std::uint32_t>::max());
-  exposure.set_difference(std::numeric_limits<std::uint32_t>::max());
-  exposure.set_ramp(std::numeric_limits<std::uint32_t>::max());
-  exposure.set_longest_ns(std::numeric_limits<std::uint64_t>::max());
-  exposure.set_highest_gain_mdb(std::numeric_limits<std::int32_t>::min());
-  exposure.set_locked(true);
-  wire::GenlockRequest& genlock = *all.emplace_back().mutable_genlock();
-  genlock.set_action(wire::GenlockRequest::START);
-  genlock.set_rate_numerator(std::numeric_limits<std::uint32_t>::max());
-  genlock.set_rate_denominator(std::numeric_limits<std::uint32_t>::max());
-  genlock.set_pulse_width_ns(std::numeric_limits<std::uint64_t>::max());
-  return all;
+Result<Settings> read_back(const std::string& file, const Sha256& rig_toml = {}) {
+  return Settings::decode({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, rig_toml);
+}
+
+/// Every value of the longest text, for every head that a rig can have.
+std::vector<CaptureChange> longest_changes() {
+  constexpr auto k64 = std::numeric_limits<std::int64_t>::max();
+  constexpr auto k32 = -std::numeric_limits<std::int32_t>::max();
+  HeadChange heads{head_bit(kMaxHeads) - 1, {}};
+  heads.change.exposure = Exposure::of(Duration::nanoseconds(k64));
+  heads.change.gain = Gain::millidecibels(k32);
+  heads.change.white_balance = WhiteBalance{65535, 65535};
+  heads.change.gamma = hal::Gamma::thousandths(k32);
+  ExposureChange exposure;
+  exposure.program = ExposureProgram::kManual;  // the longest name
+  exposure.anchor = kMaxHeads - 1;
+  exposure.target = exposure.difference = exposure.ramp = k32;
+  exposure.longest = Exposure::of(Duration::nanoseconds(k64));
+  exposure.highest = Gain::millidecibels(k32);
+  exposure.locked = false;
+  return {heads, exposure, GenlockStart{FrameRate{999'999, 1'000'000}, Duration::nanoseconds(k64)}};
 }
 
 TEST(SettingsSize, EveryFieldAtItsLargest_IsFarBelowTheLimit) {
   Settings settings;
-  for (const wire::Request& request : largest_requests()) EXPECT_TRUE(settings.remember(request, kMaxHeads));
+  for (const CaptureChange& change : longest_changes()) settings.remember(change);
   const std::string file = settings.encode(Sha256{});
-  // A varint of 32 bits takes 5 bytes, of 64 bits 10, and a tag 1; 16 more for what wraps a request.
-  constexpr std::size_t kHead = 11 + 6 + 6 + 6 + 6 + 3 + 16;
-  EXPECT_LE(file.size(), kMaxHeads * kHead + 200);
-  EXPECT_LE(file.size(), kMaxSettingsBytes / 16);
-  const auto again = Settings::decode({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, Sha256{});
+  // A line is a name of at most 16 letters, " = ", a number of at most 20 characters and an end of line.
+  constexpr std::size_t kLine = 16 + 3 + 20 + 1;
+  EXPECT_LE(file.size(), kLine * (kMaxHeads * 7 + 9 + 5) + 200);
+  EXPECT_LE(file.size(), kMaxSettingsBytes / 8);
+  const auto again = read_back(file);
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->encode(Sha256{}), file);
 }
 
-TEST(SettingsSize, HeadsThatNoRigHas_AreNotKept) {
+TEST(SettingsFile, AChangeThatNamesNoProgram_IsReadBackWithoutOne) {
   Settings settings;
-  const std::string before = settings.encode(Sha256{});
-  wire::Request request;
-  request.mutable_head_set()->set_gain_mdb(1);
-  for (std::uint32_t head = kMaxHeads; head < 5000; ++head) request.mutable_head_set()->add_heads(head);
-  settings.remember(request, 6);
-  EXPECT_EQ(settings.encode(Sha256{}), before);
-}
-
-TEST(SettingsSize, AProgramThatDoesNotExist_IsNotKept) {
-  Settings settings;
-  wire::Request request;
-  request.mutable_exposure()->set_program(std::string(50'000, 'x'));
-  settings.remember(request, 6);
-  EXPECT_LT(settings.encode(Sha256{}).size(), 200u);
-}
-
-TEST(SettingsFile, ARequestThatNamesNoProgram_IsReadBackWithoutOne) {
-  Settings settings;
-  wire::Request lock;
-  lock.mutable_exposure()->set_locked(true);
-  settings.remember(lock, 6);
-  const std::string file = settings.encode(Sha256{});
-  const auto again = Settings::decode({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, Sha256{});
+  ExposureChange lock;
+  lock.locked = true;
+  settings.remember(lock);
+  const auto again = read_back(settings.encode(Sha256{}));
   ASSERT_TRUE(again);
-  EXPECT_EQ(again->encode(Sha256{}), file);
-  EXPECT_FALSE(again->requests().back().exposure().has_program());
-  EXPECT_EQ(again->requests().front().exposure().program(), "manual") << "under which heads are set first";
+  const std::vector<CaptureChange> commands = again->commands();
+  EXPECT_FALSE(std::get<ExposureChange>(commands.back()).program);
+  EXPECT_EQ(std::get<ExposureChange>(commands.back()).locked, true);
+  EXPECT_EQ(std::get<ExposureChange>(commands.front()).program, ExposureProgram::kManual)
+      << "under which heads are set first";
+}
+
+TEST(SettingsFile, NewerValues_GoOverOlderOnesAndTheOthersStay) {
+  Settings settings;
+  HeadChange first{head_bit(0) | head_bit(2), {}};
+  first.change.gain = Gain::millidecibels(1000);
+  first.change.exposure = Exposure::microseconds(500);
+  HeadChange second{head_bit(2), {}};
+  second.change.gain = Gain::millidecibels(2000);
+  settings.remember(first);
+  settings.remember(second);
+  settings.remember(GenlockStart{});
+  settings.remember(GenlockStop{});
+  const auto again = read_back(settings.encode(Sha256{}));
+  ASSERT_TRUE(again);
+  const std::vector<CaptureChange> commands = again->commands();
+  ASSERT_EQ(commands.size(), 3u) << "two heads and the genlock";
+  const auto& head0 = std::get<HeadChange>(commands[0]);
+  const auto& head2 = std::get<HeadChange>(commands[1]);
+  EXPECT_EQ(head0.heads, head_bit(0));
+  EXPECT_EQ(head0.change.gain, Gain::millidecibels(1000));
+  EXPECT_EQ(head2.heads, head_bit(2));
+  EXPECT_EQ(head2.change.gain, Gain::millidecibels(2000));
+  EXPECT_EQ(head2.change.exposure, Exposure::microseconds(500));
+  EXPECT_TRUE(std::holds_alternative<GenlockStop>(commands[2]));
+}
+
+/// The error of a file with this text after the line of its rig.toml.
+std::string refusal(const std::string& text) {
+  const auto settings = read_back(Settings::with_checksum("rig_toml = \"" + to_hex(Sha256{}) + "\"\n" + text));
+  return settings ? "" : settings.error().message;
+}
+
+TEST(SettingsFile, TextThatIsNoSettings_IsRefusedWithTheFieldAndLine) {
+  EXPECT_EQ(refusal(""), "");
+  EXPECT_NE(refusal("[genlock]\nrunning = true\nrate_numerator = 299700300\nrate_denominator = 10000000\n")
+                .find("299700300/10000000"),
+            std::string::npos);
+  EXPECT_NE(refusal("[[heads]]\nindex = 16\n").find(":4:9"), std::string::npos) << refusal("[[heads]]\nindex = 16\n");
+  EXPECT_NE(refusal("[[heads]]\nindex = 0\ngian_mdb = 3\n").find("did you mean 'gain_mdb'"), std::string::npos);
+  EXPECT_NE(refusal("[exposure]\nprogram = \"none\"\n").find("program"), std::string::npos);
+  EXPECT_NE(refusal("heads = [1, 2]\n").find("heads"), std::string::npos);
+  EXPECT_NE(refusal("[exposure]\nlocked = 3\n").find("locked"), std::string::npos);
+  EXPECT_NE(refusal("[").find("not TOML"), std::string::npos);
 }
 
 class SettingsWriterTest : public testing::Test {

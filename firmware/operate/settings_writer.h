@@ -11,7 +11,7 @@ namespace nodal::firmware {
 /// When settings are written, and what is known about their last writing: at most one write every kWriteEvery, and
 /// after a failure another attempt every kRetryEvery until one succeeds.
 ///
-/// Threading: thread-bound to control; the keeper writes.
+/// Threading: thread-bound to control; SettingsStore writes.
 /// Ownership: none.
 /// Errors: none; problem() says why settings would be lost at the next start.
 class SettingsWriter {
@@ -21,10 +21,10 @@ class SettingsWriter {
   /// What an earlier run stored cannot be used. The next write replaces it.
   void unreadable(std::string problem) { problem_ = std::move(problem); }
 
-  /// Whether to hand the settings to the keeper now.
+  /// Whether to hand the settings to the SettingsStore now.
   bool due(Instant now) const;
   void begun(Instant now);
-  /// The keeper's answer to begun(). True when problem() changed.
+  /// How the write that begun() noted ended. True when problem() changed.
   bool ended(const Status& stored);
 
   /// Whether a reply should wait for the write under way, so that it can say how it ended.

@@ -1,5 +1,5 @@
-// The part of Control that judges how the rig is, and says so.
-#include "firmware/operate/control.h"
+// The part of Operation that judges how the rig is, and says so.
+#include "firmware/operate/operation.h"
 
 namespace nodal::firmware {
 namespace {
@@ -9,16 +9,21 @@ constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: th
 
 }  // namespace
 
-std::uint32_t Control::rate_wanted_millihertz() const {
+void Operation::ask_to_end(std::string reason) {
+  end_reason_ = std::move(reason);
+  end_asked_.store(true, std::memory_order_release);
+}
+
+std::uint32_t Operation::rate_wanted_millihertz() const {
   return millihertz(capture_->genlock.rate) * static_cast<std::uint32_t>(config_.raymap.raymaps_a_set());
 }
 
-void Control::watch(Instant now) {
+void Operation::watch(bool lossless, Instant now) {
   if (capture_->sets != sets_seen_) {
     sets_seen_ = capture_->sets;
     newest_set_ = now;
   }
-  const bool ends = end_asked_.load(std::memory_order_acquire);
+  const bool ends = asked_to_end();
   if (ends) supervisor_.end(end_reason_);
   const bool at_once = ends && supervisor_.state() != RigState::kStopping;
   if (judged_ && now - *judged_ < kJudgeEvery && !at_once) return;
@@ -28,7 +33,7 @@ void Control::watch(Instant now) {
   const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
-  shed(now);
+  shed(lossless, now);
   const Finding found =
       find_condition(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
                                stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
@@ -44,24 +49,25 @@ void Control::watch(Instant now) {
   }
 }
 
-void Control::tell_that_it_runs_well(Instant now) {
+void Operation::tell_that_it_runs_well(Instant now) {
   const RigState state = supervisor_.state();
   if (state == RigState::kStarting || state == RigState::kHanging) unwell_ = now;
   if (told_well_ || now - unwell_ < kRunsWellAfter) return;
-  told_well_ = stages_.keeper.requests().push(KeeperRequest{kRunsWellTicket, KeeperRequest::RunsWell{}, {}});
+  told_well_ = true;
+  stages_.settings.note_that_it_runs_well();
 }
 
-std::uint64_t Control::sets_missed_by_blend() const {
+std::uint64_t Operation::sets_missed_by_blend() const {
   for (const OutletReport& outlet : capture_->outlets) {
     if (outlet.name == Blender::kSets.name) return outlet.losses.full;
   }
   return 0;  // before the first report
 }
 
-void Control::shed(Instant now) {
+void Operation::shed(bool lossless, Instant now) {
   shedding_.step(capture_->sets, sets_missed_by_blend(), now - steady_since_ < kPause, now);
   const ShedLevel& level = shedding_.level();
-  stages_.encoder.set_every(Publisher::lossless_wanted(clients_) ? 1 : level.publish_every);
+  stages_.encoder.set_every(lossless ? 1 : level.publish_every);
   stages_.blender.set_every(level.preview_every);
 }
 

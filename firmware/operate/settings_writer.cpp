@@ -1,4 +1,4 @@
-#include "firmware/storage/settings_writer.h"
+#include "firmware/operate/settings_writer.h"
 
 #include <utility>
 

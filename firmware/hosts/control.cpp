@@ -1,0 +1,176 @@
+#include "firmware/hosts/control.h"
+
+#include <algorithm>
+
+#include "firmware/hosts/wire_commands.h"
+
+namespace nodal::firmware {
+
+Control::Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
+                 std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now)
+    : config_(config),
+      software_(std::move(software)),
+      stages_(stages),
+      operation_(config, stages, watchdog, panel, now),
+      admission_(std::move(listeners)),
+      started_(now),
+      uploads_(UploadLimits{kMaxCalibrationBytes, kUploadsOfAClient * Admission::kMaxClients, kUploadsOfAClient}),
+      publisher_(config.raymap, stages.encoder.published()),
+      frame_sender_(config, frame_sets, stages.blender) {}
+
+Control::~Control() = default;
+
+bool Control::step(Instant now) {
+  operation_.begin_step(now);
+  bool busy = false;
+  if (!operation_.asked_to_end()) {
+    busy = admission_.accept(
+        clients_, [this](Access access) { return hello(access); }, now);
+  }
+  busy |= serve_all(now);
+  admission_.make_room(clients_, now);
+  busy |= reply_to_commands(now);
+  stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
+  busy |= publisher_.step(clients_);
+  for (const std::string& sentence : publisher_.take_news()) say(NewsKind::kHosts, sentence);
+  busy |= frame_sender_.step(clients_, now);
+  for (const auto& client : clients_) busy |= client->pump_out(now);
+  drop_finished();
+  operation_.end_step(Publisher::lossless_wanted(clients_), now);
+  end(now);
+  return busy;
+}
+
+void Control::end(Instant now) {
+  const std::string* const reason = operation_.end_reason();
+  if (!reason) return;
+  if (!ending_since_) {
+    ending_since_ = now;
+    for (const auto& client : clients_) client->end(Error{Errc::kLinkClosed, "the rig stops: " + *reason}, now);
+  }
+  if (clients_.empty() || now - *ending_since_ > kFarewell) ended_.store(true, std::memory_order_release);
+}
+
+wire::Hello Control::hello(Access access) const {
+  wire::Hello hello = make_hello(software_);
+  hello.set_rig_name(config_.name);
+  for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs",
+                              "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
+    hello.add_features(feature);
+  }
+  if (config_.signers) hello.add_features("signed-calibrations");
+  if (access == Access::kView) hello.add_features("view-only");
+  if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));
+  return hello;
+}
+
+void Control::drop_finished() {
+  std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
+    if (!client->finished()) return false;
+    uploads_.leave(client->number());
+    const bool left = client->why().code == Errc::kLinkClosed;
+    say(NewsKind::kHosts, client->name() + (left ? " left" : " was dropped: " + client->why().text()));
+    return true;
+  });
+}
+
+/// In turns: what all clients share, such as capture's queue of commands, goes to another one first in each step.
+bool Control::serve_all(Instant now) {
+  if (clients_.empty()) return false;
+  bool busy = false;
+  first_served_ = (first_served_ + 1) % clients_.size();
+  for (std::size_t i = 0; i < clients_.size(); ++i)
+    busy |= serve(*clients_[(first_served_ + i) % clients_.size()], now);
+  return busy;
+}
+
+bool Control::serve(Client& client, Instant now) {
+  const bool read = client.pump_in(now);
+  int requests = 0;
+  int events = 0;
+  while (client.requests_open < kMaxRequests && requests < kRequestsAStep && events < kEventsAStep) {
+    auto event = client.held ? std::optional<Event>(std::move(*client.held)) : client.session().next_event();
+    client.held.reset();
+    if (!event) break;
+    if (auto* request = std::get_if<wire::Request>(&*event)) {
+      if (!has_room(client, *request)) {
+        client.held = std::move(*request);
+        break;
+      }
+      ++requests;
+    }
+    ++events;
+    handle(client, *event, now);
+  }
+  return read || events > 0;
+}
+
+void Control::handle(Client& client, Event& event, Instant now) {
+  if (const auto* request = std::get_if<wire::Request>(&event)) {
+    client.asked(now);
+    handle(client, *request, now);
+  } else if (std::holds_alternative<wire::Hello>(event)) {
+    client.used(now);
+    say(NewsKind::kHosts, client.name() + " came");
+  } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
+    if (client.access() != Access::kControl) {
+      client.session().stop_stream(opened->stream, {Errc::kUnsupported, "uploads need the rig's control socket"});
+      return;
+    }
+    if (const Status may = Admission::may_work(clients_, client, now); !may) {
+      client.session().stop_stream(opened->stream, may.error());
+      return;
+    }
+    client.uploads[opened->stream];  // hosts open streams for uploads only
+  } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
+    const auto upload = client.uploads.find(piece->stream);
+    if (upload == client.uploads.end()) return;
+    if (const Status taken = upload->second.piece(*piece, uploads_); !taken) {
+      client.session().stop_stream(piece->stream, taken.error());
+      client.uploads.erase(upload);
+    }
+  } else if (const auto* closed = std::get_if<StreamClosed>(&event)) {
+    client.uploads.erase(closed->stream);
+  } else if (const auto* stopped = std::get_if<StreamStopped>(&event)) {
+    const auto pull = client.pulls.find(stopped->stream);
+    if (pull != client.pulls.end()) pull->second.ended = true;
+  }
+}
+
+bool Control::reply_to_commands(Instant now) {
+  const std::vector<Answer> answers = operation_.take_answers(now);
+  for (const Answer& answer : answers) {
+    const auto found = waiting_.find(answer.ticket);
+    if (found == waiting_.end()) continue;  // nobody's: the button's, or a setting of the last start
+    const Waiting waiting = found->second;
+    waiting_.erase(found);
+    Client* const client = find(waiting.client);
+    if (!client) continue;
+    --client->requests_open;
+    wire::Reply message = reply_of(answer, config_);
+    message.set_id(waiting.request);
+    reply(*client, message, now);
+  }
+  return !answers.empty();
+}
+
+Client* Control::find(std::uint64_t number) {
+  const auto found =
+      std::find_if(clients_.begin(), clients_.end(), [&](const auto& client) { return client->number() == number; });
+  return found == clients_.end() ? nullptr : found->get();
+}
+
+void Control::reply(Client& client, const wire::Reply& message, Instant now) {
+  if (client.session().error()) return;
+  if (const Status sent = client.session().send(message); !sent && !client.session().error()) {
+    client.end(sent.error(), now);  // it asks and does not read
+  }
+}
+
+void Control::refuse(Client& client, std::uint64_t request, const Error& error, Instant now) {
+  wire::Reply message = reply_of({0, fail(error)}, config_);
+  message.set_id(request);
+  reply(client, message, now);
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,109 @@
+// The stage that talks to hosts.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/config/config.h"
+#include "firmware/hosts/access.h"
+#include "firmware/hosts/admission.h"
+#include "firmware/hosts/client.h"
+#include "firmware/hosts/frame_sender.h"
+#include "firmware/hosts/publisher.h"
+#include "firmware/operate/operation.h"
+#include "hal/link.h"
+#include "hal/watchdog.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+
+/// Accepts hosts, answers their requests, takes their uploads, gives them raymaps. A request that a stage must carry out
+/// becomes a command of Operation's, and is answered when that stage answers; meanwhile everybody else is served.
+///
+/// Threading: step() is thread-bound to control; set_resident_bytes(), ask_to_end() and ended() are for any thread.
+/// Ownership: owns the clients; listeners and stages outlive it.
+/// Errors: a host's errors are answers to it; take_news() has what an operator should read.
+class Control {
+ public:
+  /// `frame_sets`: for hosts that ask for the heads' own pictures.
+  Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
+          std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now);
+  ~Control();
+
+  /// True when it did something.
+  bool step(Instant now);
+
+  /// Sentences for the log since the last call: hosts that came and went, states that changed.
+  std::vector<std::string> take_news() { return operation_.news().take(); }
+  const Health& health() const { return operation_.health(); }
+  /// The rig stops, for this reason: hosts are told, none is let in. Any thread, once.
+  void ask_to_end(std::string reason) { operation_.ask_to_end(std::move(reason)); }
+  /// Every host has been told, or would not listen for kFarewell. Any thread.
+  bool ended() const { return ended_.load(std::memory_order_acquire); }
+  std::size_t clients() const { return clients_.size(); }
+  void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
+  wire::RigStatus status(Instant now);
+  /// Frame sets that the blend had no room for, as of the newest step.
+  std::uint64_t sets_missed_by_blend() const { return operation_.sets_missed_by_blend(); }
+
+  static constexpr Duration kFarewell = Duration::milliseconds(500);
+  static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
+  /// Of them, those that another stage may have: so few that there is room in its ring for every client's.
+  static constexpr std::size_t kCaptureRequests = 4;
+  static constexpr std::size_t kKeeperRequests = 1;
+  /// Of a client in a step. A status takes some 10 us to make, so a client that floods the rig with requests costs the
+  /// others less than 0.1 ms a step; what is left waits in its session, and then in its link.
+  static constexpr int kRequestsAStep = 8;
+  static constexpr int kEventsAStep = 64;              ///< of all kinds: 4 MiB of pieces
+  static constexpr std::size_t kUploadsOfAClient = 2;  ///< half there at once
+
+ private:
+  /// A host's request that became a command.
+  struct Waiting {
+    std::uint64_t client = 0;
+    std::uint64_t request = 0;  ///< its id
+  };
+
+  void drop_finished();
+  bool serve_all(Instant now);
+  bool serve(Client& client, Instant now);
+  bool has_room(const Client& client, const wire::Request& request) const;
+  void handle(Client& client, Event& event, Instant now);
+  void handle(Client& client, const wire::Request& request, Instant now);
+  /// Answers at once; the error that the host is answered, if any.
+  Status answer(Client& client, const wire::Request& request, Instant now);
+  Status command(Client& client, const wire::Request& request, Instant now);
+  Result<Command> commit_command(const wire::UploadCommit& commit);
+  Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
+  Status end_host(const Client& client, std::uint64_t number, Instant now);
+  void reply(Client& client, const wire::Reply& reply, Instant now);
+  void refuse(Client& client, std::uint64_t request, const Error& error, Instant now);
+  bool reply_to_commands(Instant now);
+  Client* find(std::uint64_t number);
+  void end(Instant now);
+  wire::Hello hello(Access access) const;
+  void say(NewsKind kind, std::string sentence) { operation_.news().say(kind, std::move(sentence)); }
+
+  const RigConfig config_;
+  const std::string software_;
+  Stages stages_;
+  Operation operation_;
+  Admission admission_;
+  const Instant started_;
+
+  Clients clients_;
+  std::size_t first_served_ = 0;  ///< the client whose turn is first; the next one's in the next step
+  std::map<Ticket, Waiting> waiting_;
+  UploadReceiver uploads_;
+  Publisher publisher_;
+  FrameSender frame_sender_;
+  std::optional<Instant> ending_since_;
+  std::atomic<bool> ended_{false};
+  std::atomic<std::uint64_t> resident_bytes_{0};
+};
+
+}  // namespace nodal::firmware

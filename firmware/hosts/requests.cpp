@@ -1,0 +1,165 @@
+// The half of Control that answers requests.
+#include "firmware/hosts/control.h"
+#include "firmware/hosts/status.h"
+#include "firmware/hosts/wire_commands.h"
+
+namespace nodal::firmware {
+/// A request that would be one too many for the stage that carries it out waits, and what this host asks after it.
+bool Control::has_room(const Client& client, const wire::Request& request) const {
+  if (needs_keeper(request)) return operation_.open(client.number(), CommandStage::kKeeper) < kKeeperRequests;
+  return !changes_rig(request) || operation_.open(client.number(), CommandStage::kCapture) < kCaptureRequests;
+}
+
+void Control::handle(Client& client, const wire::Request& request, Instant now) {
+  if (Status permitted = check_access(client.access(), request); !permitted) {
+    say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
+    return refuse(client, request.id(), permitted.error(), now);
+  }
+  const bool later = changes_rig(request) || needs_keeper(request);  // a stage answers
+  const Status done = later ? command(client, request, now) : answer(client, request, now);
+  if (!done) refuse(client, request.id(), done.error(), now);
+}
+
+Status Control::answer(Client& client, const wire::Request& request, Instant now) {
+  wire::Reply answer;
+  answer.set_id(request.id());
+  switch (request.what_case()) {
+    case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
+    case wire::Request::kHeads: fill_heads(config_, operation_.capture(), *answer.mutable_heads()); break;
+    case wire::Request::kGenlock: fill_genlock(config_, operation_.capture().genlock, *answer.mutable_genlock()); break;
+    case wire::Request::kExposure:
+      fill_exposure(operation_.capture().exposure, config_.heads.size(), *answer.mutable_exposure());
+      break;
+    case wire::Request::kUploadBegin: {
+      const auto name = sha256_from_wire(request.upload_begin().sha256());
+      if (!name) return fail(name.error());
+      const auto offset = uploads_.begin(*name, request.upload_begin().length(), client.number());
+      if (!offset) return fail(offset.error());
+      answer.mutable_upload()->set_offset(*offset);
+      break;
+    }
+    case wire::Request::kPull:
+    case wire::Request::kFrameSet: {
+      const auto stream = start_work(client, request, now);
+      if (!stream) return fail(stream.error());
+      answer.mutable_pull()->set_stream(*stream);
+      break;
+    }
+    case wire::Request::kPullStop:
+      if (Status stopped = publisher_.stop(client, request.pull_stop().stream()); !stopped) return stopped;
+      answer.mutable_done();
+      break;
+    case wire::Request::kAuditLog:
+      answer.mutable_audit_log()->set_now_ns(static_cast<std::uint64_t>((now - started_).ns()));
+      fill_audit(operation_.audit_log(), started_, *answer.mutable_audit_log());
+      break;
+    case wire::Request::kHosts: fill_hosts(clients_, client, now, *answer.mutable_hosts()); break;
+    case wire::Request::kHostEnd:
+      if (Status ended = end_host(client, request.host_end().number(), now); !ended) return ended;
+      answer.mutable_done();
+      break;
+    default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that request");
+  }
+  reply(client, answer, now);
+  return {};
+}
+
+/// Makes a command of it; the answer comes with reply_to_commands().
+Status Control::command(Client& client, const wire::Request& request, Instant now) {
+  const Asker asker{Asker::Face::kHost, client.number(), client.who()};
+  Result<Command> wanted =
+      request.has_upload_commit() ? commit_command(request.upload_commit()) : command_of(request, config_);
+  if (!wanted) {
+    if (changes_rig(request)) operation_.note_refused(asker, request_name(request), wanted.error(), now);
+    return fail(wanted.error());
+  }
+  const auto ticket = operation_.ask(asker, std::move(*wanted), now);
+  if (!ticket) return fail(ticket.error());
+  waiting_[*ticket] = Waiting{client.number(), request.id()};
+  ++client.requests_open;
+  return {};
+}
+
+Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
+  const auto name = sha256_from_wire(commit.sha256());
+  if (!name) return fail(name.error());
+  auto install = install_of(commit);
+  if (!install) return fail(install.error());
+  // Before the document is taken, so that a commit that is refused can be sent again.
+  if (Status good = check(CalibrationCommand(*install), config_); !good) return fail(good.error());
+  auto document = uploads_.take(*name);
+  if (!document) return fail(document.error());
+  install->json.assign(document->begin(), document->end());
+  return CalibrationCommand(std::move(*install));
+}
+
+Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
+  if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
+  if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), now);
+  const KeeperReport& keeper = operation_.keeper();
+  if (!keeper.in_force) {
+    return fail(Errc::kNotReady,
+                "there are no raymaps yet: " +
+                    (keeper.activity.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                             : keeper.activity));
+  }
+  return publisher_.start(clients_, client, request.pull());
+}
+
+Status Control::end_host(const Client& client, std::uint64_t number, Instant now) {
+  Client* const ended = find(number);
+  if (!ended || ended->ending()) {
+    return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
+  }
+  if (ended == &client) return fail(Errc::kBadValue, "this is the host that asks");
+  ended->end(Error{Errc::kCancelled, client.name() + " ended this conversation"}, now);
+  say(NewsKind::kHosts, client.name() + " ended " + ended->name());
+  return {};
+}
+
+wire::RigStatus Control::status(Instant now) {
+  wire::RigStatus status;
+  status.set_rig_name(config_.name);
+  status.set_state(std::string(health().state));
+  status.set_problem(shown(health().problem));
+  status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
+  fill_capture(config_, operation_.capture(), status);
+
+  const Blender::Counts& counts = stages_.blender.counts();
+  const auto read = [](const std::atomic<std::uint64_t>& count) { return count.load(std::memory_order_relaxed); };
+  status.set_raymaps(read(counts.blended));
+  add_count(*status.mutable_set_losses(), "overload", sets_missed_by_blend());
+  add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
+  add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
+  add_count(*status.mutable_set_losses(), "shed", read(counts.shed));
+  status.set_publish_shed(publisher_.shed());
+  status.set_published(publisher_.published());
+  status.set_rate_wanted_millihertz(operation_.rate_wanted_millihertz());
+  status.set_raymaps_a_set(static_cast<std::uint32_t>(config_.raymap.raymaps_a_set()));
+  status.set_rate_millihertz(operation_.rate_millihertz());
+  status.set_blend_ns(static_cast<std::uint64_t>(stages_.blender.times().median().ns()));
+  status.set_encode_ns(static_cast<std::uint64_t>(stages_.encoder.times().median().ns()));
+  status.set_encode_failures(stages_.encoder.failed());
+
+  const KeeperReport& keeper = operation_.keeper();
+  if (keeper.in_force) {
+    status.set_calibration_id(sha256_to_wire(*keeper.in_force));
+    status.set_calibration_name(shown(keeper.name));
+  }
+  if (keeper.trial) fill_trial(*keeper.trial, now, *status.mutable_trial());
+  status.set_activity(shown(keeper.activity));
+  status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
+  status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
+  status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));
+  for (const Operation::Mark& mark : operation_.marks()) {
+    wire::Mark& told = *status.add_marks();
+    told.set_set(mark.set);
+    told.set_at_ns(static_cast<std::uint64_t>((mark.at - started_).ns()));
+  }
+  for (const auto& client : clients_) {
+    add_count(*status.mutable_publish_drops(), client->name(), Publisher::dropped(*client));
+  }
+  return status;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,149 @@
+#include "firmware/hosts/wire_commands.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "firmware/config/exposure_settings.h"
+#include "firmware/hosts/status.h"
+#include "protocol/base/limits.h"
+#include "protocol/upload.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// The longest time there is for what is longer: check() refuses both.
+Duration duration_of(std::uint64_t ns) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
+  return Duration::nanoseconds(static_cast<std::int64_t>(std::min(ns, kMost)));
+}
+
+/// Of so many thousandths at most, which is far more than check() allows.
+Stops stops_of(std::uint32_t thousandths) {
+  constexpr std::uint32_t kMost = 1'000'000;
+  return static_cast<Stops>((std::min(thousandths, kMost) * std::uint64_t{kStop} + 500) / 1000);
+}
+
+Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfig& config) {
+  if (request.heads_size() > kMaxHeads) {
+    return fail(Errc::kBadValue, std::to_string(request.heads_size()) + " heads are named; a rig has at most " +
+                                     std::to_string(kMaxHeads));
+  }
+  HeadChange command;
+  for (const std::uint32_t head : request.heads()) {
+    if (head >= config.heads.size()) return fail(no_such_head(head, config));
+    command.heads |= head_bit(head);
+  }
+  if (request.heads().empty()) command.heads = head_bit(config.heads.size()) - 1;
+  SettingsChange& change = command.change;
+  if (request.has_exposure_ns()) change.exposure = Exposure::of(duration_of(request.exposure_ns()));
+  if (request.has_gain_mdb()) change.gain = Gain::millidecibels(request.gain_mdb());
+  if (request.has_red_q12() != request.has_blue_q12()) {
+    return fail(Errc::kMissingField, "a white balance needs both red_q12 and blue_q12");
+  }
+  if (request.has_red_q12()) {
+    constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
+    // What is more than kMost becomes 0, which is refused as well.
+    const auto q12 = [](std::uint32_t gain) { return static_cast<std::uint16_t>(gain <= kMost ? gain : 0); };
+    change.white_balance = WhiteBalance{q12(request.red_q12()), q12(request.blue_q12())};
+  }
+  if (request.has_gamma()) {
+    constexpr std::uint32_t kMost = std::numeric_limits<std::int32_t>::max();
+    change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::min(request.gamma(), kMost)));
+  }
+  return CaptureChange(command);
+}
+
+Result<Command> exposure_command(const wire::ExposureRequest& request, const RigConfig& config) {
+  ExposureChange change;
+  if (request.has_program()) {
+    change.program = exposure_program_of(request.program());
+    if (!change.program) {
+      return fail(Errc::kBadValue,
+                  "there is no exposure program '" + request.program() + "'; manual, each and joint are");
+    }
+  }
+  if (request.has_anchor()) {
+    if (request.anchor() < -1 || request.anchor() >= static_cast<std::int32_t>(config.heads.size())) {
+      return fail(Errc::kBadValue, "there is no head " + std::to_string(request.anchor()) + " to anchor on");
+    }
+    change.anchor.emplace();
+    if (request.anchor() >= 0) *change.anchor = static_cast<HeadIndex>(request.anchor());
+  }
+  if (request.has_target_below()) change.target = -stops_of(request.target_below());
+  if (request.has_difference()) change.difference = stops_of(request.difference());
+  if (request.has_ramp()) change.ramp = stops_of(request.ramp());
+  if (request.has_longest_ns()) change.longest = Exposure::of(duration_of(request.longest_ns()));
+  if (request.has_highest_gain_mdb()) change.highest = Gain::millidecibels(request.highest_gain_mdb());
+  if (request.has_locked()) change.locked = request.locked();
+  return CaptureChange(change);
+}
+
+Result<Command> genlock_command(const wire::GenlockRequest& request) {
+  if (request.action() == wire::GenlockRequest::STOP) return CaptureChange(GenlockStop{});
+  if (request.action() != wire::GenlockRequest::START) {
+    return fail(Errc::kUnsupported, "this rig does not know that genlock action; update nodald");
+  }
+  GenlockStart start;
+  if (request.rate_numerator() != 0 || request.rate_denominator() != 0) {
+    start.rate = FrameRate::make(request.rate_numerator(), request.rate_denominator());
+    if (!start.rate) {
+      return fail(Errc::kBadValue, "a rate of " + std::to_string(request.rate_numerator()) + "/" +
+                                       std::to_string(request.rate_denominator()) + " is not allowed; allowed is " +
+                                       std::string(kFrameRatesAllowed));
+    }
+  }
+  if (request.pulse_width_ns() != 0) start.pulse_width = duration_of(request.pulse_width_ns());
+  return CaptureChange(start);
+}
+
+}  // namespace
+
+Result<Command> command_of(const wire::Request& request, const RigConfig& config) {
+  switch (request.what_case()) {
+    case wire::Request::kHeadSet: return head_command(request.head_set(), config);
+    case wire::Request::kExposure: return exposure_command(request.exposure(), config);
+    case wire::Request::kGenlock: return genlock_command(request.genlock());
+    case wire::Request::kCalibrationList: return CalibrationCommand(KeeperRequest::List{});
+    case wire::Request::kCalibrationGet: return CalibrationCommand(KeeperRequest::Get{request.calibration_get().id()});
+    case wire::Request::kCalibrationUse: return CalibrationCommand(KeeperRequest::Use{request.calibration_use().id()});
+    case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
+    case wire::Request::kTrialEnd:
+      return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
+    default: return fail(Errc::kUnsupported, "this rig does not know that request; update nodald");
+  }
+}
+
+Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit) {
+  if (commit.signature().size() > kMaxSignatureBytes) {
+    return fail(Errc::kTooLarge, "a signature has at most " + std::to_string(kMaxSignatureBytes) + " bytes");
+  }
+  KeeperRequest::Install install{"", std::nullopt, commit.signature()};
+  if (commit.has_trial_ns()) install.trial = duration_of(commit.trial_ns());
+  return install;
+}
+
+wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
+  wire::Reply reply;
+  if (!answer.outcome) {
+    *reply.mutable_error() = to_wire(answer.outcome.error());
+    return reply;
+  }
+  if (!answer.not_stored.empty()) reply.set_not_stored(answer.not_stored);
+  const Outcome& outcome = *answer.outcome;
+  if (const auto* genlock = std::get_if<GenlockReport>(&outcome)) {
+    fill_genlock(config, *genlock, *reply.mutable_genlock());
+  } else if (const auto* exposure = std::get_if<ExposureControl::Report>(&outcome)) {
+    fill_exposure(*exposure, config.heads.size(), *reply.mutable_exposure());
+  } else if (const auto* listed = std::get_if<KeeperAnswer::Listed>(&outcome)) {
+    fill_calibrations(*listed, *reply.mutable_calibrations());
+  } else if (const auto* document = std::get_if<KeeperAnswer::Document>(&outcome)) {
+    reply.mutable_calibration()->set_id(sha256_to_wire(document->id));
+    reply.mutable_calibration()->set_json(document->json);
+  } else {
+    reply.mutable_done();
+  }
+  return reply;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,129 @@
+#include "firmware/operate/commands.h"
+
+#include <bit>
+#include <type_traits>
+
+#include "protocol/base/limits.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// std::visit with a lambda for each alternative.
+template <class... Of>
+struct Overloaded : Of... {
+  using Of::operator()...;
+};
+
+Status gain_allowed(Gain gain) {
+  if (gain.mdb() >= -kMostGainMdb && gain.mdb() <= kMostGainMdb) return {};
+  return fail(Errc::kBadValue, "a gain of " + std::to_string(gain.mdb()) + " mdB is not allowed; allowed is " +
+                                   std::to_string(-kMostGainMdb) + " to " + std::to_string(kMostGainMdb) + " mdB");
+}
+
+Status stops_allowed(Stops stops, std::int64_t low, const char* what) {
+  const std::int64_t thousandths = std::int64_t{stops} * 1000 / kStop;
+  const auto at_least = static_cast<Stops>((low * kStop + 500) / 1000);
+  if (stops >= at_least && stops <= 8 * kStop) return {};
+  return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) +
+                                   " to 8000 thousandths of a stop, not " + std::to_string(thousandths));
+}
+
+Status check(const HeadChange& change, const RigConfig& config) {
+  const HeadMask heads = head_bit(config.heads.size()) - 1;
+  if ((change.heads & ~heads) != 0) {
+    return fail(no_such_head(static_cast<std::uint64_t>(std::countr_zero(change.heads & ~heads)), config));
+  }
+  const SettingsChange& wanted = change.change;
+  constexpr Duration kLongest = Duration::seconds(3600);  // a head's own limit is far below
+  if (wanted.exposure && (wanted.exposure->duration() <= Duration() || wanted.exposure->duration() > kLongest)) {
+    return fail(Errc::kBadValue, "an exposure of " + std::to_string(wanted.exposure->duration().ns()) +
+                                     " ns is not allowed; allowed is 1 ns to 1 hour, and less by most heads");
+  }
+  if (wanted.gain) {
+    if (Status allowed = gain_allowed(*wanted.gain); !allowed) return allowed;
+  }
+  if (wanted.white_balance && (wanted.white_balance->red_q12 < 256 || wanted.white_balance->blue_q12 < 256)) {
+    return fail(Errc::kBadValue, "white balance gains are 256 to 65535, in 1/4096");
+  }
+  const std::int32_t gamma = wanted.gamma ? wanted.gamma->thousandths() : 0;
+  if (gamma != 0 && (gamma < 100 || gamma > 8000)) {
+    return fail(Errc::kBadValue, "a gamma is 100 to 8000, in thousandths, or 0 for the head's own curve");
+  }
+  return {};
+}
+
+Status check(const ExposureChange& change, const RigConfig& config) {
+  if (change.anchor && *change.anchor && **change.anchor >= config.heads.size()) {
+    return fail(Errc::kBadValue, "there is no head " + std::to_string(**change.anchor) + " to anchor on");
+  }
+  Status good;
+  if (change.target) good = stops_allowed(-*change.target, 500, "the target");
+  if (good && change.difference) good = stops_allowed(*change.difference, 0, "the difference");
+  if (good && change.ramp) good = stops_allowed(*change.ramp, 1, "the ramp");
+  if (good && change.highest) good = gain_allowed(*change.highest);
+  if (!good) return good;
+  if (change.longest &&
+      (change.longest->duration() < Duration::microseconds(1) || change.longest->duration() > Duration::seconds(10))) {
+    return fail(Errc::kBadValue, "the longest shutter is 1 us to 10 s");
+  }
+  return {};
+}
+
+Status check(const GenlockStart& start, const RigConfig& config) {
+  const Duration period = start.rate.value_or(config.rate).period();
+  if (!start.pulse_width || (*start.pulse_width > Duration() && *start.pulse_width < period)) return {};
+  return fail(Errc::kBadValue,
+              "a trigger pulse must be shorter than a frame, " + std::to_string(period.ns()) + " ns, and not 0");
+}
+
+Status check(const KeeperRequest::Install& install) {
+  if (!install.trial || (*install.trial >= Duration::seconds(1) && *install.trial <= Duration::seconds(3600))) {
+    return {};
+  }
+  return fail(Errc::kBadValue, "a trial lasts 1 s to 1 hour");
+}
+
+}  // namespace
+
+CommandStage stage_of(const Command& command) {
+  return std::holds_alternative<CaptureChange>(command) ? CommandStage::kCapture : CommandStage::kKeeper;
+}
+
+std::string_view command_name(const Command& command) {
+  if (const auto* change = std::get_if<CaptureChange>(&command)) {
+    return std::visit(
+        Overloaded{[](const HeadChange&) { return "head_set"; }, [](const GenlockStart&) { return "genlock"; },
+                   [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; }},
+        *change);
+  }
+  return std::visit(Overloaded{[](const KeeperRequest::List&) { return "calibration_list"; },
+                               [](const KeeperRequest::Get&) { return "calibration_get"; },
+                               [](const KeeperRequest::Install&) { return "upload_commit"; },
+                               [](const KeeperRequest::Use&) { return "calibration_use"; },
+                               [](const KeeperRequest::Rollback&) { return "calibration_rollback"; },
+                               [](const KeeperRequest::EndTrial&) { return "trial_end"; }},
+                    std::get<CalibrationCommand>(command));
+}
+
+bool changes_rig(const Command& command) {
+  const auto* calibration = std::get_if<CalibrationCommand>(&command);
+  return !calibration || !(std::holds_alternative<KeeperRequest::List>(*calibration) ||
+                           std::holds_alternative<KeeperRequest::Get>(*calibration));
+}
+
+Status check(const Command& command, const RigConfig& config) {
+  if (const auto* change = std::get_if<CaptureChange>(&command)) {
+    return std::visit(Overloaded{[&](const auto& values) { return check(values, config); },
+                                 [](const GenlockStop&) { return Status(); }},
+                      *change);
+  }
+  const auto* install = std::get_if<KeeperRequest::Install>(&std::get<CalibrationCommand>(command));
+  return install ? check(*install) : Status();
+}
+
+Error no_such_head(std::uint64_t head, const RigConfig& config) {
+  return {Errc::kBadValue,
+          "there is no head " + std::to_string(head) + "; the rig has 0 to " + std::to_string(config.heads.size() - 1)};
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,269 @@
+#include "firmware/operate/operation.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace nodal::firmware {
+namespace {
+
+Asker button() { return {Asker::Face::kButton, 0, "button"}; }
+Asker last_start() { return {Asker::Face::kLastStart, 0, "settings of the last start"}; }
+
+/// For the audit log: a calibration's document may have megabytes, and goes to the keeper.
+Command without_document(const Command& command) {
+  if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
+    if (const auto* install = std::get_if<KeeperRequest::Install>(calibration)) {
+      return CalibrationCommand(KeeperRequest::Install{"", install->trial, ""});
+    }
+  }
+  return command;
+}
+
+}  // namespace
+
+Operation::Operation(const RigConfig& config, const Stages& stages, hal::WatchdogPort* watchdog, const PanelPins& panel,
+                     Instant now)
+    : config_(config),
+      stages_(stages),
+      capture_(&stages.capture.snapshot().read()),
+      keeper_(&stages.keeper.snapshot().read()),
+      news_(now),
+      newest_set_(now),
+      unwell_(now),
+      supervisor_(watchdog),
+      panel_(panel) {}
+
+void Operation::begin_step(Instant now) {
+  capture_ = &stages_.capture.snapshot().read();
+  keeper_ = &stages_.keeper.snapshot().read();
+  news_.step(now);
+  watch_trial(now);
+  read_settings();
+  restore_settings(now);
+}
+
+std::vector<Answer> Operation::take_answers(Instant now) {
+  std::vector<Answer> answers;
+  take_capture_answers(answers, now);
+  take_keeper_answers(answers, now);
+  take_settings_answers();
+  write_settings(now);
+  // Who sets something is told whether it was stored, unless that takes long or the next write is not due yet.
+  if (!settings_writer_.worth_waiting(now)) {
+    for (Answer& answer : std::exchange(unstored_, {})) {
+      answer.not_stored = settings_writer_.problem();
+      answers.push_back(std::move(answer));
+    }
+  }
+  return answers;
+}
+
+void Operation::end_step(bool lossless, Instant now) {
+  watch(lossless, now);
+  tell_that_it_runs_well(now);
+  step_panel(now);
+}
+
+Result<Ticket> Operation::ask(const Asker& asker, Command command, Instant now) {
+  Open open{asker, without_document(command), changes_rig(command) ? values_before(command, *capture_, *keeper_) : ""};
+  const Ticket ticket = next_ticket_++;
+  Status asked = check(command, config_);
+  if (asked) asked = hand_over(ticket, std::move(command));
+  if (!asked) {
+    // What is made again after a start waits until there is room.
+    if (asker.face != Asker::Face::kLastStart || asked.error().code != Errc::kBusy) {
+      audit(open, keeper_->in_force, asked, now);
+    }
+    return fail(asked.error());
+  }
+  open_.emplace(ticket, std::move(open));
+  return ticket;
+}
+
+Status Operation::hand_over(Ticket ticket, Command command) {
+  if (auto* change = std::get_if<CaptureChange>(&command)) {
+    if (stages_.capture.commands().push(CaptureCommand{ticket, std::move(*change)})) return {};
+    return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
+  }
+  KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes()};
+  if (stages_.keeper.requests().push(std::move(request))) return {};
+  return fail(Errc::kBusy, "the rig has more requests about calibrations than it can take; try again");
+}
+
+void Operation::note_refused(const Asker& asker, std::string_view what, const Error& why, Instant now) {
+  news_.say(NewsKind::kChanges, audit_.record({0, now, asker.name, std::string(what), "", "", why}));
+}
+
+std::size_t Operation::open(std::uint64_t host, CommandStage stage) const {
+  return static_cast<std::size_t>(std::count_if(open_.begin(), open_.end(), [&](const auto& entry) {
+    const Open& open = entry.second;
+    return open.asker.face == Asker::Face::kHost && open.asker.host == host && stage_of(open.command) == stage;
+  }));
+}
+
+Operation::Open Operation::close(Ticket ticket) {
+  const auto found = open_.find(ticket);
+  NODAL_ASSERT(found != open_.end());
+  Open open = std::move(found->second);
+  open_.erase(found);
+  return open;
+}
+
+void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) {
+  while (auto answer = stages_.capture.answers().pop()) {
+    Open open = close(answer->ticket);
+    audit(open, std::nullopt, answer->status, now);
+    if (!answer->status) {
+      const std::string& why = answer->status.error().message;
+      if (open.asker.face == Asker::Face::kButton) news_.say(NewsKind::kRig, "the button did nothing: " + why);
+      if (open.asker.face == Asker::Face::kLastStart) {
+        news_.say(NewsKind::kRig, "a remembered setting is not made: " + why);
+      }
+      answers.push_back({answer->ticket, fail(answer->status.error())});
+      continue;
+    }
+    CaptureChange& change = std::get<CaptureChange>(open.command);
+    Outcome outcome = CommandDone{};
+    if (auto* exposure = std::get_if<ExposureChange>(&change)) {
+      // The program is stored even when the command names none: it may be rig.toml's, and after a restart the settings
+      // of heads are made under "manual" first.
+      exposure->program = answer->exposure.settings.program;
+      outcome = answer->exposure;
+    } else if (!std::holds_alternative<HeadChange>(change)) {
+      outcome = answer->genlock;
+    }
+    if (open.asker.face != Asker::Face::kLastStart) {
+      settings_.remember(change);
+      settings_writer_.changed();
+    }
+    if (open.asker.face == Asker::Face::kHost) unstored_.push_back({answer->ticket, std::move(outcome)});
+  }
+}
+
+void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
+  while (auto answer = stages_.keeper.answers().pop()) {
+    const Open open = close(answer->ticket);
+    const auto* done = answer->result ? std::get_if<KeeperAnswer::Done>(&*answer->result) : nullptr;
+    audit(open, done ? done->in_force : keeper_->in_force, answer->result ? Status() : fail(answer->result.error()),
+          now);
+    if (!answer->result) {
+      news_.say(NewsKind::kHosts, "calibration refused: " + answer->result.error().text());
+      answers.push_back({answer->ticket, fail(answer->result.error())});
+      continue;
+    }
+    Outcome outcome = CommandDone{};
+    if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) outcome = std::move(*listed);
+    else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) outcome = std::move(*document);
+    answers.push_back({answer->ticket, std::move(outcome)});
+  }
+}
+
+void Operation::take_settings_answers() {
+  while (const auto stored = stages_.settings.answers().pop()) {
+    if (!settings_writer_.ended(*stored)) continue;
+    news_.say(NewsKind::kRig, *stored ? "settings are stored again" : settings_writer_.problem());
+  }
+}
+
+void Operation::audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now) {
+  if (!changes_rig(open.command)) return;
+  std::optional<Error> error;
+  if (!done) error = done.error();
+  news_.say(NewsKind::kChanges,
+            audit_.record({0, now, open.asker.name, std::string(command_name(open.command)), open.before,
+                           values_after(open.command, config_, in_force), std::move(error)}));
+}
+
+/// A trial that the keeper began, or that is over.
+void Operation::watch_trial(Instant now) {
+  if (keeper_->trial.has_value() == on_trial_.has_value()) return;
+  if (keeper_->trial) {
+    on_trial_ = *keeper_->trial;
+    news_.say(NewsKind::kRig, "calibration '" + keeper_->name + "' is on trial");
+    return;
+  }
+  const bool kept = keeper_->in_force == on_trial_->id;
+  news_.say(NewsKind::kRig, kept ? "the trial's calibration is kept"
+                                 : "the trial is over; back to calibration '" + keeper_->name + "'");
+  if (!kept && now >= on_trial_->until) {
+    news_.say(NewsKind::kChanges,
+              audit_.record({0, now, "the trial's time", std::string(command_name(Command(KeeperRequest::EndTrial{}))),
+                             calibration_text(on_trial_->id) + " on trial", calibration_text(keeper_->in_force),
+                             std::nullopt}));
+  }
+  on_trial_.reset();
+}
+
+/// What was set before the start, once the disk has been read.
+void Operation::read_settings() {
+  if (restoring_) return;
+  const SettingsReport& stored = stages_.settings.snapshot().read();
+  if (!stored.file) return;
+  restoring_.emplace();
+  if (!stored.problem.empty()) {
+    news_.say(NewsKind::kRig, stored.problem);
+    settings_writer_.unreadable(stored.problem);
+  }
+  if (stored.file->empty()) return;
+  auto settings = Settings::decode(
+      std::span(reinterpret_cast<const std::uint8_t*>(stored.file->data()), stored.file->size()), config_.text_id);
+  if (!settings) {
+    news_.say(NewsKind::kRig, settings.error().message);
+    // Another rig.toml is what somebody wanted; a file that cannot be read is not.
+    if (settings.error().code != Errc::kWrongState) settings_writer_.unreadable(settings.error().message);
+    return;
+  }
+  settings_ = std::move(*settings);
+  for (CaptureChange& change : settings_.commands()) restoring_->push_back(std::move(change));
+  news_.say(NewsKind::kRig, "settings are as hosts left them");
+}
+
+/// Makes again what was set, as fast as capture takes it.
+void Operation::restore_settings(Instant now) {
+  while (restoring_ && !restoring_->empty()) {
+    const auto asked = ask(last_start(), Command(restoring_->front()), now);
+    if (!asked && asked.error().code == Errc::kBusy) return;
+    if (!asked) news_.say(NewsKind::kRig, "a remembered setting is not made: " + asked.error().message);
+    restoring_->pop_front();
+  }
+}
+
+void Operation::write_settings(Instant now) {
+  if (!settings_writer_.due(now)) return;
+  if (stages_.settings.writes().push(settings_.encode(config_.text_id))) {
+    settings_writer_.begun(now);
+  }
+}
+
+void Operation::step_panel(Instant now) {
+  const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.acts().end;
+  const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
+  if (action) act(*action, now);
+  while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));
+}
+
+void Operation::act(PanelAction action, Instant now) {
+  if (action == PanelAction::kMark) {
+    marks_.push_back({capture_->sets == 0 ? 0 : capture_->sets - 1, now});
+    if (marks_.size() > kMarksKept) marks_.pop_front();
+    news_.say(NewsKind::kRig, "marked set " + std::to_string(marks_.back().set));
+    return;
+  }
+  const bool start = action == PanelAction::kStart;
+  news_.say(NewsKind::kRig, start ? "the button starts the genlock" : "the button stops the genlock");
+  const CaptureChange change = start ? CaptureChange(GenlockStart{}) : CaptureChange(GenlockStop{});
+  if (const auto asked = ask(button(), Command(change), now); !asked) {
+    news_.say(NewsKind::kRig, "the button did nothing: " + asked.error().message);
+  }
+}
+
+HeadShapes Operation::head_shapes() const {
+  HeadShapes shapes;
+  for (const HeadReport& head : capture_->heads) {
+    shapes.emplace_back();
+    if (head.format) shapes.back() = HeadShape{head.format->pixels, head.format->width, head.format->height};
+  }
+  return shapes;
+}
+
+}  // namespace nodal::firmware
