@@ -1,0 +1,196 @@
+// Commands: what hosts' messages become, what is allowed of it at the ends of every type, and the states of a trial.
+#include "firmware/operate/commands.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "firmware/calibration/trial.h"
+#include "firmware/hosts/access.h"
+#include "firmware/hosts/wire_commands.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr auto kMost64 = std::numeric_limits<std::uint64_t>::max();
+constexpr auto kMost32 = std::numeric_limits<std::uint32_t>::max();
+constexpr auto kLeast32 = std::numeric_limits<std::int32_t>::min();
+
+RigConfig two_heads() {
+  RigConfig config;
+  config.heads.resize(2);
+  return config;
+}
+
+/// Whether a host may ask for it: as a command, and by check().
+bool allowed(const wire::Request& request) {
+  const RigConfig config = two_heads();
+  const auto command = command_of(request, config);
+  return command && check(*command, config);
+}
+
+template <class Set>
+bool head_set(Set set) {
+  wire::Request request;
+  set(*request.mutable_head_set());
+  return allowed(request);
+}
+
+template <class Set>
+bool exposure(Set set) {
+  wire::Request request;
+  set(*request.mutable_exposure());
+  return allowed(request);
+}
+
+bool genlock(std::uint32_t numerator, std::uint32_t denominator, std::uint64_t pulse) {
+  wire::Request request;
+  request.mutable_genlock()->set_action(wire::GenlockRequest::START);
+  request.mutable_genlock()->set_rate_numerator(numerator);
+  request.mutable_genlock()->set_rate_denominator(denominator);
+  request.mutable_genlock()->set_pulse_width_ns(pulse);
+  return allowed(request);
+}
+
+TEST(Commands, OfHeads_AreAllowedToTheirLimitsAndNotBeyond) {
+  for (const std::uint64_t ns : {std::uint64_t{1}, std::uint64_t{3'600'000'000'000}}) {
+    EXPECT_TRUE(head_set([&](auto& set) { set.set_exposure_ns(ns); })) << ns;
+  }
+  for (const std::uint64_t ns :
+       {std::uint64_t{0}, std::uint64_t{3'600'000'000'001}, kMost64 / 2, kMost64 / 2 + 1, kMost64}) {
+    EXPECT_FALSE(head_set([&](auto& set) { set.set_exposure_ns(ns); })) << ns;
+  }
+  for (const std::int32_t mdb : {-60'000, 60'000}) EXPECT_TRUE(head_set([&](auto& set) { set.set_gain_mdb(mdb); }));
+  for (const std::int32_t mdb : {-60'001, 60'001, kLeast32}) {
+    EXPECT_FALSE(head_set([&](auto& set) { set.set_gain_mdb(mdb); })) << mdb;
+  }
+  const auto balance = [](std::uint32_t red, std::uint32_t blue) {
+    return head_set([&](auto& set) { set.set_red_q12(red), set.set_blue_q12(blue); });
+  };
+  EXPECT_TRUE(balance(256, 65535));
+  for (const std::uint32_t bad : {0U, 255U, 65536U, 65536U + 4096U, kMost32}) {
+    EXPECT_FALSE(balance(bad, 4096)) << bad;
+    EXPECT_FALSE(balance(4096, bad)) << bad;
+  }
+  EXPECT_FALSE(head_set([](auto& set) { set.set_red_q12(4096); })) << "without blue";
+  for (const std::uint32_t gamma : {0U, 100U, 8000U}) EXPECT_TRUE(head_set([&](auto& set) { set.set_gamma(gamma); }));
+  for (const std::uint32_t gamma : {1U, 99U, 8001U, kMost32 / 2 + 1, kMost32}) {
+    EXPECT_FALSE(head_set([&](auto& set) { set.set_gamma(gamma); })) << gamma;
+  }
+  EXPECT_TRUE(head_set([](auto& set) { set.add_heads(1), set.set_gain_mdb(0); }));
+  for (const std::uint32_t head : {2U, 15U, 16U, 31U, 32U, kMost32}) {
+    EXPECT_FALSE(head_set([&](auto& set) { set.add_heads(head), set.set_gain_mdb(0); })) << head;
+  }
+}
+
+TEST(Commands, OfTheExposure_AreAllowedToTheirLimitsAndNotBeyond) {
+  for (const std::uint32_t stops : {500U, 8000U})
+    EXPECT_TRUE(exposure([&](auto& set) { set.set_target_below(stops); }));
+  for (const std::uint32_t stops : {0U, 499U, 8001U, kMost32}) {
+    EXPECT_FALSE(exposure([&](auto& set) { set.set_target_below(stops); })) << stops;
+  }
+  for (const std::uint32_t stops : {0U, 8000U}) EXPECT_TRUE(exposure([&](auto& set) { set.set_difference(stops); }));
+  for (const std::uint32_t stops : {1U, 8000U}) EXPECT_TRUE(exposure([&](auto& set) { set.set_ramp(stops); }));
+  EXPECT_FALSE(exposure([](auto& set) { set.set_ramp(0); }));
+  for (const std::uint32_t stops : {8001U, kMost32 / 1024, kMost32 / 1024 + 1, kMost32}) {
+    EXPECT_FALSE(exposure([&](auto& set) { set.set_difference(stops); })) << stops;
+    EXPECT_FALSE(exposure([&](auto& set) { set.set_ramp(stops); })) << stops;
+  }
+  for (const std::uint64_t ns : {1000ULL, 10'000'000'000ULL}) {
+    EXPECT_TRUE(exposure([&](auto& set) { set.set_longest_ns(ns); })) << ns;
+  }
+  for (const std::uint64_t ns : {0ULL, 999ULL, 10'000'000'001ULL, 1ULL << 63, ~0ULL}) {
+    EXPECT_FALSE(exposure([&](auto& set) { set.set_longest_ns(ns); })) << ns;
+  }
+  EXPECT_FALSE(exposure([](auto& set) { set.set_highest_gain_mdb(kLeast32); }));
+  for (const std::int32_t head : {-1, 0, 1}) EXPECT_TRUE(exposure([&](auto& set) { set.set_anchor(head); }));
+  for (const std::int32_t head : {-2, 2, 16, kLeast32, -(kLeast32 + 1)}) {
+    EXPECT_FALSE(exposure([&](auto& set) { set.set_anchor(head); })) << head;
+  }
+  EXPECT_FALSE(exposure([](auto& set) { set.set_program("automatic"); }));
+}
+
+TEST(Commands, OfTheGenlock_ArePulsesShorterThanAFrameAtRatesThatAreAllowed) {
+  EXPECT_TRUE(genlock(0, 0, 0)) << "as rig.toml says";
+  EXPECT_TRUE(genlock(25, 1, 39'999'999));
+  for (const std::uint64_t pulse : {std::uint64_t{40'000'000}, kMost64 / 2 + 1, kMost64}) {
+    EXPECT_FALSE(genlock(25, 1, pulse)) << pulse;
+  }
+  EXPECT_FALSE(genlock(1, 0, 0));
+  EXPECT_FALSE(genlock(0, 1, 0));
+  EXPECT_FALSE(genlock(kMost32, kMost32 - 1, 0)) << "terms over a million";
+  EXPECT_TRUE(genlock(kMost32, kMost32, 0)) << "it is 1/1";
+}
+
+TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwnName) {
+  std::vector<wire::Request> all(7);
+  all[0].mutable_head_set();
+  all[1].mutable_exposure()->set_locked(true);
+  all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
+  all[3].mutable_calibration_list();
+  all[4].mutable_calibration_get();
+  all[5].mutable_calibration_use();
+  all[6].mutable_trial_end();
+  for (const wire::Request& request : all) {
+    const auto command = command_of(request, two_heads());
+    ASSERT_TRUE(command) << request_name(request);
+    EXPECT_EQ(command_name(*command), request_name(request));
+    EXPECT_EQ(changes_rig(*command), changes_rig(request)) << request_name(request);
+    EXPECT_EQ(stage_of(*command) == CommandStage::kKeeper, needs_keeper(request)) << request_name(request);
+  }
+  const Command install(CalibrationCommand(KeeperRequest::Install{"", Duration::seconds(1), ""}));
+  EXPECT_EQ(command_name(install), "upload_commit");
+  EXPECT_TRUE(check(install, two_heads()));
+  for (const Duration trial : {Duration::milliseconds(999), Duration::seconds(3601), Duration::milliseconds(-1)}) {
+    EXPECT_FALSE(check(Command(CalibrationCommand(KeeperRequest::Install{"", trial, ""})), two_heads()));
+  }
+}
+
+class CalibrationTrialTest : public testing::Test {
+ protected:
+  void prepare() { trial.prepare(Calibration{}, std::nullopt, before, Duration::seconds(60)); }
+
+  InstalledPtr before = std::make_shared<InstalledCalibration>();
+  Instant start = Instant::from_ns(1'000'000'000);
+  CalibrationTrial trial;
+};
+
+TEST_F(CalibrationTrialTest, ItsTimeBeginsWhenItRuns) {
+  prepare();
+  EXPECT_FALSE(trial.overdue(start + Duration::seconds(1000))) << "its table is still compiled";
+  trial.run(start);
+  EXPECT_EQ(trial.report().until, start + Duration::seconds(60));
+  EXPECT_FALSE(trial.overdue(start + Duration::seconds(60) - Duration::nanoseconds(1)));
+  EXPECT_TRUE(trial.overdue(start + Duration::seconds(60)));
+}
+
+TEST_F(CalibrationTrialTest, GoingBack_GivesWhatWasInForceAndANewTrialMayBegin) {
+  prepare();
+  trial.run(start);
+  EXPECT_EQ(trial.go_back(), before);
+  EXPECT_EQ(trial.state(), CalibrationTrial::State::kNone);
+  prepare();
+  trial.give_up();
+  EXPECT_EQ(before.use_count(), 1) << "nothing of an ended trial is kept in memory";
+  prepare();
+  trial.run(start);
+  trial.keep();
+  EXPECT_EQ(before.use_count(), 1);
+  EXPECT_FALSE(trial.overdue(start + Duration::seconds(1000)));
+}
+
+using CalibrationTrialDeathTest = CalibrationTrialTest;
+
+TEST_F(CalibrationTrialDeathTest, ACallInAnotherState_IsAMistakeOfTheProgram) {
+  EXPECT_DEATH(trial.run(start), "");
+  EXPECT_DEATH((void)trial.go_back(), "");
+  EXPECT_DEATH((void)trial.report(), "");
+  prepare();
+  EXPECT_DEATH(prepare(), "");
+  EXPECT_DEATH(trial.keep(), "");
+}
+
+}  // namespace
+}  // namespace nodal::firmware
