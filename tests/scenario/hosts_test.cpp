@@ -211,6 +211,23 @@ TEST(Upload, ACommitBeforeItsBytes_IsRefusedWithHowManyAreThere) {
   EXPECT_EQ(host.ask(commit_of(document)).error().code(), static_cast<unsigned>(Errc::kTruncated));
 }
 
+TEST(Upload, ACommitThatIsNotAllowed_LeavesTheDocumentForAnother) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  const std::string document = to_json(small_calibration("second"));
+  host.send_document(document);
+  stand.run(Duration::seconds(1));
+  wire::Request commit = commit_of(document);
+  commit.mutable_upload_commit()->set_trial_ns(999'999'999);
+  EXPECT_EQ(host.ask(commit).error().code(), static_cast<unsigned>(Errc::kBadValue));
+  commit.mutable_upload_commit()->clear_trial_ns();
+  commit.mutable_upload_commit()->set_signature(std::string(4097, 's'));
+  EXPECT_EQ(host.ask(commit).error().code(), static_cast<unsigned>(Errc::kTooLarge));
+  const wire::Reply done = host.ask(commit_of(document));
+  EXPECT_TRUE(done.has_done()) << done.error().message();
+  EXPECT_EQ(in_force(stand), calibration_id(small_calibration("second")));
+}
+
 TEST(Upload, WhatIsNoCalibrationForThisRig_IsRefusedByNameAndTheOldOneStays) {
   Stand stand;
   TestHost& host = stand.bring_up();
