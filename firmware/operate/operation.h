@@ -62,6 +62,8 @@ class Operation {
   void note_refused(const Asker& asker, std::string_view what, const Error& why, Instant now);
   /// Commands of a host that a stage has.
   std::size_t open(std::uint64_t host, CommandStage stage) const;
+  /// Commands of anybody's whose answers are still to be taken.
+  std::size_t unanswered() const { return open_.size() + unstored_.size(); }
 
   /// The rig stops, for this reason. Any thread, once.
   void ask_to_end(std::string reason);
