@@ -151,7 +151,8 @@ bool Control::reply_to_commands(Instant now) {
     message.set_id(waiting.request);
     reply(*client, message, now);
   }
-  NODAL_ASSERT(waiting_.size() <= operation_.unanswered());  // each has an answer to come, so that none is kept for ever
+  NODAL_ASSERT(waiting_.size() <=
+               operation_.unanswered());  // each has an answer to come, so that none is kept for ever
   return !answers.empty();
 }
 
