@@ -34,6 +34,7 @@ class Operations {
       stand_.check();
     }
     stand_.run(kAfterwards);
+    if (last_.ByteSizeLong() > 0) stand_.check_repeated(last_);
     stand_.check_left_behind();
   }
 

@@ -11,28 +11,43 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-/// A length-delimited field of a number that no message has.
-std::string unknown_field(std::size_t bytes) {
-  constexpr std::uint32_t kNumber = 1999;
-  constexpr std::uint32_t kLengthDelimited = 2;
-  std::string field;
+/// Fields that no message has: one large one, or many small ones of every wire type under several numbers.
+std::string unknown_fields(std::size_t bytes, unsigned kind) {
+  enum WireType : std::uint32_t { kVarint, kFixed64, kLengthDelimited, kGroup, kGroupEnd, kFixed32 };
+  constexpr std::array<std::uint32_t, 3> kNumbers = {1999, 536'870'911, 100'000};  // the second is the greatest
+  std::string fields;
   const auto varint = [&](std::uint64_t value) {
-    for (; value >= 0x80; value >>= 7) field.push_back(static_cast<char>((value & 0x7F) | 0x80));
-    field.push_back(static_cast<char>(value));
+    for (; value >= 0x80; value >>= 7) fields.push_back(static_cast<char>((value & 0x7F) | 0x80));
+    fields.push_back(static_cast<char>(value));
   };
-  varint(kNumber << 3 | kLengthDelimited);
-  varint(bytes);
-  field.append(bytes, 'u');
-  return field;
+  const auto key = [&](std::size_t which, WireType type) { varint(kNumbers[which % kNumbers.size()] << 3 | type); };
+  const auto text = [&](std::size_t which, std::size_t length) {
+    key(which, kLengthDelimited);
+    varint(length);
+    fields.append(length, 'u');
+  };
+  if (kind < 4) {
+    text(kind, bytes);
+    return fields;
+  }
+  for (std::size_t i = 0; fields.size() < bytes; ++i) {
+    switch (kind) {
+      case 4: key(i, kVarint), varint(std::uint64_t{1} << i % 64); break;
+      case 5: key(i, kFixed64), fields.append(8, 'u'); break;
+      case 6: key(i, kGroup), text(i, i % 16), key(i, kGroupEnd); break;
+      default: key(i, kFixed32), fields.append(4, 'u'), text(i, i % 16); break;
+    }
+  }
+  return fields;
 }
 
 void add_unknown(ByteReader& in, MessageLite& request, MessageLite& inner) {
-  constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 2000, 4000, 6000, kMaxMessageBytes - 300};
+  constexpr std::size_t kRoom = 400;  // for the known fields, and for the last unknown one
+  constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 2000, 4000, 6000, kMaxMessageBytes - kRoom};
   const unsigned how = in.u8();
   if (how % 2 == 0) return;
-  const std::string field = unknown_field(kSizes[how / 4 % kSizes.size()]);
   MessageLite& into = how % 4 == 1 ? inner : request;
-  NODAL_ASSERT(into.MergeFromString(field));
+  NODAL_ASSERT(into.MergeFromString(unknown_fields(kSizes[how / 4 % kSizes.size()], how / 32)));
 }
 
 std::string draw_id(ByteReader& in) {
@@ -96,7 +111,7 @@ void draw(ByteReader& in, wire::PullRequest& pull) {
 /// Draws what is within; the message itself, so that unknown fields can be added to it.
 MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
   // What is set and stored comes as often as all else.
-  constexpr std::array<unsigned, 16> kSetting = {2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2};
+  constexpr std::array<unsigned, 16> kSetting = {2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 16, 17, 18};
   const unsigned kind = in.u8() % 32;
   switch (kind < 16 ? kind : kSetting[kind - 16]) {
     case 0: return *request.mutable_status();
@@ -123,6 +138,9 @@ MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
     case 12: draw(in, *request.mutable_pull()); return *request.mutable_pull();
     case 13: request.mutable_pull_stop()->set_stream(telling32(in)); return *request.mutable_pull_stop();
     case 14: return *request.mutable_frame_set();
+    case 15: return *request.mutable_audit_log();
+    case 16: return *request.mutable_hosts();
+    case 17: request.mutable_host_end()->set_number(telling(in)); return *request.mutable_host_end();
     default: return request;  // asks nothing that this rig knows
   }
 }

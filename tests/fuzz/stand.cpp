@@ -226,6 +226,20 @@ void Stand::check_left_behind() {
   NODAL_ASSERT(live <= heap_steady_ * 3 / 2 + kLeftBehindBytes + uploaded);
 }
 
+void Stand::check_repeated(const wire::Request& request) {
+  const auto live_after_repeats = [&] {
+    leave_all();
+    Guest& guest = connect();
+    for (unsigned i = 0; i < kRepeats && guest.post(request, served_); ++i) settle();
+    run(kTick);
+    leave_all();
+    check();
+    return live_heap_bytes();
+  };
+  const std::int64_t once = live_after_repeats();
+  NODAL_ASSERT(live_after_repeats() <= once + kRepeatedBytes);
+}
+
 void Stand::check_recovery() {
   events_left_ = std::max(events_left_, kEventsOfACheck);
   check_left_behind();

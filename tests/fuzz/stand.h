@@ -31,6 +31,9 @@ class Stand {
   /// Live heap: 1.5 times what the steady rig has, and this. Hosts that are there may have messages, uploads and
   /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
   static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 192 << 10;
+  /// A request that is repeated leaves a record in the audit log, which has three texts of up to 240 bytes.
+  static constexpr unsigned kRepeats = 16;
+  static constexpr std::int64_t kRepeatedBytes = kRepeats * 1280;
   static constexpr Duration kReplyWithin = Duration::seconds(1);
   /// The log: bytes at once since a start, bytes a second more, what a line adds to its sentence, and how long a sentence
   /// may be. None holds control characters, with which a host could forge a line or reach a terminal.
@@ -67,6 +70,9 @@ class Stand {
   void check();
   /// All hosts leave, and memory is as it was but for what they uploaded.
   void check_left_behind();
+  /// One host asks the same thing kRepeats times and leaves, then a second host does the same. Memory after the second
+  /// is as it was after the first, so that what adds up from request to request is seen while it is still small.
+  void check_repeated(const wire::Request& request);
   /// All hosts leave and one good one comes: it is served, memory is as it was, and raymaps come at 90 % of the rate.
   void check_recovery();
   /// What hosts set is in effect again after the program was killed, and the file of it is no longer than it may be.

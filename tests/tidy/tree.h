@@ -12,8 +12,10 @@ struct TextFile {
 };
 
 /// Every file of the project that is text, sorted by path. Leaves out .git, build trees and what .gitignore's
-/// plain folder names leave out.
+/// plain names leave out.
 const std::vector<TextFile>& project_files();
+/// The paths of all files of the project, text or not.
+const std::vector<std::string>& project_paths();
 
 bool is_source(const std::string& path);  ///< C++: .h, .cpp
 /// Folders of the root's modules that hold C++ themselves, such as "stitch/blend"; tests are not among them.
