@@ -70,8 +70,13 @@ fuzz_canary(rate_accepted_from_settings settings_file ${rate_accepted} PATCH fir
   "start.rate = FrameRate::make(above, below)"
   "if (above != 0 && below != 0) start.rate = FrameRate{above, below}")
 
-# Memory that grows: the audit log keeps every word of a refusal, and a refusal repeats what the host sent. (Settings, which
-# once kept the unknown fields of requests, have no place for them any more.)
+# Memory that grows by what requests hold: their unknown fields are not dropped, and a setting is merged into those before.
+fuzz_canary(unknown_fields_from_hosts control
+  PATCH protocol/session.cpp "drop_unknown_fields(*request)" "(void)request"
+  PATCH firmware/hosts/wire_commands.cpp "if (request.heads_size() > kMaxHeads) {"
+  "static wire::HeadSetRequest all; all.MergeFrom(request); if (request.heads_size() > kMaxHeads) {")
+
+# Memory that grows: the audit log keeps every word of a refusal, and a refusal repeats what the host sent.
 fuzz_canary(refusals_kept_whole control
   PATCH firmware/operate/audit.cpp "printable(entry.error->message, kLongestText)" "printable(entry.error->message, ~std::size_t{0})"
   PATCH firmware/operate/audit.cpp "if (entries_.size() > kKept) entries_.pop_front()" "(void)0")
