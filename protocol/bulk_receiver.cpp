@@ -29,7 +29,7 @@ Status BulkReceiver::open(StreamId id, std::uint32_t policy) {
   return {};
 }
 
-// What a piece may say, by what came before it on its stream.
+// Checks a piece's header against the pieces before it on its stream.
 Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header, std::size_t bytes) {
   const auto wrong = [](std::string how) { return fail(Errc::kProtocol, std::move(how)); };
   if (header.total > kMaxItemBytes || header.meta > kMaxMetaBytes || header.meta > header.total) {
@@ -52,7 +52,7 @@ Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header
   if (bytes > header.total - header.offset) return wrong("a piece goes past its item's end");
   if (bytes == 0 && header.total > 0) return wrong("a piece without bytes");
   if (header.offset == 0 && bytes < header.meta) return wrong("an item's meta was cut in two");
-  // By what has room, told or not: so what is an error does not depend on when a credit was written.
+  // Against the room granted, sent or not: an error must not depend on when a credit was written.
   if (bytes > stream.consumed + stream.window - stream.received) {
     return wrong("more bytes came than there was credit for");
   }

@@ -26,21 +26,21 @@ class BulkReceiver {
   Status open(StreamId stream, std::uint32_t policy);
   /// A bulk frame's payload; nothing when the stream was stopped and the piece is thrown away.
   Result<std::optional<BulkPiece>> piece(StreamId stream, std::span<const std::uint8_t> payload);
-  /// The sender's last word. Gives nothing when the stream was stopped from here.
+  /// The sender has closed the stream. Nothing when this end had stopped it.
   Result<bool> close(StreamId stream, std::uint64_t offered, std::uint64_t dropped, bool torn);
   /// Asks for no more. False when there is no such stream.
   bool stop(StreamId stream);
 
   /// The program took this piece: its bytes may be granted again.
   void consumed(const BulkPiece& piece);
-  /// A stream whose credit has grown enough to tell, and the new total.
+  /// A stream whose credit has grown enough to be sent, and the new total.
   struct Credit {
     StreamId stream = 0;
     std::uint64_t allowed = 0;
   };
   std::optional<Credit> next_credit();
 
-  /// Whether an item is half there on a stream that is still open.
+  /// Whether an item is incomplete on a stream that is still open.
   bool inside_item() const;
 
  private:

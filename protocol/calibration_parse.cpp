@@ -252,7 +252,7 @@ HeadCalibration parse_head(Fields fields) {
   return head;
 }
 
-/// Before anything else is looked at: a newer document may have fields that nobody here knows.
+/// Checked before all else: a newer document may have fields that this version does not know.
 Status check_version(const json& document) {
   if (!document.is_object() || !document.contains("nodal_calibration")) {
     return fail(Errc::kBadFormat,

@@ -1,4 +1,4 @@
-// Messages without what this program does not know.
+// Messages without the fields that this version does not know.
 #pragma once
 
 #include "protocol/nodal.pb.h"

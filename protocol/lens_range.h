@@ -10,8 +10,8 @@ namespace nodal {
 /// A pinhole's picture of 90 degrees lies at infinity, so Tsai and rectilinear lenses end at 89.99 degrees.
 inline constexpr double kMaxPinholeAngle = 1.5706217938696971;
 
-/// Where a model rises from its axis on: angles 0..max_angle (rad) go to radii 0..max_radius (px, the aspect
-/// taken out). Both are 0 when it does not rise at all.
+/// The range in which the radius rises with the angle: angles 0..max_angle (rad) map to radii 0..max_radius (px, the
+/// aspect taken out). Both are 0 when it does not rise at all.
 struct LensRange {
   double max_angle = 0;
   double max_radius = 0;

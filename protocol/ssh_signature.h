@@ -20,7 +20,7 @@ inline constexpr std::size_t kMaxSignatureBytes = 4096;
 inline constexpr std::size_t kMaxAllowedSignersBytes = 64 * 1024;
 inline constexpr std::size_t kMaxSigners = 64;
 
-/// Who may sign.
+/// The keys that may sign.
 ///
 /// Threading: immutable after parse().
 /// Ownership: none.

@@ -1,4 +1,4 @@
-// JSON as documents of ours are read: nothing twice, nothing too deep, and an error that says where.
+// Strict JSON: no duplicate key, limited depth, and errors with line and column.
 #pragma once
 
 #include <nlohmann/json.hpp>

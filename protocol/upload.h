@@ -26,30 +26,30 @@ std::string sha256_to_wire(const Sha256& digest);
 
 struct UploadLimits {
   std::uint64_t document_bytes = 1U << 20;  ///< the longest document
-  std::size_t documents = 4;                ///< half there at once; then the one untouched longest makes room
-  std::size_t documents_of_owner = 2;       ///< likewise of one owner, whose own then makes room
+  std::size_t documents = 4;                ///< incomplete at once; then the least recently used makes room
+  std::size_t documents_of_owner = 2;       ///< likewise for one owner, of whose documents one then makes room
 };
 
-/// The rig's half: documents half there, by their SHA-256. It outlives every session, so that an upload goes
-/// on where the link dropped it; two clients that send the same document help each other.
+/// The rig's half: incomplete documents by their SHA-256. It outlives every session, so that an upload resumes where
+/// the link dropped it; two clients that send the same document share it.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: owns the bytes until take(); at most limits.documents * limits.document_bytes.
-/// Errors: kTooLarge, kBadValue (a length that changed, a part past the end), kNotFound (nobody began it),
-///   kTruncated (taken before it is whole), kChecksum (whole, and something else). After kChecksum the
-///   document is forgotten, so that the next attempt begins anew.
+/// Errors: kTooLarge, kBadValue (a length that changed, a part past the end), kNotFound (never begun),
+///   kTruncated (taken before it is whole), kChecksum (whole, but with another SHA-256). After kChecksum the
+///   document is forgotten, so that the next attempt starts from byte 0.
 class UploadReceiver {
  public:
   explicit UploadReceiver(UploadLimits limits = {});
 
-  /// Whose upload it is: a number, such as a client's. kNoOwner: of somebody who has left.
+  /// The number of the client that uploads. kNoOwner: that client has left.
   using Owner = std::uint64_t;
   static constexpr Owner kNoOwner = 0;
 
-  /// The offset to go on from. What is there of a document of the same name is kept. Room is made first from what has no
-  /// owner, so that who begins uploads in a loop pushes out none but its own.
+  /// The offset to resume from. Bytes of a document of the same name are kept. Room is made first from documents without
+  /// owner, so that a client that begins uploads in a loop evicts only its own.
   Result<std::uint64_t> begin(const Sha256& sha256, std::uint64_t length, Owner owner = kNoOwner);
-  /// The owner has left. What it began stays for the next who sends it, until its room is needed.
+  /// The owner has left. Its documents stay for a client that sends the same one, until their room is needed.
   void leave(Owner owner);
   /// Bytes of the document at `offset`. Bytes that are there already are passed over, a gap is kBadValue.
   Status write(const Sha256& sha256, std::uint64_t offset, std::span<const std::uint8_t> bytes);
@@ -68,10 +68,10 @@ class UploadReceiver {
   std::list<Document>::iterator find(const Sha256& sha256);
 
   UploadLimits limits_;
-  std::list<Document> documents_;  // the one touched last in front
+  std::list<Document> documents_;  // the most recently used in front
 };
 
-/// Which document, and from where, a stream's item brings; the rig keeps one for every open upload stream.
+/// The document and offset of the item under way on a stream; the rig keeps one for every open upload stream.
 class UploadStream {
  public:
   /// Gives a piece of an upload's stream to the receiver.

@@ -9,8 +9,8 @@
 
 namespace nodal {
 
-/// First in, first out, with a fixed number of places that are allocated once. When full it says so; who
-/// calls decides what to drop, and counts it.
+/// A FIFO with a fixed number of places that are allocated once. push() returns false when it is full; the caller
+/// decides what to drop, and counts it.
 ///
 /// Threading: thread-bound; between two threads use SpscRing.
 /// Ownership: owns its values; T must be default-constructible, and a popped place holds a T{} again, so

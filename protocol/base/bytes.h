@@ -11,7 +11,7 @@
 
 namespace nodal {
 
-/// Reads numbers from bytes somebody else owns. After a read past the end every read gives zeros.
+/// Reads numbers from bytes that it does not own. After a read past the end every read gives zeros.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
@@ -37,7 +37,7 @@ class ByteReader {
   std::size_t left() const { return rest_.size(); }
   /// False once a read went past the end.
   bool ok() const { return ok_; }
-  /// Everything was there, and nothing more.
+  /// Every read succeeded, and no byte is left.
   bool complete() const { return ok_ && rest_.empty(); }
 
  private:
@@ -59,7 +59,7 @@ class ByteReader {
   bool ok_ = true;
 };
 
-/// Writes numbers into bytes somebody else owns. What does not fit is not written, and ok() says so.
+/// Writes numbers into bytes that it does not own. A number that does not fit is not written, and ok() is false.
 class ByteWriter {
  public:
   explicit ByteWriter(std::span<std::uint8_t> into) : into_(into) {}

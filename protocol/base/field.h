@@ -12,8 +12,8 @@ namespace nodal {
 enum class Fields : std::uint8_t {
   kProgressive = 0,  ///< one exposure
   kTopFirst = 1,     ///< rows 0, 2, 4… half a frame period before rows 1, 3, 5…
-  kBottomFirst = 2,  ///< the other way round, as NTSC's DV has it
-  kTopOnly = 3,      ///< rows 0, 2, 4… came, the others did not
+  kBottomFirst = 2,  ///< rows 1, 3, 5… first, as in NTSC DV
+  kTopOnly = 3,      ///< rows 0, 2, 4… arrived, the others did not
   kBottomOnly = 4,
 };
 
@@ -26,7 +26,7 @@ constexpr std::string_view field_parity_name(FieldParity parity) {
 constexpr FieldParity first_field(Fields fields) {
   return fields == Fields::kBottomFirst ? FieldParity::kBottom : FieldParity::kTop;
 }
-/// Both fields came, `first` exposed first.
+/// For a frame with both fields, of which `first` was exposed first.
 constexpr Fields fields_from(FieldParity first) {
   return first == FieldParity::kTop ? Fields::kTopFirst : Fields::kBottomFirst;
 }
@@ -34,8 +34,8 @@ constexpr FieldParity other(FieldParity parity) {
   return parity == FieldParity::kTop ? FieldParity::kBottom : FieldParity::kTop;
 }
 
-/// One field where it lies in its frame: every component's rows of that parity, so that chroma that is halved
-/// vertically belongs to the fields in turns. The frame's height is even, and a multiple of four where chroma is halved.
+/// A view of one field in its frame: the rows of that parity of every component, so rows of vertically halved chroma
+/// alternate between the fields. The frame's height is even, and a multiple of four where chroma is halved.
 template <class Byte>
 BasicImageView<Byte> field_of(BasicImageView<Byte> frame, FieldParity parity) {
   frame.height /= 2;

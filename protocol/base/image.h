@@ -27,9 +27,9 @@ enum class PixelFormat : std::uint8_t {
 std::string_view pixel_format_name(PixelFormat format);
 /// Y and half-sized U and V, rather than grey or R G B.
 bool has_chroma(PixelFormat format);
-/// What a raymap may be of.
+/// Whether a raymap may have this format.
 bool is_raymap_format(PixelFormat format);
-/// Linear light in 16 bits; and the format that has the same components in 8 bits, itself where it is one of 8.
+/// is_linear16: linear light in 16 bits. in_8_bits: the format with the same components in 8 bits; an 8-bit format itself.
 bool is_linear16(PixelFormat format);
 PixelFormat in_8_bits(PixelFormat format);
 
@@ -63,7 +63,7 @@ PlaneGrid component_grid(PixelFormat format, int c);
 /// Bytes a tightly packed picture takes; 0 for kMjpeg, whose size is its own.
 std::size_t packed_size(PixelFormat format, int width, int height);
 
-/// A picture somebody else owns. planes[c] is component c (Y U V or R G B), whatever the memory layout.
+/// A view of a picture. planes[c] is component c (Y U V or R G B), whatever the memory layout.
 template <class Byte>
 struct BasicImageView {
   PixelFormat format = PixelFormat::kGrey8;
@@ -75,10 +75,10 @@ struct BasicImageView {
 using ImageView = BasicImageView<const std::uint8_t>;
 using MutableImageView = BasicImageView<std::uint8_t>;
 
-/// YUYV and UYVY with chroma of every second row alone, row k that of row 2 k: half size both ways, as a raymap's chroma
-/// is. Other pictures as they are.
+/// YUYV and UYVY with only every second row of chroma: chroma row k is that of picture row 2 k, so chroma has half the size
+/// in both directions, as in a raymap. Other formats are returned unchanged.
 ImageView halved_chroma(ImageView picture);
-/// Where component c's samples of halved_chroma() lie, when before `all_rows` says where they do.
+/// Where component c's samples of halved_chroma() lie. `all_rows` is where the samples of all rows lie.
 PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows);
 
 /// The picture that starts at `data`, packed without padding (rows too). Odd sizes round chroma up.

@@ -1,4 +1,4 @@
-// What hosts, people and files may ask for, in one place for every end.
+// Limits of requests and settings, in one place for rig and host.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Values of a pool that several readers hold at once, on any threads, without a copy or a lock.
+// Pooled values that several readers, on any threads, hold at once without a copy or a lock.
 #pragma once
 
 #include <atomic>
@@ -52,7 +52,7 @@ class Loan {
   friend class LoanPool<T>;
   struct Place {
     std::atomic<std::uint32_t> holders{0};
-    bool lent = false;  ///< the owner has not collected it since it was taken
+    bool lent = false;  ///< taken, and not yet collected by the owner
     T value{};
   };
   explicit Loan(Place& place) : place_(&place) {}
@@ -60,7 +60,7 @@ class Loan {
   Place* place_ = nullptr;
 };
 
-/// At most `most` values, made when first needed and kept. Nothing is allocated once as many were lent as ever are.
+/// At most `most` values, made when first needed and kept. Once the largest number in use is reached, nothing is allocated.
 ///
 /// Threading: thread-bound to the owner, or called by one thread at a time.
 /// Ownership: owns the values.
@@ -89,7 +89,7 @@ class LoanPool {
     places_.push_back(std::make_unique<typename Loan<T>::Place>());
     return lend(*places_.back());
   }
-  /// Takes back what nobody holds any more. True when there was any.
+  /// Takes back the values without holders. True when there was one.
   bool collect() {
     bool any = false;
     for (const auto& place : places_) {

@@ -6,7 +6,7 @@
 
 namespace nodal {
 
-/// The word of `known` that needs the fewest single-letter changes, when they are few enough to be a typing error.
+/// The word of `known` with the smallest edit distance, if that is small enough for a typing error; else empty.
 std::string_view nearest_word(std::string_view word, std::span<const std::string_view> known);
 
 }  // namespace nodal

@@ -12,13 +12,13 @@ namespace nodal {
 
 /// What went wrong. The hundreds say where to look; the number goes over the wire and to exit codes.
 enum class Errc : std::uint16_t {
-  // 1xx: what was given to us cannot be understood
+  // 1xx: the input cannot be understood
   kBadFormat = 100,      ///< not the kind of file or message it should be
   kTruncated = 101,      ///< ends too early
   kChecksum = 102,       ///< a CRC or SHA-256 does not match
   kBadValue = 103,       ///< a field's value is outside what is allowed
   kMissingField = 104,   ///< a field that must be there is not
-  kUnknownField = 105,   ///< a field nobody knows; most often a typing error
+  kUnknownField = 105,   ///< a field that this version does not know; usually a typing error
   kFutureVersion = 106,  ///< written by a newer Nodal than this one
   kTooLarge = 107,       ///< over a stated limit
   kUnsupported = 108,    ///< understood, but not something Nodal does
@@ -28,26 +28,26 @@ enum class Errc : std::uint16_t {
   kNoCoverage = 202,     ///< no head sees what was asked for
   kTableInvalid = 203,   ///< a blend table that fails its proof
   kHeadMismatch = 204,   ///< the calibration's heads are not the rig's
-  kNotDetermined = 205,  ///< the pictures do not say what was asked of them
+  kNotDetermined = 205,  ///< the pictures do not determine the requested quantity
   // 3xx: the link
   kProtocol = 300,         ///< the other end broke the rules of framing or order
   kVersionMismatch = 301,  ///< no protocol version in common
   kLinkClosed = 302,       ///< the other end is gone
   kTimeout = 303,          ///< no answer in time
-  kBusy = 304,             ///< somebody else is doing this
+  kBusy = 304,             ///< another client is doing this
   kUnreachable = 305,      ///< no rig answers at that address
   // 4xx: devices
   kDeviceGone = 400,    ///< unplugged; final for the object that reports it
-  kDeviceFailed = 401,  ///< there, but does not do what it should
-  kNoSuchDevice = 402,  ///< never seen
+  kDeviceFailed = 401,  ///< present, but does not work as specified
+  kNoSuchDevice = 402,  ///< no such device was ever found
   kBandwidth = 403,     ///< the bus cannot carry what was asked
-  kNoSignal = 404,      ///< there, but its input carries no picture
+  kNoSignal = 404,      ///< present, but its input carries no picture
   // 5xx: storage
   kNotFound = 500,
   kDiskFull = 501,
   kIo = 502,
   kExists = 503,
-  // 6xx: right request, wrong moment
+  // 6xx: a valid request at the wrong moment
   kWrongState = 600,
   kNotReady = 601,
   kOverload = 602,
@@ -79,7 +79,7 @@ inline tl::unexpected<Error> fail(Errc code, std::string message) {
 }
 inline tl::unexpected<Error> fail(Error error) { return tl::make_unexpected(std::move(error)); }
 
-/// A programmer's error; on in every build. Never for input.
+/// Stops the program at a programming error, in every build. Never for input.
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 
 }  // namespace nodal

@@ -48,7 +48,7 @@ class SpscRing {
   std::size_t capacity() const { return places_.size(); }
 
  private:
-  // A line each, so that the two threads do not take turns at owning one.
+  // One cache line each: no false sharing between the two threads.
   static constexpr std::size_t kCacheLine = 64;
 
   std::vector<T> places_;

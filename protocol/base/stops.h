@@ -64,7 +64,7 @@ constexpr std::uint64_t exp2_stops(Stops stops, std::uint64_t one = 1) {
   return (product + (std::uint64_t{1} << (shift - 1))) >> shift;
 }
 
-/// How much light settings let through: the shutter's microseconds in stops, and the gain's stops.
+/// The light that a setting lets through: log2 of the exposure in microseconds, and the gain, both in stops.
 constexpr Stops stops_of(Exposure exposure) {
   return exposure.duration().ns() > 0
              ? log2_stops(static_cast<std::uint64_t>(exposure.duration().ns())) - log2_stops(1000)

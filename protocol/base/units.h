@@ -59,7 +59,7 @@ struct FrameRate {
 
   static constexpr std::uint32_t kMaxTerm = 1'000'000;  ///< of the reduced fraction
   static constexpr std::uint32_t kFastest = 1000;  ///< frames a second; the slowest is one frame in so many seconds
-  /// The farthest that start_of() reaches: 146 years. It and the clock's present together still fit into 64 bits.
+  /// The largest result of start_of(): 146 years. Added to the clock's present time it still fits into 64 bits.
   static constexpr std::int64_t kFarthestNs = INT64_MAX / 2;
 
   /// The reduced fraction, or nothing when a term is 0 or above kMaxTerm after reduction, or when the rate is not
@@ -96,7 +96,7 @@ struct FrameRate {
   friend constexpr bool operator==(FrameRate, FrameRate) = default;
 };
 
-/// How long a CCD collects light.
+/// The time during which a CCD collects light.
 class Exposure {
  public:
   constexpr Exposure() = default;
@@ -131,7 +131,7 @@ struct WhiteBalance {
   friend constexpr bool operator==(WhiteBalance, WhiteBalance) = default;
 };
 
-/// A head's place in the rig, 0 .. kMaxHeads-1, in the order of rig.toml and of the calibration.
+/// A head's index in the rig, 0 .. kMaxHeads-1, in the order of rig.toml and of the calibration.
 using HeadIndex = std::uint8_t;
 inline constexpr int kMinHeads = 1;
 inline constexpr int kMaxHeads = 16;
