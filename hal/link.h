@@ -10,7 +10,7 @@
 
 namespace nodal::hal {
 
-/// The process at the other end, as the system vouches for it.
+/// The process at the other end, as the kernel reports it.
 struct PeerIdentity {
   std::uint32_t user = 0;    ///< uid
   std::int32_t process = 0;  ///< pid when it connected
@@ -30,9 +30,9 @@ class LinkPort {
   virtual Result<std::size_t> read(std::span<std::uint8_t> into) = 0;
   /// Bytes taken from `from`; 0 when the peer does not read now.
   virtual Result<std::size_t> write(std::span<const std::uint8_t> from) = 0;
-  /// Who is there, for messages: "unix:/run/nodal.sock", "usb:1-2".
+  /// The peer's name for messages: "unix:/run/nodal.sock", "usb:1-2".
   virtual const std::string& peer() const = 0;
-  /// Of the process that connected; nothing where the system does not tell, as for pipes and USB.
+  /// The process that connected; nothing where the kernel does not report it, as for pipes and USB.
   virtual std::optional<PeerIdentity> identity() const = 0;
 };
 
@@ -44,7 +44,7 @@ class LinkPort {
 class LinkListenerPort {
  public:
   virtual ~LinkListenerPort() = default;
-  /// A new link, or null when nobody knocks.
+  /// A new link, or null when no peer is waiting.
   virtual Result<std::unique_ptr<LinkPort>> accept() = 0;
 };
 

@@ -13,8 +13,8 @@ struct PinEdge {
   bool high = false;
 };
 
-/// One output line. It has a level that is safe, and returns to it when the lease runs out: a program that
-/// died holds nothing on.
+/// One output line with a safe level, to which it returns when the lease runs out: a program that died leaves no
+/// output on.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: none.

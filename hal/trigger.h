@@ -12,19 +12,19 @@ namespace nodal::hal {
 /// The pulse train that genlocks the heads.
 struct TriggerSettings {
   FrameRate rate;       ///< to be driven, or to be expected
-  bool follow = false;  ///< somebody else drives the line: pulses are reported and passed on, none are made
+  bool follow = false;  ///< another device drives the line: its pulses are reported and passed on, none are generated
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger
 };
 
-/// One pulse that was sent, seen where it leaves the board.
+/// One pulse, timed at the board's output.
 struct TriggerEdge {
-  std::uint64_t number = 0;  ///< counts periods from 0 at start(); a gap is a pulse that was not sent, or not seen
+  std::uint64_t number = 0;  ///< counts periods from 0 at start(); a gap is a pulse that was not sent or not detected
   Instant at;
 };
 
-/// Drives the heads' trigger inputs, or reports those that somebody else drives.
+/// Drives the heads' trigger inputs, or reports the pulses of another device.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none.
@@ -33,7 +33,7 @@ struct TriggerEdge {
 class TriggerPort {
  public:
   virtual ~TriggerPort() = default;
-  /// Pulse 0 comes a millisecond later at the earliest: what began to be exposed before that is of no pulse.
+  /// Pulse 0 follows after at least a millisecond: an exposure that began earlier belongs to no pulse.
   virtual Status start(const TriggerSettings& settings) = 0;
   /// Leaves the line at its inactive level. Safe in any state.
   virtual void stop() = 0;

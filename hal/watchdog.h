@@ -4,7 +4,7 @@
 
 namespace nodal::hal {
 
-/// Tells whoever supervises the daemon that it is ready and makes progress.
+/// Reports to the daemon's supervisor (systemd) that it is ready and makes progress.
 ///
 /// Threading: thread-bound to the supervisor.
 /// Ownership: none.
@@ -14,7 +14,7 @@ class WatchdogPort {
   virtual ~WatchdogPort() = default;
   virtual void ready() = 0;
   virtual void feed() = 0;
-  /// It ends on purpose; what is left takes a moment.
+  /// The daemon is shutting down on request.
   virtual void stopping() = 0;
   /// One line; what follows a line break is left out.
   virtual void status(std::string_view line) = 0;

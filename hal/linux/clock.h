@@ -1,4 +1,4 @@
-// CLOCK_MONOTONIC as the rig's clock: what V4L2 stamps its frames with.
+// CLOCK_MONOTONIC as the rig's clock: V4L2's timestamps use it.
 #pragma once
 
 #include "hal/clock.h"

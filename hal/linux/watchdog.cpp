@@ -45,7 +45,7 @@ void LinuxWatchdog::send(const std::string& message) {
   to.sun_family = AF_UNIX;
   std::memcpy(to.sun_path, address_.data(), address_.size());
   const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + address_.size());
-  // Not waited for and not repeated: the next feed comes soon, and a supervisor that is not there is no error.
+  // Sent once, without waiting: the next feed follows soon, and a missing supervisor is no error.
   static_cast<void>(
       ::sendto(socket_, message.data(), message.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to), length));
 }

@@ -9,7 +9,7 @@ namespace nodal::hal::linux_os {
 
 /// Threading: thread-bound to the supervisor.
 /// Ownership: closes its socket.
-/// Errors: none; without $NOTIFY_SOCKET, or when nobody listens, it does nothing.
+/// Errors: none; without $NOTIFY_SOCKET, or without a listener there, it does nothing.
 class LinuxWatchdog final : public WatchdogPort {
  public:
   /// Reads $NOTIFY_SOCKET: a path, or "@name" for Linux's abstract sockets.

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kScheme = "replay:";
 
-/// Frames that started and were not looked at, at most; far more than a head has buffers for.
+/// Limit of frames that started and were not taken; far more than a head has buffers.
 constexpr std::size_t kStartsKept = 64;
 
 struct Start {
@@ -217,7 +217,7 @@ void Deck::State::Head::step() {
   for (; next_free_ < due; ++next_free_) fill({next_free_, Instant{} + deck_.options.rate.start_of(next_free_)});
 }
 
-/// What began so long ago that no buffer was left for it anyway is only counted.
+/// Frames so old that no buffer could hold them are only counted.
 void Deck::State::Head::skip_to(std::uint64_t& next, std::uint64_t oldest) {
   if (next >= oldest) return;
   sequence_ += static_cast<std::uint32_t>(oldest - next);

@@ -1,5 +1,5 @@
-// A rig whose heads are image files: one file is a still that comes again every frame; a folder or a pattern such as
-// "pictures/cam0-*.png" is played in the order of its names, again from the first after the last.
+// A rig whose heads play image files: one file is repeated every frame; a folder or a pattern such as
+// "pictures/cam0-*.png" is played in the order of its names, in a loop.
 #pragma once
 
 #include <filesystem>
@@ -22,7 +22,7 @@ struct DeckOptions {
   std::uint64_t keep_bytes = 256ULL << 20;  ///< pictures of a head that stay decoded in memory
 };
 
-/// A head's exposure, gain and white balance are what they were when the pictures were taken: its limits are fixed.
+/// A head's exposure, gain and white balance are those of the pictures: its limits are fixed.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the clock outlives it; heads must be gone before it is.
@@ -41,9 +41,9 @@ class Deck {
   ///   when pictures of one head differ in size. list() knows the paths that were opened or asked a format of.
   HeadEnumerator& enumerator();
 
-  /// What the head at `path` delivers; when this was not called, the format of its first picture.
+  /// Sets the format of the head at `path`; without it, the format of its first picture.
   void want_format(const std::string& path, PixelFormat format);
-  /// What the rows of its pictures are; without it, one exposure. Before it is opened.
+  /// Sets the fields of its pictures; without it, they are progressive. Call it before the head is opened.
   void want_fields(const std::string& path, Fields fields);
 
  private:

@@ -1,4 +1,4 @@
-// How a deck gets at pictures. The ports know no picture format; who makes a deck brings a reader.
+// How a deck reads pictures. The ports know no picture format; the caller that makes a deck passes a reader.
 #pragma once
 
 #include <filesystem>

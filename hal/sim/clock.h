@@ -1,4 +1,4 @@
-// Time as the simulated rig has it: virtual, moved only by the test, or the machine's own.
+// The simulated rig's clock: virtual, advanced only by the test, or the machine's own.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// A simulated clock's crystal, which is a little off.
+// A simulated clock's crystal with a frequency error.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@ namespace nodal::hal::sim {
 
 inline constexpr std::int64_t kPpbOne = 1'000'000'000;
 
-/// What such a crystal takes for `nominal`: positive is slow. |ppb| below kPpbOne; products are 128 bits.
+/// The true duration of what the crystal counts as `nominal`: positive ppb is slow. |ppb| below kPpbOne; products are 128 bits.
 constexpr Duration stretched(Duration nominal, std::int64_t ppb) {
   return nominal +
          Duration::nanoseconds(static_cast<std::int64_t>(static_cast<__int128>(nominal.ns()) * ppb / kPpbOne));

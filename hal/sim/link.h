@@ -1,4 +1,4 @@
-// Two ends of a byte stream in memory, and what a test does to it.
+// Two ends of a byte stream in memory, with faults for tests.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct LinkPipe {
   bool reset = false;                     ///< bytes in flight are lost and both ends see kLinkClosed
   bool stalled = false;                   ///< the reader gets nothing: a slow or stuck peer
   std::uint32_t split = 0;                ///< when not 0: every read and write moves 1..split bytes, drawn by the seed
-  std::optional<std::uint64_t> flip_bit;  ///< this bit of the bytes yet to be written is turned over
+  std::optional<std::uint64_t> flip_bit;  ///< this bit, counted in the bytes still to be written, is flipped
   std::uint64_t written = 0;
   std::minstd_rand random;
 };
@@ -56,11 +56,11 @@ class SimLink final : public LinkPort {
   std::optional<PeerIdentity> identity_;
 };
 
-/// Two ends that see each other.
+/// Two connected ends.
 std::pair<std::unique_ptr<SimLink>, std::unique_ptr<SimLink>> make_link_pair(std::string a_sees = "sim:b",
                                                                              std::string b_sees = "sim:a");
 
-/// Where a test knocks.
+/// A listener that a test connects to.
 class SimLinkListener final : public LinkListenerPort {
  public:
   Result<std::unique_ptr<LinkPort>> accept() override;

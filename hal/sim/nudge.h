@@ -8,7 +8,7 @@
 
 namespace nodal::hal::sim {
 
-/// What a head was asked to move by and has not done, and what it has.
+/// The shifts that a head was asked for: those still to do, and the sum of those done.
 class Nudges {
  public:
   void restart() { *this = {}; }

@@ -1,4 +1,4 @@
-// Simulated lines: an output that falls back to its safe level, and an input whose edges a test writes down.
+// Simulated lines: an output that falls back to its safe level, and an input whose edges a test scripts.
 #pragma once
 
 #include <atomic>
@@ -54,7 +54,7 @@ class SimInputPin final : public InputPinPort {
   Result<std::optional<PinEdge>> take_edge() override;
 
   // What the test does.
-  /// The line goes to `high` at that time; in order of time. Going where it already is makes no edge.
+  /// Sets the line to `high` at that time; call in order of time. Without a change of level there is no edge.
   void script(Instant at, bool high) { script_.push_back({at, high}); }
   void unplug() { gone_ = true; }
 

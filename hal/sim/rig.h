@@ -1,4 +1,4 @@
-// A whole simulated rig in a scene: clock, trigger, heads, and who opens them.
+// A whole simulated rig in a scene: clock, trigger, heads and their enumerator.
 #pragma once
 
 #include <functional>
@@ -19,7 +19,7 @@ struct SimRigOptions {
   std::uint64_t seed = 1;
   ScenePtr scene;                                       ///< none: the town square
   HeadOptions head;                                     ///< of every head
-  std::function<void(HeadIndex, HeadOptions&)> adjust;  ///< for one head what differs; may be empty
+  std::function<void(HeadIndex, HeadOptions&)> adjust;  ///< changes the options of single heads; may be empty
   TriggerOptions trigger;
 };
 

@@ -48,7 +48,7 @@ Status SimTrigger::start(const TriggerSettings& settings) {
   rate_ = settings.follow ? *options_.external : settings.rate;
   started_ = clock_.now() + options_.first_pulse;
   if (settings.follow) {
-    // Pulse 0 is the next of a train that began without us.
+    // Pulse 0 is the next one of a train that began before start().
     const std::int64_t period = rate_.period().ns();
     started_ = Instant::from_ns((started_.ns() + period - 1) / period * period);
   }

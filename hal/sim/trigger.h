@@ -12,13 +12,13 @@
 
 namespace nodal::hal::sim {
 
-/// Who a pulse reaches.
+/// Receives the pulses.
 class PulseSink {
  public:
   virtual ~PulseSink() = default;
   /// The active edge of pulse `number`, in order of time.
   virtual void on_pulse(std::uint64_t number, Instant at) = 0;
-  /// So many pulses came while nobody looked; their frames are lost.
+  /// This many pulses came during a pause longer than kEdgesKept; their frames are lost.
   virtual void on_unseen(std::uint64_t pulses) = 0;
 };
 
@@ -27,7 +27,7 @@ struct TriggerOptions {
   std::int64_t drift_ppb = 0;  ///< the generator's crystal: positive is slow; at most 10^8 to either side
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
-  std::optional<FrameRate> external;  ///< somebody drives the line at this rate, since the rig's first second
+  std::optional<FrameRate> external;  ///< another device drives the line at this rate, since the rig's first second
 };
 
 /// Threading: thread-bound to capture, with the heads of its rig.
@@ -51,7 +51,7 @@ class SimTrigger final : public TriggerPort {
   void unplug() { gone_ = true; }
   bool running() const { return running_ && !safe_.load(); }
   std::uint64_t pulses_sent() const { return sent_; }
-  std::uint64_t edges_forgotten() const { return forgotten_; }  ///< nobody took them in time
+  std::uint64_t edges_forgotten() const { return forgotten_; }  ///< they were not taken in time
 
   // What the rig does.
   void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
@@ -74,7 +74,7 @@ class SimTrigger final : public TriggerPort {
   bool gone_ = false;
   std::atomic<bool> safe_{false};  ///< for good
   Instant started_;                ///< moment of pulse 0
-  FrameRate rate_;                 ///< of whoever drives
+  FrameRate rate_;                 ///< of the device that drives the line
   std::uint64_t next_ = 0;
   Instant next_at_;
   std::uint64_t sent_ = 0;

@@ -1,4 +1,4 @@
-// A supervisor that writes down what it was told.
+// A supervisor that records the daemon's notifications.
 #pragma once
 
 #include <string>
@@ -33,7 +33,7 @@ class SimWatchdog final : public WatchdogPort {
   bool is_stopping() const { return stopping_; }
   std::uint64_t feeds() const { return feeds_; }
   const std::vector<std::string>& lines() const { return lines_; }
-  /// A real supervisor would have ended the daemon by now.
+  /// Whether a real supervisor would have ended the daemon by now.
   bool would_bite(Duration timeout) const { return ready_ && clock_.now() - last_ > timeout; }
 
  private:

@@ -18,15 +18,15 @@ bool is_socket(int fd) {
   return fstat(fd, &status) == 0 && S_ISSOCK(status.st_mode);
 }
 
-/// Sets O_NONBLOCK and gives the flags that were.
+/// Sets O_NONBLOCK and returns the earlier flags.
 int make_nonblocking(int fd) {
   const int flags = fcntl(fd, F_GETFL);
   if (flags >= 0) fcntl(fd, F_SETFL, flags | O_NONBLOCK);
   return flags;
 }
 
-/// write() to a pipe nobody reads raises SIGPIPE, which would end the program, and its handler belongs to
-/// the program. So the signal is held back in this thread, and taken away if it came.
+/// write() to a pipe without reader raises SIGPIPE, which would end the program, and the signal's handler belongs to
+/// the program. So this thread blocks the signal around the call, and removes one that became pending.
 ssize_t write_without_signal(int fd, std::span<const std::uint8_t> from) {
   sigset_t pipe_signal, before, pending;
   sigemptyset(&pipe_signal);
@@ -77,7 +77,7 @@ DescriptorLink::DescriptorLink(Descriptor read_from, int write_to, std::string p
 
 DescriptorLink::~DescriptorLink() { close_descriptors(); }
 
-// The flags belong to the open file, which a shell may share with us and go on using.
+// The flags belong to the open file, which a shell may share and still use.
 void DescriptorLink::close_descriptors() {
   if (write_ >= 0 && write_ != read_.get()) {
     if (write_flags_ >= 0) fcntl(write_, F_SETFL, write_flags_);

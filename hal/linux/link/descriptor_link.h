@@ -30,7 +30,7 @@ tl::unexpected<Error> system_error(Errc code, const std::string& where, int numb
 /// A link over open descriptors: the whole of a socket link, and the base of a spawned program's.
 ///
 /// Threading: thread-bound to its stage.
-/// Ownership: closes both descriptors, and gives them their old flags back.
+/// Ownership: closes both descriptors, and restores their flags before.
 /// Errors: kLinkClosed, kIo.
 class DescriptorLink : public LinkPort {
  public:
@@ -48,7 +48,7 @@ class DescriptorLink : public LinkPort {
   LinkDescriptors descriptors() const { return {read_.get(), write_}; }
 
  protected:
-  /// Why the other end closed, when it can be known.
+  /// Why the other end closed, if known.
   virtual std::string closed_because() { return "the other end closed the link"; }
   void close_descriptors();
 

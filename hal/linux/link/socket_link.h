@@ -13,18 +13,18 @@
 namespace nodal::hal {
 
 /// Connects to a rig that listens at `address`.
-/// Errors: kBadValue (not an address), kUnreachable (nobody listens), kIo.
+/// Errors: kBadValue (not an address), kUnreachable (no listener), kIo.
 Result<std::unique_ptr<LinkPort>> connect_link(std::string_view address);
 
-/// Who may connect to a Unix socket, as its file says.
+/// Which users may connect to a Unix socket: mode and group of its file.
 struct SocketFile {
   /// Permission bits, set exactly. Nothing: owner and group (0660), less what the umask takes away.
   std::optional<std::uint32_t> mode{};
   std::string group{};  ///< by name; empty: the process's
 };
 
-/// Listens at `address`. The socket's file goes with the listener; one left over by a program that died is replaced, one
-/// that answers is kExists.
+/// Listens at `address`. The listener removes the socket's file at its end; a file left by a program that died is
+/// replaced, one that answers is kExists.
 /// Errors: as connect_link, kExists, and kNotFound for a group that is not there.
 Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view address, const SocketFile& file = {});
 
@@ -37,7 +37,7 @@ const std::string& listener_address(const LinkListenerPort& listener);
 /// Errors: kNotFound when there is no such program, kIo. What the program's exit says comes as kLinkClosed.
 Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& command);
 
-/// A link over descriptors somebody opened, such as 0 and 1 of a program that bridges. It closes them. Both
+/// A link over open descriptors, such as 0 and 1 of a program that bridges. It closes them. Both
 /// may be the same.
 Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer);
 
@@ -47,7 +47,7 @@ struct LinkDescriptors {
   int read_from = -1;
   int write_to = -1;
 };
-/// Of a link made here; of any other link, none.
+/// The descriptors of a link made here; none of any other link.
 LinkDescriptors link_descriptors(const LinkPort& link);
 int listener_descriptor(const LinkListenerPort& listener);
 

@@ -40,7 +40,7 @@ class SpawnedLink final : public DescriptorLink {
   SpawnedLink& operator=(const SpawnedLink&) = delete;
 
  private:
-  /// Takes the program's exit when it comes in time.
+  /// Collects the program's exit status if it ends in time.
   void wait(int patience_ms) {
     if (exit_) return;
     pollfd done{handle_.get(), POLLIN, 0};
@@ -86,10 +86,10 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
   posix_spawnattr_t attributes;
   posix_spawn_file_actions_init(&actions);
   posix_spawnattr_init(&attributes);
-  // dup2 takes close-on-exec away; every other descriptor of ours has it.
+  // dup2 clears close-on-exec; every other descriptor of this program has it.
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 0);
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 1);
-  // The program must not inherit what this thread blocks or this process ignores.
+  // The program must not inherit this thread's blocked signals or this process's ignored ones.
   sigset_t none, defaults;
   sigemptyset(&none);
   sigemptyset(&defaults);

@@ -23,11 +23,11 @@ std::array<float, 3> falloff(const HeadCalibration& head, double u, double v);
 /// The scene without its movers, n x n samples a pixel.
 Plate expose_plate(const HeadCalibration& head, const LensTruth& lens, const Scene& scene, int supersampling);
 
-/// A thing that moves, where it is at one moment, and how it looks from a direction.
+/// A moving object at one moment: its place, and its light from a direction.
 class PlacedMover {
  public:
   PlacedMover(const Mover& mover, Instant at);
-  /// How much of what is behind it a pixel at `from` loses to it, 0..1, and what it sends instead.
+  /// The share of a pixel at `from` that it covers, 0..1, and its light.
   struct Cover {
     float share = 0;
     Light light;

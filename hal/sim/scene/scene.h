@@ -23,15 +23,15 @@ struct Light {
   float r = 0, g = 0, b = 0;
 };
 
-/// A thing that moves before the background, about `axis` once a `period`.
+/// An object that moves before the background, about `axis` once per `period`.
 struct Mover {
   enum class Shape {
     kBall,  ///< striped, on a small circle
-    kBar,   ///< what lies between two meridians of the axis, from pole to pole; of one colour
+    kBar,   ///< the lune between two meridians of the axis, from pole to pole; of one colour
   };
   Direction axis;
   Direction start;        ///< where it is at time 0
-  Duration period;        ///< negative: the other way round
+  Duration period;        ///< negative: turns in the other direction
   double radius_rad = 0;  ///< as seen from the nodal point; of a bar, half the angle between its meridians
   Light colour, stripes;
   Shape shape = Shape::kBall;

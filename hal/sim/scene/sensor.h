@@ -31,8 +31,8 @@ struct SensorOptions {
   NoiseModel noise;
 };
 
-/// Renders frames. What does not move is rendered once a setting, in a few versions with noise of their own, and
-/// copied; movers are drawn over it. That makes ten 720x480 heads a small part of one core.
+/// Renders frames. The static scene is rendered once per setting, in a few versions with different noise, and
+/// copied; movers are drawn over it. So ten 720x480 heads take a small part of one core.
 ///
 /// Threading: thread-bound, except that different sensors share nothing.
 /// Ownership: none; the scene is shared.
@@ -50,7 +50,7 @@ class Sensor {
   /// was exposed then, the other half a period later.
   std::uint64_t render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
                        std::span<std::uint8_t> into, std::uint64_t holds, Fields fields = Fields::kProgressive);
-  /// The scene's light in what is rendered from now on, against what the scene says.
+  /// Factor on the scene's light, for frames rendered from now on.
   void set_light(double factor);
 
  private:
@@ -102,7 +102,7 @@ class Sensor {
 
   double light_ = 1;
   std::optional<HeadSettings> settings_;
-  Gamma curve_is_of_;  ///< what `encoded_` was worked out for
+  Gamma curve_is_of_;  ///< the gamma that `encoded_` is for
   Curve curve_;
   std::uint64_t still_id_ = 0;                       ///< of versions_[0] under these settings
   std::vector<std::vector<std::uint8_t>> versions_;  ///< of the still part; those in use come first

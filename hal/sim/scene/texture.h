@@ -1,5 +1,5 @@
-// Patterns for the procedural scene. Each takes how wide a sample is on the surface and leaves out what is finer,
-// so that the picture neither flickers nor shows false patterns.
+// Patterns for the procedural scene. Each takes the width of a sample on the surface and removes finer detail,
+// so that the picture neither flickers nor shows aliases.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ inline Light mix(const Light& a, const Light& b, double k) {
   return {a.r + (b.r - a.r) * f, a.g + (b.g - a.g) * f, a.b + (b.b - a.b) * f};
 }
 
-/// 0..1 out of three whole numbers.
+/// A hash of three integers as a number in 0..1.
 inline double cell_value(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x8DA6B343U ^ static_cast<std::uint32_t>(y) * 0xD8163841U ^
                     static_cast<std::uint32_t>(z) * 0xCB1AB31FU ^ seed * 0x9E3779B9U;
