@@ -53,20 +53,20 @@ using Pictures = std::span<const ImageView>;
 void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone, const MutableImageView& raymap,
                 int row_begin, int row_end);
 
-/// How much of each raymap pixel the heads that are there made, for rows [row_begin, row_end): 255 where no
-/// head is missing, 0 where nothing is left (the pixel is black), else the share of the weight that was there,
-/// 1 .. 254. Only pictures[h].planes[0].data of level 0 is looked at, for being null.
+/// The share of each raymap pixel's weight whose heads are present, for rows [row_begin, row_end): 255 where no
+/// head is missing, 0 where all are (the pixel is black), else 1 .. 254. Of the pictures it reads only whether
+/// pictures[h].planes[0].data of level 0 is null.
 ///
 /// Threading, ownership, errors: as blend_rows. `validity` has the raymap's size.
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,
                    int row_end);
 
-/// The ways there are to do it.
+/// The implementations of the blend.
 enum class Kernel : std::uint8_t { kScalar, kAvx2, kAvx512, kNeon };
 std::string_view kernel_name(Kernel kernel);
-/// Those that run here, slowest first; the last is what blend_rows takes.
+/// Those that run on this processor, slowest first; blend_rows uses the last.
 std::span<const Kernel> kernels();
-/// blend_rows by one of kernels(): for tests, which hold them against each other, and for measurements.
+/// blend_rows by one of kernels(): for tests, which compare them, and for measurements.
 void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, const SetTone& tone,
                    const MutableImageView& raymap, int row_begin, int row_end);
 

@@ -1,4 +1,4 @@
-// What every kernel needs to know of one call of blend_rows, worked out once a call. Internal to stitch/blend.
+// The data of one call of blend_rows that every kernel needs, computed once per call. Internal to stitch/blend.
 #pragma once
 
 #include <array>
@@ -101,7 +101,7 @@ struct BlendJob {
   RepeatedInt16 gain(HeadIndex head, std::size_t c) const { return gain_of[head][component[c].tone]; }
 };
 
-/// Leaves in `job` what grid g of the call needs.
+/// Fills in `job` for grid g of the call.
 void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const SetTone& tone,
               const MutableImageView& raymap, int row_begin, int row_end, BlendJob& job);
 

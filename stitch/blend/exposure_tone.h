@@ -1,4 +1,4 @@
-// Undoes what heads are exposed differently by: a set's exposures become the tone its blend takes.
+// Compensates different exposures of the heads: computes the blend's tone from a set's exposures.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace nodal::blend {
 
-/// How heads' numbers follow light. Made by stitch/table off the hot path.
+/// The heads' response to light. Made by stitch/table off the hot path.
 ///
 /// Where numbers are a power of light, so are gains, and a change of light is undone exactly by multiplying numbers.
 /// Where they are not (sRGB, polynomials), a curve takes them to light^(1 / 2.2), where gains act exactly too, and
@@ -31,8 +31,8 @@ struct ToneTable {
   /// 1 / kWhite of what is shown white, that sRGB shows as each level, and how it would go on. Empty for others.
   std::vector<std::uint32_t> shown_light;
   static constexpr std::uint32_t kWhite = 1 << 20;
-  static constexpr std::size_t kShownLevels = 8 * 255 + 1;  ///< three stops of numbers more than there are
-  /// What heads that were exposed less saw of light that fills the raymap's samples: held back so that all of it is
+  static constexpr std::size_t kShownLevels = 8 * 255 + 1;  ///< three stops above the largest number
+  /// Light above the raymap's range, as heads with a shorter exposure measured it: compressed so that all of it is
   /// shown (soften()), or clipped.
   bool soft = true;
 };
@@ -44,7 +44,7 @@ struct ExposedHead {
 
 /// Exposures that are closer than this are taken for the same: a two hundredth of light.
 inline constexpr Stops kSameExposure = kStop / 128;
-/// From here on heads are trusted by what they saw, so that one that is not clipped outweighs one that is.
+/// From this difference on, weights depend on the samples, so that a head that is not clipped outweighs one that is.
 inline constexpr Stops kTrustDifference = kStop / 8;
 
 /// A value that may reach up to `top` >= full, put under `full`: itself up to kSoftFromPercent of it, from there on rising less
@@ -53,7 +53,7 @@ inline constexpr Stops kTrustDifference = kStop / 8;
 std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full);
 inline constexpr std::int64_t kSoftFromPercent = 70;
 
-/// Who is to be trusted; nothing, where heads are exposed nearly alike. `by_luma`: colours are not seen by themselves.
+/// The confidence in each head; nothing, where exposures are nearly equal. `by_luma`: only luma is available, not colours.
 std::optional<Confidence> confidence_of(std::span<const ExposedHead> heads, bool by_luma);
 
 /// The tone that shows every head as if it had been exposed like the mean of them; the table's calibrated_tone where

@@ -106,7 +106,7 @@ LinearScale linear_scale(const ToneTable& tones, const SetTone& tone, std::span<
       least - in_light(log2_stops(tone.output[0].scale) - log2_stops(kScaleOne), tones.heads[0].exponent);
   const std::uint64_t white = exp2_stops(full - mean, std::uint64_t{65535} << 8);  // the number of it, in 1 / 256
   scale.full = full;
-  // What is held back is so among numbers of a gamma of 2.2, as 8 bits would have them.
+  // Highlights are compressed as numbers of gamma 2.2, as in 8-bit raymaps.
   const Stops above = std::min<Stops>((mean - least) * 10 / 22, 3 * kStop);
   const auto top = static_cast<std::int64_t>(exp2_stops(above, kMaxSample));
   for (std::size_t level = 1; level < 256; ++level) {

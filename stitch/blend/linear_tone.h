@@ -1,4 +1,4 @@
-// A set's exposures become the tone of its raymap of linear light, and what that raymap's numbers stand for.
+// Computes, from a set's exposures, the tone of its linear-light raymap and the scale of that raymap's numbers.
 #pragma once
 
 #include <array>
@@ -11,9 +11,9 @@
 
 namespace nodal::blend {
 
-/// Numbers are proportional to light: 0 is none, and 65535 the most that the raymap can hold, which is what fills the
-/// sample of the head that is exposed least, where its lens lets least through. Nothing that a head saw is clipped, and
-/// nothing held back. So what 65535 stands for goes with the exposures, and is told with every set.
+/// Numbers are proportional to light: 0 is none, and 65535 the most that the raymap can hold, which is the light that fills
+/// a sample of the head with the least exposure, at the darkest place of its lens. No head's measurement is clipped or
+/// compressed. So the light of 65535 depends on the exposures, and is reported with every set.
 struct LinearScale {
   /// The exposure by which the light of 65535 just fills a head's sample; nothing where exposures are not known.
   std::optional<Stops> full;
@@ -22,10 +22,10 @@ struct LinearScale {
   std::array<std::uint16_t, 256> shown_from{};
 };
 
-/// The tone that takes every head's numbers to the light that the raymap's numbers stand for. Allocates nothing.
+/// The tone that converts every head's numbers to the light of the raymap's scale. Allocates nothing.
 SetTone linear_tone(const BlendTable& table, const ToneTable& tones, std::span<const ExposedHead> heads);
 
-/// Of that tone.
+/// The scale of that tone.
 LinearScale linear_scale(const ToneTable& tones, const SetTone& tone, std::span<const ExposedHead> heads);
 
 }  // namespace nodal::blend

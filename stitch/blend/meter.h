@@ -1,4 +1,4 @@
-// Light metering over the sphere: what the heads of a frame set saw, by the solid angle it covers. Integers only.
+// Light metering over the sphere: the light in each head of a frame set, weighted by solid angle. Integers only.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ struct MeterTable {
   struct Sample {
     std::uint16_t x = 0;  ///< of the head's picture, full resolution; (x + 1, y + 1) is inside too
     std::uint16_t y = 0;
-    std::int16_t lost = 0;  ///< what vignetting and the head's own gain do to light there, stops
+    std::int16_t lost = 0;  ///< effect of vignetting and the head's own gain on light there, stops
     HeadIndex head = 0;
   };
   struct Cell {
@@ -28,7 +28,7 @@ struct MeterTable {
   struct Head {
     std::uint16_t width = 0;
     std::uint16_t height = 0;
-    std::array<std::int16_t, 256> stops{};  ///< of light, by level; full is 0. Level 0 is taken for a half
+    std::array<std::int16_t, 256> stops{};  ///< of light, by level; full is 0. Level 0 counts as 0.5
     std::uint32_t overlaps = 0;             ///< bit i: head i sees cells that it sees
   };
   std::vector<Head> heads;
@@ -36,15 +36,15 @@ struct MeterTable {
   std::vector<Sample> samples;
 };
 
-inline constexpr int kClippedLevel = 250;  ///< from here on a sample may have been brighter than it says
-inline constexpr int kBlackLevel = 5;      ///< up to here it may have been darker
+inline constexpr int kClippedLevel = 250;  ///< from this level on a sample may be clipped
+inline constexpr int kBlackLevel = 5;      ///< up to this level it may be crushed to black
 
-/// What one head saw, and under which settings.
+/// The light in one head, and its settings.
 struct HeadLight {
   Stops exposure = 0;             ///< in effect: stops_of(shutter) + stops_of(gain)
-  Stops light = 0;                ///< mean of what it looks at, so that light + exposure is 0 at a full sample
-  std::uint32_t solid_angle = 0;  ///< of what it looks at, in 1 / 2^24 spheres; 0: it has no picture
-  std::uint32_t clipped = 0;      ///< of that, as it saw it itself
+  Stops light = 0;                ///< mean light of its cells, so that light + exposure is 0 at a full sample
+  std::uint32_t solid_angle = 0;  ///< solid angle of its cells, in 1 / 2^24 spheres; 0: it has no picture
+  std::uint32_t clipped = 0;      ///< the clipped part of that, in its own picture
   std::uint32_t black = 0;
   std::uint32_t overlaps = 0;  ///< bit i: head i sees some of it too
 };
@@ -56,9 +56,9 @@ struct SphereLight {
   std::uint32_t solid_angle = 0;  ///< of these
 };
 
-/// A cell's light is the mean of the heads that saw it neither clipped nor black, whatever the others say. Clipped by
-/// all it is the most that one of them still could tell, and black to all the least: so what is told never lies
-/// beyond what is there, and an exposure that follows it never goes too far.
+/// A cell's light is the mean over the heads in which it is neither clipped nor black. If all are clipped it is the
+/// largest light that one of them can measure, if all are black the smallest: so the error is always towards the middle,
+/// and an exposure that follows the measurement never overshoots.
 ///
 /// Threading: thread-safe. Ownership: none. Allocates nothing. Errors: none; a head that is missing, or is not as the
 /// table says, has planes[0].data == nullptr or another size and is left out.

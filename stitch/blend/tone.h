@@ -1,5 +1,5 @@
-// What one frame set's exposures mean for its blend: how every head's samples become light, which samples are to be
-// trusted, and how light becomes levels again. Integers only; the same bytes on every machine.
+// A frame set's exposures as parameters of its blend: how every head's samples become light, how much confidence each
+// sample gets, and how light becomes levels again. Integers only; the same bytes on every machine.
 #pragma once
 
 #include <array>
@@ -15,8 +15,8 @@ namespace nodal::blend {
 /// Samples are in 1/128 levels: a pixel of 255, and what is mixed of such, is kMaxSample.
 inline constexpr int kSampleBits = 7;
 inline constexpr int kMaxSample = 255 << kSampleBits;
-/// Gains are in 1/32768, 1 .. kMaxToneGain: below one, so that light never outgrows 16 bits. What should be raised is
-/// kept, everything else lowered, and OutputTone::scale lifts all of it again.
+/// Gains are in 1/32768, 1 .. kMaxToneGain: below one, so that light never exceeds 16 bits. The head with the largest gain is
+/// kept, all others are lowered, and OutputTone::scale raises all of them again.
 inline constexpr int kToneGainBits = 15;
 inline constexpr int kMaxToneGain = 32767;
 /// OutputTone::scale of one; at most 32767, seven stops.
@@ -68,14 +68,14 @@ struct ChromaFade {
   std::array<std::uint16_t, 256> of_luma{};
 };
 
-/// Everything a set may ask of its blend. What it does not ask for costs nothing; confidence makes the blend of tiles
+/// The parameters of a set's blend. Parts that are not used cost nothing; confidence makes the blend of tiles
 /// that several heads share several times slower.
 struct SetTone {
   std::array<HeadTone, kMaxHeads> heads{};
   std::array<OutputTone, kToneClasses> output{};
   std::optional<Confidence> confidence;
   std::optional<ChromaFade> fade;  ///< of raymaps with chroma
-  /// Whether gains act at all: false promises that every gain is kMaxToneGain and stands for exactly one.
+  /// Whether gains act: false promises that every gain is kMaxToneGain and means exactly one.
   bool gains = false;
 };
 

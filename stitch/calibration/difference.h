@@ -1,4 +1,4 @@
-// How far apart two calibrations of one rig are: per head, in degrees, pixels and stops.
+// The difference of two calibrations of one rig: per head, in degrees, pixels and stops.
 #pragma once
 
 #include <array>
@@ -13,13 +13,13 @@ namespace nodal::calibration {
 struct HeadDifference {
   std::string name;        ///< in the first calibration
   std::string other;       ///< in the second
-  double raw_deg = 0;      ///< the turn between the two places of the head
-  double turned_deg = 0;   ///< the same after the turn of the whole rig that brings the two nearest together
-  double lens_rms_px = 0;  ///< lens and centre alone: where a ray of the head falls
+  double raw_deg = 0;      ///< the rotation between the two orientations of the head
+  double turned_deg = 0;   ///< the same after the rotation of the whole rig that minimizes the differences
+  double lens_rms_px = 0;  ///< of lens and centre alone: distance between the two pixels of a ray of the head
   double lens_max_px = 0;
-  double rms_px = 0;  ///< place and lens together, after the rig's turn: where a ray of the rig falls
+  double rms_px = 0;  ///< with orientation, after the rig's rotation: distance of the pixels of a ray of the rig
   double max_px = 0;
-  std::array<double, 3> gain_stops{};  ///< red, green, blue, after taking out what all heads share
+  std::array<double, 3> gain_stops{};  ///< red, green, blue, without the part that all heads share
   double vignetting_stops = 0;         ///< largest, over the region
   double response_levels = 0;          ///< largest difference of light at one value, of 255
 };

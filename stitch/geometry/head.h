@@ -1,4 +1,4 @@
-// A head of the rig: where a ray of the rig falls on its picture, and which ray a pixel saw (§4.1).
+// A head of the rig: from rays of the rig to pixels of its picture, and back (§4.1).
 #pragma once
 
 #include <Eigen/Core>
@@ -39,23 +39,23 @@ class Head {
   /// The head's optical axis in the rig.
   Ray axis() const;
 
-  /// Where a ray of the rig falls; nothing beyond the lens's max_angle. It may fall outside the picture or the
-  /// region: ask contains().
+  /// The pixel of a ray of the rig; nothing beyond the lens's max_angle. It may lie outside the picture or the
+  /// region: see contains().
   std::optional<Pixel> project(const Ray& rig_ray) const;
   std::optional<Projection> project_with_jacobian(const Ray& rig_ray) const;
-  /// The ray of the rig that a place on the picture saw; nothing beyond the lens's max_radius.
+  /// The ray of the rig that a place on the picture receives; nothing beyond the lens's max_radius.
   std::optional<Ray> unproject(Pixel pixel) const;
 
-  /// Whether the picture is good there: inside the region and within the lens's max_angle.
+  /// Whether the place may be used: inside the region and within the lens's max_angle.
   bool contains(Pixel pixel) const { return distance_to_edge(pixel) >= 0; }
-  /// How far inside (negative: outside) what contains() says a place is, in px.
+  /// The distance of a place from the border of what contains() accepts, px; negative outside.
   double distance_to_edge(Pixel pixel) const;
 
   /// Original pixels per steradian there, a_y r r' / sin a: how precise the head is (§4.2, as meant).
   /// 0 beyond the lens's max_radius.
   double density(Pixel pixel) const;
 
-  /// V there, of the rig document; 1 where nothing falls off.
+  /// V there, as in the calibration document; 1 without vignetting.
   double vignetting(Pixel pixel) const;
 
  private:

@@ -1,4 +1,4 @@
-// The one place where people's angles become rotations: yaw to the right, pitch up, roll clockwise, degrees.
+// The only conversion between users' angles and rotations: yaw to the right, pitch up, roll clockwise, degrees.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@
 
 namespace nodal::geometry {
 
-/// How a head stands in the rig as people say it: first turned right by yaw, then tilted up by pitch, then
+/// A head's orientation in the rig in users' angles: first turned right by yaw, then tilted up by pitch, then
 /// rolled clockwise (as seen from behind the head) by roll. Degrees.
 struct YawPitchRoll {
   double yaw = 0;
@@ -19,7 +19,7 @@ struct YawPitchRoll {
 /// R_head_rig of a head that stands so: the transpose of Ry(yaw) Rx(pitch) Rz(roll).
 Eigen::Matrix3d to_R_head_rig(const YawPitchRoll& degrees);
 
-/// Back: yaw and roll in -180..180, pitch in -90..90. Straight up or down roll is 0 and yaw says it all.
+/// The inverse: yaw and roll in -180..180, pitch in -90..90. Straight up or down roll is 0, all rotation is yaw.
 YawPitchRoll to_yaw_pitch_roll(const Eigen::Matrix3d& R_head_rig);
 
 /// The rotation nearest to a matrix that is one up to rounding (at most `tolerance` per element of R Rᵀ - 1).

@@ -1,4 +1,4 @@
-// What a head does to rays, as pairs: for fitting another lens to it and for comparing two heads.
+// A head's projection sampled as pairs of ray and pixel: for fitting another lens to it and for comparing two heads.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,7 +15,7 @@ struct RayPixel {
   Pixel pixel;
 };
 
-/// What a head does to its rays, at some thousand places spread evenly over what its region holds.
+/// Pairs at some thousand places spread evenly over the head's region.
 std::vector<RayPixel> sample_head(const Head& head);
 
 }  // namespace nodal::geometry

@@ -1,4 +1,4 @@
-// What importers of other programs' lenses share: a head from pixel pairs or exact numbers, its region, its
+// The common part of the importers of other programs' lenses: a head from pixel pairs or exact numbers, its region, its
 // end.
 #pragma once
 
@@ -21,7 +21,7 @@ Status finish_head(HeadCalibration& head, std::vector<std::string>& notes);
 /// Sets lens, centre, aspect and, turned by what the fit turned, rotation; notes the residual.
 void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadCalibration& head,
               std::vector<std::string>& notes);
-/// A note of what a fitted lens is off by, unless that is next to nothing.
+/// A note with the residual of a fitted lens, unless it is negligible.
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
 

@@ -1,5 +1,5 @@
-// Fits a head to pairs of ray and pixel, in the form that some program can hold; what it cannot hold is left
-// over, and told in pixels. All conversions between lens models go through here.
+// Fits a head to pairs of ray and pixel, in a form that a program's format can hold; the residual is
+// reported in pixels. All conversions between lens models use it.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +30,7 @@ struct PolynomialHead {
   geometry::Pixel project(const Eigen::Vector3d& ray) const;
 };
 
-/// What may move to make the fit better.
+/// The unknowns of the fit.
 struct FitFreedom {
   bool center = true;
   bool aspect = true;

@@ -13,7 +13,7 @@
 
 namespace nodal::interchange {
 
-/// One thing in the world as two heads saw it; pixels as Nodal counts them (a centre is at + 1/2).
+/// One point of the scene in the pictures of two heads; pixels as Nodal counts them (a centre is at + 1/2).
 struct ControlPoint {
   std::size_t head_a = 0;
   geometry::Pixel pixel_a;
@@ -21,7 +21,7 @@ struct ControlPoint {
   geometry::Pixel pixel_b;
 };
 
-/// What a project said. The calibration has passed check_calibration; `notes` are whole sentences for the user
+/// An imported project. The calibration has passed check_calibration; `notes` are whole sentences for the user
 /// about what did not fit or had to be guessed.
 struct ImportResult {
   Calibration calibration;
@@ -50,7 +50,7 @@ struct CameraFile {
 /// a note says. Errors: those above with the file's path; kUnsupported for fewer or more files than a rig has heads.
 Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name);
 
-/// Whichever of them the text is, told by what is in it.
+/// Recognizes the format by the text.
 Result<ImportResult> import_project(std::string_view text, std::string_view name);
 
 }  // namespace nodal::interchange

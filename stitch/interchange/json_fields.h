@@ -1,4 +1,4 @@
-// Fields of somebody else's JSON, with errors that say where they stand.
+// Fields of another program's JSON, with errors that name the field's place.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -1,4 +1,4 @@
-// What Panorama Tools' numbers mean, for Hugin and PTGui alike: lens, centre, region and pose of one image.
+// The meaning of Panorama Tools' numbers in Hugin and PTGui: lens, centre, region and pose of one image.
 #pragma once
 
 #include <optional>
@@ -28,7 +28,7 @@ struct PanotoolsImage {
   double d = 0, e = 0;
   double yaw = 0, pitch = 0, roll = 0;
   Crop lens;                   ///< what v, a..c, d and e refer to
-  std::optional<Crop> region;  ///< what the user kept of the picture; a circle for f2
+  std::optional<Crop> region;  ///< the part of the picture that the user kept; a circle for f2
 };
 
 /// v, a..e, f, y, p, r of an image line with its links followed; f is 0 when no line says it.

@@ -1,4 +1,4 @@
-// The distortions that OpenCV and Kalibr put on a pinhole, and what head comes nearest to them.
+// The distortion models of OpenCV and Kalibr, and the nearest head.
 #pragma once
 
 #include <functional>
@@ -25,7 +25,7 @@ struct PlumbBob {
 
 /// Sets head.lens, centre and aspect. Radial polynomials are exact; rational and tangential terms are fitted
 /// over the picture, up to where the distortion turns back, and the residual noted.
-/// Errors: kBadValue for numbers that make no lens, kUnsupported for a count nobody writes.
+/// Errors: kBadValue for numbers that make no lens, kUnsupported for another count of numbers.
 Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCalibration& head,
                      std::vector<std::string>& notes);
 

@@ -1,4 +1,4 @@
-// What both importers share once the lines are read.
+// The common part of both importers after the lines are read.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Fields of somebody else's YAML, with errors that say where they stand. The library's exceptions end here.
+// Fields of another program's YAML, with errors that name the field's place. Catches the library's exceptions.
 #pragma once
 
 #include <yaml-cpp/yaml.h>

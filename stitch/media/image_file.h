@@ -20,7 +20,7 @@ inline constexpr int kMaxImageSide = 32768;
 inline constexpr std::uint64_t kMaxExpansion = 3096;
 inline constexpr std::uint64_t kSmallImageBytes = std::uint64_t{1} << 20;
 
-/// Decodes a JPEG or PNG, told by its first bytes. A 4:2:0 JPEG gives I420 as it was coded, a grey picture GREY,
+/// Decodes a JPEG or PNG, recognized by its first bytes. A 4:2:0 JPEG gives I420 as it was coded, a grey picture GREY,
 /// anything else RGB24 (alpha is dropped, 16 bits are rounded to 8); `as` asks for another format (not kMjpeg).
 /// Y U V are full range BT.601, as JPEG has them.
 ///
@@ -33,7 +33,7 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
 /// The same of a file; also kNotFound and kIo.
 Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as = std::nullopt);
 
-/// What the header of a file says.
+/// The header of a file, without decoding the rest.
 Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 
 /// A picture in another format (neither is kMjpeg): RGB and YUV by full-range BT.601; chroma is interpolated where

@@ -81,7 +81,7 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
                   ">> >> >>",
                   page_width_mm * kPointsPerMm, page_height_mm * kPointsPerMm));
   pdf.stream("", drawing);
-  // Grey of gamma 2.2 is what printers take sRGB's grey for.
+  // Printers treat sRGB grey as grey of gamma 2.2.
   pdf.stream(fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace [/CalGray << /WhitePoint "
                          "[0.9505 1 1.089] /Gamma 2.2 >>] /BitsPerComponent 8 /Interpolate false /Filter /FlateDecode",
                          raster.width, raster.height),

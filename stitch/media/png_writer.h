@@ -19,7 +19,7 @@ struct PngPicture {
   std::span<const std::uint8_t> samples;
 };
 
-/// What the file says of them.
+/// Metadata of the file.
 struct PngNotes {
   enum class Numbers : std::uint8_t { kUnsaid, kSrgb, kLinear };
   Numbers numbers = Numbers::kUnsaid;  ///< kLinear: proportional to light

@@ -1,4 +1,4 @@
-// What is wrong with the frames, in one sentence that says what to try: no calibration that only looks fine.
+// Checks that detect unusable frames, with one sentence that says what to try, instead of a plausible but wrong result.
 #pragma once
 
 #include <string>
@@ -20,7 +20,7 @@ Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyr
 /// Errors: kNoCoverage when fewer than two heads are left; `why_not` is empty for a head that is placed.
 Status check_enough_placed(const Calibration& prior, const std::vector<std::string>& why_not);
 
-/// Heads that have detail where they overlap with others, and it is not the same.
+/// Checks for heads whose detail differs from their neighbours' in the overlaps.
 std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std::string>& why_not);
 /// Errors: kHeadMismatch when there are any.
 Status check_agreement(const Calibration& prior, const std::vector<std::size_t>& wrong, std::size_t placed);

@@ -23,7 +23,7 @@ std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vec
   std::vector<solve::Bound> bounds;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const int slot = parameters.slots()[h].vignetting;
-    // One that starts outside goes where it wants.
+    // Not for a head that starts outside of them.
     if (slot < 0 || !plausible_fall_off(heads[h].vignetting)) continue;
     const Eigen::Index first = static_cast<Eigen::Index>(h) * parameters.stride() + slot;
     for (const double s : kFallOffPlaces) {

@@ -44,7 +44,7 @@ std::optional<std::string> usual_mistake(const Calibration& prior, const std::ve
   std::iota(all.begin(), all.end(), std::size_t{0});
   std::vector<std::vector<std::size_t>> suspects{wrong};
   if (wrong != all) suspects.push_back(all);  // where some of them agree by chance
-  // One head may spoil all its neighbours; so many at once are something else.
+  // One wrong head may affect all its neighbours; so many at once have another cause.
   const bool singles = wrong.size() > 1 && wrong.size() <= kMostSingles;
   for (std::size_t k = 0; singles && k < wrong.size(); ++k) suspects.push_back({wrong[k]});
   for (const std::vector<std::size_t>& heads : suspects) {

@@ -1,4 +1,4 @@
-// Why heads do not agree with their neighbours: the usual mistakes are tried, and the one that helps is named.
+// Diagnosis of heads that do not match their neighbours: tries the usual mistakes and names the one that helps.
 #pragma once
 
 #include <functional>

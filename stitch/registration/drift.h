@@ -1,4 +1,4 @@
-// Whether a rig still stands as it was calibrated, by what its heads see of each other now.
+// Whether a rig's heads still have the orientations of its calibration, from their overlaps now.
 #pragma once
 
 #include <functional>
@@ -11,8 +11,8 @@ namespace nodal::registration {
 
 enum class Standing : std::uint8_t {
   kStands,   ///< within the tolerance, and known well enough to say so
-  kMoved,    ///< farther than the tolerance, and not by chance
-  kUnknown,  ///< the frames do not say
+  kMoved,    ///< beyond the tolerance by more than the measurement's uncertainty
+  kUnknown,  ///< the frames do not determine it
 };
 std::string_view standing_name(Standing standing);
 
@@ -20,7 +20,7 @@ struct HeadDrift {
   std::string name;
   Standing standing = Standing::kUnknown;
   std::string why;       ///< one sentence, when it is unknown
-  double moved_deg = 0;  ///< from where the calibration has it, against what most heads agree on
+  double moved_deg = 0;  ///< from the calibration's orientation, relative to the consensus of most heads
   double sigma_deg = 0;  ///< standard deviation about the worst axis; infinite when the frames say nothing
   double moved_px = 0;   ///< the same in pixels on the lens's axis
   double sigma_px = 0;
@@ -43,15 +43,15 @@ struct DriftOptions {
   std::function<void(const Step&, double)> progress;
 };
 
-/// Registers the rotations anew and compares. Which heads moved is told by what most of them agree on: of two heads that
-/// moved apart nobody can say which it was, and each is given half.
+/// Registers the rotations anew and compares. The consensus of most heads decides which of them moved: when two heads
+/// moved apart it is unknown which did, and each gets half of it.
 ///
 /// Threading, Ownership, Errors: as register_heads().
 Result<DriftReport> measure_drift(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
                                   const DriftOptions& options);
 
-/// What calibrations leave of the differences on the same frames: the objective on the finest raymap, each with the gains
-/// that suit it best, since exposures may be others than when it was made. Lower is better.
+/// The residual differences of calibrations on the same frames: the objective on the finest raymap, each with its best
+/// gains, since exposures may differ from those when it was made. Lower is better.
 ///
 /// Threading, Ownership: as register_heads().
 /// Errors: kBadValue for frames that do not fit; kNoCoverage when heads share nothing; kNotDetermined for black ones.

@@ -1,4 +1,4 @@
-// What holds the rig as a whole, which no overlap says anything about: its mean or median, instead of its first head.
+// The gauge: fixes the rotation of the whole rig, which overlaps do not determine, by the heads' mean or median.
 #pragma once
 
 #include <Eigen/Core>

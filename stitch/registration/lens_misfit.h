@@ -1,4 +1,4 @@
-// Whether the heads' lenses, as they are, can be what took the pictures.
+// Whether the pictures fit the heads' lenses.
 #pragma once
 
 #include "protocol/base/result.h"

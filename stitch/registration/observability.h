@@ -1,4 +1,4 @@
-// What the frames can say at all: which heads share detail, how well it holds each of them, and how sure the result is.
+// Observability: which heads share detail, how well it determines each of them, and the result's uncertainty.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ namespace nodal::registration {
 struct HeadDetail {
   double rms = 0;        ///< of its own detail where others see too, levels
   double agreement = 0;  ///< with the others' there: 1 the same, 0 nothing in common
-  double sigma_rad = 0;  ///< of its rotation about the worst axis, were all others known; infinite when it has no hold
+  double sigma_rad = 0;  ///< of its rotation about the worst axis, all others known; infinite when undetermined
   double shared_sr = 0;
 };
 

@@ -1,4 +1,4 @@
-// Where the point pairs put the heads, roughly but from anywhere: pairs of pairs that agree.
+// A first orientation of the heads from point pairs, without a prior: from pairs of pairs that agree.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// Which numbers are really free: what heads share, what is held, and what holds the rig as a whole.
+// The free parameters: which numbers heads share, which are held, and the gauge.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// What every look at frames begins with: heads as they are sought, pictures as pyramids of light, the levels.
+// The common first steps: the heads' states, the pictures' pyramids of light, and the levels.
 #pragma once
 
 #include <vector>

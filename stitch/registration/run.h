@@ -1,4 +1,4 @@
-// One registration under way: coarse to fine, who is placed, the report.
+// One registration under way: coarse to fine, the placed heads, the report.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@ namespace nodal::registration {
 
 /// Huber's norm turns linear at so much of the rms difference that a level starts with.
 inline constexpr double kHuberShare = 1.0;
-/// Heads that share less are not asked whether they line up.
+/// Heads that share less are not checked for alignment.
 inline constexpr double kSmallOverlapSr = 0.02;
 
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().

@@ -1,4 +1,4 @@
-// Looks for heads that stand too far from the prior for any descent: by trying turns, pair by pair.
+// Searches heads that are too far from the prior for a descent: tries rotations, pair by pair.
 #pragma once
 
 #include <vector>

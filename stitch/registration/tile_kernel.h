@@ -36,12 +36,12 @@ struct HeadSight {
   float level_scale;             ///< full-size pixels a level pixel
   int width = 0, height = 0;     ///< of the level
   float axis[3];                 ///< in the rig
-  float cos_reach, sin_reach;    ///< how far from its axis it sees
+  float cos_reach, sin_reach;    ///< the angle from its axis up to which it sees
   std::vector<PlaneRef> planes;  ///< frame sets times channels
   std::vector<int> channels;     ///< of each plane
 };
 
-/// What one head does on one tile. The kernel's memory, reused from tile to tile.
+/// One head on one tile: the kernel's memory, reused from tile to tile.
 struct alignas(64) TileHead {
   float x[kTile], y[kTile], z[kTile];  ///< the rays in the head's frame
   float fraction[kTile];

@@ -1,4 +1,4 @@
-// What a tile of rays adds to the objective's sums.
+// A tile's contribution to the objective's sums.
 #pragma once
 
 #include "stitch/registration/tile_kernel.h"
@@ -21,7 +21,7 @@ struct PairSums {
   double aa = 0, ab = 0, bb = 0;  ///< ... l_a^2, l_a l_b, l_b^2
   /// In levels.
   double rms() const;
-  /// Of what the duller of the two says, levels.
+  /// The detail of the head with less of it, levels.
   double least_rms() const;
   /// Correlation about zero: 1 when the two are the same up to a factor. 0 when nothing is shared.
   double correlation() const;

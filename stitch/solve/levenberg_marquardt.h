@@ -1,4 +1,4 @@
-// Levenberg-Marquardt (§4.4): the one descent of every least-squares fit.
+// Levenberg-Marquardt (§4.4), used by every least-squares fit.
 #pragma once
 
 #include <cmath>
@@ -27,11 +27,11 @@ struct Descent {
   Evaluation at;         ///< the evaluation of `state`, or of the one before when a step was taken without one
   int tried = 0;         ///< steps evaluated
   int steps = 0;         ///< steps accepted
-  bool settled = false;  ///< ended because there was nothing more to gain
+  bool settled = false;  ///< ended because the cost no longer decreases
 };
 
-/// What the descent needs of a problem. An Evaluation says what a state costs and how it changes; a cost that is
-/// infinite or not a number marks a state that cannot be. evaluate() must not depend on the states seen before, except
+/// The interface of a problem. An Evaluation has the cost of a state and its derivatives; a cost that is
+/// infinite or NaN marks an invalid state. evaluate() must not depend on earlier states, except
 /// through reweigh().
 template <class P, class State, class Evaluation>
 concept Problem = requires(P& problem, const State& state, const Evaluation& at, const Eigen::VectorXd& step) {
@@ -118,7 +118,7 @@ struct Evaluation {
   }
 };
 
-/// The cost of a state that cannot be.
+/// The cost of an invalid state.
 inline constexpr double kImpossible = std::numeric_limits<double>::infinity();
 
 /// A problem of normal equations: evaluate(state) -> Evaluation, moved(state, step) -> State. `fixed` marks unknowns

@@ -94,7 +94,7 @@ Eigen::MatrixXd NormalEquations::covariance(const std::vector<bool>& fixed) cons
   const ScaledMatrix s = scale_to_unit_diagonal(matrix(), fixed);
   if (s.free.empty()) return out;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(s.A);
-  // What the data cannot tell is a direction of eigenvalue 0: its variance is large, not infinite.
+  // Directions that the data do not determine have eigenvalue 0: their variance is set large, not infinite.
   const Eigen::VectorXd inverse = eigen.eigenvalues().cwiseMax(1e-14).cwiseInverse();
   const Eigen::MatrixXd C = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   for (Eigen::Index i = 0; i < C.rows(); ++i) {

@@ -1,4 +1,4 @@
-// Sums that are the same to the bit however many threads compute them.
+// Sums that are bit-identical for any number of threads.
 #pragma once
 
 #include <cstddef>
@@ -8,10 +8,10 @@
 
 namespace nodal::solve {
 
-/// Calls work(0) .. work(count - 1), in any order, at once or one by one. Who owns threads passes one that uses them.
+/// Calls work(0) .. work(count - 1), in any order, concurrently or not. A caller with threads passes one that uses them.
 using ForEach = std::function<void(int count, const std::function<void(int)>& work)>;
 
-/// The ForEach of who has no threads.
+/// The ForEach for callers without threads.
 inline void one_by_one(int count, const std::function<void(int)>& work) {
   for (int i = 0; i < count; ++i) work(i);
 }

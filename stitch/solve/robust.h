@@ -1,11 +1,11 @@
-// Robust statistics: outliers count less, and do not move the measure of what is typical.
+// Robust statistics: weights for outliers, and a scale that outliers do not affect.
 #pragma once
 
 #include <vector>
 
 namespace nodal::solve {
 
-/// Huber's norm: squares up to `limit`, straight lines beyond.
+/// Huber's norm: quadratic up to `limit`, linear beyond.
 struct Huber {
   double limit;
   /// Of a residual's square in a least-squares problem with the same gradient.

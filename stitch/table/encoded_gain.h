@@ -1,4 +1,4 @@
-// What to multiply encoded values by, so that a change of light is undone.
+// The factor on encoded values that undoes a change of light.
 #pragma once
 
 #include <vector>

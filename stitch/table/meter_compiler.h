@@ -1,4 +1,4 @@
-// What the exposure meter reads: a coarse grid of rays, and where every head sees them.
+// The exposure meter's table: a coarse grid of rays, and their places in every head's picture.
 #pragma once
 
 #include "protocol/base/result.h"
@@ -9,8 +9,8 @@ namespace nodal::table {
 
 inline constexpr int kMeterColumns = 64;  ///< of cells about the equator; rows are half as many
 
-/// Cells lie on an equirectangular grid and count by the solid angle they span, so that a pixel counts by the sphere it
-/// covers and the crowded rows at the poles weigh what they should. A cell is a head's where its middle is inside the
+/// Cells lie on an equirectangular grid and are weighted by their solid angle, so that the dense rows at the poles
+/// get their proper weight. A cell belongs to a head when its middle is inside the
 /// head's region.
 ///
 /// Threading: thread-safe.

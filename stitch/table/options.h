@@ -1,4 +1,4 @@
-// What a table's maker may choose; why the defaults are what they are is in stitch/table/README.md.
+// Options of a table; stitch/table/README.md gives the measurements behind the defaults.
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@ enum class Interpolation : std::uint8_t {
 
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
-  /// How far from the edge of its region a head's weight has grown to its full, as a part of half the region's
-  /// shorter side. Wide hides what heads disagree on: parallax, light. Narrow is sharper where they agree:
-  /// synthetic_10head, whose heads share their nodal point exactly, gains 0.15 dB from 0.05.
+  /// Width of the blend: the distance from the edge of its region at which a head's weight is full, relative to half the
+  /// region's shorter side. A wide blend hides differences between heads: parallax, light. A narrow one is sharper where
+  /// they agree: synthetic_10head, whose heads share their nodal point exactly, gains 0.15 dB from 0.05.
   double feather = 0.5;
   /// Heads with less than this share of a sample are left out of it.
   double least_weight = 1.0 / 1024;

@@ -10,11 +10,11 @@
 
 namespace nodal::table {
 
-/// To the nearest whole number. What lies exactly between two goes up even when the last bits of a double say
-/// otherwise: sines and cosines differ in those from one machine's library to the next, the table must not.
+/// Rounds to the nearest integer. A value within kTie of the middle is rounded up: the last bits of sines and cosines
+/// differ between machines' libraries, and the table must not.
 inline std::int64_t round_up_ties(double value) {
   constexpr double kTie =
-      1e-5;  // in steps of the rounding: far above the noise of double precision, far below what matters
+      1e-5;  // relative to the rounding step: far above the rounding noise of doubles, far below a visible error
   const double up = value + 0.5 + kTie;
   const auto whole = static_cast<std::int64_t>(up);
   return whole - (up < static_cast<double>(whole) ? 1 : 0);

@@ -1,5 +1,5 @@
-// Which places on which heads' pictures make a raymap sample, in double precision: what the fixed-point table
-// is a rounding of, and what it is compared with.
+// The places on the heads' pictures that make a raymap sample, in double precision: the fixed-point table is a
+// rounding of it, and is compared with it.
 #pragma once
 
 #include <Eigen/Core>
@@ -60,9 +60,9 @@ class RaySampler {
     /// more than kSamePlace.
     double same_radius = 0;
   };
-  /// In samples: a sixteenth of what a tile's fit may be off.
+  /// In samples: a sixteenth of the tolerance of a tile's fit.
   static constexpr double kSamePlace = 1.0 / 1024;
-  /// What is worked out once a head.
+  /// Values computed once per head.
   struct Optics {
     TabledLens lens;
     Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
@@ -107,12 +107,12 @@ class RowSampler {
  public:
   explicit RowSampler(const RaySampler& sampler) : rig_(sampler) {}
 
-  /// Works out row y of a grid; at() then answers for it.
+  /// Computes row y of a grid, which at() then returns.
   void sample(int grid, int y);
   /// The same for any samples, by GridTable::place(); at(k) is then that of the k-th, and nothing for kNowhere.
   void sample(int grid, std::span<const std::uint32_t> places);
   int width() const { return static_cast<int>(ends_.size()); }
-  /// What makes sample x of the row; empty where no head sees its ray.
+  /// The sources of sample x of the row; empty where no head sees its ray.
   std::span<const RaySample> at(int x) const;
 
  private:

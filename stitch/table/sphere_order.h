@@ -1,5 +1,5 @@
-// Layouts whose neighbouring pixels hold no neighbouring rays: their rays sorted into tiles, so that order on the
-// sphere, not in the file, decides what a blend costs.
+// For layouts whose neighbouring pixels hold no neighbouring rays: sorts the rays into tiles of neighbouring rays, so that
+// a blend of them reads few patches.
 #pragma once
 
 #include <cstdint>

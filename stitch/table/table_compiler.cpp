@@ -23,8 +23,8 @@ std::array<blend::ComponentRule, kMaxPlanes> component_rules(PixelFormat format)
   return {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
 }
 
-/// What vignetting gains are relative to, in 1/256: the largest that any head's region asks for, with a little room;
-/// 0 where there is nothing to undo.
+/// The scale of vignetting gains, in 1/256: the largest gain in any head's region, with a margin;
+/// 0 where there is no vignetting.
 int vignetting_scale(const RaySampler& sampler) {
   if (!sampler.options().undo_vignetting) return 0;
   constexpr int kSteps = 64;
@@ -96,7 +96,7 @@ class TileRowSamples {
   std::vector<TileSamples> tiles_;
 };
 
-/// Appends tile k of a run, with all that is its, to the table.
+/// Appends tile k of a run, with its records, weights, lists and gains, to the table.
 void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
   const std::size_t first = run.tiles[k].record;
   const std::size_t last = k + 1 < run.tiles.size() ? run.tiles[k + 1].record : run.records.size();
@@ -127,8 +127,8 @@ void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
   table.tiles.push_back(tile);
 }
 
-/// Makes one grid of its rows of tiles, in the order in which they are blended. A block's rows are given back once it
-/// is done: the rig has no room for the table twice.
+/// Makes one grid from its rows of tiles, in the order in which they are blended. A block's rows are freed once it
+/// is done: the rig has not enough memory for two copies of the table.
 Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> rows) {
   blend::GridTable table = empty_table(shape);
   std::size_t records = 0, weights = 0, coordinates = 0, gains = 0;

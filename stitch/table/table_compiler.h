@@ -35,7 +35,7 @@ struct RaymapSpec {
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const RaymapSpec& raymap,
                                               std::span<const PixelFormat> head_formats,
                                               const TableOptions& options = {});
-/// The same for a layout that is at hand.
+/// The same for a given layout.
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                               PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                               const TableOptions& options = {});
@@ -44,7 +44,7 @@ Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, co
 /// finish. Any partition gives the same table.
 ///
 /// Threading: compile_rows may run on any number of threads at once, on disjoint rows; all else on one.
-/// Ownership: keeps nothing of what make() was given but a layout given by reference, until finish().
+/// Ownership: copies its arguments, except a layout that is passed by reference, which must live until finish().
 class TableCompiler {
  public:
   /// Errors: those of compile_blend_table that do not need the rays.

@@ -1,4 +1,4 @@
-// A head's lens as tables of cubics: what the compiler asks a lens millions of times, it asks these.
+// A head's lens as tables of cubics, for the compiler's millions of evaluations.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Makes the tiles of a table: which patches a tile needs, and how they share its pixels.
+// Makes the tiles of a table: the patches that a tile reads, and their weights.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace nodal::table {
 
-/// A run of tiles with what belongs to them; indices are within it.
+/// A run of tiles with their records, weights, lists and gains; indices are within the run.
 struct TileRun {
   std::vector<blend::Tile> tiles;  ///< Tile::record is the index of its first
   std::vector<blend::PatchRecord> records;
@@ -21,7 +21,7 @@ struct TileRun {
   std::vector<std::array<std::int16_t, 4>> gains;
 };
 
-/// What 64 pixels are made of. Pixels that are not in `inside` are beyond the raymap: nothing depends on them.
+/// The sources of 64 pixels. Pixels that are not in `inside` are beyond the raymap and have no effect.
 struct TileSamples {
   std::array<std::vector<RaySample>, blend::kTilePixels> at;  ///< 8 j + i
   PixelMask inside = 0;

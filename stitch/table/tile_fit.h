@@ -8,7 +8,7 @@
 
 namespace nodal::table {
 
-/// A bit a pixel of a tile: (i, j) is bit 8 j + i.
+/// One bit per pixel of a tile: (i, j) is bit 8 j + i.
 using PixelMask = std::uint64_t;
 inline constexpr PixelMask pixel_bit(int i, int j) { return PixelMask{1} << (8 * j + i); }
 /// The pixels of a tile in columns [left, right) and rows [top, bottom).

@@ -1,4 +1,4 @@
-// How heads' numbers follow light, as integers for the board.
+// The heads' response curves as integers for the board.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@ namespace nodal::table {
 /// Threading: thread-safe. Errors: none; the calibration has been checked.
 blend::ToneTable compile_tone_table(const Calibration& calibration, PixelFormat raymap, bool soft = true);
 
-/// The p of the light^(1 / p) that heads are blended in for raymaps of linear light: their own numbers, where all of them
-/// have the same gamma; light itself, where curves take them there.
+/// The p of light^(1 / p), in which heads are blended for raymaps of linear light: their own numbers, where all of them
+/// have the same gamma; light itself (p = 1), where curves convert to it.
 double linear_power(const Calibration& calibration);
 /// BlendTable::linear.
 std::vector<std::uint16_t> linear_numbers(double power);

@@ -23,7 +23,7 @@ ImageView shape_of(PixelFormat format, int width, int height) {
   return packed_image(format, width, height, static_cast<const std::uint8_t*>(nullptr));
 }
 
-/// Whatever the light, there is a number for it, and no light is 0.
+/// Every light has a number, and zero light has number 0.
 bool is_good_linear(const BlendTable& table) {
   if (!is_linear16(table.format)) return table.linear.empty();
   return table.linear.size() == blend::kLinearSteps && table.linear[0] == 0 && std::ranges::is_sorted(table.linear);
@@ -84,7 +84,7 @@ Status check_components(const BlendTable& table) {
   return {};
 }
 
-/// One grid's proof.
+/// Validates one grid.
 class GridProof {
  public:
   GridProof(const BlendTable& table, std::size_t g)
@@ -143,7 +143,7 @@ class GridProof {
     return true;  // as many as there are, none twice
   }
 
-  /// Nothing, or what is wrong with a tile.
+  /// Nothing, or the fault of a tile.
   const char* fault_of_tile(int column, int row) {
     const std::size_t t = grid_.tile_index(column, row);
     const Tile& tile = grid_.tiles[t];
@@ -185,7 +185,7 @@ class GridProof {
   }
 
   const char* fault_of_sums(Sharing how, std::size_t records, const std::array<std::int32_t, 64>& rest) const {
-    if (how != Sharing::kOpen || records == 0) return nullptr;  // the last got what was left of exactly one
+    if (how != Sharing::kOpen || records == 0) return nullptr;  // the last one's weight is one minus the others'
     return each_pixel([&](int i, int j) -> const char* {
       const std::int32_t left = rest[static_cast<std::size_t>(j * blend::kTile + i)];
       return left == 0 || left == 1 << blend::kWeightBits ? nullptr : "weights sum to neither one nor nothing";

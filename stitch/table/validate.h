@@ -1,4 +1,4 @@
-// The proof a table needs before it runs (kernels do not check).
+// Validates a table before it is used (kernels do not check).
 #pragma once
 
 #include "protocol/base/result.h"

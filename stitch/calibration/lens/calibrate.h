@@ -1,4 +1,4 @@
-// One head's lens from photographs of the pattern (§4.3): found, aligned per pixel, all photographs together.
+// One head's lens from photographs of the pattern (§4.3): finds the pattern, then aligns all photographs per pixel.
 #pragma once
 
 #include <optional>
@@ -23,21 +23,21 @@ struct LensPhotograph {
 struct LensOptions {
   LensKind kind = LensKind::kTsai;
   std::string head_name = "head0";
-  /// f_y / f_x to start from, and whether it is known to be that.
+  /// f_y / f_x to start from, and whether it is known.
   double aspect = 1;
   bool aspect_known = false;
   solve::ForEach for_each = solve::one_by_one;
-  /// Told after each stage: what is being done, and 0..1 of the whole.
+  /// Called after each stage with its name and the progress, 0..1.
   std::function<void(const std::string& what, double done)> progress;
 };
 
-/// A value with the standard deviation that the data leave it.
+/// A value with its standard deviation.
 struct Measured {
   double value = 0;
   double deviation = 0;
 };
 
-/// What one photograph gave.
+/// The result of one photograph.
 struct ViewReport {
   std::string name;
   int pairs = 0;         ///< points found and agreed on at the start
@@ -55,9 +55,9 @@ struct LensReport {
   Measured center_x, center_y, aspect;  ///< px
   Measured focal;                       ///< px; px per rad for fisheyes
   double mapping_deviation_px = 0;      ///< standard deviation of where a ray falls, rms over the region
-  double covered = 0;                   ///< part of the region that some photograph covered
-  std::vector<std::string> notes;       ///< what a person should know, one sentence each
-  std::vector<GreyImage> residuals;     ///< of each photograph: what is left over, of a range of 1; 0 off the pattern
+  double covered = 0;                   ///< part of the region that at least one photograph covers
+  std::vector<std::string> notes;       ///< remarks for the user, one sentence each
+  std::vector<GreyImage> residuals;     ///< the residuals of each photograph, of a range of 1; 0 off the pattern
 };
 
 struct LensCalibration {

@@ -10,9 +10,9 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr int kBands = 24;           // pieces of work; fixed, so that sums do not depend on who does them
+constexpr int kBands = 24;           // pieces of work; fixed, so that sums do not depend on the threads
 constexpr solve::Huber kHuber{2.0};  // scatters
-constexpr int kShadeStride = 3;      // shading is smooth: every third pixel of a row tells it
+constexpr int kShadeStride = 3;      // shading is smooth: every third pixel of a row suffices
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;  // px, of the coarsest photograph
 constexpr int kMostTaps = 9;
@@ -205,8 +205,8 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
           s.point.distance * g.transpose() * s.sight->by_parameter;
       Eigen::Matrix<double, 1, kOwn> by_own;
       by_own << g.cross(s.point.in_head).transpose(), -g.transpose(), shown.slope * s.dlog_blur;
-      // Scatters make photographs of different noise comparable; Huber keeps what is not the pattern from
-      // pulling.
+      // Dividing by the scatter makes photographs of different noise comparable; Huber's norm limits the effect of
+      // outliers.
       const double scale = 1 / shadings_.scatter(v);
       const double size = std::abs(residual) * scale;
       const double weight = kHuber.weight(size);
@@ -214,7 +214,7 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
       sum.cost += kHuber.cost(size);
     });
   });
-  // A photograph that leaves the pattern must not win by having fewer pixels.
+  // The cost is a mean, so that it does not fall when a photograph leaves the pattern and has fewer pixels.
   if (total.equations.count() > 0) total.cost /= static_cast<double>(total.equations.count());
   else total.cost = solve::kImpossible;
   return total;

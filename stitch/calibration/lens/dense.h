@@ -1,5 +1,5 @@
-// Dense registration of photographs with the known pattern (§4.3): every pixel pulls on the lens and on its
-// photograph's pose until the pattern, seen through them, is the photograph.
+// Dense registration of photographs with the known pattern (§4.3): lens and poses are fitted so that the pattern, seen
+// through them, matches every pixel of the photographs.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,34 +16,34 @@
 
 namespace nodal::calibration {
 
-/// What is sought: lens, poses, and how sharp each photograph is.
+/// The unknowns: lens, poses, and the blur of each photograph.
 struct DenseState {
   Arrangement arrangement;
   std::vector<double> log_blur;  ///< ln of the Gaussian's sigma, px of the photograph
 };
 
-/// How much trouble a descent takes.
+/// The effort of a descent.
 struct Care {
   long most_pixels;  ///< of all photographs together, spread evenly
-  double sure;       ///< part of the cost below which a step is taken unseen, as the round's last
+  double sure;       ///< a step that lowers the cost by a smaller part is taken without evaluation, as the round's last
   double still_px;   ///< a round that moves the picture less is the last, px of the pyramid's level
 };
 inline constexpr Care kQuick{40'000, 2e-3, 0.02};      // comes within a few hundredths of a pixel
 inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not make it better
 
-/// How well a photograph is explained.
+/// The quality of a photograph's fit.
 struct DenseFit {
   double explained = 0;  ///< part of the photograph's variance, where it shows the pattern
-  double rms = 0;        ///< of what is left, of a range of 1
+  double rms = 0;        ///< rms of the residuals, of a range of 1
   double covered = 0;    ///< part of the region's pixels that show the pattern
 };
 
-/// What a state makes of the photographs.
+/// The residuals and light of the photographs under a state.
 struct DenseSurvey {
   std::vector<DenseFit> fits;
-  std::vector<GreyImage> residuals;  ///< what is left unexplained, px for px; 0 where the pattern is not seen
-  /// Light the photographs show. Only where the pattern is calm over a pixel or two, so that how blur is modelled does
-  /// not colour it.
+  std::vector<GreyImage> residuals;  ///< residuals by pixel; 0 where the pattern is not seen
+  /// Light samples of the photographs, only where the pattern is smooth over a pixel or two, so that the blur model does
+  /// not affect them.
   std::vector<std::vector<LightSample>> calm;
   double covered = 0;  ///< the part of the region that at least one photograph shows the pattern in
 };
@@ -55,7 +55,7 @@ class DenseAlignment {
   DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
                  solve::ForEach for_each);
 
-  /// Descends at one pyramid level (0: full size), shading refitted as it goes; says what it ends with.
+  /// Descends at one pyramid level (0: full size), refitting the shading after each round; returns the result.
   /// `fixed_lens` marks lens parameters that stay.
   solve::Evaluation run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state);
   /// Coarsest level worth using.
@@ -88,7 +88,7 @@ class DenseAlignment {
   int stride_ = 1;
 };
 
-/// The covariance of the unknowns where a run ended, from what is left unexplained; lens parameters first.
+/// The covariance of the unknowns at the end of a run, from the residuals; lens parameters first.
 Eigen::MatrixXd covariance(const solve::Evaluation& end, std::vector<bool> fixed_lens);
 
 }  // namespace nodal::calibration

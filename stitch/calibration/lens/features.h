@@ -1,5 +1,5 @@
-// Where a photograph shows which part of the pattern: points that stand out at their own scale, told apart by
-// what surrounds them. Only a start for the dense alignment: good to a pixel, and some are wrong.
+// Feature points (scale-space extrema with descriptors) that match a photograph with the pattern.
+// Only a start for the dense alignment: exact to about a pixel, and some matches are wrong.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,7 +34,7 @@ struct Match {
   int pattern = 0;
 };
 
-/// Every point of the photograph that has one likeness in the pattern, and only one.
+/// The unambiguous matches: points whose best match in the pattern is clearly better than the second best.
 std::vector<Match> match_features(const Features& photo, const Features& pattern);
 
 }  // namespace nodal::calibration

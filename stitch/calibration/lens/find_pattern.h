@@ -1,4 +1,4 @@
-// Finds the pattern in a photograph, however far off, turned or bent by the lens.
+// Finds the pattern in a photograph at any distance, rotation and distortion.
 #pragma once
 
 #include <string>
@@ -17,7 +17,7 @@ class PatternFinder {
  public:
   explicit PatternFinder(const PatternRaster& pattern);
 
-  /// Which places of the photograph show which of the pattern, and the radial pose they agree on.
+  /// The matches of photograph and pattern, and the radial pose that most of them fit.
   /// Errors: kNotDetermined, naming the photograph.
   Result<RadialPose> find(const GreyImage& photo, const std::string& name, const Eigen::Vector2d& center,
                           double aspect) const;

@@ -1,5 +1,5 @@
-// The lens and the poses as the calibration moves them: which point of the pattern's plane a pixel sees, and
-// how that point moves with every parameter.
+// Lens and poses as the calibration's unknowns: the point of the pattern's plane that a pixel sees, and
+// its derivatives by every parameter.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,7 +24,7 @@ Result<LensKind> lens_kind_named(std::string_view name);
 inline constexpr int kCenterX = 0, kCenterY = 1, kAspect = 2, kFirstCoefficient = 3;
 inline constexpr int kMaxLensParameters = 12;
 
-/// Everything of a lens that is sought, as numbers in one row: centre (px), aspect, then
+/// All unknowns of a lens in one vector: centre (px), aspect, then
 ///   Tsai:            focal, kappa1, kappa2
 ///   Equidistant:     f1, f2, ... of r = f1 a + f2 a^2 + ...
 ///   Kannala-Brandt:  f, f k1, ... of r = f a + f k1 a^3 + f k2 a^5 + ..., in which the fit is linear.
@@ -45,7 +45,7 @@ int parameter_count(LensKind kind);
 
 using ByParameter = Eigen::Matrix<double, 3, kMaxLensParameters>;
 
-/// The ray through a pixel in the head's frame, and how it moves. Of length 1.
+/// The ray of a pixel in the head's frame, of length 1, and its derivatives.
 struct Sight {
   Eigen::Vector3d ray;
   Eigen::Matrix<double, 3, 2> by_pixel;
@@ -72,13 +72,13 @@ class SightFinder {
   geometry::RisingPolynomial polynomial_;
 };
 
-/// Where the pattern stood before the head in one photograph: point (X, Y) of the pattern's plane, in pattern
+/// The pattern's pose in one photograph: point (X, Y) of the pattern's plane, in pattern
 /// widths from its middle, x right and y down as printed, is at R (X, Y, 0) + t in the head's frame.
 struct Pose {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d t{0, 0, 1};
 
-  /// Turned by w about the head and moved by d: what the derivatives below belong to.
+  /// The pose rotated by w about the head and shifted by d; the derivatives below are by w and d.
   Pose moved(const Eigen::Vector3d& w, const Eigen::Vector3d& d) const;
 };
 

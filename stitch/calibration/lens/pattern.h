@@ -1,5 +1,5 @@
-// The pattern that lenses are calibrated against (§4.3): no fiducials, only detail, at every scale and
-// nowhere twice, known by construction.
+// The pattern that lenses are calibrated against (§4.3): no fiducials, but detail at every scale that
+// never repeats, known by construction.
 #pragma once
 
 #include <cstdint>

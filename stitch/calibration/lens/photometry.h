@@ -8,7 +8,7 @@
 
 namespace nodal::calibration {
 
-/// One pixel of one photograph: where it is, what light the pattern gives there, what was recorded.
+/// One pixel of one photograph: its place, the pattern's light there, and the recorded value.
 struct LightSample {
   int view = 0;
   double x = 0, y = 0;  ///< px

@@ -1,4 +1,4 @@
-// Where a head's pictures hold anything: misaligned sensors and fisheyes leave black borders (§4.3).
+// The used part of a head's pictures: misaligned sensors and fisheyes leave black borders (§4.3).
 #pragma once
 
 #include <vector>

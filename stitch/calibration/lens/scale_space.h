@@ -1,4 +1,4 @@
-// A picture at every blur: what a photograph of it, from any distance, is compared with.
+// A picture at every blur, to compare it with photographs from any distance.
 #pragma once
 
 #include <vector>

@@ -76,7 +76,7 @@ void Shadings::fit_one(std::size_t view, const std::vector<ShadeSample>& samples
   Eigen::Matrix<double, kTerms, 1> b = Eigen::Matrix<double, kTerms, 1>::Zero();
   for (const ShadeSample& s : samples) {
     const Terms terms = monomials<Terms>(static_cast<double>(s.x), static_cast<double>(s.y));
-    // What is far off (an arm, a glare) must not tint the rest; at first nothing is known to be.
+    // Outliers (an arm, a glare) must not affect the fit; in the first round none are known.
     double weight = 1;
     if (fitted_) weight = std::min(1.0, kFarOff * scatter_[view] / std::max(std::abs(left_over(view, s, terms)), 1e-9));
     Eigen::Matrix<double, kTerms, 1> row;

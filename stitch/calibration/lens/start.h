@@ -19,13 +19,13 @@ struct PointPair {
   Eigen::Vector2d pattern;
 };
 
-/// A lens and where the pattern stood in each photograph.
+/// A lens, and the pattern's pose in each photograph.
 struct Arrangement {
   LensParameters lens;
   std::vector<Pose> poses;
 };
 
-/// What a photograph's pairs say without knowing the lens: two rows of the rotation and of t, of one of two
+/// A photograph's pose as far as it is known without the lens: two rows of the rotation and of t, with one of two
 /// signs.
 struct RadialPose {
   Eigen::Matrix<double, 2, 3> rows;  ///< (x, y) in the head's frame = rows (X, Y, 1), in pattern widths
@@ -34,7 +34,7 @@ struct RadialPose {
   double tilt() const;  ///< rad, between the pattern's normal and the lens's axis
 };
 
-/// The pose most pairs agree with; nothing when fewer than kLeastPairs do. `center` and `aspect` as guessed.
+/// The pose that most pairs fit; nothing when fewer than kLeastPairs do. `center` and `aspect` are the guesses.
 inline constexpr int kLeastPairs = 20;
 std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
                                       double tolerance_px);
@@ -48,8 +48,8 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
 /// the first six turn and move its pose.
 Arrangement moved(const Arrangement& arrangement, const Eigen::VectorXd& step, int own);
 
-/// Moves the arrangement to put the pattern's points where the photographs show them, and drops the pairs that
-/// then are far off. `fixed_lens` marks lens parameters that are not sought. Returns the median distance before
+/// Fits the arrangement to the point pairs by least squares, and drops the pairs that are outliers
+/// then. `fixed_lens` marks lens parameters that are held. Returns the median distance before
 /// dropping, px.
 double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::vector<bool>& fixed_lens,
                         double huber_px, Arrangement& arrangement);

@@ -46,7 +46,7 @@ Status check_sets(const Calibration& prior, const std::vector<ExposedSet>& sets)
   return {};
 }
 
-/// Which heads hang together by the rays they share: the largest such family.
+/// The largest set of heads that are connected by shared rays.
 std::vector<bool> placed_heads(const LightGroups& groups, std::size_t heads) {
   std::vector<std::vector<int>> together(heads, std::vector<int>(heads, 0));
   for (std::size_t g = 0; g < groups.size(); ++g) {
@@ -93,7 +93,7 @@ LightGroups only(const LightGroups& groups, Wanted&& wanted) {
   return kept;
 }
 
-/// Whether the sets' stops can say anything about a response. Errors: kBadValue when they are all alike.
+/// Whether the sets' stops determine a response. Errors: kBadValue when they are all equal.
 Result<bool> stops_known(const std::vector<ExposedSet>& sets) {
   double least = HUGE_VAL, most = -HUGE_VAL;
   for (const ExposedSet& set : sets) {
@@ -167,7 +167,7 @@ LightModel model_of(const Calibration& prior) {
   return model;
 }
 
-/// Puts the model into the calibration. A fall-off the document refuses is left out, and it is said.
+/// Puts the model into the calibration. A fall-off that the document refuses is left out, with a note.
 void fill_heads(const LightModel& model, const std::vector<bool>& placed, LightReport& report) {
   for (std::size_t h = 0; h < report.calibration.heads.size(); ++h) {
     HeadCalibration& head = report.calibration.heads[h];

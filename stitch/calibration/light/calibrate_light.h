@@ -1,5 +1,5 @@
-// The heads' light (§4.3): gain, fall-off and response from what overlapping heads say of the same rays, and from
-// pictures of the same scene under known exposures.
+// The heads' radiometry (§4.3): gain, fall-off and response from the values that overlapping heads have for the same rays,
+// and from pictures of the same scene under known exposures.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ struct LightReport {
   double sigma_gamma = 0;                    ///< of a gamma curve
   double response_left_stops = 0;            ///< rms left over between exposures
   double before_stops = 0, after_stops = 0;  ///< rms over all rays that are shared
-  std::vector<std::string> notes;            ///< what a person should know, one sentence each
+  std::vector<std::string> notes;            ///< remarks for the user, one sentence each
 };
 
 /// Gains and fall-off come from the overlaps; the response only from sets with at least two different known stops

@@ -15,7 +15,7 @@ namespace nodal::calibration {
 namespace {
 
 constexpr solve::Huber kHuber{1.5};  // scatters
-constexpr double kLoosely = 4;       // weight of "no fall-off" where nothing else says
+constexpr double kLoosely = 4;       // weight of "no fall-off" where the data do not determine it
 constexpr double kHeld = 1e6;        // weight of what must not move, and of which the data say nothing
 constexpr double kLeastLight = 1e-4;
 constexpr double kLeastFall = 0.02;
@@ -120,8 +120,8 @@ solve::Evaluation sum_of(const LightGroups& groups, Eigen::Index unknowns, const
 constexpr solve::DescentOptions kDescent{
     .most_steps = 60, .enough = 1e-14, .first_damping = 1e-9, .least_damping = 1e-9};
 
-/// moved(state, step), the step halved until it leads to a state that can be: a damped step would turn towards the edge of
-/// what can be, and the descent would end there.
+/// moved(state, step), with the step halved until the state is valid: a damped step would turn towards the border of
+/// valid states, and the descent would end there.
 template <class State, class Move, class Possible>
 State moved_within(const State& from, Eigen::VectorXd step, Move&& moved, Possible&& possible) {
   constexpr int kMostHalvings = 20;

@@ -1,4 +1,4 @@
-// Least squares on logarithms of light: whatever saw one light must have decoded to one value.
+// Least squares on logarithms of light: all observations of one light must decode to the same value.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +17,7 @@ struct LightModel {
   std::vector<std::array<double, 3>> vignetting;  ///< alike for all when shared
 };
 
-/// How far apart observations of one light are under a model, natural logarithms.
+/// The spread of observations of one light under a model, natural logarithms.
 struct Disagreement {
   double rms = 0;                ///< weighted
   std::vector<double> head_rms;  ///< of each head's observations
@@ -33,8 +33,8 @@ struct ResponseFit {
 };
 ResponseFit fit_response(const LightGroups& same_places);
 
-/// Seeks gains and fall-off of the heads that `placed` marks, with their responses as they are. The mean of their
-/// log gains stays. The others take no part, and `shared_rays` must hold nothing of theirs.
+/// Fits gains and fall-off of the heads that `placed` marks, with their responses held. The mean of their
+/// log gains is kept. The others take no part, and `shared_rays` must hold none of their observations.
 struct LightFreedom {
   std::vector<bool> placed;
   bool own_vignetting = false;

@@ -45,7 +45,7 @@ double fall_off_radius(const HeadCalibration& head);
 LightGroups shared_rays(const std::vector<geometry::Head>& heads, const std::vector<ExposedSet>& sets);
 
 /// Places spread evenly over each head's picture, each by all sets whose stops are known. The scene must stand still;
-/// what moves is left to the fit, which does not believe outliers.
+/// the fit rejects moving things as outliers.
 LightGroups same_places(const std::vector<geometry::Head>& heads, const std::vector<ExposedSet>& sets);
 
 }  // namespace nodal::calibration

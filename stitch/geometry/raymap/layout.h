@@ -12,7 +12,7 @@
 
 namespace nodal::geometry {
 
-/// What every layout can say, whatever its shape. Width and height are those of the picture that carries it;
+/// The interface of all layouts. Width and height are those of the picture that holds the layout;
 /// a picture may have pixels that hold no ray.
 ///
 /// Threading: immutable; any thread.
@@ -54,8 +54,8 @@ inline constexpr int kMaxRaymapSide = 32768;
 /// Names that make_layout() knows.
 std::vector<std::string_view> layout_names();
 
-/// Errors: kUnsupported for a name nobody knows (says which are), kBadValue for a size the layout cannot have
-/// (says the nearest that it can).
+/// Errors: kUnsupported for an unknown name (lists the known ones), kBadValue for a size the layout cannot have
+/// (names the nearest possible one).
 Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view name, int width, int height);
 
 }  // namespace nodal::geometry
