@@ -1,5 +1,5 @@
-// What every command of `nodal` is made from: options that all share, a rig to talk to, and the table of
-// commands that main, completion and the manual page's test all read.
+// The common part of nodal's commands: shared options, the connection to a rig, and the table of
+// commands that main, completion and the manual page's test read.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -17,7 +17,7 @@
 
 namespace nodal::host {
 
-/// What a command gets to work with.
+/// The context of a command.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns nothing of the console.
@@ -27,9 +27,9 @@ class Context {
   explicit Context(Console& console) : console_(console) {}
 
   Console& console() { return console_; }
-  /// A new conversation with the rig that --rig names.
+  /// A new connection to the rig that --rig names.
   Result<std::unique_ptr<RigConnection>> connect();
-  /// Connects, asks this one question and hangs up.
+  /// Connects, sends one request, and disconnects.
   Result<wire::Reply> ask(const wire::Request& request);
 
   // Set from the command line before a command runs.
@@ -37,10 +37,10 @@ class Context {
   std::string timeout = "10s";
   bool json = false;
 
-  /// What connect() does instead when it is set, for tests: a conversation over a link of their own.
+  /// Replaces connect() when set: tests connect over a link of their own.
   std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
 
-  /// For a command that did its work and whose answer is no: what the shell is told then.
+  /// The exit code of a command that succeeded with a negative result.
   ExitCode answer = ExitCode::kOk;
 
  private:
@@ -54,18 +54,18 @@ class CommandLine {
  public:
   explicit CommandLine(Console& console);
 
-  /// Parses, runs, and says whether standard output took the answer. Exceptions end here.
+  /// Parses and runs; the exit code also reports a failed standard output. Catches all exceptions.
   ExitCode run(int argc, const char* const* argv);
 
   CLI::App& app() { return app_; }
   Context& context() { return context_; }
-  /// What `command` does when it is the one asked for.
+  /// Sets the action of `command`.
   void on(const CLI::App* command, Action action) { actions_[command] = std::move(action); }
 
  private:
   ExitCode parse_and_dispatch(int argc, const char* const* argv);
   ExitCode dispatch();
-  /// The exit code when standard output may have failed: said on standard error, but for a reader that went away.
+  /// The exit code when standard output may have failed, with a message on standard error unless the reader went away.
   ExitCode with_lost_output(ExitCode code);
 
   Console& console_;
@@ -97,7 +97,7 @@ void add_calibration_diff(CLI::App& group, CommandLine& line);
 void add_calibrate_light(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
-/// The document of a setting that the rig confirmed, with a warning when the setting will not survive a restart.
+/// Prints a setting that the rig confirmed, with a warning when it will not survive a restart.
 void show_setting(Console& console, Json document, const wire::Reply& reply);
 
 /// A command with the help text's examples below its options.

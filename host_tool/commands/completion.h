@@ -1,4 +1,4 @@
-// Scripts that make a shell complete `nodal`, made from the command line itself so that they never lag behind.
+// Shell completion scripts for `nodal`, generated from the command line itself so that they are always up to date.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -7,7 +7,7 @@
 
 namespace nodal::host {
 
-/// A command of the tree below an app: how it is called, and what may follow.
+/// A command of the tree below an app: its words and its options.
 struct CommandWords {
   std::vector<std::string> path;  ///< {"calibration", "upload"}; empty for `nodal` itself
   std::string description;

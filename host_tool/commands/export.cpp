@@ -21,7 +21,7 @@ struct Args {
   bool square_pixels = false;
 };
 
-/// What files of a format are called when nobody says.
+/// The default file name of a format.
 std::string extension_of(const std::string& format) {
   if (format == "opencv" || format == "kalibr") return ".yaml";
   if (format == "surround360") return ".json";

@@ -87,7 +87,7 @@ Status run_show(Context& context) {
   return ask_and_show(context, **rig, request);
 }
 
-/// The index of the head that is called so; -1 for "none".
+/// The index of the head with this name; -1 for "none".
 Result<std::int32_t> anchor_of(RigConnection& rig, const std::string& name) {
   if (name == "none") return -1;
   wire::Request request;

@@ -21,7 +21,7 @@ struct Args {
   double margin_mm = 10;
 };
 
-/// What --size names: paper, or a screen's pixels.
+/// The value of --size: a paper size, or a screen's pixels.
 struct Size {
   double width_mm = 0, height_mm = 0;  ///< 0 for a screen
   calibration::PatternSpec spec;

@@ -1,4 +1,4 @@
-// A raymap as it came over the link, and the files that are made of it.
+// A raymap as received, and the files that are made from it.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ enum class RaymapFormat { kJpg, kPng, kRaw };
 
 /// "jpg", "png", "raw". Errors: kBadValue.
 Result<RaymapFormat> parse_raymap_format(std::string_view text);
-/// By a file name's end; nothing known is an error that lists what is.
+/// By a file name's extension; an unknown one is an error that lists the known ones.
 Result<RaymapFormat> raymap_format_of_name(std::string_view name);
 
 struct ReceivedRaymap {
@@ -28,7 +28,7 @@ struct ReceivedRaymap {
 /// rig makes, kUnsupported for a coding that is not known.
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header);
 
-/// Refuses what does not hold together: a size that is not what the coding says, a JPEG without its ends.
+/// Refuses inconsistent raymaps: a size that does not match the coding, a JPEG without start or end marker.
 /// Errors: kBadFormat, kTruncated, kUnsupported.
 Status check_raymap(const ReceivedRaymap& raymap);
 

@@ -38,7 +38,7 @@ Result<std::uint64_t> parse_count(std::string_view text) {
   return count;
 }
 
-/// What a pull has come to so far.
+/// The counts of a pull so far.
 struct Tally {
   std::uint64_t pulled = 0;
   std::uint64_t incomplete = 0;  ///< passed over, since a head is missing in them
@@ -67,7 +67,7 @@ struct Tally {
   }
 };
 
-/// Puts a raymap's pieces together.
+/// Assembles a raymap from its pieces.
 class Assembly {
  public:
   explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
@@ -103,7 +103,7 @@ class Assembly {
   BulkItemBytes bytes_;
 };
 
-/// Where raymaps go, and as what.
+/// The destination and format of raymaps.
 struct Sink {
   std::string pattern;  ///< "-": standard output
   RaymapFormat format = RaymapFormat::kJpg;
@@ -186,7 +186,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
   console.line(text + "; the last is " + last_name);
 }
 
-/// One pull, from the rig's first piece to the sum.
+/// One pull, from the first piece to the summary.
 class Pull {
  public:
   Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
@@ -200,7 +200,7 @@ class Pull {
         progress_(console, "raymap", endless_ ? 0 : args.count),
         assembly_(sink.format == RaymapFormat::kJpg) {}
 
-  /// Until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
+  /// Runs until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
   Status run() {
     const double until =
         args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
@@ -224,7 +224,7 @@ class Pull {
  private:
   static constexpr Duration kRemindAfter = Duration::seconds(10);
 
-  /// What came of it. Ctrl-C is the usual end of --continuous; any other pull that it ends was not done (`early`).
+  /// Prints the summary. Ctrl-C is the normal end of --continuous; any other pull that it ends is incomplete (`early`).
   Status conclude(bool early) {
     if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
     if (interrupted() && !args_.continuous && !enough() && early) {
@@ -330,7 +330,7 @@ Status run(Context& context, const Args& args) {
   wire::Request request;
   wire::PullRequest& wanted = *request.mutable_pull();
   wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
-  wanted.set_count(0);  // this end stops when it has enough: what is dropped on the way does not count
+  wanted.set_count(0);  // this end counts and stops: raymaps dropped on the way must not count
   wanted.set_lossless(args.lossless);
   const Result<StreamId> stream = start_pull(**rig, request, context.console());
   if (!stream) return fail(stream.error());

@@ -93,7 +93,7 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                            show_duration(status.uptime_ns() - newest.at_ns())));
 }
 
-/// One line for --watch where nobody redraws.
+/// One line for --watch when standard output is no terminal.
 std::string one_line(const wire::RigStatus& status) {
   return fmt::format("{}  raymaps {} at {}/s  genlock {} spread {}  frames {} in sets {}  losses: {}", status.state(),
                      status.raymaps(), show_rate(status.rate_millihertz()), status.genlock().state(),
@@ -127,7 +127,7 @@ Status run(Context& context, const Args& args) {
     }
     ++shown;
     if (!args.watch || shown == args.count || console.output_gone()) return {};
-    // Nothing is expected on streams: this waits, and sees the link go down at once.
+    // No stream is open: this only waits, and detects at once when the link goes down.
     const Status waited = (*rig)->rest(*interval);
     if (endless && interrupted()) return {};
     if (!waited) return fail(waited.error());

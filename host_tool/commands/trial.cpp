@@ -15,7 +15,7 @@ namespace {
 constexpr int kUploadAttempts = 4;
 constexpr double kLeastFall = 0.001;  // share of the objective; the same calibration twice is no better
 
-/// Until the trial has come to an end that the rig knows of.
+/// Ends the trial on the rig in its destructor, unless it was ended before.
 class TrialUnderWay {
  public:
   TrialUnderWay(RigConnection& rig, const Calibration& tried) : rig_(rig) {
@@ -25,7 +25,7 @@ class TrialUnderWay {
   TrialUnderWay(const TrialUnderWay&) = delete;
   TrialUnderWay& operator=(const TrialUnderWay&) = delete;
   ~TrialUnderWay() {
-    if (!ended_) (void)end(false);  // when the rig does not hear it, its own clock says the same
+    if (!ended_) (void)end(false);  // if the rig does not receive it, the trial's time limit has the same effect
   }
 
   Status end(bool keep) {

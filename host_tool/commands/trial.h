@@ -1,4 +1,4 @@
-// A calibration on trial: the rig runs it, this end judges it, the rig goes back by itself when it hears nothing.
+// A calibration on trial: the rig runs it, the host judges it; without an answer the rig goes back by itself.
 #pragma once
 
 #include "host_tool/commands/command.h"

@@ -1,4 +1,4 @@
-// What to say to somebody whose command line is not understood.
+// Messages for command lines that are not understood.
 #pragma once
 
 #include <CLI/App.hpp>

@@ -1,5 +1,5 @@
-// What the user sees: answers on standard output, everything else on standard error, colour only where
-// somebody looks.
+// The output to the user: answers on standard output, everything else on standard error, colour only on
+// a terminal.
 #pragma once
 
 #include <cstdint>
@@ -47,7 +47,7 @@ class Console {
   /// Remarks on standard error: what was done on the way, notes, warnings.
   void note(std::string_view text);
   void warning(std::string_view text);
-  /// The one clear error; with --json also as {"error": {...}} on standard output.
+  /// The error of a command that failed; with --json also as {"error": {...}} on standard output.
   void error(const Error& error);
   /// What error() writes to standard error, and with --json to standard output; for a signal handler.
   std::string error_text(const Error& error) const;
@@ -62,7 +62,7 @@ class Console {
   /// A line on standard error that is drawn over, as progress is; ends with finish_progress().
   void progress(std::string_view text);
   void finish_progress();
-  /// What a rig says it is doing, when that is news.
+  /// The rig's current activity, when it changed.
   void activity(const std::string& text);
 
  private:
@@ -100,7 +100,7 @@ class Table {
 /// How far a job has come: a bar that is redrawn on a terminal, a line every few seconds elsewhere.
 class Progress {
  public:
-  /// `total` 0: nobody knows how much there is.
+  /// `total` 0: the total is unknown.
   Progress(Console& console, std::string what, std::uint64_t total);
   ~Progress();
   Progress(const Progress&) = delete;

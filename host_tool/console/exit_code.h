@@ -1,4 +1,4 @@
-// What `nodal` says to the shell. Scripts depend on these numbers: they are never renumbered.
+// nodal's exit codes. Scripts depend on these numbers: they are never renumbered.
 #pragma once
 
 #include <array>

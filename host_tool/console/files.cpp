@@ -113,7 +113,7 @@ Result<std::string> read_file(const std::string& path, std::size_t limit) {
 }
 
 Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability) {
-  // What is no ordinary file (/dev/null, a pipe) cannot be replaced: it is written to.
+  // A file that is not regular (/dev/null, a pipe) cannot be replaced: it is written to.
   struct stat info {};
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     if (S_ISDIR(info.st_mode)) return system_error(path, EISDIR);

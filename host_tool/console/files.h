@@ -1,4 +1,4 @@
-// Files of the host, written so that a reader sees the old one or the whole new one, never a half.
+// Files of the host, replaced atomically: a reader sees the old one or the whole new one.
 #pragma once
 
 #include <cstdint>

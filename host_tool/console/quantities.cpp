@@ -43,7 +43,7 @@ std::optional<double> ns_per(std::string_view unit) {
   return std::nullopt;
 }
 
-constexpr double kLongestNs = 86'400e9;  // a day: past it somebody mistook the unit
+constexpr double kLongestNs = 86'400e9;  // a day: a longer time is a wrong unit
 
 tl::unexpected<Error> bad(std::string_view what, std::string_view text, std::string_view allowed) {
   return fail(Errc::kBadValue, fmt::format("{} '{}': write it as {}", what, text, allowed));

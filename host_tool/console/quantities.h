@@ -1,4 +1,4 @@
-// What people write for exposures, gains and rates, and how they are shown again. A number without its unit
+// Parsing and formatting of exposures, gains and rates for users. A number without a unit
 // is refused where two units are in use.
 #pragma once
 
@@ -26,7 +26,7 @@ Result<std::uint32_t> parse_stops(std::string_view text);
 /// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
 Result<FrameRate> parse_rate(std::string_view text);
 
-/// Without its sign, of the lowest number, too, whose negative does not fit.
+/// The absolute value; also of the lowest number, whose negative does not fit.
 constexpr std::uint64_t magnitude(std::int64_t ns) {
   return ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
 }

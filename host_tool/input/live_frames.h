@@ -11,7 +11,7 @@
 
 namespace nodal::host {
 
-/// Errors: kUnsupported when the rig's nodald does not say that it has the feature; `what` is what wants it.
+/// Errors: kUnsupported when the rig's nodald does not report the feature; `what` names the user of it.
 Status require_feature(const RigConnection& rig, const std::string& feature, const std::string& what);
 
 /// Errors: kNotFound when none is in force; those of the conversation.
@@ -23,7 +23,7 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 ///   kOverload when the rig has no time; those of the conversation.
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
-/// What stands around a head, told by the rig's frames.
+/// Frame sets that a live registration takes: the default, and the most.
 inline constexpr int kLiveSets = 3;
 inline constexpr int kMostLiveSets = 64;
 

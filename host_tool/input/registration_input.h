@@ -1,4 +1,4 @@
-// What a registration starts from: pictures in files, and a rig's geometry as its data sheet has it.
+// The input of a registration: pictures in files, and a rig's geometry by its data sheet.
 #pragma once
 
 #include <string>

@@ -29,7 +29,7 @@ class HtmlReport {
 
   void heading(std::string_view text);
   void paragraph(std::string_view text);
-  /// What a person should not overlook.
+  /// A warning, shown prominently.
   void warning(std::string_view text);
   /// Cells that look like numbers stand to the right.
   void table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows);

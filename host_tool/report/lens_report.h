@@ -1,4 +1,4 @@
-// What `calibrate lens` found, as a page to look at.
+// The result of `calibrate lens` as an HTML page.
 #pragma once
 
 #include <string>

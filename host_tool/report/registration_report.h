@@ -1,4 +1,4 @@
-// What a registration found, as a page to look at.
+// The result of a registration as an HTML page.
 #pragma once
 
 #include <string>

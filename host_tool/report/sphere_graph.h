@@ -1,4 +1,4 @@
-// A drawing of what heads share: each where it looks on the unrolled sphere, joined to those it overlaps with.
+// A drawing of the heads' overlaps: each head at its direction on a map of the sphere, joined to those it overlaps with.
 #pragma once
 
 #include <cstddef>

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kLeft = 80, kTop = 64, kWide = 760, kHigh = 360, kRight = 280, kBelow = 64;
 
-/// Told apart by people who see colours differently too (Okabe and Ito).
+/// Colours that colour-blind people can distinguish too (Okabe and Ito).
 constexpr std::array<std::string_view, 8> kColours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                                    "#e69f00", "#56b4e9", "#000000", "#999999"};
 struct Band {

@@ -1,4 +1,4 @@
-// How well a rig's heads were exposed together, over many sets: from the evidence that each set carries.
+// The simultaneity of a rig's exposures over many sets, from the timing evidence of each set.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ class SyncReport {
   explicit SyncReport(std::vector<std::string> head_names) : names_(std::move(head_names)) {}
 
   void add(const wire::RaymapHeader& set);
-  /// Sets the rig made and this end did not take in time.
+  /// Sets that the rig dropped because this end was too slow.
   void set_dropped(std::uint64_t dropped) { dropped_ = dropped; }
   std::size_t sets() const { return sets_.size(); }
 

@@ -10,7 +10,7 @@
 
 namespace nodal::host {
 
-/// Memory grows with the bytes that came (to at most twice as much), never with the length that the rig announced.
+/// Memory grows with the bytes received (to at most twice as much), not with the length that the rig announced.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the bytes until take().

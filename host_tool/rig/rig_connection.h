@@ -1,4 +1,4 @@
-// A conversation with a rig: the protocol's session over a link, driven from one thread that waits.
+// A connection to a rig: the protocol's session over a link, driven by one thread that waits.
 #pragma once
 
 #include <functional>
@@ -41,8 +41,8 @@ class RigConnection {
   /// Sends the request under a new id and waits for its answer. An error the rig answers is an error here.
   Result<wire::Reply> ask(wire::Request request);
 
-  /// The same for what may take long, such as compiling a table: as long as the rig answers at all, its answer is
-  /// waited for, and `meanwhile` is told every second how the rig is.
+  /// The same for requests that may take long, such as compiling a table: waits as long as the rig still answers
+  /// status requests; `meanwhile` gets the rig's status every second.
   Result<wire::Reply> ask_long(wire::Request request, const std::function<void(const wire::RigStatus&)>& meanwhile);
 
   /// How long the rig may take to answer, and how long it may be silent: --timeout.
@@ -67,9 +67,9 @@ class RigConnection {
  private:
   RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience, WaitForLink wait);
   Status say_hello();
-  /// Puts answers where ask() looks for them; those to questions that nobody asked, or gave up, are dropped.
+  /// Sorts replies by request for ask(); drops those without a waiting request.
   void sort_answers();
-  /// Asks a rig that has been silent for a while for its status; an error when it stays silent.
+  /// Requests the status of a rig that has been silent for a while; an error when it stays silent.
   Status check_alive();
   /// Moves bytes both ways once; waits at most so long when there was nothing to move.
   Status step(Duration at_most);

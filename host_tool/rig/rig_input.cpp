@@ -11,7 +11,7 @@
 namespace nodal::host {
 namespace {
 
-/// Goes through a message and keeps the first thing that is wrong with it.
+/// Checks a message and keeps the first error.
 class Check {
  public:
   void name(std::string* text) { *text = printable(*text, kMaxNameBytes); }

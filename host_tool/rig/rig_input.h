@@ -1,5 +1,5 @@
-// What a rig sends, before a command sees it. A rig may be broken or hostile: every list has a limit, and every text is
-// made fit for a terminal.
+// Checks of a rig's messages before a command uses them. A rig may be broken or hostile: every list has a limit, and
+// every text is made printable.
 #pragma once
 
 #include "protocol/base/result.h"

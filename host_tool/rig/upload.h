@@ -1,4 +1,4 @@
-// Sends a document to the rig; goes on where it stopped when the link is lost on the way.
+// Uploads a document to the rig; resumes when the link was lost.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@
 
 namespace nodal::host {
 
-/// A new conversation with the same rig.
+/// Makes a new connection to the same rig.
 using Reconnect = std::function<Result<std::unique_ptr<RigConnection>>()>;
 
 struct Uploaded {
