@@ -1,4 +1,4 @@
-// Ctrl-C while `nodal` computes: it ends at once, says so, and writes nothing.
+// Ctrl-C while `nodal` computes: it ends at once, with a message, and writes no file.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -14,7 +14,7 @@
 
 namespace nodal::command_line {
 
-/// Listens on a Unix socket and speaks to one host at a time, frame by frame, without a session's checks.
+/// Listens on a Unix socket and serves one host at a time, frame by frame, without a session's checks.
 ///
 /// Threading: thread-bound; step() does what there is to do now.
 /// Ownership: the socket goes with the object.

@@ -15,7 +15,7 @@
 
 namespace nodal::hal {
 
-/// A place with one head that nobody has opened yet, whose frames come by themselves in free run.
+/// A place with one head that is not open yet, whose frames come by themselves in free run.
 class HeadWorld {
  public:
   virtual ~HeadWorld() = default;

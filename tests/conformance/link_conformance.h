@@ -26,7 +26,7 @@ class LinkWorld {
   virtual void wait_readable(LinkPort& link) = 0;
   virtual void wait_writable(LinkPort& link) = 0;
   virtual void wait_knocking() = 0;
-  /// Of the process that connect() is called in, as the rig's end must tell it; nothing where the system does not.
+  /// The process that calls connect(), as the rig's end must report it; nothing where the kernel does not.
   virtual std::optional<PeerIdentity> host_identity() const = 0;
 };
 

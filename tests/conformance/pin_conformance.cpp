@@ -20,7 +20,7 @@ class PinWorld {
   virtual ~PinWorld() = default;
   virtual OutputPinPort& output() = 0;
   virtual bool safe_level() const = 0;
-  /// The output's level as somebody else measures it.
+  /// The output's level, measured outside the port.
   virtual bool output_wire() = 0;
   virtual InputPinPort& input() = 0;
   /// Somebody else drives the input, which began low.
@@ -100,7 +100,7 @@ TEST_P(PinConformance, InputDriven_EveryEdgeComesOnceInOrderOfTime) {
   for (int i = 0; i < 20; ++i) {
     world_->drive_input(i % 2 == 0);
     world_->pass(Duration::milliseconds(10));
-    if (i % 3 != 0) continue;  // edges wait for whoever is late
+    if (i % 3 != 0) continue;  // edges wait until they are taken
     while (auto edge = world_->input().take_edge().value()) seen.push_back(*edge);
   }
   while (auto edge = world_->input().take_edge().value()) seen.push_back(*edge);

@@ -1,4 +1,4 @@
-// What every WatchdogPort must hold: whoever supervises hears what was said, in order. An implementation takes part
+// The conformance of every WatchdogPort: the supervisor gets all notifications in order. An implementation takes part
 // by a world that listens.
 #include <gtest/gtest.h>
 #include <sys/socket.h>

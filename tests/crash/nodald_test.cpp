@@ -98,7 +98,7 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   EXPECT_GT(new_ones, 0);
 }
 
-/// A fifo that nobody writes to: whoever opens it to read hangs.
+/// A fifo without writer: open() for reading blocks.
 void make_fifo(const std::filesystem::path& file) { ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0); }
 
 /// The process is killed, and the code another, when it does not end by itself.

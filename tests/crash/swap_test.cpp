@@ -107,7 +107,7 @@ void kill_everywhere(const std::function<void(Keeping&)>& arrange, const std::fu
     const Status done = act(keeping);
     ASSERT_TRUE(disk.dead()) << k;
     const std::string when = "killed in operation " + std::to_string(k) + " of " + std::to_string(operations);
-    // A rig that was told it is done may not find the old one afterwards.
+    // After a reply of success the rig must not find the old one.
     const std::optional<Sha256> may_be_old = done ? std::optional<Sha256>(fresh) : old;
     expect_either(disk.after_kill(), may_be_old, fresh, when + ", program only");
     for (int seed = 0; seed < seeds; ++seed) {

@@ -119,7 +119,7 @@ TEST_F(GroundTruth, RaymapOnBoard_IsAsNearToTheTrueSphereAsBilinearMixingAllows)
   const Score got = score_of(raymap);
   RecordProperty("psnr_db", std::to_string(got.psnr_db));
   // Measured 36.65. Hugin with the true rig and its vignetting optimizer gets 31.6, 4x4 Catmull-Rom 36.9: less
-  // is a fault, and so would be more that nobody can explain.
+  // is a fault, and so would be unexplained improvement.
   EXPECT_GE(got.psnr_db, 36.6);
   EXPECT_LE(got.psnr_db, 36.75);
 }

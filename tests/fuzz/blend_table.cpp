@@ -33,7 +33,7 @@ HeadCalibration square_head(int side, const std::array<double, 9>& rotation) {
   return head;
 }
 
-/// Heads that look forward, right, back and left; nobody looks up or down.
+/// Heads that look forward, right, back and left; none looks up or down.
 Calibration ring(int side) {
   Calibration rig;
   rig.name = "ring";

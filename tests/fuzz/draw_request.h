@@ -6,7 +6,7 @@
 
 namespace nodal::fuzz {
 
-/// One request of any kind of wire::Request; half of them also have fields that nobody knows, in the request or in
+/// One request of any kind of wire::Request; half of them also have unknown fields, in the request or in
 /// the message within it, up to what a request frame may hold.
 wire::Request draw_request(ByteReader& in);
 

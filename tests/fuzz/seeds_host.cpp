@@ -1,4 +1,4 @@
-// Writes the seeds of rig_replies, png and jpeg into corpus/: one honest conversation for every command, and lies of every
+// Writes the seeds of rig_replies, png and jpeg into corpus/: one honest conversation for every command, and invalid frames of every
 // kind. Run it again when commands or messages changed: fuzz_seeds_host tests/fuzz/corpus
 #include <climits>
 #include <cstdio>

@@ -1,4 +1,4 @@
-// Many hosts, some of them greedy, silent or slow: whoever behaves is served.
+// Many hosts, some of them greedy, silent or slow: the others are served.
 #include <gtest/gtest.h>
 
 #include <array>

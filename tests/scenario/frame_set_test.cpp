@@ -127,7 +127,7 @@ TEST(FrameSets, AHostThatDoesNotRead_HoldsUpNoRaymapAndNobodyForLong) {
   const wire::RigStatus before = other.status();
   stand.run(Duration::seconds(1));
   EXPECT_GE(other.status().raymaps(), before.raymaps() + 20);
-  // While it goes out, others are told to wait, but not for long by one that does not read at all.
+  // While it is sent, others get kBusy, but not for long because of one that does not read at all.
   wire::Reply waits = ask_set(other);
   EXPECT_TRUE(waits.has_pull() || waits.error().code() == static_cast<std::uint32_t>(Errc::kBusy));
   stand.run(firmware::FrameSender::kGrace + Duration::seconds(1));

@@ -153,7 +153,7 @@ TEST(Genlock, RatesWhoseProductsExceed64Bits_AreReducedOrRefused) {
   EXPECT_NEAR(static_cast<double>(stand.capture().full_sets - sets), 10, 1);
 }
 
-// The clock goes on while a board is suspended; whoever wakes up has a day of pulses and exposures behind it.
+// The clock goes on while a board is suspended; after it a day of pulses and exposures has passed.
 TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
   Stand stand;
   TestHost& host = stand.bring_up();

@@ -1,4 +1,4 @@
-// Places for hosts: kept by socket and by user, so that nobody pushes out another one's.
+// Places for hosts: counted by socket and by user, so that no user takes another one's.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -45,7 +45,7 @@ class TestHost {
   wire::Heads heads();
   /// Begins, sends and commits.
   wire::Reply upload(const std::string& document);
-  /// Begins and sends, without a commit; the offset that the rig told.
+  /// Begins and sends, without a commit; the offset that the rig reported.
   std::uint64_t send_document(const std::string& document);
   /// Starts a pull; its stream, or 0 when it was refused (see `refusal`).
   StreamId pull(bool jpeg, std::uint64_t count, bool lossless = false);
@@ -58,7 +58,7 @@ class TestHost {
   const Error* farewell() const { return session_.error(); }
 
   std::map<StreamId, std::vector<Pulled>> pulled;
-  std::map<StreamId, std::uint64_t> dropped;  ///< told with the newest piece, or at the end
+  std::map<StreamId, std::uint64_t> dropped;  ///< as reported with the newest piece, or at the end
   std::map<StreamId, std::optional<Error>> closed;
   wire::Error refusal;
   bool reading = true;  ///< false: a host that is stuck

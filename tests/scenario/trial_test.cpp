@@ -1,4 +1,4 @@
-// A calibration on trial: kept when a host says so, and gone by itself whenever nobody does.
+// A calibration on trial: kept on a host's request, and undone by the rig without one.
 #include <gtest/gtest.h>
 
 #include "protocol/upload.h"

@@ -1,4 +1,4 @@
-// The half of Swarm that decides what befalls whom, and times how it recovers.
+// The half of Swarm that plans the faults, and measures the time of recovery.
 #include <algorithm>
 
 #include "tests/sim/swarm.h"

@@ -23,7 +23,7 @@ namespace nodal::swarm {
 ///
 /// Threading: thread-bound.
 /// Ownership: what it is given outlives it.
-/// Errors: the oracle is told when the rig did not serve it within kServedWithin.
+/// Errors: the oracle gets a failure when the rig did not serve it within kServedWithin.
 class GoodClient {
  public:
   GoodClient(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, bool visitor,

@@ -42,7 +42,7 @@ class Host {
   void pump();
   bool dead() const { return line_.dead(); }
 
-  // What befalls its link.
+  // The link's faults.
   void split(std::uint32_t bytes);
   void reset() { link_.reset(); }
   void stall(bool stalled);

@@ -33,7 +33,7 @@ class Line {
   const std::vector<std::uint8_t>& recently_written() const { return recently_written_; }
 
   bool dead() const { return gone_ || session_.error(); }
-  /// Says and hears no more; the link closes with the object.
+  /// Sends and receives no more; the link closes with the object.
   void leave() { gone_ = true; }
 
  private:

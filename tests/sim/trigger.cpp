@@ -3,7 +3,7 @@
 namespace nodal::swarm {
 namespace {
 
-/// Edges nobody took: as many as the kernel keeps of a GPIO line, in periods.
+/// Edges that were not taken: as many as the kernel keeps of a GPIO line, in periods.
 constexpr std::size_t kEdgesKept = 64;
 
 }  // namespace

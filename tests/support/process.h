@@ -31,7 +31,7 @@ class Process {
   /// What it has said on standard output so far, and on standard error.
   std::string said();
   std::string complained();
-  /// Standard error holds a page from here on, for tests in which nobody reads it.
+  /// Standard error holds a page from here on, for tests that do not read it.
   void narrow() const;
   /// Its end; killed (code 137) when it takes longer.
   Finished wait(std::chrono::seconds at_most = std::chrono::seconds(60));
@@ -45,7 +45,7 @@ class Process {
 };
 
 /// Tries again every few milliseconds until it holds; false when that takes longer. For what other processes do:
-/// nobody is asked to sleep for a time that is hoped to be enough.
+/// without a fixed sleep.
 bool wait_until(const std::function<bool()>& holds, std::chrono::seconds at_most = std::chrono::seconds(60));
 
 }  // namespace nodal::test

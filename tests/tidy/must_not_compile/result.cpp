@@ -7,7 +7,7 @@ int use() {
   const nodal::Result<int> result = answer();
   if (!result) return static_cast<int>(result.error().code);
 #if MISUSE == 1
-  const int value = result;  // a result is not its value until somebody has looked
+  const int value = result;  // a result is not its value before it was checked
   return value;
 #elif MISUSE == 2
   return result.error().code;  // an error's number is not an integer by accident

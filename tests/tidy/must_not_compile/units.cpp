@@ -19,7 +19,7 @@ void use() {
 #if MISUSE == 1
   (void)(now + now);  // two moments have no sum
 #elif MISUSE == 2
-  takes_exposure(wait);  // a duration is not an exposure until somebody says so
+  takes_exposure(wait);  // a duration is no exposure without Exposure::of
 #elif MISUSE == 3
   takes_duration(3'000'000);  // a bare number has no unit
 #elif MISUSE == 4
@@ -32,6 +32,6 @@ void use() {
 #elif MISUSE == 7
   takes_exposure(Gain::millidecibels(6020));
 #elif MISUSE == 8
-  (void)(wait * wait);  // nanoseconds squared are nobody's unit
+  (void)(wait * wait);  // nanoseconds squared are no unit here
 #endif
 }

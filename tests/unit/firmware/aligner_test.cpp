@@ -200,7 +200,7 @@ TEST_F(AlignerTest, AHeadDoesMoreThanItWasAsked_ItIsBroughtBack) {
   add({});
   add({});
   periods(20);
-  heads[2].pending.back() = Duration::milliseconds(3);  // of an older request that nobody remembers
+  heads[2].pending.back() = Duration::milliseconds(3);  // of an older request, from before a restart
   periods(60);
   EXPECT_EQ(place(2), place(0));
 }

@@ -342,7 +342,7 @@ RC_GTEST_PROP(SimHead, AnyHistory_FramesAreConserved, (std::vector<std::uint8_t>
   }
 }
 
-/// A head before even light, whose curve is linear, so that a level tells what the exposure really was.
+/// A head before even light with a linear curve, so that a level is proportional to the true exposure.
 class SettingsInEffect : public StreamingHead, public testing::WithParamInterface<int> {
  protected:
   SettingsInEffect() : StreamingHead(TriggerMode::kFreeRun, with_latency(GetParam())) {}

@@ -14,7 +14,7 @@
 
 namespace nodal::host {
 
-/// The rig's half of a conversation over a simulated link: answers what a test tells it to.
+/// The rig's end of a connection over a simulated link: sends the answers that a test sets.
 class FakeRig {
  public:
   using Answer = std::function<std::optional<wire::Reply>(const wire::Request&)>;

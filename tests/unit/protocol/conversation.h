@@ -31,7 +31,7 @@ inline std::vector<Event> take_events(Session& session) {
   return events;
 }
 
-/// Everything the session has to say now.
+/// The session's whole output now.
 inline std::vector<std::uint8_t> take_output(Session& session) {
   std::vector<std::uint8_t> bytes;
   for (auto out = session.output(); !out.empty(); out = session.output()) {
@@ -57,8 +57,8 @@ struct Conversation {
   std::vector<Event> at_host;
   std::vector<Event> at_rig;
 
-  /// Lets bytes flow both ways until nobody has anything to say. A dead session's receive errors are left
-  /// for the test to look at.
+  /// Moves bytes both ways until neither end has output. Errors of a dead session are left
+  /// for the test to check.
   void run() {
     while (move(*host, *rig, at_rig) + move(*rig, *host, at_host) > 0) {}
   }

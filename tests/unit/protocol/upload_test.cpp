@@ -95,7 +95,7 @@ class HostSide {
   bool committed_ = false;
 };
 
-/// Lets host and rig talk until nobody says more or the link drops after `budget` bytes to the rig.
+/// Moves bytes between host and rig until neither has output, or the link drops after `budget` bytes to the rig.
 void talk_until(HostSide& host, RigSide& rig, std::size_t budget) {
   Session at_host(Role::kHost, make_hello("host"));
   Session at_rig(Role::kRig, make_hello("rig"));

@@ -1,5 +1,5 @@
 // The same head, the same noise, blur, tilt and uneven light: our pattern and calibration against a chessboard and
-// cv::calibrateCamera. Where Debian's python3-opencv is not installed, the test says so and skips.
+// cv::calibrateCamera. Where Debian's python3-opencv is not installed, the test is skipped with a message.
 #include <gtest/gtest.h>
 
 #include <array>

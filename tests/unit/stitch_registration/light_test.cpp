@@ -1,4 +1,4 @@
-// Gains and fall-off: what heads that share only their rims can tell, and what they cannot.
+// Gains and fall-off of heads that share only their rims: what is determined, and what is not.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// What a set's exposures become: highlights held back, who is trusted, and how well chroma is undone.
+// The tone of a set's exposures: compressed highlights, confidence in heads, and the accuracy of chroma.
 #include <gtest/gtest.h>
 
 #include <algorithm>
