@@ -17,7 +17,9 @@ enum class OutletPolicy : std::uint8_t {
   kLatest,    ///< only the newest of what waits is read; the older ones are missed
 };
 
-/// What a reader asks for when it registers. The numbers bound how many sets or raymaps it can hold at once, from which the
+/// What a reader asks for when it registers. A reader of frame sets never waits for a disk, a network or a host: a set holds
+/// buffers of the heads, and a head that was unplugged can be opened again only when all of its buffers are back. What may
+/// wait reads raymaps, or copies. The numbers bound how many sets or raymaps a reader can hold at once, from which the
 /// number of buffers is computed (kFramesAHead).
 struct OutletSpec {
   std::string_view name;  ///< for status, of static storage

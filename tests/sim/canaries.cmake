@@ -68,6 +68,9 @@ canary(asked_taken_for_done firmware/sync/aligner.cpp
 canary(field_at_its_frames_time firmware/picture/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")
 
+canary(stuck_reader_holds_the_publisher firmware/picture/encoder.cpp "if (published_.full()) return false\;"
+  "for (auto& outlet : outlets_) { if (outlet.full()) return false\; }")
+
 canary(idle_hosts_stay firmware/hosts/admission.cpp "all.size() > most_hosts\;" "all.size() > most_hosts + 100\;" HOSTILE)
 canary(silent_links_stay firmware/hosts/admission.cpp
   "all.size() > most_strangers\;" "all.size() > most_strangers + 100\;"

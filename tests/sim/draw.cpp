@@ -101,6 +101,11 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
     head.control_latency = static_cast<int>(random.below(4));
     nature.head.push_back(head);
   }
+  hal::sim::Random reader(seed, "reader");
+  if (reader.chance(250'000)) {
+    nature.reader = draw_reader(reader);
+    for (HeadNature& head : nature.head) head.buffers += static_cast<int>(firmware::held_at_most(nature.reader->sets));
+  }
   hal::sim::Random hostile(seed, "hostile");
   nature.hostile = wish.faults && (wish.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "hal/sim/scene/random.h"
 #include "protocol/calibration.h"
 #include "tests/sim/head.h"
+#include "tests/sim/reader.h"
 #include "tests/sim/trigger.h"
 
 namespace nodal::swarm {
@@ -88,6 +90,7 @@ struct Nature {
   int blend_every = 1;                   ///< of the sets, those that are blended
   TriggerNature trigger;
   std::vector<HeadNature> head;
+  std::optional<ReaderNature> reader;  ///< something else reads the sets and raymaps, too
 };
 
 struct Wish {

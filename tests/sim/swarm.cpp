@@ -35,6 +35,7 @@ Swarm::Swarm(std::uint64_t seed, const Wish& wish)
 Swarm::~Swarm() {
   hosts_.clear();
   crowd_.reset();
+  reader_.reset();
   rig_.reset();
 }
 
@@ -52,6 +53,7 @@ Outcome Swarm::run(Duration how_long) {
   if (!oracle_.failure() && rig_) {
     hosts_.clear();
     crowd_.reset();
+    reader_.reset();
     rig_->close();
     oracle_.after_event(*rig_, std::nullopt);
   }
@@ -111,6 +113,9 @@ void Swarm::step(Instant now) {
   if (now >= next_look_) {
     next_look_ = now + nature_.look_every;
     step_rest(now);
+  }
+  if (reader_) {
+    if (auto wrong = reader_->step(now)) oracle_.fail(std::move(*wrong));
   }
   oracle_.trace(static_cast<std::uint64_t>(now.ns()));
   oracle_.after_event(*rig_, capture_runs ? std::optional(now) : std::nullopt);
@@ -175,6 +180,7 @@ void Swarm::start_process() {
                                                             {},
                                                             nullptr},
                                          "a swarm");
+  if (nature_.reader) reader_ = std::make_unique<SecondReader>(*rig_, *nature_.reader, nature_.seed);
   looked_at_.reset();
   oracle_.new_process();
   genlocked_ = nature_.genlocked;
@@ -186,6 +192,7 @@ void Swarm::start_process() {
 void Swarm::end_process(bool power_lost) {
   ++outcome_.tally.kills;
   hosts_.clear();
+  reader_.reset();
   rig_.reset();
   disk_ = power_lost ? disk_->after_power_loss(random_.next()) : disk_->after_kill();
   auto store = firmware::CalibrationStore::open(*disk_);

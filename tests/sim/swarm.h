@@ -100,6 +100,7 @@ class Swarm {
   std::unique_ptr<hal::sim::SimLinkListener> listener_;
   std::unique_ptr<hal::sim::SimWatchdog> watchdog_;
   std::unique_ptr<firmware::Rig> rig_;
+  std::unique_ptr<SecondReader> reader_;
   std::vector<std::unique_ptr<Host>> hosts_;
   std::uint64_t hosts_made_ = 0;
   hal::sim::Random crowds_;       ///< when, and what a crowd is
