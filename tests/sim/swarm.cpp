@@ -110,12 +110,12 @@ void Swarm::step(Instant now) {
     while (rig_->step_blend()) {}
     while (rig_->step_encode()) {}
   }
+  if (reader_) {  // before control, which makes room in the publisher's outlet that the encoder sees in the next turn
+    if (auto wrong = reader_->step(now)) oracle_.fail(std::move(*wrong));
+  }
   if (now >= next_look_) {
     next_look_ = now + nature_.look_every;
     step_rest(now);
-  }
-  if (reader_) {
-    if (auto wrong = reader_->step(now)) oracle_.fail(std::move(*wrong));
   }
   oracle_.trace(static_cast<std::uint64_t>(now.ns()));
   oracle_.after_event(*rig_, capture_runs ? std::optional(now) : std::nullopt);
