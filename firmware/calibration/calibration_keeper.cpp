@@ -11,13 +11,14 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kRequests = 32;  // one of every host
+constexpr std::size_t kRequests = 32;  // one per host
 
 std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
 
 Error out_of_memory(const Sha256& id) {
-  return {Errc::kOverload, "the board has not enough memory to compile the table of calibration " + short_id(id) +
-                               "; make the raymap in rig.toml smaller, or give nodald more (ulimit -v, MemoryMax=)"};
+  return {Errc::kOverload,
+          "the board has not enough memory to compile the table of calibration " + short_id(id) +
+              "; make the raymap in rig.toml smaller, or raise nodald's limit (ulimit -v, MemoryMax=)"};
 }
 
 std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
@@ -58,14 +59,14 @@ CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& dis
       tables_back_(tables_back),
       requests_(kRequests),
       answers_(kRequests) {
-  report_.activity = "reading the calibration store";  // so that who asks first is told to wait
+  report_.activity = "reading the calibration store";  // before the first step(), for hosts that connect early
   publish();
 }
 
 bool CalibrationKeeper::step(Instant now) {
   now_ = now;
   bool busy = false;
-  while (tables_back_.pop()) busy = true;  // frees them here, off the frame path
+  while (tables_back_.pop()) busy = true;  // frees old tables here, outside the frame path
   if (!started_) {
     started_ = true;
     load_at_start();
@@ -82,7 +83,7 @@ bool CalibrationKeeper::step(Instant now) {
   return busy;
 }
 
-/// Memory that is refused while a table is compiled costs that calibration, and nothing else: what runs goes on.
+/// When the allocation of a new table fails, only its request fails; the calibration in force stays.
 bool CalibrationKeeper::compile_within_memory() {
   try {
     return compile_some();
@@ -114,7 +115,7 @@ void CalibrationKeeper::load_at_start() {
   if (report_.ready) report_.activity.clear();
 }
 
-/// The one in force, and when it does not fit the rig any more, the newest that does.
+/// Tries the calibration in force; if it does not fit the rig any more, the other ones, newest first.
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
@@ -124,7 +125,7 @@ void CalibrationKeeper::start_next_good() {
   if (!begun) end(begun);
 }
 
-/// Questions are answered at once; changes wait for the one under way.
+/// Answers queries at once; a change waits until the current installation has ended.
 bool CalibrationKeeper::take_request() {
   const bool changing = installing_ || !to_try_.empty();
   if (answers_.full() || (waiting_ && changing)) return false;
@@ -156,9 +157,9 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
   if (const auto* how = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *how);
   if (trial_.running()) {
     if (std::holds_alternative<KeeperRequest::Rollback>(request.what)) return end_trial(request, {});
-    return fail(Errc::kBusy, "calibration " + short_id(trial_.report().id) + " is on trial for " +
+    return fail(Errc::kBusy, "calibration " + short_id(trial_.report().id) + " is on trial for another " +
                                  std::to_string((trial_.report().until - now_).ms() / 1000) +
-                                 " s more; wait, or end it: nodal calibration rollback");
+                                 " s; wait, or end the trial with `nodal calibration rollback`");
   }
   if (std::holds_alternative<KeeperRequest::Install>(request.what)) return install(request);
   if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
@@ -166,7 +167,7 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
     return found ? use(request, found->id) : Status(fail(found.error()));
   }
   if (store_->before()) return use(request, Sha256(*store_->before()));
-  return fail(Errc::kNotFound, "there is no calibration before the one in force to go back to");
+  return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
 }
 
 Status CalibrationKeeper::install(const KeeperRequest& request) {
@@ -195,7 +196,7 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
   const Sha256 id = calibration_id(calibration);
   if (!running_) {
     return fail(Errc::kWrongState,
-                "no calibration is in force that a trial could go back to; upload this one for good");
+                "no calibration is in force that the rig could go back to after a trial; upload without a trial");
   }
   if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
   if (Status begun = begin(request.ticket, calibration, id, false, request.heads); !begun) return begun;
@@ -204,14 +205,14 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
   return {};
 }
 
-/// Keeping may fail, as the disk may; then the trial goes on, and the rig will go back.
+/// Keeping fails when the disk fails; then the trial continues, and at its end the rig goes back.
 Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how) {
   if (!trial_.running()) {
-    return fail(Errc::kWrongState, "no calibration is on trial; its time was up, or it was ended");
+    return fail(Errc::kWrongState, "no calibration is on trial; the trial has ended");
   }
   const Sha256 id = trial_.report().id;
   if (!std::string_view(reinterpret_cast<const char*>(id.data()), id.size()).starts_with(how.id_prefix)) {
-    return fail(Errc::kNotFound, "calibration " + short_id(id) + " is on trial, and not that one");
+    return fail(Errc::kNotFound, "the calibration on trial is " + short_id(id) + ", which has another id");
   }
   if (!how.keep) {
     go_back(request.ticket);
@@ -232,14 +233,14 @@ Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRe
   return {};
 }
 
-/// Goes back by itself when nobody has ended the trial in time.
+/// Goes back to the old calibration when the time of a trial is over.
 bool CalibrationKeeper::watch_trial() {
   if (installing_ || !trial_.overdue(now_)) return false;
   go_back(std::nullopt);
   return true;
 }
 
-/// What was in force before runs again, as soon as the blend takes it; then a ticket is answered.
+/// Gives the old calibration to the blend. A ticket is answered when the blend has taken it.
 void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
   InstalledPtr before = trial_.go_back();
   report_.in_force = before->id;
@@ -290,7 +291,7 @@ bool CalibrationKeeper::compile_some() {
         "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(now.job->percent()) + " %";
     return true;
   }
-  if (tables_out_.full() || answers_.full()) return false;  // until the blend has taken it
+  if (tables_out_.full() || answers_.full()) return false;  // the blend has not taken the table yet
   if (now.handed_over) {
     end({});
   } else if (const Status status = put_in_force(now); !status) {
@@ -304,15 +305,15 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
-  // All that needs memory before anything is changed on the disk.
+  // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
   auto installed =
       make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
                      table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
-  // At start the disk says so already, unless a damaged one had to be passed over; then what it says is put right.
+  // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
-      report_.problem = kept.error().message;  // runs all the same, this once
+      report_.problem = kept.error().message;  // in force until the next start only
     }
   }
   report_.in_force = done.id;

@@ -1,4 +1,4 @@
-// The stage that turns an uploaded document into the calibration in force.
+// The stage that installs calibrations: parses, stores, compiles and puts them in force.
 #pragma once
 
 #include <cstdint>
@@ -25,11 +25,11 @@ namespace nodal::firmware {
 struct KeeperRequest {
   struct Install {  ///< a document to store and put in force
     std::string json;
-    std::optional<Duration> trial{};  ///< for so long at most, and without storing it
-    std::string signature{};          ///< of json; empty: none
+    std::optional<Duration> trial{};  ///< longest duration of a trial, which is not stored; empty: not a trial
+    std::string signature{};          ///< of `json`; empty: not signed
   };
   struct EndTrial {
-    std::string id_prefix;  ///< empty: whatever is on trial
+    std::string id_prefix;  ///< empty: any calibration on trial
     bool keep = false;
   };
   struct Use {
@@ -50,12 +50,12 @@ using CalibrationCommand = KeeperRequest::What;
 
 struct KeeperAnswer {
   struct Done {
-    std::optional<Sha256> in_force;  ///< by now
+    std::optional<Sha256> in_force;  ///< after the request
   };
   struct Listed {
     std::vector<CalibrationStore::Entry> entries;
     std::optional<Sha256> in_force;
-    std::optional<CalibrationStore::Entry> on_trial;  ///< not among the entries
+    std::optional<CalibrationStore::Entry> on_trial;  ///< not one of `entries`
   };
   struct Document {
     Sha256 id{};
@@ -66,31 +66,31 @@ struct KeeperAnswer {
   Result<std::variant<Done, Listed, Document>> result;
 };
 
-/// The keeper as status tells of it.
+/// Status of the stage.
 struct KeeperReport {
-  bool ready = false;              ///< what was in force before the start runs again, or there was nothing
-  std::optional<Sha256> in_force;  ///< what the blend runs
-  std::string name;                ///< of it
-  std::optional<Trial> trial;      ///< of it, when it is on trial
+  bool ready = false;              ///< the start is over: the stored calibration is in force again, or there is none
+  std::optional<Sha256> in_force;  ///< the calibration that the blend uses
+  std::string name;                ///< its name
+  std::optional<Trial> trial;      ///< has a value while it is on trial
   std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
-  std::string problem;             ///< what stays wrong until somebody acts
+  std::string problem;             ///< a fault that stays until an operator acts
 };
 
-/// The calibration's heads in the rig's order, or which head does not fit: kHeadMismatch, naming it.
+/// The calibration with its heads in the rig's order. Errors: kHeadMismatch, naming a head that does not fit.
 Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector<HeadConfig>& rig,
                                const HeadShapes& heads);
 
-/// Parse, fit to the rig, store, compile, prove, put in force on the disk, swap; one request at a time, in slices. A
-/// request that fails at any of these leaves the old calibration in force, on the disk and in the blend.
+/// Installs a calibration in these steps: parse, fit to the rig, store, compile, validate, put in force on the disk, swap.
+/// It works on one request at a time, in slices. A request that fails in any step leaves the old calibration in force.
 ///
-/// A trial goes the same way but for the disk, on which the old one stays in force: whatever ends the trial without a
-/// word to keep it (its time, a power cut, nodald killed) ends with the old one. Its table stays in memory meanwhile, so
-/// that the way back compiles nothing and cannot fail. While it lasts, no other calibration is taken.
+/// A trial takes the same steps except for those on the disk, where the old calibration stays in force. So when a trial
+/// ends without a request to keep it (timeout, power cut, nodald killed), the old calibration is in force again. The old
+/// table stays in memory during the trial, so that the return compiles nothing and cannot fail. Meanwhile requests to
+/// install another calibration are refused.
 ///
-/// Threading: step() is thread-bound to the keeper and takes as long as the disk does, so it has a thread of its own
-///   in the field. requests() and answers() are SPSC rings with control, tables_out and tables_back with the blend.
-/// Ownership: the disk outlives it.
-/// Errors: in the answers, and in the report's problem.
+/// Threading: step() is thread-bound to the keeper and blocks on the disk, so it has a thread of its own in nodald.
+///   requests() and answers() are SPSC rings with control, tables_out and tables_back with the blend.
+/// Ownership: the disk outlives it. Errors: in the answers, and in the report's problem.
 class CalibrationKeeper {
  public:
   CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
@@ -101,22 +101,22 @@ class CalibrationKeeper {
 
   SpscRing<KeeperRequest>& requests() { return requests_; }
   SpscRing<KeeperAnswer>& answers() { return answers_; }
-  /// Of the newest step; read by control.
+  /// The report after the newest step; read by control.
   Snapshot<KeeperReport>& snapshot() { return snapshot_; }
   const KeeperReport& report() const { return report_; }
 
-  static constexpr int kRowsAStep = 2;  ///< of tiles
+  static constexpr int kRowsAStep = 2;  ///< rows of tiles compiled in one step()
 
  private:
-  /// A calibration on its way into force.
+  /// A calibration that is being installed.
   struct Installation {
-    std::optional<std::uint64_t> ticket;  ///< nothing: at start, nobody waits
+    std::optional<std::uint64_t> ticket;  ///< empty: installed without a request, at start or by a timeout
     Calibration calibration;
     Sha256 id{};
     bool newly_stored = false;
-    std::optional<TableJob> job;  ///< nothing: goes back to what is at hand
+    std::optional<TableJob> job;  ///< empty: the table of this calibration is in memory already
     bool on_trial = false;
-    bool handed_over = false;  ///< to the blend, which takes it between two sets
+    bool handed_over = false;  ///< it is in tables_out_; the blend takes it between two sets
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -156,12 +156,12 @@ class CalibrationKeeper {
   std::optional<CalibrationStore> store_;
   Status store_status_;
   bool started_ = false;
-  std::vector<CalibrationStore::Entry> to_try_;  ///< at start, the next to try last
+  std::vector<CalibrationStore::Entry> to_try_;  ///< candidates at start; the next one is at the back
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
-  InstalledPtr running_;                  ///< what the blend has, or takes next
-  Instant now_;                           ///< of the step under way
-  std::optional<KeeperRequest> waiting_;  ///< for the installation under way
+  InstalledPtr running_;                  ///< the calibration that the blend uses, or takes next
+  Instant now_;                           ///< time of the current step
+  std::optional<KeeperRequest> waiting_;  ///< a request that waits until the current installation has ended
 };
 
 }  // namespace nodal::firmware

@@ -25,7 +25,7 @@ Result<Calibration> load_permitted(const CalibrationStore& store, const std::opt
   if (Status permitted = check_signature(signers, document); !permitted) return fail(permitted.error().in(name));
   const auto was_signed = parse_calibration(document.json);
   if (!was_signed || calibration_id(*was_signed) != id) {
-    return fail(Errc::kChecksum, name + ": its signature is of another calibration");
+    return fail(Errc::kChecksum, name + ": its signature is for another calibration");
   }
   return calibration;
 }

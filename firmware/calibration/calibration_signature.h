@@ -1,4 +1,4 @@
-// Whether a calibration is signed by somebody this rig trusts. Without `signers`, every calibration is permitted.
+// Checks that a calibration is signed by a trusted key. Without `signers`, every calibration is permitted.
 #pragma once
 
 #include <optional>
@@ -10,11 +10,11 @@
 
 namespace nodal::firmware {
 
-/// Of an uploaded one. Errors: AllowedSigners::verify()'s.
+/// Checks an uploaded calibration. Errors: AllowedSigners::verify()'s.
 Status check_signature(const std::optional<AllowedSigners>& signers, const SignedDocument& original);
 
-/// A stored one, held to the signers of this start, which may have changed since it came.
-/// Errors: the store's, AllowedSigners::verify()'s, kChecksum for a signature of another calibration.
+/// Loads a stored calibration and checks it against the present signers, which may have changed since it was uploaded.
+/// Errors: the store's, AllowedSigners::verify()'s, kChecksum if the signature is for another calibration.
 Result<Calibration> load_permitted(const CalibrationStore& store, const std::optional<AllowedSigners>& signers,
                                    const Sha256& id);
 

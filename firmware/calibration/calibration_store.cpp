@@ -66,7 +66,7 @@ std::string file_name(std::uint64_t generation, const Sha256& id) {
 Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
   CalibrationStore store(disk);
   if (Status made = disk.make_folder(kFolder); !made && made.error().code != Errc::kExists) return fail(made.error());
-  // The folder itself must last before anything in it can.
+  // Syncs the parent first: otherwise a crash could lose the folder with everything in it.
   if (Status synced = disk.sync_folder(""); !synced) return fail(synced.error());
   if (Status read = store.read_folder(); !read) return fail(read.error());
   store.read_pointer();
@@ -79,7 +79,7 @@ Status CalibrationStore::read_folder() {
   for (const std::string& name : *names) {
     const std::string file = kFolder + "/" + name;
     if (name.ends_with(kTemporarySuffix)) {
-      (void)disk_->remove(file);  // cut short by a crash; if it cannot be removed it will be overwritten
+      (void)disk_->remove(file);  // left by a crash; if it cannot be removed, the next write overwrites it
       continue;
     }
     const auto parsed = parse_file_name(name);
@@ -105,7 +105,7 @@ Status CalibrationStore::read_folder() {
   return {};
 }
 
-/// The same calibration under an older generation, as somebody who copies files makes it, is one to be removed.
+/// Marks duplicates for removal: the same calibration under an older generation, which a person made by copying files.
 void CalibrationStore::drop_copies() {
   std::vector<Entry> kept;
   for (const Entry& entry : entries_) {
@@ -116,7 +116,7 @@ void CalibrationStore::drop_copies() {
   entries_ = std::move(kept);
 }
 
-/// A signature whose calibration was not written before a crash, or is removed.
+/// Removes a signature without a calibration: a crash came between the two writes, or between the two removals.
 void CalibrationStore::drop_if_orphan(const std::string& file) {
   const bool stored = std::ranges::any_of(entries_, [&](const Entry& e) { return signed_file(e.file) == file; });
   const bool damaged = std::ranges::any_of(damaged_, [&](const std::string& d) { return signed_file(d) == file; });
@@ -140,11 +140,11 @@ void CalibrationStore::read_pointer() {
     in_force_ = wanted;
   } else if (!entries_.empty()) {
     in_force_ = entries_.front().id;
-    add_note((wanted ? "calibration " + short_id(*wanted) + " was in force and is not there any more"
-                     : std::string("which calibration was in force is not known")) +
-             "; the newest good one, " + short_id(*in_force_) + ", took its place");
+    add_note((wanted ? "calibration " + short_id(*wanted) + " was in force and is no longer stored"
+                     : std::string("the record of the calibration in force is lost or damaged")) +
+             "; the newest good one, " + short_id(*in_force_) + ", is in force instead");
   } else if (wanted) {
-    add_note("calibration " + short_id(*wanted) + " was in force and is not there any more; upload it again");
+    add_note("calibration " + short_id(*wanted) + " was in force and is no longer stored; upload it again");
   }
   if (before_ && !entry(*before_)) before_.reset();
 }
@@ -165,7 +165,7 @@ Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibra
   const Entry* const there = entry(id);
   Entry added{next_generation_, id, calibration.name, calibration.heads.size(), file_name(next_generation_, id)};
   if (original) {
-    // The signature lasts first: a rig that takes signed ones only has no use for a calibration without it.
+    // The signature is written first: a rig that requires signatures cannot use a calibration without one.
     const std::string file = signed_file(there ? there->file : added.file);
     const std::string signature = original->signature.substr(0, original->signature.find(kSignatureEnd));
     const std::string text = signature + std::string(kSignatureEnd) + "\n" + original->json;
@@ -187,9 +187,9 @@ Status CalibrationStore::write_pointer(const std::optional<Sha256>& in_force, co
 
 Status CalibrationStore::set_in_force(const Sha256& id) {
   if (!entry(id)) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
-  if (in_force_ == id) return write_pointer(id, before_);  // it may be so only since a damaged one was passed over
+  if (in_force_ == id) return write_pointer(id, before_);  // the pointer on the disk may still name a skipped one
   if (Status written = write_pointer(id, in_force_); !written) {
-    // The rename may have happened and not lasted. What was in force stays so, if the disk takes that yet.
+    // The rename may have happened and only the sync failed. Writes the old pointer again, if the disk still works.
     if (written.error().code != Errc::kDiskFull) (void)write_pointer(in_force_, before_);
     return written;
   }
@@ -217,7 +217,7 @@ void CalibrationStore::prune() {
   for (std::size_t i = entries_.size(); i-- > 0 && entries_.size() > kKept;) {
     remove(Sha256(entries_[i].id));
   }
-  (void)disk_->sync_folder(kFolder);  // a removed one that comes back after a crash is removed again
+  (void)disk_->sync_folder(kFolder);  // on failure a removed file may return after a crash; it is then removed again
 }
 
 Result<CalibrationStore::Entry> CalibrationStore::find(std::string_view id_prefix) const {
@@ -230,11 +230,11 @@ Result<CalibrationStore::Entry> CalibrationStore::find(std::string_view id_prefi
     }
     if (found) {
       return fail(Errc::kBadValue, "calibrations " + short_id(found->id) + " and " + short_id(candidate.id) +
-                                       " both begin like that; give more of the id");
+                                       " both have this prefix; give more of the id");
     }
     found = &candidate;
   }
-  if (!found) return fail(Errc::kNotFound, "no stored calibration has that id; the list says which there are");
+  if (!found) return fail(Errc::kNotFound, "no stored calibration has that id; `nodal calibration list` shows all");
   return *found;
 }
 
@@ -248,7 +248,7 @@ Result<std::string> CalibrationStore::read(const Entry& entry) const {
   const auto bytes = disk_->read(entry.file, kMaxCalibrationBytes);
   if (!bytes) return fail(bytes.error());
   if (sha256(*bytes) != entry.id)
-    return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 is not its name's");
+    return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 differs from the one in its name");
   return std::string(bytes->begin(), bytes->end());
 }
 

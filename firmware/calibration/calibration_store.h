@@ -1,4 +1,4 @@
-// The calibrations a rig keeps, on a disk that may be pulled from under it at any moment.
+// The calibrations that a rig stores. The disk or the power may fail at any moment.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace nodal::firmware {
 
-/// A calibration as its signer had it: the signature is of these bytes, not of the canonical form.
+/// A calibration exactly as it was signed: the signature is for these bytes, not for the canonical form.
 struct SignedDocument {
   std::string signature;
   std::string json;
@@ -23,16 +23,16 @@ struct SignedDocument {
 /// Folder "calibrations" of the disk:
 ///
 ///   00000007-<id>.json   the canonical form of generation 7; its SHA-256 is the id in its name
-///   00000007-<id>.signed its signature and the document that was signed, where it came with one
-///   in-force             which id is in force, and which was before it
-///   *.tmp                being written; removed at open()
+///   00000007-<id>.signed its signature and the signed document, if it was uploaded with a signature
+///   in-force             the id in force, and the id that was in force before
+///   *.tmp                incomplete file of a write; removed at open()
 ///
-/// Every file comes into being by write, fsync, rename, fsync of the folder; so whatever operation the program or the
-/// power dies in, after it either the old calibration or the new one is in force, whole.
+/// Every file is made by write, fsync, rename, fsync of the folder. So after a crash or power cut in any operation either
+/// the old calibration or the new one is in force, complete.
 ///
-/// Threading: thread-bound to the keeper. Calls take as long as the disk does.
+/// Threading: thread-bound to the keeper. Calls block on the disk.
 /// Ownership: the disk outlives it.
-/// Errors: kDiskFull, kIo, kNotFound, kWrongState; each leaves in force what was.
+/// Errors: kDiskFull, kIo, kNotFound, kWrongState; after an error, the calibration in force is the same as before.
 class CalibrationStore {
  public:
   struct Entry {
@@ -43,34 +43,34 @@ class CalibrationStore {
     std::string file;
   };
 
-  /// Generations. The one in force and the one before are never among the removed.
+  /// Generations that are kept. The one in force and the one before are never removed.
   static constexpr std::size_t kKept = 8;
 
-  /// Reads what is there. A damaged calibration is passed over, and note() says so; when it was the one in force, the
-  /// newest good one takes its place.
+  /// Reads the folder. A damaged calibration is skipped and named by note(); if it was the one in force, the newest good
+  /// one is put in its place.
   static Result<CalibrationStore> open(hal::DiskPort& disk);
 
-  /// Good ones, newest first.
+  /// The undamaged calibrations, newest first.
   const std::vector<Entry>& entries() const { return entries_; }
-  /// What in_force() would be, were it to be taken back; nothing when there is none.
   const std::optional<Sha256>& in_force() const { return in_force_; }
+  /// The one that a rollback puts in force; empty when there is none.
   const std::optional<Sha256>& before() const { return before_; }
-  /// One sentence about what was wrong at open(); empty when nothing was.
+  /// One sentence about the faults found by open(); empty when there were none.
   const std::string& note() const { return note_; }
 
-  /// Makes a calibration last, without putting it in force. One that is there already stays as it is; a signature that
-  /// comes with it takes the place of the one before.
+  /// Stores a calibration durably, without putting it in force. If it is stored already, only its signature is replaced,
+  /// and only if `original` has one.
   Result<Entry> put(const Calibration& calibration, const std::optional<SignedDocument>& original = std::nullopt);
-  /// What a stored one came with; nothing when that was no signature. Errors: kChecksum when it is damaged.
+  /// The signed document of a stored calibration; empty if it was not signed. Errors: kChecksum when it is damaged.
   Result<std::optional<SignedDocument>> original(const Sha256& id) const;
-  /// Puts a stored one in force for the next start, and removes generations beyond kKept.
+  /// Puts a stored calibration in force on the disk, and removes generations beyond kKept.
   Status set_in_force(const Sha256& id);
-  /// Takes out one that is neither in force nor the one before.
+  /// Removes a calibration, unless it is in force or was in force before.
   void remove(const Sha256& id);
 
-  /// The one whose id begins with these bytes. Errors: kNotFound, kBadValue when several do.
+  /// The calibration whose id begins with these bytes. Errors: kNotFound; kBadValue when there are several.
   Result<Entry> find(std::string_view id_prefix) const;
-  /// Its canonical form, checked against its id.
+  /// The canonical form, checked against the id.
   Result<std::string> read(const Sha256& id) const;
   Result<Calibration> load(const Sha256& id) const;
 
@@ -89,7 +89,7 @@ class CalibrationStore {
 
   hal::DiskPort* disk_;
   std::vector<Entry> entries_;
-  std::vector<std::string> damaged_;  ///< and copies: files, the first to be removed
+  std::vector<std::string> damaged_;  ///< files of damaged calibrations and of copies; prune() removes them first
   std::optional<Sha256> in_force_;
   std::optional<Sha256> before_;
   std::uint64_t next_generation_ = 1;

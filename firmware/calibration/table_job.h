@@ -1,4 +1,4 @@
-// The tables a calibration runs by, compiled in slices: one, or one a field.
+// Compiles the tables of a calibration in slices: one table for whole frames, or one per field.
 #pragma once
 
 #include <optional>
@@ -13,10 +13,10 @@
 
 namespace nodal::firmware {
 
-/// Tables are made one after the other, so that only one is there twice while its rows are joined.
+/// Tables are compiled one after the other: joining a table's rows needs the memory twice, and so only for one table.
 ///
 /// Threading: thread-bound.
-/// Ownership: keeps what it needs of the calibration.
+/// Ownership: copies the calibration.
 /// Errors: those of table::TableCompiler, from make() or finish().
 class TableJob {
  public:
@@ -26,9 +26,9 @@ class TableJob {
 
   bool done() const { return !compiler_; }
   int percent() const;
-  /// The next rows of tiles, so many at most. Not when it is done.
+  /// Compiles at most `rows` further rows of tiles. Only while not done().
   void compile_some(int rows);
-  /// In the order in which their fields are exposed. When it is done.
+  /// The tables, that of the field exposed first in front. Only when done().
   Result<std::vector<blend::BlendTable>> finish() &&;
 
  private:
@@ -39,8 +39,8 @@ class TableJob {
   std::vector<PixelFormat> formats_;
   table::RaymapSpec spec_;
   table::TableOptions options_;
-  std::vector<std::optional<FieldParity>> fields_;  ///< of every table
-  std::optional<table::TableCompiler> compiler_;    ///< of the one under way
+  std::vector<std::optional<FieldParity>> fields_;  ///< one per table; empty: whole frames
+  std::optional<table::TableCompiler> compiler_;    ///< of the table being compiled
   int rows_done_ = 0;
   std::vector<blend::BlendTable> tables_;
   Status status_;

@@ -1,4 +1,4 @@
-// A calibration on trial: it runs for a while, and the disk knows nothing of it.
+// A calibration on trial: it is in force for a limited time and is not stored on the disk.
 #pragma once
 
 #include <cstdint>
@@ -12,25 +12,25 @@
 
 namespace nodal::firmware {
 
-/// One that runs, as status shows it.
+/// Status of a running trial.
 struct Trial {
   Sha256 id{};
   std::string name;
-  Sha256 before{};  ///< what the rig goes back to
-  Instant until;    ///< when it does so by itself
+  Sha256 before{};  ///< the calibration that the rig goes back to
+  Instant until;    ///< the end of the trial, unless a host ends it earlier
 };
 
-/// The states of a trial, and what has to be at hand so that it can end either way:
+/// The states of a trial, and the data that is needed to end it either way:
 ///
-/// | state | from | ends with |
+/// | state | entered by | left by |
 /// |---|---|---|
 /// | kNone | | prepare() |
-/// | kPreparing: its table is compiled | prepare() | run(), or give_up() when there is no table |
+/// | kPreparing: its table is being compiled | prepare() | run(), or give_up() when the compilation fails |
 /// | kRunning | run() | keep(), or go_back() |
 ///
 /// Threading: thread-bound to the keeper.
-/// Ownership: holds the calibration in force before, with its table, until the trial has ended.
-/// Errors: none; a call in another state is a mistake of the program.
+/// Ownership: holds the calibration that was in force before, with its table, until the trial has ended.
+/// Errors: none; calls in a wrong state are asserted.
 class CalibrationTrial {
  public:
   enum class State : std::uint8_t { kNone, kPreparing, kRunning };
@@ -39,18 +39,18 @@ class CalibrationTrial {
   bool running() const { return state_ == State::kRunning; }
 
   void prepare(Calibration calibration, std::optional<SignedDocument> original, InstalledPtr before, Duration lasts);
-  /// Its time begins.
+  /// Starts the time of the trial.
   void run(Instant now);
   void give_up();
-  /// It is on the disk: there is nothing to go back to.
+  /// The calibration is stored and stays in force: releases the one before.
   void keep();
-  /// What was in force before.
+  /// Ends the trial and returns the calibration that was in force before.
   InstalledPtr go_back();
 
-  /// While it is running().
+  /// The following three only while running().
   const Trial& report() const;
   const Calibration& calibration() const;
-  /// As it was uploaded, when it was signed.
+  /// The document as it was uploaded, if signatures are required.
   const std::optional<SignedDocument>& original() const;
   bool overdue(Instant now) const { return running() && now >= report_.until; }
 

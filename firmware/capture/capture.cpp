@@ -67,7 +67,7 @@ bool Capture::step(Instant now) {
   genlock_.step(now);
   if (genlock_wanted_) {
     genlock_wanted_ = false;
-    (void)start_genlock({}, now);  // without a trigger the state stays "off", which status shows
+    (void)start_genlock({}, now);  // on failure the state stays "off", which status shows
     busy = true;
   }
   check();
@@ -84,7 +84,7 @@ void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
 }
 
 bool Capture::take_edges() {
-  constexpr int kEdges = 256;  // a port that reports more in one step is asked again in the next
+  constexpr int kEdges = 256;  // bounds the work of one step; the next step takes the remaining edges
   int taken = 0;
   for (; taken < kEdges; ++taken) {
     const auto edge = genlock_.take_edge(now_);
@@ -135,7 +135,7 @@ bool Capture::follow_light() {
     const ExposureControl::Orders orders = exposure_.step(*seen, ranges);
     for (std::size_t i = 0; i < heads_.size(); ++i) {
       if ((orders.heads & head_bit(i)) == 0) continue;
-      // Within its limits; a head that is vanishing just now is asked when it returns.
+      // The values are within the head's limits. A head that has just disappeared gets them when it returns.
       (void)heads_[i].change({orders.of[i].exposure, orders.of[i].gain, std::nullopt, std::nullopt});
       align_now_ = true;
     }
@@ -148,7 +148,7 @@ Status Capture::change_heads(const HeadChange& change) {
   if ((change.change.exposure || change.change.gain) && exposing.program != ExposureProgram::kManual &&
       !exposing.locked) {
     return fail(Errc::kWrongState, "the exposure program '" + std::string(exposure_program_name(exposing.program)) +
-                                       "' sets exposures and gains; `nodal exposure set manual` or `nodal exposure "
+                                       "' sets exposures and gains; run `nodal exposure set manual` or `nodal exposure "
                                        "lock` first");
   }
   for (std::size_t i = 0; i < heads_.size(); ++i) {
@@ -167,8 +167,8 @@ Status Capture::start_genlock(const GenlockStart& start, Instant now) {
   if (source_ == SyncSource::kNone) {
     if (start.pulse_width || (start.rate && start.rate->period() != rate_.period())) {
       return fail(Errc::kUnsupported,
-                  "this rig has no trigger ([trigger] source is \"none\"): its heads run free at the "
-                  "rate of rig.toml, and are brought into step there");
+                  "this rig has no trigger ([trigger] source is \"none\"): its heads run free and can only be "
+                  "aligned at the rate of rig.toml");
     }
     genlock_.align(rate_, now);
     aligner_.restart(rate_.period());
@@ -204,7 +204,7 @@ Outlet<SetLoan>& Capture::add_outlet(const OutletSpec& spec, bool open) {
 }
 
 void Capture::make_sets() {
-  // One more than can be held: a new set is opened before the oldest one is closed.
+  // One more than can be held, because a new set is opened before the oldest one is closed.
   sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
 }
 
@@ -242,7 +242,7 @@ void Capture::update_report(Instant now, bool changed) {
   if (!changed && now < next_report_) return;
   report_.frames = {};
   for (std::size_t i = 0; i < heads_.size(); ++i) {
-    if (mode_ == hal::TriggerMode::kFreeRun) heads_[i].tell_drift(aligner_.drift_ppb(i));
+    if (mode_ == hal::TriggerMode::kFreeRun) heads_[i].set_drift(aligner_.drift_ppb(i));
     report_.heads[i] = heads_[i].report();
     report_.frames.add(heads_[i].report().counts);
   }

@@ -1,4 +1,4 @@
-// Takes frames from the heads and makes sets of them.
+// The stage that takes frames from the heads and groups them into sets.
 #pragma once
 
 #include <array>
@@ -37,7 +37,7 @@ struct GenlockStart {
 };
 struct GenlockStop {};
 using CaptureChange = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange>;
-/// What control asks of capture, and the answer to it.
+/// A command from control to capture, and the answer.
 struct CaptureCommand {
   std::uint64_t ticket = 0;
   CaptureChange what;
@@ -45,59 +45,60 @@ struct CaptureCommand {
 struct CaptureAnswer {
   std::uint64_t ticket = 0;
   Status status;
-  GenlockReport genlock;  ///< after it
+  GenlockReport genlock;  ///< after the command
   ExposureControl::Report exposure;
 };
 
-/// A reader of frame sets as status tells of it.
+/// Status of one reader of frame sets.
 struct OutletReport {
   std::string_view name;
   OutletLosses losses;
 };
 
-/// Capture as status tells of it.
+/// Status of the stage.
 struct CaptureReport {
   std::vector<HeadReport> heads;
-  FrameCounts frames;  ///< of all heads
+  FrameCounts frames;  ///< sum over all heads
   std::uint64_t sets = 0;
-  std::uint64_t full_sets = 0;        ///< of them, with every head of the rig
+  std::uint64_t full_sets = 0;        ///< sets with every head of the rig
   std::vector<OutletReport> outlets;  ///< in the order in which they registered
   ExposureControl::Report exposure;
   GenlockReport genlock;
 };
 
-/// Frames wait in open sets until every head that delivers has given one, or until kPeriodsToWait after the middle of
-/// their exposure; then the set goes on with what it has, in order. Every outlet gets a loan of it; what an outlet has no
-/// room for is counted there, so that capture never waits.
+/// A frame is held in an open set. The set is closed when every head that delivers has a frame in it, or kHalfPeriodsToWait
+/// after the middle of its exposure, whichever is first. Sets are closed in order. Every outlet gets a loan of the closed
+/// set; an outlet whose queue is full counts the set as missed, so capture never waits.
 ///
 /// Threading: thread-bound to capture; an outlet's other end is its reader's thread; commands() and answers() are SPSC
 ///   rings whose other ends are control's; snapshot() is read by control.
-/// Ownership: owns the sets; readers hold loans and give them up before capture ends.
-/// Errors: none of its own; a head's shows in its report.
+/// Ownership: owns the sets; readers hold loans and must release them before capture is destroyed.
+/// Errors: none; errors of a head are in its report.
 class Capture {
  public:
   Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger);
   ~Capture();
 
-  /// True when something happened.
+  /// True when it did something.
   bool step(Instant now);
-  /// Ends: the blend must have given every set back. Heads and trigger are stopped.
+  /// Stops heads and trigger. The blend must have released every set before.
   void close();
 
-  /// Registers a reader of frame sets, before the first step(). A closed one is offered nothing until it is opened.
+  /// Registers a reader of frame sets; call it before the first step(). A closed outlet receives no sets until it is opened.
   Outlet<SetLoan>& add_outlet(const OutletSpec& spec, bool open = true);
-  /// Where the meter's readings come from; without it exposures stay as they are.
+  /// The ring with the meter's readings. Without it the exposure programs change nothing.
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
   SpscRing<CaptureCommand>& commands() { return commands_; }
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
   const CaptureReport& report() const { return report_; }
-  /// Counts calls of step(); read by any thread.
+  /// Number of calls of step(). Any thread.
   std::uint64_t steps() const { return steps_.load(std::memory_order_relaxed); }
 
   static constexpr std::size_t kMaxOpenSets = 4;
   static constexpr int kHalfPeriodsToWait = 5;
-  static constexpr Duration kOldest = Duration::seconds(1);  ///< and kMaxOpenSets periods: a frame, when it is received
+  /// Together with kMaxOpenSets periods: the largest plausible age of a frame on arrival.
+  static constexpr Duration kOldest = Duration::seconds(1);
 
  private:
   struct OpenSet {
@@ -133,27 +134,27 @@ class Capture {
   void update_report(Instant now, bool changed);
   void check() const;
 
-  const hal::TriggerSettings trigger_settings_;  ///< by rig.toml
+  const hal::TriggerSettings trigger_settings_;  ///< from rig.toml
   const SyncSource source_;
-  std::deque<CaptureHead> heads_;  ///< they never move
+  std::deque<CaptureHead> heads_;
   Genlock genlock_;
   Aligner aligner_;
-  bool align_now_ = false;  ///< a set was closed, or an exposure asked, since heads were last moved
+  bool align_now_ = false;  ///< since the last align(), a set was closed or an exposure was requested
   ExposureControl exposure_;
   SpscRing<blend::SphereLight>* light_in_ = nullptr;
   SetClock clock_;
   DriftMeter pulse_drift_;
   std::array<DriftMeter, kMaxHeads> head_drift_;
-  const FrameRate rate_;  ///< of rig.toml
-  FrameRate rate_now_;    ///< or as the host started the genlock
-  bool genlock_wanted_;   ///< at start, by rig.toml
+  const FrameRate rate_;  ///< from rig.toml
+  FrameRate rate_now_;    ///< rate_, or the rate that a host started the genlock with
+  bool genlock_wanted_;   ///< rig.toml says that the genlock starts with the rig, and it was not started yet
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 
   Outlets<SetLoan> outlets_;
-  std::optional<LoanPool<FrameSet>> sets_;  ///< once every outlet has registered
-  std::vector<OpenSet> open_;               ///< by slot, oldest first
+  std::optional<LoanPool<FrameSet>> sets_;  ///< made in the first step(), when every outlet has registered
+  std::vector<OpenSet> open_;               ///< sorted by slot, oldest first
   std::optional<SetClock::Slot> newest_closed_;
-  Instant now_;  ///< of the step under way
+  Instant now_;  ///< time of the current step
 
   SpscRing<CaptureCommand> commands_;
   SpscRing<CaptureAnswer> answers_;

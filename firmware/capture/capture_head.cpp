@@ -7,7 +7,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// How often a head that is away is looked for: a replug shows within a few frames, and costs nothing to try.
+/// Interval of the retries while a head is disconnected: short enough to find it within a few frames, and a try is cheap.
 constexpr Duration kRetry = Duration::milliseconds(200);
 
 std::string microseconds(Exposure exposure) { return std::to_string(exposure.us()) + " us"; }
@@ -24,15 +24,16 @@ std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
   return LossReason::kCorrupt;
 }
 
-/// Whether fields came as the head promised: both, and in their order of time.
+/// Compares a frame's fields with the head's stated format: both fields, and the stated one first.
 std::optional<LossReason> bad_fields(Fields came, Fields promised) {
   if (came == promised) return std::nullopt;
   const auto whole = [](Fields f) { return f == Fields::kTopFirst || f == Fields::kBottomFirst; };
   return whole(came) && whole(promised) ? LossReason::kFieldOrder : LossReason::kFieldParity;
 }
 
-/// A head rounds what it is asked to steps of its own; a 16th of a stop and a twentieth of a gamma are more than that.
-bool carried(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
+/// Whether the requested settings are in effect, within 1/16 of the value, 400 mdB of gain (1/15 stop) or 0.05 of gamma:
+/// heads round requests to steps of their own, which are smaller than that.
+bool matches(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
   if (wanted.exposure) {
     const std::int64_t apart = in_effect.exposure.us() - wanted.exposure->us();
     if (std::abs(apart) > std::max<std::int64_t>(wanted.exposure->us() / 16, 1)) return false;
@@ -92,7 +93,7 @@ bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
   restarting_ = started_ && mode_ != mode;
   if (started_ && !restarting_) return false;
   if (started_) {
-    if (lent_ > 0) return false;  // the blend still reads; its frames come back within a raymap's time
+    if (lent_ > 0) return false;  // the blend still reads; it releases the frames within the time of one raymap
     port_->stop();
     started_ = restarting_ = false;
   }
@@ -118,7 +119,7 @@ void CaptureHead::open(Instant) {
   report_.present = true;
   report_.problem.clear();
   ++report_.opened;
-  if (const Status asked = ask(wanted_); !asked) report_.problem = asked.error().message;
+  if (const Status requested = request(wanted_); !requested) report_.problem = requested.error().message;
 }
 
 void CaptureHead::start(hal::TriggerMode mode, Instant now) {
@@ -169,16 +170,17 @@ std::optional<hal::FrameView> CaptureHead::take_frame() {
   return std::nullopt;
 }
 
-/// The head says what it did; when that is not what it was asked, long after it should be, somebody must know.
+/// Reports a head that does not apply requested settings: they differ from the settings in its frames for longer than the
+/// stated latency and kFramesOfGrace.
 void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
-  if (carried(wanted_, in_effect)) {
+  if (matches(wanted_, in_effect)) {
     report_.ignores.clear();
-  } else if (++frames_since_asked_ > report_.limits->control_latency_frames + kFramesOfGrace &&
+  } else if (++frames_since_request_ > report_.limits->control_latency_frames + kFramesOfGrace &&
              report_.ignores.empty()) {
-    report_.ignores = "does not carry out what it was asked: has " + microseconds(in_effect.exposure) + ", " +
-                      decibels(in_effect.gain);
-    if (wanted_.exposure) report_.ignores += "; asked " + microseconds(*wanted_.exposure);
-    if (wanted_.gain) report_.ignores += "; asked " + decibels(*wanted_.gain);
+    report_.ignores =
+        "does not apply its settings: in effect " + microseconds(in_effect.exposure) + ", " + decibels(in_effect.gain);
+    if (wanted_.exposure) report_.ignores += "; requested " + microseconds(*wanted_.exposure);
+    if (wanted_.gain) report_.ignores += "; requested " + decibels(*wanted_.gain);
   }
 }
 
@@ -236,25 +238,25 @@ Status CaptureHead::check(const SettingsChange& change) const {
   return {};
 }
 
-Status CaptureHead::ask(const SettingsChange& change) {
+Status CaptureHead::request(const SettingsChange& change) {
   if (Status allowed = check(change); !allowed) return allowed;
-  Status asked;
-  if (change.exposure) asked = port_->set_exposure(*change.exposure);
-  if (asked && change.gain) asked = port_->set_gain(*change.gain);
-  if (asked && change.white_balance) asked = port_->set_white_balance(*change.white_balance);
-  if (asked && change.gamma) asked = port_->set_gamma(*change.gamma);
-  frames_since_asked_ = 0;
-  if (asked) return {};
-  if (asked.error().code == Errc::kDeviceGone) {
-    vanish(asked.error());
-    return {};  // it is asked when it returns
+  Status requested;
+  if (change.exposure) requested = port_->set_exposure(*change.exposure);
+  if (requested && change.gain) requested = port_->set_gain(*change.gain);
+  if (requested && change.white_balance) requested = port_->set_white_balance(*change.white_balance);
+  if (requested && change.gamma) requested = port_->set_gamma(*change.gamma);
+  frames_since_request_ = 0;
+  if (requested) return {};
+  if (requested.error().code == Errc::kDeviceGone) {
+    vanish(requested.error());
+    return {};  // open() requests the settings again when it returns
   }
-  return fail(asked.error().in("head '" + name_ + "'"));
+  return fail(requested.error().in("head '" + name_ + "'"));
 }
 
 Status CaptureHead::change(const SettingsChange& change) {
   if (port_ && !gone_) {
-    if (Status asked = ask(change); !asked) return asked;
+    if (Status requested = request(change); !requested) return requested;
   }
   wanted_.add(change);
   return {};
@@ -262,16 +264,16 @@ Status CaptureHead::change(const SettingsChange& change) {
 
 void CaptureHead::nudge(Duration by) {
   if (!streaming()) return;
-  const Status asked = port_->nudge(by);
-  if (asked) return;
-  if (asked.error().code == Errc::kDeviceGone) return vanish(asked.error());
-  report_.problem = asked.error().message;
+  const Status requested = port_->nudge(by);
+  if (requested) return;
+  if (requested.error().code == Errc::kDeviceGone) return vanish(requested.error());
+  report_.problem = requested.error().message;
 }
 
-Exposure CaptureHead::exposure_to_come() const {
-  const bool on_its_way = wanted_.exposure && !carried({wanted_.exposure, {}, {}, {}}, report_.in_effect) &&
-                          frames_since_asked_ <= report_.limits->control_latency_frames + kFramesOfGrace;
-  return on_its_way ? *wanted_.exposure : report_.in_effect.exposure;
+Exposure CaptureHead::pending_exposure() const {
+  const bool pending = wanted_.exposure && !matches({wanted_.exposure, {}, {}, {}}, report_.in_effect) &&
+                       frames_since_request_ <= report_.limits->control_latency_frames + kFramesOfGrace;
+  return pending ? *wanted_.exposure : report_.in_effect.exposure;
 }
 
 bool CaptureHead::conserved() const { return report_.counts.conserved() && lent_ == report_.counts.held + in_flight_; }

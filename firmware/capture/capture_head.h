@@ -13,18 +13,18 @@
 
 namespace nodal::firmware {
 
-/// What a host wants changed; what is not given stays.
+/// A change of some settings of a head; an empty field is not changed.
 struct SettingsChange {
   std::optional<Exposure> exposure;
   std::optional<Gain> gain;
   std::optional<WhiteBalance> white_balance;
   std::optional<hal::Gamma> gamma;
 
-  /// What `newer` says goes over what this says.
+  /// Fields that `newer` has replace this one's.
   void add(const SettingsChange& newer);
 };
 
-/// frames = in_sets + held + sum of losses, always.
+/// Invariant: frames = in_sets + held + sum of losses.
 struct FrameCounts {
   std::uint64_t frames = 0;  ///< taken from the port
   std::uint64_t in_sets = 0;
@@ -36,77 +36,77 @@ struct FrameCounts {
   void add(const FrameCounts& other);
 };
 
-/// A head as status tells of it.
+/// Status of a head.
 struct HeadReport {
   std::string path, model, serial;
   bool present = false;
-  std::optional<hal::HeadFormat> format;  ///< as it last was
+  std::optional<hal::HeadFormat> format;  ///< the newest known one; empty: never opened
   std::optional<hal::HeadLimits> limits;
-  hal::HeadSettings in_effect;  ///< of the newest frame
+  hal::HeadSettings in_effect;  ///< settings of the newest frame
   FrameCounts counts;
-  std::uint64_t missing_sets = 0;         ///< sets closed without it
-  std::uint64_t opened = 0;               ///< times its port was opened
-  Duration skew;                          ///< of the newest frame after its set's middle
-  std::optional<std::int32_t> drift_ppb;  ///< of its own clock, as it was last seen running free; positive is slow
+  std::uint64_t missing_sets = 0;         ///< sets closed without a frame of it
+  std::uint64_t opened = 0;               ///< how often its port was opened
+  Duration skew;                          ///< mid-exposure of the newest frame minus that of its set
+  std::optional<std::int32_t> drift_ppb;  ///< of its own clock, measured when it last ran free; positive is slow
   std::string problem;
-  std::string ignores;  ///< a setting it was asked and does not carry out; empty: none
+  std::string ignores;  ///< a sentence about a requested setting that it does not apply; empty: none
 };
 
-/// One head over all its comings and goings: opens its port by path, asks the settings of it again, counts its frames.
-/// A port is never stopped or dropped while a frame of it is lent: the blend may be reading it.
+/// One head, also while it is disconnected: opens its port by path, requests its settings again after a reconnect, counts
+/// its frames. A port is never stopped or destroyed while a frame of it is lent, because the blend may be reading it.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: owns the port; the enumerator outlives it.
-/// Errors: change() as HeadPort; everything else shows in report().problem.
+/// Errors: change() returns HeadPort's errors; all others are in report().problem.
 class CaptureHead {
  public:
   CaptureHead(const HeadConfig& config, std::string path, hal::HeadEnumerator& enumerator);
   ~CaptureHead();
 
-  /// Opens, closes and starts again, as is due. True when something changed.
+  /// Opens, closes or restarts the port if necessary. True when something changed.
   bool step(Instant now, hal::TriggerMode mode);
-  /// The next frame if it is good. A bad one is counted under its reason and given back, and nothing is returned.
+  /// The next frame if it is good. A bad frame is counted under its reason and released, and nothing is returned.
   std::optional<hal::FrameView> take_frame();
 
-  /// What becomes of a frame that take_frame() gave, one of these two.
+  /// The caller passes every frame from take_frame() to one of these two.
   void lose(const hal::FrameView& frame, LossReason reason);
   void hold(const hal::FrameView& frame);
-  /// A held frame's set was closed; release() follows when nobody reads it any more.
+  /// A held frame's set was closed; release() follows when the last reader has released the set.
   void put_in_set(Duration skew);
   void release(hal::BufferSlot slot);
-  /// A set was closed without it.
+  /// A set was closed without a frame of this head.
   void missed_set();
 
-  /// Checks a change against the head's limits, without making it. A head that is away takes anything.
+  /// Checks a change against the head's limits without requesting it. A disconnected head has no limits.
   Status check(const SettingsChange& change) const;
-  /// Asks it of the head; one that is away is asked when it returns.
+  /// Requests a change from the head. A disconnected head gets it when it returns.
   Status change(const SettingsChange& change);
-  /// In free run, its exposures are moved in time; nothing when it does not stream.
+  /// Shifts its exposures in time, in free run; does nothing when the head does not stream.
   void nudge(Duration by);
-  /// What it will expose with once it has carried out what it was asked; a head that does not, as it does now.
-  Exposure exposure_to_come() const;
+  /// The requested exposure while the head may still apply it; after that, or without a request, the one in effect.
+  Exposure pending_exposure() const;
 
-  /// While it waits to be started in another mode, frames of the old one are not taken.
+  /// False while it waits for a restart in another mode: frames of the old mode are not taken.
   bool streaming() const { return port_ && started_ && !restarting_ && !gone_; }
-  /// Sets wait for it: it delivers, or has not had the time to yet.
+  /// Whether open sets wait for a frame of it: it streams and has not missed kMissedUntilSilent sets in a row.
   bool expected() const { return streaming() && missed_in_row_ < kMissedUntilSilent; }
-  /// Times it was started.
+  /// How often it was started.
   std::uint64_t starts() const { return starts_; }
   const HeadReport& report() const { return report_; }
-  void tell_drift(std::optional<std::int32_t> ppb) { report_.drift_ppb = ppb; }
+  void set_drift(std::optional<std::int32_t> ppb) { report_.drift_ppb = ppb; }
   bool conserved() const;
-  /// Gives up its port; every frame must have been released.
+  /// Stops and destroys its port; every frame must have been released.
   void close();
 
  private:
   void open(Instant now);
   void start(hal::TriggerMode mode, Instant now);
   void vanish(const Error& why);
-  Status ask(const SettingsChange& change);
+  Status request(const SettingsChange& change);
   void watch_settings(const hal::HeadSettings& in_effect);
 
   static constexpr int kMissedUntilSilent = 3;
-  static constexpr int kFramesOfGrace = 4;  ///< beyond the stated latency, until a setting counts as ignored
+  static constexpr int kFramesOfGrace = 4;  ///< frames beyond the stated latency until a setting counts as ignored
 
   const std::string name_;
   const std::string path_;
@@ -115,14 +115,14 @@ class CaptureHead {
   std::unique_ptr<hal::HeadPort> port_;
   bool started_ = false;
   bool restarting_ = false;
-  bool gone_ = false;  ///< the port is dead and waits for its frames
+  bool gone_ = false;  ///< the device is gone; the port is destroyed when all its frames are released
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
   std::optional<Instant> next_try_;
   std::uint64_t starts_ = 0;
   std::uint64_t lent_ = 0;
-  std::uint64_t in_flight_ = 0;  ///< of them, those in sets that were closed
+  std::uint64_t in_flight_ = 0;  ///< lent frames that are in closed sets
   int missed_in_row_ = 0;
-  int frames_since_asked_ = 0;
+  int frames_since_request_ = 0;
   HeadReport report_;
 };
 

@@ -1,4 +1,4 @@
-// The half of Capture that makes sets of frames.
+// The part of Capture that groups frames into sets.
 #include <algorithm>
 #include <array>
 #include <span>
@@ -22,10 +22,10 @@ Duration spread_of(const Skews& skews) {
 
 }  // namespace
 
-/// One frame of every head, then the next: after a stall, heads that are taken one by one would fill all open sets
-/// with the first head's frames and find the others late.
+/// Takes one frame of every head per round. After a stall, taking all frames of one head first would fill and close all
+/// open sets with that head's frames, and the other heads' frames would be late.
 bool Capture::take_frames() {
-  constexpr int kRounds = 8;  // so that a head that floods cannot keep the step from ending
+  constexpr int kRounds = 8;  // bounds the duration of a step when a head delivers frames too fast
   bool any = false;
   for (int round = 0; round < kRounds; ++round) {
     bool more = false;
@@ -42,8 +42,8 @@ bool Capture::take_frames() {
   return any;
 }
 
-/// A frame's exposure is over when its last byte is there, and not long over: else a clock wrapped or was set, and
-/// one such frame that were believed would make every later one too late.
+/// A frame's exposure ends before its last byte arrives, and not long before. Otherwise the head's clock has wrapped or was
+/// set; accepting one such frame would close sets of the future and make every later frame too late.
 bool Capture::plausible(const hal::FrameView& frame) const {
   const Duration age = frame.received - frame.mid_exposure;
   return age >= Duration() && age <= kOldest + clock_.period() * kMaxOpenSets;
@@ -53,7 +53,7 @@ std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::Frame
   const Duration delay = genlock_.settings().delay[head];
   const auto match = clock_.match(head, frame.mid_exposure, frame.in_effect.exposure, delay);
   if (match && match->trigger) return match;
-  // Its pulse may have been sent since the pulses were looked at, when this thread had to wait in between.
+  // The thread may have been suspended after it read the pulses of this step, so this frame's pulse may be unread.
   if (!take_edges()) return match;
   return clock_.match(head, frame.mid_exposure, frame.in_effect.exposure, delay);
 }
@@ -85,12 +85,12 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
   if (at != open_.end() && at->slot == slot) return &*at;
   const auto index = at - open_.begin();
   if (open_.size() == kMaxOpenSets) {
-    if (index == 0) return nullptr;  // older than everything that waits
+    if (index == 0) return nullptr;  // older than every open set
     close_oldest();
     return open_set(slot);
   }
   SetLoan set = sets_->take();
-  if (!set) return nullptr;  // a reader holds more than it registered for
+  if (!set) return nullptr;  // a reader holds more sets than it registered for
   set.edit().sync = {};
   return &*open_.insert(open_.begin() + index, OpenSet{slot, std::move(set), {}});
 }
@@ -157,17 +157,17 @@ void Capture::close_oldest() {
   set.sync.state = genlock_.state();
   outlets_.offer(open.set);
   open.set = {};
-  sets_->collect();  // when no outlet had room
+  sets_->collect();  // returns the frames at once if no outlet took the set
 }
 
-/// Moves heads that run free into step, after every set; in the same turn as an exposure is asked, so that both take
-/// effect in the same frame.
+/// Aligns free-running heads, after every set and after every requested exposure. Nudge and exposure are requested in the
+/// same step, so that both take effect in the same frame.
 void Capture::align() {
   if (!std::exchange(align_now_, false) || !genlock_.aligning()) return;
   std::array<FreeHead, kMaxHeads> free;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (!heads_[i].streaming()) continue;
-    free[i] = {true, heads_[i].starts(), heads_[i].report().limits->nudge, heads_[i].exposure_to_come()};
+    free[i] = {true, heads_[i].starts(), heads_[i].report().limits->nudge, heads_[i].pending_exposure()};
   }
   const bool in_step = genlock_.state() == GenlockState::kLocked || genlock_.state() == GenlockState::kHoldover;
   const Aligner::Nudges nudges = aligner_.plan(free, in_step, now_);
@@ -176,7 +176,7 @@ void Capture::align() {
   }
 }
 
-/// The pulses' drift when there are pulses; else that of the heads, of which the middle one is told.
+/// The drift of the pulses if there are pulses; otherwise the median of the heads' drifts.
 std::optional<std::int32_t> Capture::drift_ppb() const {
   if (pulsed()) return pulse_drift_.ppb();
   std::array<std::int32_t, kMaxHeads> drifts{};
@@ -198,7 +198,7 @@ void Capture::describe(const OpenSet& open) {
   NODAL_ASSERT(count > 0);
   std::sort(middles.begin(), middles.begin() + static_cast<std::ptrdiff_t>(count));
   set.mid_exposure = middles[count / 2];
-  set.second_field = rate_.period() / 2;  // of the heads' own rate, however often they are triggered
+  set.second_field = rate_.period() / 2;  // rate_, not rate_now_: the head's own rate separates its two fields
   set.sync.spread = middles[count - 1] - middles[0];
   for (std::size_t i = 0; i < middles.size(); ++i) {
     set.sync.offset[i] = set.has(i) ? set.frames[i].mid_exposure - set.mid_exposure : Duration();

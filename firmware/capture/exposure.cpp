@@ -9,7 +9,7 @@ namespace {
 using Distances = std::array<std::array<int, kMaxHeads>, kMaxHeads>;
 constexpr int kUnconnected = 1 << 10;
 
-/// How many overlaps lie between two heads, at least.
+/// The shortest path between any two heads, in overlaps (Floyd-Warshall).
 Distances distances_of(const blend::SphereLight& seen, HeadMask present) {
   Distances apart;
   constexpr std::size_t heads = kMaxHeads;
@@ -28,10 +28,10 @@ Distances distances_of(const blend::SphereLight& seen, HeadMask present) {
   return apart;
 }
 
-/// How far an exposure goes at once when it is so far from its goal.
+/// How far an exposure moves in one set, from the size of its error.
 Stops stride(Stops error, Stops ramp) {
   const Stops size = std::abs(error);
-  Stops wanted = size;  // the light has changed at once, so may the exposure
+  Stops wanted = size;  // an error above one stop comes from a sudden change of light, so the exposure may jump as well
   if (size <= kStop) wanted = std::max(size / 2, ExposureControl::kStep);
   if (size <= ExposureControl::kNear) wanted = std::min(size, ExposureControl::kStep);
   return std::min(wanted, std::max<Stops>(ramp, 1));
@@ -48,7 +48,7 @@ ExposureOrder split(Stops stops, const ExposureRange& range) {
   const Stops wanted = std::clamp(stops, low, high);
   const Stops shutter = std::min(wanted - stops_of(range.lowest), stops_of(range.longest));
   const auto us = static_cast<std::int64_t>(exp2_stops(std::max<Stops>(shutter, 0)));
-  // Down to a whole microsecond, so that what is left over is for the gain, which is never below its lowest.
+  // Rounded down to a whole microsecond, so that the gain has to supply a rest that is not negative.
   ExposureOrder order;
   order.exposure = std::clamp(Exposure::microseconds(us), range.shortest, range.longest);
   if (stops_of(order.exposure) > shutter && us > 1) {
@@ -62,7 +62,7 @@ void ExposureControl::set(const ExposureSettings& settings) {
   report_.settings = settings;
   report_.settled = false;
   resting_ = 0;
-  for (auto& asked : asked_) asked.reset();
+  for (auto& requested : requested_) requested.reset();
 }
 
 ExposureControl::Orders ExposureControl::step(const blend::SphereLight& seen,
@@ -85,8 +85,8 @@ ExposureControl::Orders ExposureControl::step(const blend::SphereLight& seen,
     if ((present & head_bit(h)) == 0) continue;
     const auto [low, high] = reach(*ranges[h]);
     report_.goal[h] = std::clamp(report_.goal[h], low, high);
-    if (!asked_[h]) asked_[h] = std::clamp(seen.heads[h].exposure, low, high);
-    errors[h] = report_.goal[h] - *asked_[h];
+    if (!requested_[h]) requested_[h] = std::clamp(seen.heads[h].exposure, low, high);
+    errors[h] = report_.goal[h] - *requested_[h];
     const Stops size = std::abs(errors[h]);
     report_.settled = report_.settled && size <= kNear;
     if (size > kRest) resting_ &= ~head_bit(h);
@@ -102,8 +102,8 @@ ExposureControl::Orders ExposureControl::step(const blend::SphereLight& seen,
     const Stops own = errors[h] < 0 ? -stride(errors[h], settings.ramp) : stride(errors[h], settings.ramp);
     const Stops move = together ? static_cast<Stops>(std::min(common, std::int64_t{worst}) * errors[h] / worst) : own;
     if (move == 0) continue;
-    *asked_[h] += std::abs(move) > std::abs(errors[h]) ? errors[h] : move;
-    orders.of[h] = split(*asked_[h], *ranges[h]);
+    *requested_[h] += std::abs(move) > std::abs(errors[h]) ? errors[h] : move;
+    orders.of[h] = split(*requested_[h], *ranges[h]);
     orders.heads |= head_bit(h);
   }
   return orders;
@@ -116,9 +116,9 @@ void ExposureControl::find_goals(HeadMask present) {
   if (report_.settings.program == ExposureProgram::kJoint) limit_differences(present);
 }
 
-/// The exposures nearest to what each head would have alone that are nowhere further apart than allowed: the mean of
-/// the greatest such below them and the least such above them. Without an anchor all are then moved so that the sphere
-/// as a whole is exposed as it was; an anchor stays where it was, since nothing further from it is asked for.
+/// Changes the goals so that overlapping heads differ by at most `difference`: each goal becomes the mean of two, the largest
+/// allowed ones below all original goals and the smallest allowed ones above them. Then, without an anchor, all goals are
+/// shifted so that the mean exposure of the sphere does not change. With an anchor, the anchor's goal does not change.
 void ExposureControl::limit_differences(HeadMask present) {
   const Distances apart = distances_of(report_.seen, present);
   constexpr std::size_t heads = kMaxHeads;

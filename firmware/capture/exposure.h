@@ -1,4 +1,4 @@
-// Exposure programs: from what the heads saw to what they are asked next.
+// Exposure programs: from metered light to the settings that are requested from the heads.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace nodal::firmware {
 
-/// What a head can do, in its own units.
+/// The range of a head's shutter and gain.
 struct ExposureRange {
   Exposure shortest, longest;
   Gain lowest, highest;
@@ -26,24 +26,24 @@ struct ExposureOrder {
   Gain gain;
 };
 
-/// The shutter and gain that let through so many stops_of(), within the range: a shutter as long as may be, and gain
-/// for what it lacks. What shutters cannot do in whole microseconds, gain does too.
+/// Splits an exposure in stops into shutter and gain within the range: the shutter as long as possible, the gain for the
+/// rest. The gain also supplies what rounding the shutter to whole microseconds leaves.
 ExposureOrder split(Stops stops, const ExposureRange& range);
-/// What the range reaches.
+/// The lowest and the highest exposure of the range.
 std::pair<Stops, Stops> reach(const ExposureRange& range);
 
-/// Closed loop, without a model of its delay: every set says what was in effect for it, so what it saw says where
-/// exposures should be, whatever has been asked since; that goal is walked to and never past. Metering never tells
-/// more than it knows (blend::meter), so a goal that is not yet the right one lies before it.
+/// A closed loop that needs no model of its delay: every set carries the settings that were in effect for it, so the goal
+/// computed from its light does not depend on later requests. The requested exposure approaches the goal and never passes
+/// it. Metering never overestimates a change (blend::meter), so an inexact goal lies between the exposure and the right one.
 ///
-///   error of a head's exposure | it moves, each set
-///   within kRest, after it came to rest | not at all: noise moves nothing
-///   within kNear | by kStep, a hundredth of its light, which is not seen
-///   within a stop | by half of the error
-///   beyond | by all of it
-/// and never by more than `ramp`.
+///   error of a head's exposure | change per set
+///   at most kRest, after it was within kStep | none, so that noise changes nothing
+///   at most kNear | kStep, 1 % of the light, which is not visible
+///   at most one stop | half of the error
+///   larger | all of it
+/// and never more than `ramp`.
 ///
-/// In the joint program all heads move in proportion, so that neighbours that were within `difference` stay so.
+/// In the joint program all heads change in proportion, so that neighbours that were within `difference` stay within it.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -55,26 +55,26 @@ class ExposureControl {
   static constexpr Stops kRest = kStop / 16;
 
   struct Orders {
-    HeadMask heads = 0;  ///< which of them
+    HeadMask heads = 0;  ///< heads with an order in `of`
     std::array<ExposureOrder, kMaxHeads> of{};
   };
 
   struct Report {
     ExposureSettings settings;
     bool settled = false;     ///< every head is within kNear of its goal
-    std::uint64_t sets = 0;   ///< that were metered
-    blend::SphereLight seen;  ///< the newest of them
+    std::uint64_t sets = 0;   ///< number of metered sets
+    blend::SphereLight seen;  ///< reading of the newest one
     std::array<Stops, kMaxHeads> goal{};
   };
 
   explicit ExposureControl(const ExposureSettings& settings) { report_.settings = settings; }
 
-  /// From here on. Exposures go on from where they are.
+  /// New settings. Exposures continue from their present values.
   void set(const ExposureSettings& settings);
-  /// A metered set, oldest first. What the heads are to be asked: only heads with a range are.
+  /// Takes the reading of the next metered set and returns the new settings of the heads. Only heads with a range get any.
   Orders step(const blend::SphereLight& seen, std::span<const std::optional<ExposureRange>, kMaxHeads> ranges);
-  /// A head went: what it was asked is forgotten.
-  void forget(std::size_t head) { asked_[head].reset(); }
+  /// The head is disconnected: forgets its requested exposure.
+  void forget(std::size_t head) { requested_[head].reset(); }
   const Report& report() const { return report_; }
 
  private:
@@ -82,7 +82,7 @@ class ExposureControl {
   void limit_differences(HeadMask present);
 
   Report report_;
-  std::array<std::optional<Stops>, kMaxHeads> asked_{};
+  std::array<std::optional<Stops>, kMaxHeads> requested_{};
   HeadMask resting_ = 0;
 };
 

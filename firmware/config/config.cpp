@@ -12,7 +12,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kMaxUnixPath = 107;  // sockaddr_un::sun_path holds 108 with its end
+constexpr std::size_t kMaxUnixPath = 107;  // bytes; sockaddr_un::sun_path holds 108, the last of them 0
 
 bool is_name(std::string_view text) {
   return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
@@ -23,7 +23,7 @@ bool is_name(std::string_view text) {
 
 std::string name_of(TomlReader& reader) {
   std::string name = reader.required_text("name");
-  if (!name.empty() && !is_name(name)) reader.refuse("name", "may have 1 to 64 of A-Z a-z 0-9 . _ - and nothing else");
+  if (!name.empty() && !is_name(name)) reader.refuse("name", "must be 1 to 64 characters of A-Z a-z 0-9 . _ -");
   return name;
 }
 
@@ -89,12 +89,12 @@ void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, Pixe
     const std::string format(pixel_format_name(raymap));
     return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted +
                                        ", but the format of head '" + head.name + "' is " +
-                                       std::string(pixel_format_name(head.format)) + "; change its format or this one");
+                                       std::string(pixel_format_name(head.format)) + "; change one of the two formats");
   }
 }
 
-/// After the heads: fields that make raymaps of their own are exposed together only where all heads have them, in one
-/// order.
+/// Call after the heads are read: separate fields form sets only if all heads are interlaced and expose the same field
+/// first.
 void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, RaymapConfig& raymap) {
   raymap.fields = reader.choice<FieldUse>("fields", {{"weave", FieldUse::kWeave}, {"separate", FieldUse::kSeparate}});
   if (raymap.fields == FieldUse::kWeave) return;
@@ -102,7 +102,7 @@ void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, Ray
     if (head.fields == Fields::kProgressive) {
       return reader.refuse("fields",
                            "is \"separate\", but the frames of head '" + head.name +
-                               "' are progressive; say top-first or bottom-first in its entry, or weave here");
+                               "' are progressive; write top-first or bottom-first in its entry, or weave here");
     }
     if (head.fields != heads[0].fields) {
       return reader.refuse("fields", "is \"separate\", but heads '" + heads[0].name + "' and '" + head.name +
@@ -124,7 +124,7 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
 
 Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
 
-/// After the heads: the anchor is one of them.
+/// Call after the heads are read: the anchor must be one of them.
 void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, ExposureSettings& settings) {
   settings.program = reader.choice<ExposureProgram>(
       "program",
@@ -139,7 +139,7 @@ void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, Expo
   if (anchor.empty()) return;
   const auto found =
       std::find_if(heads.begin(), heads.end(), [&](const HeadConfig& head) { return head.name == anchor; });
-  if (found == heads.end()) return reader.refuse("anchor", "is \"" + anchor + "\", and no head is called so");
+  if (found == heads.end()) return reader.refuse("anchor", "is \"" + anchor + "\", but no head has that name");
   settings.anchor = static_cast<HeadIndex>(found - heads.begin());
 }
 
@@ -165,18 +165,18 @@ void read_links(TomlReader reader, LinksConfig& links) {
   }
   if (reader.has("tcp_port")) {
     reader.refuse("tcp_port",
-                  "is not served any more, since any user of the machine could connect; take it out, and "
+                  "is no longer supported, because any user of the machine could connect; remove it and "
                   "use the Unix socket or ssh://HOST");
   }
 }
 
-/// What the words after the colon mean is the pins' own matter.
+/// The text after the colon is parsed by daemon/panel_ports.
 void read_panel(TomlReader reader, PanelConfig& panel) {
   for (const auto& [key, pin] :
        {std::pair{"button", &panel.button}, std::pair{"status", &panel.status}, std::pair{"tally", &panel.tally}}) {
     *pin = reader.text(key, "");
     if (reader.has(key) && !pin->starts_with("sim:"))
-      reader.refuse(key, "must be sim:…; other pins are not driven yet");
+      reader.refuse(key, "must be sim:…; other pins are not supported yet");
   }
 }
 
@@ -203,10 +203,10 @@ void read_sim(TomlReader reader, SimConfig& sim) {
     reader.refuse("photo", "must name an equirectangular JPEG or PNG when scene is \"photo\"", Errc::kMissingField);
   }
   if (sim.scene != SimConfig::Scene::kPhoto && reader.has("photo")) {
-    reader.refuse("photo", "is there, but scene is not \"photo\"");
+    reader.refuse("photo", "is only allowed when scene is \"photo\"");
   }
   if (sim.scene != SimConfig::Scene::kConstant && reader.has("constant")) {
-    reader.refuse("constant", "is there, but scene is not \"constant\"");
+    reader.refuse("constant", "is only allowed when scene is \"constant\"");
   }
   read_constant(reader, sim);
   sim.noise = reader.number("noise", 0, 64, 0);
@@ -247,7 +247,7 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
         Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
   }
   if (reader.has("red_q12") != reader.has("blue_q12")) {
-    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",
+    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "is missing; a white balance needs both colours",
                   Errc::kMissingField);
   } else if (reader.has("red_q12")) {
     head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
@@ -262,7 +262,7 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
     reader.refuse("trigger_delay_us",
                   "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
-    reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
+    reader.refuse("trigger_delay_us", "is not allowed for replay: ports; replayed pictures have no trigger");
   }
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
                                                  {"top-first", Fields::kTopFirst},
@@ -273,7 +273,7 @@ HeadConfig read_head(TomlReader reader, FrameRate rate) {
 void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
   const toml::array* heads = file.array("heads");
   if (!heads || heads->empty()) {
-    file.refuse("heads", "must be there: one [[heads]] for every head of the rig", Errc::kMissingField);
+    file.refuse("heads", "is missing; write one [[heads]] for every head of the rig", Errc::kMissingField);
     return;
   }
   if (heads->size() > static_cast<std::size_t>(kMaxHeads)) {
@@ -294,8 +294,10 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
                        "trigger_delay_us"},
                       error);
     HeadConfig head = read_head(reader, config.rate);
-    if (!names.insert(head.name).second) reader.refuse("name", "\"" + head.name + "\" is taken by a head above");
-    if (!ports.insert({head.port.kind, head.port.name}).second) reader.refuse("port", "is taken by a head above");
+    if (!names.insert(head.name).second)
+      reader.refuse("name", "\"" + head.name + "\" is the name of a head above, too");
+    if (!ports.insert({head.port.kind, head.port.name}).second)
+      reader.refuse("port", "is the port of a head above, too");
     config.heads.push_back(std::move(head));
   }
 }
@@ -310,7 +312,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     const toml::table* table = file.table(name);
     return table ? *table : kEmpty;
   };
-  if (!file.has("rig")) file.refuse("rig", "must be there: a table [rig] with the rig's name", Errc::kMissingField);
+  if (!file.has("rig")) file.refuse("rig", "is missing; write a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
   TomlReader raymap(section("raymap"), "raymap",
                     {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone", "fields"}, error);
@@ -333,8 +335,8 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   check_formats(raymap, config.heads, config.raymap.format);
   for (const HeadConfig& head : config.heads) {
     if (config.trigger.source != SyncSource::kNone || head.trigger_delay == Duration()) continue;
-    file.refuse("trigger", "has source = \"none\", so there are no pulses that head '" + head.name +
-                               "' could be delayed against; take its trigger_delay_us out");
+    file.refuse("trigger", "has source = \"none\", so head '" + head.name +
+                               "' has no trigger pulse to delay; remove its trigger_delay_us");
   }
   read_field_use(raymap, config.heads, config.raymap);
   read_exposure(
@@ -349,9 +351,9 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   if (file.has("sim")) {
     read_sim({section("sim"), "sim", {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
              config.sim.emplace());
-    if (!wants_sim) file.refuse("sim", "is there, but no head is on a sim: port");
+    if (!wants_sim) file.refuse("sim", "is only allowed when a head is on a sim: port");
   } else if (wants_sim) {
-    file.refuse("sim", "must be there, since there are heads on sim: ports", Errc::kMissingField);
+    file.refuse("sim", "is missing; heads on sim: ports need it", Errc::kMissingField);
   }
   return config;
 }

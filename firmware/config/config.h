@@ -1,4 +1,4 @@
-// rig.toml: what this rig is made of. Every key is explained with its limits in firmware/RIG.md.
+// rig.toml describes one rig. firmware/RIG.md explains every key and its limits.
 #pragma once
 
 #include <array>
@@ -19,39 +19,39 @@
 
 namespace nodal::firmware {
 
-/// What kind of port a head, trigger or world is on: the word before the colon in `port`.
+/// The kind of a head's port: the word before the colon in `port`.
 enum class PortKind : std::uint8_t { kSim, kReplay };
 
-/// "sim:cam0" or "replay:pictures/cam0-*.png": which kind, and who there.
+/// "sim:cam0" or "replay:pictures/cam0-*.png": the kind of the port and its name.
 struct PortAddress {
   PortKind kind = PortKind::kSim;
   std::string name;  ///< what follows the colon; for replay a file or glob, relative to rig.toml
   friend bool operator==(const PortAddress&, const PortAddress&) = default;
 };
 
-/// One [[heads]] entry; its place among them is its HeadIndex.
+/// One [[heads]] entry; its position among them is its HeadIndex.
 struct HeadConfig {
   std::string name;  ///< as in the calibration
   PortAddress port;
-  PixelFormat format = PixelFormat::kI420;  ///< what the head is asked to deliver
-  /// What is asked of the head when it is opened; nothing: as the head comes.
+  PixelFormat format = PixelFormat::kI420;  ///< the format requested from the head
+  /// Requested from the head when it is opened; empty: the head keeps its own value.
   std::optional<Exposure> exposure;
   std::optional<Gain> gain;
   std::optional<WhiteBalance> white_balance;
   std::optional<hal::Gamma> gamma;
-  Fields fields = Fields::kProgressive;  ///< what it delivers
-  Duration trigger_delay;                ///< of its pulse after the trigger
-  int line = 0;                          ///< in rig.toml, for messages
+  Fields fields = Fields::kProgressive;  ///< the field order that it delivers
+  Duration trigger_delay;                ///< from the trigger to this head's pulse
+  int line = 0;                          ///< line number in rig.toml, for error messages
 };
 
 enum class RaymapLayout : std::uint8_t { kEquirectangular, kCube };
-/// "equirectangular", "cube": as rig.toml and the wire have it.
+/// "equirectangular", "cube": the name in rig.toml and in the protocol.
 std::string_view raymap_layout_name(RaymapLayout layout);
 
-/// What becomes of interlaced frames.
+/// How interlaced frames are blended.
 enum class FieldUse : std::uint8_t {
-  kWeave,     ///< both fields' rows in one raymap, as if they were one exposure
-  kSeparate,  ///< each field a raymap of its own, through a table for the rows it has
+  kWeave,     ///< the rows of both fields in one raymap, as if they were one exposure
+  kSeparate,  ///< one raymap per field, each with a table for the rows of that field
 };
 
 /// [raymap]
@@ -59,69 +59,69 @@ struct RaymapConfig {
   RaymapLayout layout = RaymapLayout::kEquirectangular;
   int width = 2048;
   int height = 1024;
-  PixelFormat format = PixelFormat::kI420;  ///< is_raymap_format()
+  PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
   int jpeg_quality = 85;                    ///< 1 .. 100
   double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
-  bool soft = true;                         ///< highlights that darker heads saw are held back, not clipped
+  bool soft = true;                         ///< highlights beyond the sample range are compressed, not clipped
   FieldUse fields = FieldUse::kWeave;
 
-  /// That a frame set makes.
+  /// Raymaps that are made from one frame set.
   int raymaps_a_set() const { return fields == FieldUse::kSeparate ? 2 : 1; }
 };
 
-/// Who makes heads expose together.
+/// What synchronizes the exposures of the heads.
 enum class SyncSource : std::uint8_t {
-  kOwn,       ///< the rig's own pulses
-  kExternal,  ///< somebody else's, at the rig's rate
-  kNone,      ///< no pulses: the heads run free, and are moved until they are in step
+  kOwn,       ///< pulses that the rig generates
+  kExternal,  ///< pulses from outside, at the rig's rate
+  kNone,      ///< no pulses: the heads run free, and the rig aligns the phases of their exposures
 };
 
 /// [trigger]
 struct TriggerConfig {
-  bool start = false;  ///< genlock at start, without a host's asking
+  bool start = false;  ///< the genlock starts with the rig, without a request of a host
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   SyncSource source = SyncSource::kOwn;
 };
 
-/// [sim]: the world that "sim:" heads look at.
+/// [sim]: the simulated scene of the "sim:" heads.
 struct SimConfig {
   enum class Scene : std::uint8_t { kProcedural, kConstant, kPhoto, kBar };
   enum class Clock : std::uint8_t {
-    kReal,  ///< frames come when they would
-    kFast,  ///< virtual time, as fast as the daemon keeps up; nothing is dropped for slowness
+    kReal,  ///< frames arrive in real time
+    kFast,  ///< virtual time that advances as fast as the daemon works; no frame is dropped for overload
   };
-  std::string calibration;  ///< file with the truth the heads are rendered with
+  std::string calibration;  ///< file with the true calibration that the heads are rendered with
   Scene scene = Scene::kProcedural;
-  std::string photo;                                    ///< kPhoto: an equirectangular JPEG or PNG
+  std::string photo;                                    ///< kPhoto: path of an equirectangular JPEG or PNG
   std::array<std::uint8_t, 3> constant{128, 128, 128};  ///< kConstant: red, green, blue, encoded
   double noise = 0;                                     ///< standard deviation in levels of 255, 0 .. 64
   std::uint64_t seed = 1;
   Clock clock = Clock::kReal;
 };
 
-/// Who may open a Unix socket.
+/// Permissions and group of a Unix socket's file.
 struct SocketFile {
-  std::optional<std::uint32_t> mode;  ///< permission bits, set exactly; nothing: 0660 less the umask
-  std::string group;                  ///< empty: nodald's
+  std::optional<std::uint32_t> mode;  ///< permission bits, set exactly; empty: 0660 and not the umask's bits
+  std::string group;                  ///< empty: nodald's group
 };
 
-/// [links]: where hosts connect.
+/// [links]: the sockets that hosts connect to.
 struct LinksConfig {
-  std::string unix_path = "/run/nodal/nodal.sock";  ///< empty: none
+  std::string unix_path = "/run/nodal/nodal.sock";  ///< control; empty: no such socket
   SocketFile unix_file;
-  std::string view_path;  ///< for viewing only; empty: none
+  std::string view_path;  ///< view only; empty: no such socket
   SocketFile view_file;
 };
 
-/// [panel]: the rig's own button and lamps, by where they are plugged in; empty: none.
+/// [panel]: the ports of the rig's button and lamps; empty: not there.
 struct PanelConfig {
   std::string button;
   std::string status;
   std::string tally;
 };
 
-/// A whole rig.toml, checked.
+/// A complete, checked rig.toml.
 struct RigConfig {
   std::string name;
   FrameRate rate;
@@ -129,21 +129,21 @@ struct RigConfig {
   std::vector<HeadConfig> heads;
   TriggerConfig trigger;
   ExposureSettings exposure;     ///< [exposure]
-  std::optional<SimConfig> sim;  ///< there exactly when a head is on a "sim:" port
+  std::optional<SimConfig> sim;  ///< has a value exactly when a head is on a "sim:" port
   LinksConfig links;
   PanelConfig panel;
   std::string store = "/var/lib/nodal";   ///< folder of the calibration store
   std::string signers_file;               ///< [calibration] signers; empty: calibrations need no signature
-  std::optional<AllowedSigners> signers;  ///< what that file says, once it was read
-  Sha256 text_id{};                       ///< of rig.toml's text
+  std::optional<AllowedSigners> signers;  ///< parsed contents of that file; set after the file is read
+  Sha256 text_id{};                       ///< SHA-256 of rig.toml's text
 };
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;
 
-/// Reads and checks a rig.toml. Paths are left as they were written.
+/// Parses and checks a rig.toml. Paths stay as written.
 ///
-/// Errors: one, naming `file:line:column`, the field, what is wrong with it and what is allowed; an unknown key
-/// is an error that names the nearest known one.
+/// Errors: the first one, with `file:line:column`, the field, what is wrong and what is allowed; an unknown key
+/// is an error that suggests the nearest known key.
 Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file);
 
 }  // namespace nodal::firmware

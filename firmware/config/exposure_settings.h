@@ -1,4 +1,4 @@
-// What rig.toml and hosts set of the exposure.
+// The settings of the exposure programs, from rig.toml and from hosts.
 #pragma once
 
 #include <cstdint>
@@ -13,28 +13,28 @@ namespace nodal::firmware {
 
 enum class ExposureProgram : std::uint8_t {
   kManual,  ///< hosts set every head
-  kEach,    ///< every head for what it looks at
-  kJoint,   ///< every head for what it looks at, but not further from those it overlaps than `difference`
+  kEach,    ///< every head is exposed for its own picture
+  kJoint,   ///< as kEach, but overlapping heads differ by at most `difference`
 };
-/// "manual", "each", "joint": as rig.toml and the wire have it.
+/// "manual", "each", "joint": the name in rig.toml and in the protocol.
 std::string_view exposure_program_name(ExposureProgram program);
 std::optional<ExposureProgram> exposure_program_of(std::string_view name);
 
-/// What hosts and rig.toml ask of it.
+/// All settings of the exposure programs.
 struct ExposureSettings {
   ExposureProgram program = ExposureProgram::kManual;
-  std::optional<HeadIndex> anchor;  ///< joint: this head is exposed for what it looks at, the others after it
-  Stops target = -5 * kStop / 2;    ///< mean light, in stops below what fills a sample
-  Stops difference = kStop;         ///< joint: between heads that overlap; 0: all are exposed alike
-  Stops ramp = 4 * kStop;           ///< an exposure changes by no more from one set to the next
-  Exposure longest = Exposure::microseconds(16'000);  ///< shutters are no longer; gain does the rest
+  std::optional<HeadIndex> anchor;  ///< joint: this head is exposed for its own picture, the others relative to it
+  Stops target = -5 * kStop / 2;    ///< mean light relative to a full sample, in stops
+  Stops difference = kStop;         ///< joint: most between overlapping heads; 0: all heads have the same exposure
+  Stops ramp = 4 * kStop;           ///< most that an exposure changes from one set to the next
+  Exposure longest = Exposure::microseconds(16'000);  ///< longest shutter time; gain supplies the rest
   Gain highest = Gain::millidecibels(24'000);
-  bool locked = false;  ///< exposures stay as they are
+  bool locked = false;  ///< the program does not change exposures
   friend bool operator==(const ExposureSettings&, const ExposureSettings&) = default;
 };
 
-/// What a request changes of an ExposureSettings: the fields that it names. Capture applies it to the settings that are
-/// in effect then, so that two requests that come one right after the other both count.
+/// A change of some fields of ExposureSettings. Capture applies it to the settings in effect at that moment, so that two
+/// requests in quick succession both take effect.
 struct ExposureChange {
   std::optional<ExposureProgram> program;
   std::optional<std::optional<HeadIndex>> anchor;  ///< the inner one is empty: no head is the anchor
@@ -44,7 +44,7 @@ struct ExposureChange {
   std::optional<bool> locked;
 
   ExposureSettings applied_to(ExposureSettings settings) const;
-  /// What `newer` says goes over what this says.
+  /// Fields that `newer` has replace this one's.
   void add(const ExposureChange& newer);
 };
 

@@ -24,7 +24,7 @@ std::string shown(double value) {
   return out.str();
 }
 
-/// Keys and values come from the file: only what prints, and not all of a megabyte of it.
+/// Keys and values come from the file, so messages contain printable characters only and at most kLongest bytes.
 std::string excerpt(std::string_view text) {
   constexpr std::size_t kLongest = 64;
   return printable(text, kLongest) + (text.size() > kLongest ? "..." : "");
@@ -47,7 +47,7 @@ void FirstError::set(Errc code, const toml::source_region& where, const std::str
 TomlReader::TomlReader(const toml::table& table, std::string name, std::initializer_list<std::string_view> known,
                        FirstError& error)
     : table_(table), name_(std::move(name)), error_(error) {
-  // In the order of the file, so that the error is the first a reader meets.
+  // The table is sorted by key; the error is about the first unknown key in the order of the file.
   const toml::key* first_unknown = nullptr;
   for (const auto& [key, node] : table_) {
     if (std::find(known.begin(), known.end(), key.str()) != known.end()) continue;
@@ -57,7 +57,7 @@ TomlReader::TomlReader(const toml::table& table, std::string name, std::initiali
   std::string message = "there is no key '" + field(excerpt(first_unknown->str())) + "'; ";
   const std::span words(known.begin(), known.size());
   const std::string_view near = nearest_word(first_unknown->str(), words);
-  message += near.empty() ? "known here are " + listed(words) : "did you mean '" + std::string(near) + "'?";
+  message += near.empty() ? "the keys allowed here are " + listed(words) : "did you mean '" + std::string(near) + "'?";
   error_.set(Errc::kUnknownField, first_unknown->source(), message);
 }
 
@@ -84,7 +84,7 @@ std::string TomlReader::text(std::string_view key, std::string fallback) {
 }
 
 std::string TomlReader::required_text(std::string_view key) {
-  if (!has(key)) refuse(key, "must be there", Errc::kMissingField);
+  if (!has(key)) refuse(key, "is missing", Errc::kMissingField);
   std::string value = text(key, "");
   if (has(key) && value.empty()) refuse(key, "must not be empty");
   return value;
@@ -118,7 +118,7 @@ bool TomlReader::boolean(std::string_view key, bool fallback) {
   return node ? node->as_boolean()->get() : fallback;
 }
 
-/// The place of the key's word among `allowed`, or 0.
+/// The index of the key's word in `allowed`; 0 when the key is missing or its word is not allowed.
 std::size_t TomlReader::choose(std::string_view key, std::span<const std::string_view> allowed) {
   if (!has(key)) return 0;
   const std::string value = text(key, "");

@@ -1,4 +1,4 @@
-// Reads one TOML table by the keys it may have, and remembers the first thing that is wrong with it.
+// Reads one TOML table by its allowed keys and records the first error.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace nodal::firmware {
 
-/// The first error of a file; later ones are not recorded, since one clear error is enough to act on.
+/// The first error of a file. Later errors are not recorded: they are often consequences of the first.
 class FirstError {
  public:
   explicit FirstError(std::string_view file) : file_(file) {}
@@ -29,18 +29,18 @@ class FirstError {
   std::optional<Error> error_;
 };
 
-/// A word of the file and what it stands for.
+/// An allowed word and its value.
 template <class Value>
 struct Named {
   std::string_view name;
   Value value;
 };
 
-/// One table of the file. Every reader returns the default when the key is not there or is wrong.
+/// One table of the file. Every read function returns the default when the key is missing or its value is not allowed.
 class TomlReader {
  public:
-  /// `name` is how messages call the table: "rig", "heads[3]", or empty for the file itself.
-  /// Keys that are not in `known` are an error that names the nearest of them.
+  /// `name` is the name of the table in messages: "rig", "heads[3]", or empty for the root table.
+  /// A key that is not in `known` is an error that suggests the nearest known key.
   TomlReader(const toml::table& table, std::string name, std::initializer_list<std::string_view> known,
              FirstError& error);
 
@@ -50,7 +50,7 @@ class TomlReader {
   std::int64_t integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback);
   double number(std::string_view key, double low, double high, double fallback);
   bool boolean(std::string_view key, bool fallback);
-  /// The value beside the name that the key holds; the first one's where there is no such key, or another name.
+  /// The value that belongs to the key's word; the first value when the key is missing or its word is not allowed.
   template <class Value>
   Value choice(std::string_view key, std::initializer_list<Named<Value>> allowed) {
     std::vector<std::string_view> names;
@@ -60,7 +60,7 @@ class TomlReader {
   const toml::array* array(std::string_view key);
   const toml::table* table(std::string_view key);
 
-  /// Reports that this key's value is not allowed.
+  /// Records the error that this key's value is not allowed. `message` completes the sentence "KEY …".
   void refuse(std::string_view key, const std::string& message, Errc code = Errc::kBadValue);
   int line() const { return static_cast<int>(table_.source().begin.line); }
 

@@ -1,4 +1,4 @@
-// What travels the frame path: the frames of all heads that one trigger exposed, and why a frame is in no set.
+// The data type of the frame path: the frames of all heads that one trigger exposed, and the reasons why a frame is lost.
 #pragma once
 
 #include <array>
@@ -14,51 +14,51 @@
 
 namespace nodal::firmware {
 
-/// Why a frame that was taken is in no set.
+/// Why a frame that was taken from a port is in no set.
 enum class LossReason : std::uint8_t {
-  kLate,         ///< its set had gone
-  kDuplicate,    ///< its set had one of this head
-  kCorrupt,      ///< the port said so
-  kTorn,         ///< the port said so
-  kNoSignal,     ///< the port said so
-  kWrongFormat,  ///< not the size or pixels the head promised
-  kUnmatched,    ///< genlocked, and no trigger near its exposure
-  kOverload,     ///< no room for another open set
+  kLate,         ///< its set was closed before it arrived
+  kDuplicate,    ///< its set already has a frame of this head
+  kCorrupt,      ///< the port's verdict
+  kTorn,         ///< the port's verdict
+  kNoSignal,     ///< the port's verdict
+  kWrongFormat,  ///< its size or pixel format differs from the head's stated format
+  kUnmatched,    ///< the genlock runs, and no trigger is near its exposure
+  kOverload,     ///< the maximum number of sets is open already
   kFieldOrder,   ///< interlaced, and the field that should be second was exposed first
-  kFieldParity,  ///< interlaced, and not both fields came; or not interlaced when it should be, or the other way round
-  kBadTime,      ///< it says that it was exposed after it came, or long before
+  kFieldParity,  ///< interlaced with one field only; or progressive where rig.toml says interlaced, or the reverse
+  kBadTime,      ///< its timestamp is after its arrival, or too long before it
 };
 inline constexpr std::size_t kLossReasons = 11;
-/// "late", "no-signal": as the wire and people have it.
+/// "late", "no-signal": the name in messages of the protocol and in reports.
 std::string_view loss_reason_name(LossReason reason);
 
 enum class GenlockState : std::uint8_t {
   kOff,        ///< heads run free; frames are grouped by their times alone
-  kAcquiring,  ///< the trigger runs, or heads are being moved into step, and they have not been in step long enough
-  kLocked,     ///< every frame began with its pulse, or without pulses with the others
-  kHoldover,   ///< no pulses are seen, or a head cannot be moved, yet they are still as much in step as when it locked
-  kLost,       ///< they are not
+  kAcquiring,  ///< the trigger runs, or free-running heads are being aligned; not yet within the limit for long enough
+  kLocked,     ///< every exposure begins with its pulse; without pulses, with those of the other heads
+  kHoldover,   ///< no pulses are seen, or a head cannot be moved, but the heads are still within the limit
+  kLost,       ///< the heads are no longer within the limit
 };
 std::string_view genlock_state_name(GenlockState state);
 
 using HeadMask = std::uint32_t;
 inline constexpr HeadMask head_bit(std::size_t head) { return HeadMask{1} << head; }
 
-/// How well a set's frames were exposed together, as far as the rig can know. It stays with the set, the raymap that is
-/// made of it, and the take.
+/// How well a set's frames were exposed together, as far as the rig can measure it. The set, the raymap that is made from
+/// it, and the take all carry it.
 struct SyncEvidence {
   GenlockState state = GenlockState::kOff;  ///< when the set was closed
-  std::optional<std::uint64_t> trigger;     ///< the pulse that exposed it, when there was one
+  std::optional<std::uint64_t> trigger;     ///< number of the pulse that exposed it; empty without a pulse
   Duration spread;                          ///< latest minus earliest mid-exposure
-  /// Latest minus earliest begin of an exposure, each counted from the pulse and the head's own delay: what the lock
-  /// is judged by, since heads of different exposures cannot have both in common. Nothing: no pulse exposed it.
+  /// Latest minus earliest begin of exposure, each relative to the pulse plus the head's own delay. The lock is judged by
+  /// this value, because heads with different exposure times cannot share begin and middle. Empty: no pulse exposed it.
   std::optional<Duration> begin_spread;
-  /// How much slower than nominal the exposures come, on the rig's clock, in 1/1000 ppm; nothing until it is known.
+  /// How much slower than nominal the exposures repeat, on the rig's clock, in 1/1000 ppm; empty until it is measured.
   std::optional<std::int32_t> drift_ppb;
   std::array<Duration, kMaxHeads> offset{};  ///< each frame's mid-exposure after the set's
 };
 
-/// What a head delivers, as far as is known: nothing while it was never open.
+/// The format a head delivers. HeadShapes has an empty entry for a head that was never open.
 struct HeadShape {
   PixelFormat format = PixelFormat::kI420;
   int width = 0;
@@ -66,11 +66,11 @@ struct HeadShape {
 };
 using HeadShapes = std::vector<std::optional<HeadShape>>;
 
-/// The frames of one trigger. Heads whose bit is not in `mask` have no picture in it.
+/// The frames of one trigger. A head whose bit is not set in `mask` has no picture in the set.
 struct FrameSet {
-  std::uint64_t number = 0;  ///< counts the rig's sets from 0, without gaps
-  Instant mid_exposure;      ///< median over its frames; of interlaced ones, of their first fields
-  Duration second_field;     ///< of interlaced frames: how much later their second fields were exposed
+  std::uint64_t number = 0;  ///< sets are numbered from 0 without gaps
+  Instant mid_exposure;      ///< median over its frames; for interlaced frames, over their first fields
+  Duration second_field;     ///< interlaced frames: exposure of the second field minus that of the first
   HeadMask mask = 0;
   std::array<hal::FrameView, kMaxHeads> frames;
   SyncEvidence sync;
@@ -78,7 +78,7 @@ struct FrameSet {
   bool has(std::size_t head) const { return (mask & head_bit(head)) != 0; }
 };
 
-/// A holder's share of a set. The heads get their buffers back when the last holder gives it up.
+/// One holder's reference to a set. The heads get their buffers back when the last holder releases it.
 using SetLoan = Loan<FrameSet>;
 
 }  // namespace nodal::firmware

@@ -1,4 +1,4 @@
-// A calibration in the form that runs: its tables, compiled and proven.
+// A calibration in the form that the blend uses: its tables, compiled and validated.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ namespace nodal::firmware {
 struct InstalledCalibration {
   Sha256 id{};
   std::string name;
-  /// One for whole frames; or one a field, that of the field exposed first before the other's.
+  /// One table for whole frames; or two, one per field, with the table of the field exposed first in front.
   std::vector<blend::BlendTable> tables;
-  blend::SetTone tone;  ///< of heads exposed as they were when calibrated
+  blend::SetTone tone;  ///< for heads with the exposures they were calibrated at
   std::shared_ptr<std::vector<std::uint8_t>>
-      prepared;  ///< the blender's, for what a table asks to be made of heads' pictures before the blend
+      prepared;  ///< scratch memory of the blender, for the prepared pictures that a table requires
   blend::MeterTable meter;
-  blend::ToneTable exposures;  ///< undoes what heads are exposed differently by
+  blend::ToneTable exposures;  ///< compensates the differences between the heads' exposures
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
-/// Takes all the memory that blending by the table will need, so that the frame path takes none.
+/// Allocates all memory that blending with these tables needs, so that the frame path allocates none.
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
                             blend::MeterTable meter = {}, blend::ToneTable exposures = {});
 

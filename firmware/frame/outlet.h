@@ -1,4 +1,4 @@
-// Where readers of frame sets and raymaps attach: each has a bounded queue and a count of what it missed.
+// Readers of frame sets and raymaps attach to outlets. Each outlet has a bounded queue and counts what its reader missed.
 #pragma once
 
 #include <atomic>
@@ -13,41 +13,41 @@
 namespace nodal::firmware {
 
 enum class OutletPolicy : std::uint8_t {
-  kLossless,  ///< in order; what comes while the queue is full is missed
-  kLatest,    ///< only the newest of what waits is read; the older ones are missed
+  kLossless,  ///< items are read in order; an item offered while the queue is full is missed
+  kLatest,    ///< only the newest queued item is read; the older ones are missed
 };
 
-/// What a reader asks for when it registers. A reader of frame sets never waits for a disk, a network or a host: a set holds
-/// buffers of the heads, and a head that was unplugged can be opened again only when all of its buffers are back. What may
-/// wait reads raymaps, or copies. The numbers bound how many sets or raymaps a reader can hold at once, from which the
-/// number of buffers is computed (kFramesAHead).
+/// What a reader specifies when it registers. A reader of frame sets never waits for a disk, a network or a host: a set
+/// holds buffers of the heads, and an unplugged head can be opened again only after all of its buffers were released. A
+/// reader that may wait reads raymaps, or copies. The numbers bound how many sets or raymaps a reader can hold at once;
+/// kFramesAHead computes the number of buffers from them.
 struct OutletSpec {
-  std::string_view name;  ///< for status, of static storage
+  std::string_view name;  ///< shown in status; must have static storage duration
   OutletPolicy policy = OutletPolicy::kLatest;
-  std::size_t waiting = 1;  ///< in the queue, at most
-  std::size_t reading = 1;  ///< taken and not given back, at most; the reader keeps to it
+  std::size_t waiting = 1;  ///< capacity of the queue
+  std::size_t reading = 1;  ///< most items taken and not yet released; the reader must not exceed it
 };
 
-/// Sets or raymaps that a reader holds at the same time, at most.
+/// The most sets or raymaps that a reader can hold at the same time.
 constexpr std::size_t held_at_most(const OutletSpec& spec) { return spec.waiting + spec.reading; }
 
-/// What an outlet missed, by reason.
+/// How many items an outlet missed, by reason.
 struct OutletLosses {
-  std::uint64_t full = 0;      ///< its queue was full
-  std::uint64_t replaced = 0;  ///< a newer one waited behind it
+  std::uint64_t full = 0;      ///< the queue was full
+  std::uint64_t replaced = 0;  ///< kLatest: a newer item was in the queue
 };
 
-/// One reader's end of a source. No outlet can slow the source or another outlet down.
+/// The queue from a source to one reader. No outlet can slow down the source or another outlet.
 ///
 /// Threading: offer() by the source's thread; take(), drop_waiting() by the reader's; the rest by any.
-/// Ownership: owns what waits.
-/// Errors: none; what is missed is counted.
+/// Ownership: owns the queued items.
+/// Errors: none; missed items are counted.
 template <class T>
 class Outlet {
  public:
   Outlet(const OutletSpec& spec, bool open) : spec_(spec), queue_(spec.waiting), open_(open) {}
 
-  /// Gives the reader its copy. A closed outlet is offered nothing and misses nothing.
+  /// Queues a copy for the reader. Does nothing while the outlet is closed, and then counts nothing as missed.
   void offer(const T& item) {
     if (!open_.load(std::memory_order_relaxed)) return;
     T copy = item;
@@ -61,7 +61,7 @@ class Outlet {
     }
     return taken;
   }
-  /// Gives back what waits, uncounted: of before the outlet was opened again.
+  /// Releases all queued items without counting them as missed: they are from before the outlet was reopened.
   void drop_waiting() {
     while (queue_.pop()) {}
   }
@@ -82,7 +82,7 @@ class Outlet {
   std::atomic<std::uint64_t> replaced_{0};
 };
 
-/// All readers of one source. They register before the source begins, and stay.
+/// All readers of one source. They register before the source starts and are never removed.
 template <class T>
 class Outlets {
  public:
@@ -90,7 +90,7 @@ class Outlets {
   void offer(const T& item) {
     for (Outlet<T>& outlet : outlets_) outlet.offer(item);
   }
-  /// What all of them can hold at once.
+  /// The most items that all of them together can hold at once.
   std::size_t held_at_most() const {
     std::size_t sum = 0;
     for (const Outlet<T>& outlet : outlets_) sum += nodal::firmware::held_at_most(outlet.spec());
@@ -100,7 +100,7 @@ class Outlets {
   auto end() { return outlets_.end(); }
 
  private:
-  std::deque<Outlet<T>> outlets_;  // they never move
+  std::deque<Outlet<T>> outlets_;  // a deque, because readers keep references to elements
 };
 
 }  // namespace nodal::firmware

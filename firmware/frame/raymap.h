@@ -1,4 +1,4 @@
-// What the blend makes: one raymap, and everything that is known of it.
+// The output of the blend: one raymap and its metadata.
 #pragma once
 
 #include <array>
@@ -15,31 +15,31 @@
 
 namespace nodal::firmware {
 
-/// Bytes that one stage fills and several outlets read without a copy; the stage's pool lends them.
+/// Bytes that one stage writes and several outlets read without a copy; a loan from that stage's pool.
 using Buffer = Loan<std::vector<std::uint8_t>>;
 
-/// Which of a set's two fields a raymap was made of.
+/// Which of a set's two fields a raymap was made from.
 struct FieldOfSet {
-  int number = 0;  ///< 0: the one exposed first
+  int number = 0;  ///< 0: the field exposed first; 1: the other
   FieldParity parity = FieldParity::kTop;
 };
 
 struct RaymapInfo {
   std::uint64_t set = 0;
-  Instant mid_exposure;             ///< of the field, where it was made of one
-  std::optional<FieldOfSet> field;  ///< nothing: of whole frames
+  Instant mid_exposure;             ///< of the set; of the field when it was made from one field
+  std::optional<FieldOfSet> field;  ///< empty: made from whole frames
   SyncEvidence sync;
-  HeadMask heads = 0;                                    ///< that it was made of
-  Sha256 calibration{};                                  ///< that made it
-  std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< of the heads that it was made of
-  std::optional<blend::LinearScale> linear;              ///< of raymaps of 16 bits
+  HeadMask heads = 0;                                    ///< heads whose frames were blended
+  Sha256 calibration{};                                  ///< the calibration that the blend used
+  std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< settings of those heads
+  std::optional<blend::LinearScale> linear;              ///< 16-bit raymaps only
 };
 
-/// A raymap on its way: `pixels` packed in the table's format, past the encoder only where a client pulls pixels; `jpeg`
-/// where one pulls JPEGs.
+/// A raymap in the pipeline. `pixels` are packed in the table's format; behind the encoder they are there only if a client
+/// pulls pixels. `jpeg` is there only if a client pulls JPEGs.
 struct Raymap {
   RaymapInfo info;
-  bool shed = false;  ///< the board is overloaded: for lossless clients only
+  bool shed = false;  ///< the board is overloaded: only lossless clients receive this raymap
   Buffer pixels;
   Buffer jpeg;
 };

@@ -6,17 +6,17 @@
 
 namespace nodal::firmware {
 
-/// The newest state of one stage, for one other to look at. Neither ever waits: there are three copies, one being
-/// written, one being read, and one to exchange with.
+/// The newest state of one stage, for one reading stage (a triple buffer). Neither side waits: of the three copies one is
+/// being written, one is being read, and one is exchanged between the two sides.
 ///
 /// Threading: publish() by one thread, read() by one other.
-/// Ownership: owns the copies; what read() gave is valid until the next read().
+/// Ownership: owns the copies; the reference that read() returns is valid until the next read().
 /// Errors: none.
 template <class T>
 class Snapshot {
  public:
   void publish(const T& value) {
-    copies_[writing_] = value;  // over an old copy, so that its strings and vectors keep their memory
+    copies_[writing_] = value;  // assigned to an old copy, so that its strings and vectors reuse their memory
     writing_ = offered_.exchange(static_cast<std::uint8_t>(writing_ | kFresh), std::memory_order_acq_rel) & kIndex;
   }
   const T& read() {

@@ -11,12 +11,12 @@
 
 namespace nodal::firmware {
 
-/// Thousandths of frames a second.
+/// The rate in 1/1000 frames a second.
 constexpr std::uint32_t millihertz(FrameRate rate) {
   return static_cast<std::uint32_t>(std::uint64_t{rate.numerator} * 1000 / rate.denominator);
 }
 
-/// Of an even number the upper one. Reorders the values, of which there is one at least.
+/// The median; the upper one when the number of values is even. Reorders `values`, which must not be empty.
 template <typename T>
 T median(std::span<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -24,7 +24,7 @@ T median(std::span<T> values) {
   return *middle;
 }
 
-/// The median of the newest times a stage took.
+/// The median of the processing times of a stage, over the newest 64.
 ///
 /// Threading: add() by one thread at a time, median() by any.
 /// Ownership: none. Allocates nothing.
@@ -36,7 +36,7 @@ class RecentTimes {
     times_[n % kKept].store(took.ns(), std::memory_order_relaxed);
     count_.store(n + 1, std::memory_order_relaxed);
   }
-  /// 0 when there were none.
+  /// 0 before the first add().
   Duration median() const {
     const std::size_t kept = std::min<std::size_t>(count_.load(std::memory_order_relaxed), kKept);
     if (kept == 0) return Duration();
@@ -51,21 +51,21 @@ class RecentTimes {
   std::atomic<std::uint64_t> count_{0};
 };
 
-/// How often something happens, over the last seconds.
+/// The rate of an event over the last three seconds.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
 /// Errors: none.
 class RecentRate {
  public:
-  /// `total` so far, as of `now`; call a few times a second or more.
+  /// `total` is the number of events until `now`. Call it at least four times a second.
   void observe(std::uint64_t total, Instant now) {
     if (count_ > 0 && now - at_[(count_ - 1) % kKept] < kEvery) return;
     at_[count_ % kKept] = now;
     total_[count_ % kKept] = total;
     ++count_;
   }
-  /// Thousandths per second; 0 before there is anything to say.
+  /// Events per 1000 seconds; 0 before the second observation.
   std::uint32_t millihertz() const {
     if (count_ < 2) return 0;
     const std::size_t newest = (count_ - 1) % kKept;
@@ -77,7 +77,7 @@ class RecentRate {
   }
 
  private:
-  static constexpr std::size_t kKept = 13;  ///< three seconds
+  static constexpr std::size_t kKept = 13;  ///< 12 intervals of kEvery: three seconds
   static constexpr Duration kEvery = Duration::milliseconds(250);
   std::array<Instant, kKept> at_{};
   std::array<std::uint64_t, kKept> total_{};

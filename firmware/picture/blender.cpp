@@ -8,12 +8,12 @@ namespace {
 
 void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memory_order_relaxed); }
 
-/// What the blend is given of a head's frame: all of it, or the field that its source is for.
+/// The part of a head's frame that is blended: all of it, or the field that the source is for.
 ImageView picture_of(const blend::BlendTable::Source& source, const ImageView& frame) {
   return source.field ? field_of(frame, *source.field) : frame;
 }
 
-/// `first` is the source of the table that is used first.
+/// `first` is the head's source in the first table, the one for the field exposed first.
 bool has_fields_for(const blend::BlendTable::Source& first, const hal::FrameView& frame) {
   return !first.field || frame.fields == fields_from(*first.field);
 }
@@ -26,7 +26,7 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLo
       clock_(clock),
       sets_in_(sets_in),
       pixels_pool_(kMaxBuffers),
-      tables_in_(1),  // so that a full ring says that the newest is not in force yet
+      tables_in_(1),  // one entry: a full ring means that the newest calibration is not in force yet
       tables_out_(8),
       raymaps_out_(kRaymapsWaiting),
       light_out_(4),
@@ -76,7 +76,7 @@ bool Blender::run_band() {
   return true;
 }
 
-void Blender::hand_out(std::uint64_t bands) {
+void Blender::start_round(std::uint64_t bands) {
   bands_done_.store(0, std::memory_order_relaxed);
   next_band_.store((++round_ << 2 * kBandBits) | (bands << kBandBits), std::memory_order_release);
 }
@@ -87,7 +87,7 @@ bool Blender::coordinate() {
       return false;
     if (!preparing_) return finish();
     preparing_ = false;
-    hand_out(bands_);
+    start_round(bands_);
     return true;
   }
   const bool adopted = adopt();
@@ -116,7 +116,7 @@ bool Blender::adopt() {
   if (!installed) return false;
   std::swap(installed_, *installed);
   if (*installed) tables_out_.push(std::move(*installed));
-  adoption_to_tell_ = true;
+  adoption_unreported_ = true;
   count(counts_.adopted);
   return true;
 }
@@ -129,7 +129,7 @@ bool Blender::begin() {
   }
   const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
-  if (std::exchange(adoption_to_tell_, false)) adoptions_out_.push({set->number, installed_->id});
+  if (std::exchange(adoption_unreported_, false)) adoptions_out_.push({set->number, installed_->id});
   sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!installed_) {
@@ -143,7 +143,7 @@ bool Blender::begin() {
   set_ = set;
   field_ = 0;
   begin_raymap();
-  measure();  // while the others blend; the set is not given back before this is done
+  measure();  // while other threads blend; set_ stays valid, because only this thread can release it
   return true;
 }
 
@@ -160,7 +160,7 @@ void Blender::begin_raymap() {
   undo_exposures(*set_);
   begun_ = clock_.now();
   preparing_ = heads_to_prepare_ > 0;
-  hand_out(preparing_ ? heads_to_prepare_ : bands_);
+  start_round(preparing_ ? heads_to_prepare_ : bands_);
 }
 
 void Blender::take_pictures(const FrameSet& set) {
@@ -187,7 +187,7 @@ void Blender::take_pictures(const FrameSet& set) {
   }
 }
 
-/// A head that is missing counts as it was last exposed, so that the others' light does not jump when it goes.
+/// A missing head counts with its last exposure, so that the brightness of the others does not jump when it disappears.
 void Blender::undo_exposures(const FrameSet& set) {
   const std::size_t heads = table().sources.size();
   bool known = installed_->exposures.heads.size() == heads;
@@ -212,7 +212,7 @@ void Blender::undo_exposures(const FrameSet& set) {
 
 void Blender::measure() {
   if (light_out_.full()) return;
-  std::array<ImageView, kMaxHeads> seen_by{};  // as heads sent them; preparing moves pictures_ meanwhile
+  std::array<ImageView, kMaxHeads> seen_by{};  // the unprepared pictures: other threads change pictures_ meanwhile
   for (std::size_t i = 0; i < seen_by.size(); ++i) {
     if ((raymap_.info.heads & head_bit(i)) != 0) seen_by[i] = set_->frames[i].image;
   }
@@ -221,13 +221,13 @@ void Blender::measure() {
   light_out_.push(std::move(seen));
 }
 
-/// All that a set's raymaps need, or none.
+/// Takes a buffer for each raymap of a set; false when the pool has too few.
 bool Blender::take_pixels(std::size_t wanted) {
   for (std::size_t i = 0; i < wanted; ++i) {
-    if (pixels_[i]) continue;  // taken for an earlier set, which then lacked another
+    if (pixels_[i]) continue;  // taken for an earlier set, for which the pool then had no second buffer
     pixels_[i] = pixels_pool_.take();
     if (!pixels_[i]) return false;
-    // A new one: clients hold more than ever before.
+    // A buffer of the pool that was never used before.
     if (pixels_[i]->empty()) pixels_[i].edit().resize(packed_size(config_.format, config_.width, config_.height));
   }
   return true;

@@ -1,4 +1,4 @@
-// The stage that blends frame sets into raymaps, on as many threads as call it.
+// The stage that blends frame sets into raymaps. Any number of threads may call it.
 #pragma once
 
 #include <array>
@@ -20,11 +20,11 @@
 
 namespace nodal::firmware {
 
-/// Every call of step() does one piece of work: a head's picture prepared where the table asks for it or, when all
-/// are, a band of rows of the raymap under way; or what comes between: finishing a raymap, adopting a new calibration,
-/// taking the next set. So a swap of calibrations always falls between two sets, and every raymap names the one
-/// calibration that made it. A calibration with a table a field makes two raymaps of each set, one after the other: the
-/// fields are read where they lie in the frames. No thread ever waits for another: whoever finds nothing to do goes away.
+/// Every call of step() does one piece of work. First the pictures of heads are prepared if the table requires it, then the
+/// raymap is blended in bands of rows. Between two raymaps, one thread finishes the raymap, adopts a new calibration and
+/// takes the next set. So a swap of calibrations always falls between two sets, and every raymap names the one calibration
+/// that it was made with. A calibration with one table per field makes two raymaps of each set, one after the other; the
+/// fields are read in place from the frames. No thread waits for another: step() returns false if there is no work for it.
 ///
 /// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
@@ -41,49 +41,49 @@ class Blender {
 
   Outlet<SetLoan>& sets_in() { return sets_in_; }
   SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
-  /// Calibrations that are no longer in force, to be freed off the frame path.
+  /// Calibrations that are no longer in force; the keeper frees them outside the frame path.
   SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
-  /// What the heads of each blended set saw. When nobody takes it, the newest are left out.
+  /// The metered light of each blended set. When the ring is full, new entries are discarded.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
-  /// From which set on a calibration is in force.
+  /// The first set that a calibration is in force for.
   struct Adoption {
     std::uint64_t first_set = 0;
     Sha256 calibration{};
   };
   SpscRing<Adoption>& adoptions_out() { return adoptions_out_; }
-  /// Every set with a lower number has been begun, left out or missed: adoptions_out() has named its calibration.
+  /// Every set with a lower number was begun, skipped or missed, and adoptions_out() has named its calibration.
   std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
 
-  /// Of so many sets one is blended. Any thread.
+  /// Only each `every`-th set is blended. Any thread.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
   struct Counts {
     std::atomic<std::uint64_t> blended{0};              ///< raymaps
     std::atomic<std::uint64_t> without_calibration{0};  ///< sets
     std::atomic<std::uint64_t> shed{0};                 ///< sets: the board is overloaded
-    std::atomic<std::uint64_t> without_buffer{0};       ///< sets: every buffer was still with a client
-    std::atomic<std::uint64_t> unfit_frames{0};         ///< frames that are not what the calibration is for
-    std::atomic<std::uint64_t> adopted{0};              ///< calibrations taken into force
+    std::atomic<std::uint64_t> without_buffer{0};       ///< sets: clients still held every buffer
+    std::atomic<std::uint64_t> unfit_frames{0};         ///< frames whose size or format the calibration is not for
+    std::atomic<std::uint64_t> adopted{0};              ///< calibrations put in force
   };
   const Counts& counts() const { return counts_; }
   const RecentTimes& times() const { return times_; }
-  /// Rises with every piece of work; while !idle(), it must.
+  /// Rises with every piece of work. If it does not rise while !idle(), the stage hangs.
   std::uint64_t progress() const { return progress_.load(std::memory_order_relaxed); }
   /// No set is waiting or under way.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
-  /// What it wants of the frame sets: all that may come at once. When a head falls silent, the set that waited for it goes
-  /// on together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
+  /// The queue holds all sets that capture may offer at once. When a head stops delivering, the set that waited for it is
+  /// closed together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
   static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 3, 1};
   static constexpr int kBandRows = 64;
   static constexpr std::size_t kMaxBuffers = 60;
   static constexpr std::size_t kRaymapsWaiting = 2;
 
  private:
-  // The band to take next, in one word: the number of the round, how many bands the round has, the band. All three are read
-  // and compared at once: if the count lay in a word of its own, a thread could hold a band of the last round against the
-  // count of the next, and take one that nobody handed out. While heads are prepared, a head is a band.
+  // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap covers
+  // all three. With the count in a separate variable, a thread could compare a band number of the last round with the count
+  // of the next round and take a band that does not exist yet. While pictures are prepared, one head is one band.
   static constexpr int kBandBits = 16;
   static constexpr std::uint64_t kMostBands = (std::uint64_t{1} << kBandBits) - 1;
   static std::uint64_t band_of(std::uint64_t ticket) { return ticket & kMostBands; }
@@ -97,7 +97,7 @@ class Blender {
   void begin_raymap();
   void take_pictures(const FrameSet& set);
   const blend::BlendTable& table() const { return installed_->tables[field_]; }
-  void hand_out(std::uint64_t bands);
+  void start_round(std::uint64_t bands);
   bool take_pixels(std::size_t count);
   void undo_exposures(const FrameSet& set);
   void measure();
@@ -114,19 +114,19 @@ class Blender {
   SpscRing<Adoption> adoptions_out_;
   std::atomic<std::uint64_t> sets_begun_{0};
 
-  // Between raymaps, by whoever holds coordinating_.
+  // Written between raymaps, only by the thread that holds coordinating_.
   std::atomic_flag coordinating_;
   InstalledPtr installed_;
-  bool adoption_to_tell_ = false;  ///< with the next set
+  bool adoption_unreported_ = false;  ///< goes to adoptions_out_ with the next set
   std::uint64_t round_ = 0;
-  std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< as they last were
-  HeadMask was_exposed_ = 0;                             ///< those that ever were
-  SetLoan set_;                                          ///< under way
-  std::size_t field_ = 0;                                ///< of it: which of the tables
-  std::array<Buffer, 2> pixels_;                         ///< for the raymaps that are still to be made of it
+  std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< the newest known exposure of each head
+  HeadMask was_exposed_ = 0;                             ///< heads with an entry in exposed_
+  SetLoan set_;                                          ///< the set being blended
+  std::size_t field_ = 0;                                ///< index of the field being blended, and of its table
+  std::array<Buffer, 2> pixels_;                         ///< for the raymaps still to be made from set_
   Instant begun_;
 
-  // The raymap under way; still while bands of it are out.
+  // The raymap being blended. Constant while threads work on its bands.
   Raymap raymap_;
   struct ToPrepare {
     const blend::BlendTable::Source* source = nullptr;
@@ -137,7 +137,7 @@ class Blender {
   std::array<ToPrepare, kMaxHeads> to_prepare_;
   std::size_t heads_to_prepare_ = 0;
   bool preparing_ = false;
-  std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< as blend::Pictures has them
+  std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< in the order of blend::Pictures
   blend::SetTone tone_;
   MutableImageView into_;
   std::atomic<std::uint64_t> next_band_{0};

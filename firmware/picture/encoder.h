@@ -12,14 +12,14 @@
 
 namespace nodal::firmware {
 
-/// Between the blend and the readers of raymaps: makes a JPEG when a client pulls JPEGs, and gives every outlet a loan of
-/// the raymap. It waits for the publisher alone, which waits for no client: a raymap that is made is published.
+/// The stage between the blend and the readers of raymaps: encodes a JPEG if a client pulls JPEGs, and gives every outlet a
+/// loan of the raymap. It waits for the publisher only, and the publisher waits for no client: every raymap is published.
 ///
 /// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread; an
 ///   outlet's other end is its reader's thread.
-/// Ownership: its pool lends the JPEGs. Pixels that nobody pulls are given up at once: a raymap is the largest thing a
-///   board holds, and so it holds fewer.
-/// Errors: a raymap that could not be encoded goes on without its JPEG and is counted.
+/// Ownership: its pool lends the JPEGs. Pixels that no client pulls are released at once, so that fewer pixel buffers, the
+///   largest objects in the board's memory, are in use.
+/// Errors: a raymap whose encoding fails is offered without a JPEG and is counted.
 class EncodeStage {
  public:
   EncodeStage(const RaymapConfig& config, hal::ClockPort& clock, SpscRing<Raymap>& raymaps_in);
@@ -31,10 +31,10 @@ class EncodeStage {
     wanted_.store(jpeg, std::memory_order_relaxed);
     pixels_wanted_.store(pixels, std::memory_order_relaxed);
   }
-  /// Of so many raymaps one is encoded; the others go on as shed.
+  /// Only each `every`-th raymap is encoded; the others are marked as shed.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
-  /// The publisher's end.
+  /// The outlet that the publisher reads.
   Outlet<Raymap>& published() { return published_; }
   /// Registers a further reader, before the first step().
   Outlet<Raymap>& add_outlet(const OutletSpec& spec, bool open = true) { return outlets_.add(spec, open); }

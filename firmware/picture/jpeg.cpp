@@ -28,7 +28,7 @@ PixelFormat coded_as(PixelFormat raymap) {
   return raymap == PixelFormat::kNv12 ? PixelFormat::kI420 : in_8_bits(raymap);
 }
 
-/// A JPEG segment: marker, length of what follows with itself, body (ITU T.81, B.1.1.4).
+/// A JPEG segment: marker, length of body plus 2 bytes for the length itself, body (ITU T.81, B.1.1.4).
 void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::initializer_list<std::string_view> body) {
   std::size_t length = 2;
   for (const std::string_view part : body) length += part.size();
@@ -37,7 +37,7 @@ void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::ini
   for (const std::string_view part : body) to.insert(to.end(), part.begin(), part.end());
 }
 
-/// Bytes of SOI and, where it is there, JFIF's APP0, which must come first.
+/// Length in bytes of SOI and of JFIF's APP0, if present; APP0 must be the first segment.
 std::size_t lead_bytes(const std::uint8_t* jpeg, std::size_t size) {
   if (size < 6 || jpeg[2] != 0xff || jpeg[3] != kApp0) return 2;
   const std::size_t end = 4 + (static_cast<std::size_t>(jpeg[4]) << 8 | jpeg[5]);
@@ -83,7 +83,7 @@ JpegEncoder::JpegEncoder(const RaymapConfig& config)
 JpegEncoder::~JpegEncoder() { tjDestroy(handle_); }
 
 void JpegEncoder::set_levels(const blend::LinearScale& scale) {
-  if (scale.shown_from == shown_from_) return;  // as a rule: exposures stay
+  if (scale.shown_from == shown_from_) return;  // the usual case: exposures did not change
   shown_from_ = scale.shown_from;
   std::size_t number = 0;
   for (std::size_t level = 0; level < 256; ++level) {

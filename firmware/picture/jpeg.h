@@ -1,4 +1,4 @@
-// Raymaps as JPEG files that 360-degree viewers open as a sphere.
+// Encodes raymaps as JPEG files that 360-degree viewers open as a sphere.
 #pragma once
 
 #include <array>
@@ -19,8 +19,8 @@ namespace nodal::firmware {
 /// 360 x 180 degrees, middle column forward.
 std::string gpano_packet(int width, int height);
 
-/// What the comment of a raymap's JPEG says: "nodal set=12 calibration=<64 hex digits> heads=0x3ff ...".
-/// Made for every raymap, so it allocates nothing.
+/// The comment in a raymap's JPEG: "nodal set=12 calibration=<64 hex digits> heads=0x3ff ...".
+/// It is made for every raymap, so it allocates nothing.
 class RaymapComment {
  public:
   explicit RaymapComment(const RaymapInfo& info);
@@ -33,12 +33,12 @@ class RaymapComment {
   std::size_t length_ = 0;
 };
 
-/// Compresses packed raymaps with TurboJPEG (those of 16 bits as RaymapInfo::linear shows them in 8) and writes
+/// Compresses packed raymaps with TurboJPEG (16-bit raymaps are mapped to 8 bits by RaymapInfo::linear) and writes
 /// their metadata: GPano in an APP1 segment when the layout is equirectangular, and a RaymapComment.
 ///
 /// Threading: thread-bound.
-/// Ownership: keeps a scratch buffer of the largest JPEG a raymap can become.
-/// Errors: kInternal with TurboJPEG's words.
+/// Ownership: owns a scratch buffer with the size of the largest possible JPEG of a raymap.
+/// Errors: kInternal with TurboJPEG's message.
 class JpegEncoder {
  public:
   explicit JpegEncoder(const RaymapConfig& config);
@@ -46,23 +46,23 @@ class JpegEncoder {
   JpegEncoder(const JpegEncoder&) = delete;
   JpegEncoder& operator=(const JpegEncoder&) = delete;
 
-  /// Replaces what is in `into`; it keeps its capacity, so that in the long run nothing is allocated.
+  /// Replaces the contents of `into`. The vector keeps its capacity, so that the steady state allocates nothing.
   Status encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into);
 
  private:
-  /// The raymap in a format that TurboJPEG takes, where it lies or in picture_.
+  /// The raymap in a format that TurboJPEG accepts: the raymap itself, or a conversion in picture_.
   ImageView codable(const ImageView& raymap, const RaymapInfo& info);
   void set_levels(const blend::LinearScale& scale);
   Result<std::size_t> compress(const ImageView& raymap);
 
   const RaymapConfig config_;
-  const PixelFormat coded_;                      ///< what is compressed
-  std::vector<std::uint8_t> picture_;            ///< in that; empty where it is what comes
-  std::vector<std::uint8_t> level_of_;           ///< by number of 16 bits
-  std::array<std::uint16_t, 256> shown_from_{};  ///< that level_of_ was made of
+  const PixelFormat coded_;                      ///< format that is compressed
+  std::vector<std::uint8_t> picture_;            ///< converted picture; empty if raymaps are in coded_ already
+  std::vector<std::uint8_t> level_of_;           ///< lookup table: 16-bit value to 8-bit level
+  std::array<std::uint16_t, 256> shown_from_{};  ///< the scale that level_of_ was computed from
   void* handle_;
   std::vector<std::uint8_t> gpano_;          ///< the whole APP1 segment; empty for other layouts
-  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared: pages that no JPEG reaches stay unused
+  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so that unused pages need no memory
   std::size_t scratch_bytes_ = 0;
 };
 

@@ -14,7 +14,7 @@ Status write_durably(hal::DiskPort& disk, const std::string& folder, const std::
   disk.close(*handle);
   if (done) done = disk.rename(temporary, file);
   if (!done) {
-    (void)disk.remove(temporary);  // what is left of it takes room that may be scarce
+    (void)disk.remove(temporary);  // the incomplete file occupies space, and the disk may be full
     return fail(done.error());
   }
   return disk.sync_folder(folder);

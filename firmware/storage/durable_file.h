@@ -8,9 +8,9 @@
 
 namespace nodal::firmware {
 
-/// Writes a file of `folder` so that after a crash in any operation either what was there before is there, or this,
-/// whole: beside it as `file.tmp`, fsync, rename, fsync of the folder. `file` names the folder too; "" is the root.
-/// Errors: the disk's; what was there stays.
+/// Writes a file atomically: writes `file.tmp`, fsync, rename, fsync of the folder. After a crash at any point the file
+/// has either its old or its new contents, complete. `file` includes the path of `folder`; a `folder` of "" is the root.
+/// Errors: the disk's; the old contents stay.
 Status write_durably(hal::DiskPort& disk, const std::string& folder, const std::string& file, std::string_view text);
 
 inline constexpr std::string_view kTemporarySuffix = ".tmp";

@@ -7,7 +7,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kWrites = 2;  // one at a time
+constexpr std::size_t kWrites = 2;  // entries of the rings; SettingsWriter has at most one write under way
 
 }  // namespace
 
@@ -41,7 +41,8 @@ void SettingsStore::read() {
     }
   }
   if (!file && file.error().code != Errc::kNotFound) {
-    report.problem = file.error().in("the remembered settings are not read, the rig starts as rig.toml says").message;
+    report.problem =
+        file.error().in("could not read the stored settings, the rig starts with those of rig.toml").message;
   }
   snapshot_.publish(report);
 }

@@ -1,4 +1,4 @@
-// The stage that keeps settings on the disk: reads them when the rig starts, writes them when they change.
+// The stage that stores the settings: reads them from the disk when the rig starts, writes them when they change.
 #pragma once
 
 #include <atomic>
@@ -14,32 +14,32 @@
 
 namespace nodal::firmware {
 
-/// What the disk held when the rig started.
+/// The settings on the disk when the rig started.
 struct SettingsReport {
-  std::optional<std::string> file;  ///< once it was read: its bytes; empty: there is none, or it must not be used
-  std::string problem;              ///< why it is not used
+  std::optional<std::string> file;  ///< no value: not read yet; "": no file, or it must not be used; else its bytes
+  std::string problem;              ///< why an existing file is not used
 };
 
-/// Settings as bytes; what they mean is operate/settings.h's.
+/// Handles the settings as bytes; operate/settings.h parses them.
 ///
 /// Threading: step() is thread-bound to the keeper's thread, the one that may wait for the disk; writes() and answers() are
 ///   SPSC rings with control, snapshot() is read by control.
 /// Ownership: the disk outlives it.
-/// Errors: of a write, in its answer; of the read at start, in the report.
+/// Errors: a write's error is in its answer; that of the read at start is in the report.
 class SettingsStore {
  public:
   explicit SettingsStore(hal::DiskPort& disk);
 
   /// True when it did something.
   bool step();
-  /// The rig ends because it was asked to: this start was no failure.
+  /// The rig ends on request: this start does not count as failed.
   void close() { starts_.succeeded(); }
 
-  /// What the file is to be.
+  /// New contents of the file.
   SpscRing<std::string>& writes() { return writes_; }
-  /// How each of them ended, in their order.
+  /// The result of each write, in order.
   SpscRing<Status>& answers() { return answers_; }
-  /// The rig has run well for a while: this start was no failure. Any thread.
+  /// The rig has run for Operation::kRunsWellAfter without a fault: this start does not count as failed. Any thread.
   void note_that_it_runs_well() { runs_well_.store(true, std::memory_order_relaxed); }
   Snapshot<SettingsReport>& snapshot() { return snapshot_; }
 
@@ -55,7 +55,7 @@ class SettingsStore {
   bool read_ = false;
 };
 
-/// In the root of the store's disk.
+/// File name, in the root of the store's disk.
 inline const std::string kSettingsFile = "settings";
 inline constexpr std::uint64_t kMaxSettingsBytes = 64 * 1024;
 

@@ -5,7 +5,7 @@
 
 namespace nodal::firmware {
 
-/// The file holds one digit; anything else counts as none.
+/// The file holds one digit; any other contents count as 0.
 int StartCount::failed_before() const {
   const auto file = disk_.read(kStartsFile, 1);
   if (!file || file->size() != 1 || file->front() < '0' || file->front() > '9') return 0;
@@ -19,12 +19,12 @@ std::optional<std::string> StartCount::begin() {
     (void)write_durably(disk_, "", kStartsFile, std::to_string(failed + 1));
     return std::nullopt;
   }
-  const std::string reason = "the rig did not run with the remembered settings " + std::to_string(failed) +
-                             " times; it starts as rig.toml says, and they are ";
+  const std::string reason = "the rig failed " + std::to_string(failed) +
+                             " times with the stored settings; it starts with those of rig.toml; the stored ones are ";
   Status moved = disk_.rename(kSettingsFile, kSettingsAsideFile);
   if (moved) moved = disk_.remove(kStartsFile);
   if (moved) moved = disk_.sync_folder("");
-  return reason + (moved ? "kept in the store as " + kSettingsAsideFile : "not used: " + moved.error().message);
+  return reason + (moved ? "kept in the store as " + kSettingsAsideFile : "ignored: " + moved.error().message);
 }
 
 void StartCount::succeeded() {

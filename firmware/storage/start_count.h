@@ -1,4 +1,4 @@
-// Settings under which the rig does not run must not be made at every start for ever.
+// Counts failed starts, so that stored settings with which the rig fails are not restored at every start.
 #pragma once
 
 #include <optional>
@@ -9,21 +9,21 @@
 
 namespace nodal::firmware {
 
-/// Counts, on the disk, the starts that used remembered settings and did not last: neither ran well for a while nor were
-/// asked to end. After kMostFailed of them in a row the settings are put aside under another name, one file at most,
-/// and the rig starts as rig.toml says.
+/// Counts on the disk the failed starts with stored settings: runs that ended without a request, before
+/// Operation::kRunsWellAfter. After kMostFailed of them in a row it renames the settings file to kSettingsAsideFile (an
+/// older one is overwritten), and the rig starts with the settings of rig.toml.
 ///
 /// Threading: thread-bound to its SettingsStore. Calls take as long as the disk does.
 /// Ownership: the disk outlives it.
-/// Errors: a disk that fails costs the count, not the start.
+/// Errors: none; when the disk fails, the count is lost and the rig starts anyway.
 class StartCount {
  public:
   static constexpr int kMostFailed = 2;
 
   explicit StartCount(hal::DiskPort& disk) : disk_(disk) {}
-  /// Settings are there and about to be used. A sentence when they must not be: they were put aside just now.
+  /// Call before stored settings are restored. Returns a sentence when they must not be: it has just moved them aside.
   std::optional<std::string> begin();
-  /// The rig has run well for a while, or ends because it was asked to.
+  /// The rig has run for Operation::kRunsWellAfter, or ends on request: resets the count.
   void succeeded();
 
  private:
@@ -33,7 +33,7 @@ class StartCount {
   bool begun_ = false;
 };
 
-/// In the root of the store's disk.
+/// File names, in the root of the store's disk.
 inline const std::string kStartsFile = "settings-starts";
 inline const std::string kSettingsAsideFile = "settings-aside";
 

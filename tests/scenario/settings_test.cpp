@@ -182,8 +182,7 @@ TEST(Settings, TwoStartsWithThemFail_TheThirdPutsThemAsideAndSaysSo) {
   EXPECT_EQ(third.capture().genlock.state, firmware::GenlockState::kOff);
   EXPECT_NE(third.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
   EXPECT_EQ(third.state(), "degraded");
-  EXPECT_NE(third.rig->control().health().problem.find("did not run with the remembered settings 2 times"),
-            std::string::npos)
+  EXPECT_NE(third.rig->control().health().problem.find("failed 2 times with the stored settings"), std::string::npos)
       << third.rig->control().health().problem;
   EXPECT_EQ(third.disk->read(firmware::kSettingsAsideFile, firmware::kMaxSettingsBytes).value(), settings);
   Stand fourth(options, third.disk->after_kill());

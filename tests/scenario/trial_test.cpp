@@ -126,7 +126,7 @@ TEST_F(Trials, ThePowerGoes_TheGoodOneIsInForceWhateverTheDiskLost) {
 TEST_F(Trials, AnotherCalibrationMeanwhile_IsToldToWaitAndARollbackEndsTheTrial) {
   const wire::Reply upload = host_->upload(to_json(small_calibration("third")));
   EXPECT_EQ(upload.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
-  EXPECT_NE(upload.error().message().find("is on trial for"), std::string::npos) << upload.error().message();
+  EXPECT_NE(upload.error().message().find("is on trial for another "), std::string::npos) << upload.error().message();
   EXPECT_EQ(end_trial(*host_, true, "xyz").error().code(), static_cast<std::uint32_t>(Errc::kNotFound));
   EXPECT_EQ(in_force(*host_), id_of(better_));
   wire::Request back;

@@ -109,7 +109,7 @@ TEST(CalibrationStore, TheOneInForceIsDamaged_TheNewestGoodOneTakesItsPlaceAndIt
   EXPECT_EQ(again.in_force(), calibration_id(numbered(2)));
   EXPECT_EQ(again.entries().size(), 2u);
   EXPECT_NE(again.note().find(to_hex(newest.id).substr(0, 12)), std::string::npos) << again.note();
-  EXPECT_NE(again.note().find("took its place"), std::string::npos) << again.note();
+  EXPECT_NE(again.note().find("is in force instead"), std::string::npos) << again.note();
 }
 
 TEST(CalibrationStore, ADamagedCopyOfANewerGeneration_DoesNotHideTheGoodOne) {
