@@ -1,5 +1,5 @@
-// The whole rig: every stage and the rings between them. In the field each stage has threads of its own that call it;
-// in tests one executor calls them all.
+// The whole rig: every stage and the rings between them. In nodald each stage has its own threads; in tests one executor
+// calls all stages.
 #pragma once
 
 #include <string>
@@ -22,11 +22,11 @@
 
 namespace nodal::firmware {
 
-/// Frames a head must be able to lend: of open sets, of what each reader of sets holds, and two for the driver to fill.
+/// The number of buffers of a head: one for each open set, one for each set that a reader can hold, two for the driver.
 inline constexpr std::size_t kFramesAHead =
     Capture::kMaxOpenSets + held_at_most(Blender::kSets) + held_at_most(FrameSender::kSets) + 2;
 
-/// The world, as a rig reaches it.
+/// The ports of a rig.
 struct RigPorts {
   hal::ClockPort& clock;
   hal::HeadEnumerator& heads;
@@ -35,29 +35,29 @@ struct RigPorts {
   std::vector<Listener> listeners;
   hal::WatchdogPort* watchdog = nullptr;
   PanelPins panel;
-  hal::ClockPort* stopwatch = nullptr;  ///< for how long a blend takes, when `clock` is a virtual one
+  hal::ClockPort* stopwatch = nullptr;  ///< real clock that measures processing times, if `clock` is virtual
 };
 
-/// Threading: each step_ function by one thread, step_blend() by as many as there are cores. close() when none is in
-///   any of them.
+/// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any of
+///   them.
 /// Ownership: the ports outlive it.
-/// Errors: none; what goes wrong is in the status that hosts are told.
+/// Errors: none; faults are in the status that hosts read.
 class Rig {
  public:
   Rig(const RigConfig& config, const RigPorts& ports, const std::string& software);
   ~Rig();
 
-  // Each is true when it did something.
+  // Each step returns true when it did something.
   bool step_capture();
   bool step_blend() { return blender_.step(); }
   bool step_encode() { return encoder_.step(); }
-  /// All that waits for the disk: calibrations and settings.
+  /// The stages that block on the disk: calibrations and settings.
   bool step_keeper();
   bool step_control();
 
-  /// Everything once, for an executor of one thread; bands until none are left.
+  /// One step of every stage, for an executor with one thread; the blend and the encoder until they have no work.
   bool step_all();
-  /// Ends: gives frames back, stops heads and trigger.
+  /// Ends the rig: returns frames, stops heads and trigger.
   void close();
 
   Capture& capture() { return capture_; }

@@ -8,11 +8,11 @@
 
 namespace nodal::daemon {
 
-/// Wakes threads that found nothing to do. Ringing while nobody sleeps costs one atomic addition, so that the frame
-/// path takes no lock.
+/// Wakes threads that sleep because they have no work. ring() takes a lock only if a thread sleeps, otherwise it is one
+/// atomic addition, so that the frame path takes no lock.
 ///
-///   const auto heard = bell.count();     before looking for work
-///   if (!work()) bell.wait(heard, ...);  returns at once when it rang since
+///   const auto heard = bell.count();     read before looking for work
+///   if (!work()) bell.wait(heard, ...);  returns at once if the bell rang after count()
 ///
 /// Threading: thread-safe.
 /// Ownership: none.

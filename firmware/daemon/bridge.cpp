@@ -20,13 +20,13 @@ namespace {
 
 constexpr std::size_t kLongestMessage = 1000;
 
-/// One direction: what was read and is not written yet.
+/// One direction of the bridge, with the bytes that were read and are not written yet.
 struct Flow {
   hal::LinkPort& from;
   hal::LinkPort& to;
   std::vector<std::uint8_t> bytes = std::vector<std::uint8_t>(64 * 1024);
   std::span<const std::uint8_t> rest{};
-  bool over = false;  ///< no more comes
+  bool over = false;  ///< `from` has ended
 
   bool move() {
     if (!over && rest.empty()) {
@@ -65,7 +65,7 @@ int run_bridge(const std::string& path) {
   }
   Flow to_rig{**host, **rig};
   Flow to_host{**rig, **host};
-  // Either end may go, as ends do; what it said before is still passed on.
+  // After one end closes, the bytes that it sent before are still passed on.
   while (to_rig.move() && to_host.move()) {
     std::vector<pollfd> waits;
     wait_for(to_rig, waits);

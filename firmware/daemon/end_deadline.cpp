@@ -18,7 +18,7 @@ namespace {
 
 EndDeadline* of_this_process = nullptr;  ///< for the terminate handler, which takes no argument
 
-/// Past the log, whose thread may be what hangs, and only when somebody reads.
+/// Writes to standard error directly, because the log's thread may hang, and only if the write does not block.
 void say(const char* line, int length) {
   constexpr int kPatienceMs = 100;
   pollfd out{STDERR_FILENO, POLLOUT, 0};
@@ -47,7 +47,7 @@ EndDeadline::~EndDeadline() {
 }
 
 EndDeadline::Protection EndDeadline::protect(std::function<void()> make_safe) {
-  // Now, not in arm(): by then the system may refuse a thread.
+  // Starts the thread now and not in arm(), when the system may refuse to create one.
   thread_ = std::thread([this] { wait_for_the_end(); });
   {
     const std::lock_guard lock(mutex_);
@@ -78,17 +78,17 @@ void EndDeadline::wait_for_the_end() {
   end_by_force();
 }
 
-/// With the lock held, so that what is made safe stays alive meanwhile.
+/// Called with the lock held, so that the ports that make_safe_ uses are not destroyed meanwhile.
 void EndDeadline::end_by_force() {
   if (make_safe_) make_safe_();
   const int exit_code = finished_.load();
   if (exit_code >= 0) ::_exit(exit_code);
-  say_line("nodald: did not end in time, since %s hangs; outputs are at their safe levels, and it ends by force\n",
+  say_line("nodald: did not end in time, because %s hangs; outputs are at their safe levels; ending by force\n",
            what_.load());
   ::_exit(kExitStageHung);
 }
 
-/// On the thread that threw. The lock is kept: a second thread that comes here waits for the end.
+/// Called on the thread that threw. The lock is never released, so that a second such thread waits for the end.
 void EndDeadline::end_by_exception() {
   mutex_.lock();
   if (make_safe_) make_safe_();
@@ -96,17 +96,17 @@ void EndDeadline::end_by_exception() {
   (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);
   try {
     if (std::current_exception()) throw;
-    say_line("nodald: a check failed in %s; outputs are at their safe levels, and it aborts\n", thread);
+    say_line("nodald: a check failed in %s; outputs are at their safe levels; aborting\n", thread);
   } catch (const std::bad_alloc&) {
     say_line(
-        "nodald: %s was refused memory; outputs are at their safe levels, and it ends; raise the limits on addresses "
+        "nodald: %s was refused memory; outputs are at their safe levels; ending; raise the limits on addresses "
         "and memory (ulimit -v, MemoryMax=), or make the raymap in rig.toml smaller\n",
         thread);
     ::_exit(kExitFailed);
   } catch (const std::exception& error) {
-    say_line("nodald: unexpected in %s: %s; outputs are at their safe levels, and it aborts\n", thread, error.what());
+    say_line("nodald: exception in %s: %s; outputs are at their safe levels; aborting\n", thread, error.what());
   } catch (...) {
-    say_line("nodald: unexpected in %s; outputs are at their safe levels, and it aborts\n", thread);
+    say_line("nodald: exception in %s; outputs are at their safe levels; aborting\n", thread);
   }
   std::abort();
 }

@@ -1,5 +1,5 @@
-// The end of nodald by force, with outputs at their safe levels: when a stage hangs, and when an exception reaches the
-// end of a thread, as it does when memory is refused.
+// Ends nodald by force, with outputs at their safe levels: when a stage hangs, and when an exception leaves a thread's
+// function, as std::bad_alloc does.
 #pragma once
 
 #include <atomic>
@@ -12,9 +12,9 @@
 
 namespace nodal::daemon {
 
-/// While outputs are protected, a thread waits. When the process has not ended so long after arm(), the thread makes the
-/// outputs safe, says on standard error what had not ended, and ends the process. The terminate handler does the same at
-/// once: for refused memory with exit code kExitFailed, for everything else by abort(). Neither allocates memory.
+/// A thread waits while outputs are protected. If the process has not ended within the time given to arm(), the thread makes
+/// the outputs safe, prints on standard error which part hangs, and ends the process. The terminate handler does the same at
+/// once: with exit code kExitFailed after std::bad_alloc, by abort() otherwise. Neither allocates memory.
 ///
 /// Threading: one object a process; made, armed and destroyed on main; waits_for() from any thread.
 /// Ownership: what protect() refers to lives as long as its Protection.
@@ -27,7 +27,7 @@ class EndDeadline {
   EndDeadline(const EndDeadline&) = delete;
   EndDeadline& operator=(const EndDeadline&) = delete;
 
-  /// Outputs are there for as long as this lives.
+  /// Outputs are protected for the lifetime of this object.
   class [[nodiscard]] Protection {
    public:
     explicit Protection(EndDeadline& deadline) : deadline_(deadline) {}
@@ -38,13 +38,13 @@ class EndDeadline {
    private:
     EndDeadline& deadline_;
   };
-  /// What makes them safe: thread-safe, returns at once, allocates nothing. Once.
+  /// Call it once. `make_safe` must be thread-safe, return at once and allocate nothing.
   Protection protect(std::function<void()> make_safe);
-  /// Once, after protect().
+  /// Starts the deadline. Call it once, after protect().
   void arm(std::chrono::milliseconds at_most);
-  /// What main waits for from now on; the string is never freed.
+  /// Names the part that main waits for now; the string must have static storage duration.
   void waits_for(const char* what) { what_.store(what); }
-  /// Only the log's last lines are left to write: from now on the end is by this exit code, in time or not.
+  /// Only the log's last lines are still to be written: after the deadline, the process ends with this exit code.
   void finished(int exit_code) { finished_.store(exit_code); }
 
  private:

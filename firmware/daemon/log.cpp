@@ -23,7 +23,7 @@ constexpr int kFarewellPatience_ms = 1000;
 void start_log(const std::string& level) {
   spdlog::init_thread_pool(kQueuedLines, 1);
   auto logger = spdlog::create_async_nb<spdlog::sinks::stderr_color_sink_mt>("nodald");
-  // Under systemd the journal keeps the time.
+  // Under systemd the journal adds the time.
   logger->set_pattern(std::getenv("JOURNAL_STREAM") ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
   logger->set_level(spdlog::level::from_str(level));
   logger->flush_on(spdlog::level::debug);

@@ -1,4 +1,4 @@
-// The daemon's log on standard error: the only file that knows the logging library, so that no line passes by.
+// The daemon's log on standard error. Only this module uses the logging library, so that every line is sanitised here.
 #pragma once
 
 #include <string>
@@ -8,12 +8,12 @@ namespace nodal::daemon {
 
 enum class LogLevel { kInfo, kError };
 
-/// `level` is "debug", "info", "warning" or "error". Lines are written by a thread of their own: a journal that stalls,
-/// or a pipe that nobody reads, must not hold up the rig. What then does not fit is left out, oldest first.
+/// `level` is "debug", "info", "warning" or "error". A separate thread writes the lines, so that a journal or pipe that
+/// blocks does not block the rig. When its queue is full, the oldest lines are discarded.
 void start_log(const std::string& level);
-/// One line: `text` passes printable() here, whatever it was put together from.
+/// Writes one line; `text` passes printable().
 void log_line(LogLevel level, std::string_view text);
-/// Waits until every line is written; exits at once when nobody reads them.
+/// Waits until every line is written; ends the process at once if standard error blocks for 1 s.
 void end_log(int exit_code);
 
 }  // namespace nodal::daemon

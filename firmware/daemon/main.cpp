@@ -27,7 +27,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// From the signal to the end of the process: supervisors and people wait two seconds. Hosts are told first.
+/// Limits of the time from the signal to the end of the process, which must be below 2 s, and of the farewell to hosts.
 constexpr milliseconds kEndWithin{1800};
 constexpr milliseconds kFarewellWithin{900};
 
@@ -36,7 +36,7 @@ int give_up(const Error& error, int exit_code) {
   return exit_code;
 }
 
-/// Pages in memory, by /proc/self/statm's second number.
+/// Resident memory in bytes, from the second number of /proc/self/statm; 0 when it cannot be read.
 std::uint64_t resident_bytes() {
   std::FILE* file = std::fopen("/proc/self/statm", "r");
   if (!file) return 0;
@@ -62,7 +62,7 @@ std::string describe(const firmware::RigConfig& config) {
                      pixel_format_name(config.raymap.format));
 }
 
-/// While nodald starts it has driven no output: a signal ends it at once, whatever it reads or waits for.
+/// While nodald starts it has driven no output, so a signal may end it at once, also during a blocking call.
 void end_while_starting() {
   struct sigaction at_once {};
   at_once.sa_handler = [](int) { ::_exit(kExitFine); };
@@ -72,7 +72,7 @@ void end_while_starting() {
   ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
 }
 
-/// noexcept, as close() below: once the rig runs, an exception ends nodald by EndDeadline's terminate handler.
+/// noexcept, like close() below: while the rig runs, an exception must call EndDeadline's terminate handler.
 void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) noexcept {
   const sigset_t signals = stop_signals();
   const timespec second{1, 0};
@@ -101,7 +101,7 @@ void close(firmware::Rig& rig) noexcept {
                                         capture.sets, rig.blender().counts().blended.load()));
 }
 
-/// Until a signal comes.
+/// Runs the rig until a signal arrives.
 void run_rig(World& world, const Options& options, const firmware::RigConfig& config, EndDeadline& deadline) {
   firmware::Rig rig(config, world.ports(), kSoftware);
   for (const std::string& address : world.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
@@ -111,7 +111,7 @@ void run_rig(World& world, const Options& options, const firmware::RigConfig& co
   hooks.waits_for = [&deadline](const char* thread) { deadline.waits_for(thread); };
   if (world.has_virtual_time()) {
     hooks.idle_capture = [&world, &rig] {
-      // Before there is anything to blend, virtual time goes no faster than the real one.
+      // Before a calibration is in force, virtual time runs no faster than real time.
       if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(milliseconds(1));
       world.advance(Duration::milliseconds(1));
     };
@@ -142,7 +142,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   if (const Status listening = (*world)->listen(config.links); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
-  // From here on outputs are driven, and a signal is taken by main.
+  // From here on outputs are driven, and wait_for_signal() takes the signals.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&world = **world] { world.make_safe(); });
@@ -155,7 +155,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
   const Parsed parsed = parse_options(argc, argv);
   if (parsed.exit) return *parsed.exit;
   const Options& options = parsed.options;
-  // Before the log's thread is there, so that it is not the one that a signal interrupts.
+  // Blocks the signals before the log's thread starts, so that it never receives one.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
@@ -170,7 +170,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);
     for (std::string* socket : {&config.links.unix_path, &config.links.view_path}) {
-      if (!socket->empty()) *socket = (base / *socket).string();  // paths of rig.toml count from its folder
+      if (!socket->empty()) *socket = (base / *socket).string();  // relative to rig.toml's folder
     }
   }
   if (options.bridge) {
@@ -181,7 +181,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
   return run(options, config, base, deadline);
 }
 
-/// The standard library throws when the system refuses memory or a thread.
+/// The standard library throws these when the system refuses memory or a thread.
 int main(int argc, char** argv, EndDeadline& deadline) {
   try {
     return start(argc, argv, deadline);

@@ -9,18 +9,18 @@ namespace {
 
 constexpr const char* kAbout =
     "nodald runs a multi-head camera rig: it sets every head's exposure, genlocks and captures the heads, blends them "
-    "into one raymap and gives that to hosts.\n"
-    "What the rig is made of stands in rig.toml; firmware/RIG.md explains every key of it.";
+    "into one raymap and sends that to hosts.\n"
+    "rig.toml describes the rig; firmware/RIG.md explains every key.";
 
 constexpr const char* kFooter =
     "\nExamples:\n"
     "  nodald --config /etc/nodal/rig.toml\n"
-    "  nodald --config rig.toml --check           say what is wrong with rig.toml, and stop\n"
-    "  nodald --config rig.toml --store ./store   keep calibrations here\n"
-    "  ssh rig nodald --bridge                    standard input and output speak to the nodald that runs there\n"
+    "  nodald --config rig.toml --check           check rig.toml, print the first error, and stop\n"
+    "  nodald --config rig.toml --store ./store   store calibrations and settings in this folder\n"
+    "  ssh rig nodald --bridge                    connect standard input and output to the nodald that runs on rig\n"
     "\n"
     "SIGTERM and SIGINT end it cleanly. Exit codes: 0 fine, 1 failed while running, 2 command line or rig.toml wrong, "
-    "3 cannot start.";
+    "3 cannot start, 4 a stage hung at the end.";
 
 }  // namespace
 
@@ -32,16 +32,16 @@ Parsed parse_options(int argc, char** argv) {
   app.set_version_flag("--version", kSoftware);
   app.add_option("--config,-c", options.config, "The rig: a rig.toml")->type_name("FILE");
   app.add_option("--store", options.store, "Folder of the calibration store, instead of rig.toml's")->type_name("DIR");
-  app.add_option("--blend-threads", options.blend_threads, "Threads that blend; one a core when not given")
+  app.add_option("--blend-threads", options.blend_threads, "Number of threads that blend; default: one per core")
       ->check(CLI::Range(1, 64))
       ->type_name("N");
-  app.add_option("--log", options.log_level, "How much to say on standard error: debug, info, warning, error")
+  app.add_option("--log", options.log_level, "Level of the log on standard error: debug, info, warning, error")
       ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
       ->type_name("LEVEL");
-  CLI::Option* check = app.add_flag("--check", options.check, "Check rig.toml and what it names, and stop");
-  app.add_flag("--bridge", options.bridge, "Join standard input and output to the running nodald's socket")
+  CLI::Option* check = app.add_flag("--check", options.check, "Check rig.toml and the files it names, and stop");
+  app.add_flag("--bridge", options.bridge, "Connect standard input and output to the running nodald's socket")
       ->excludes(check);
-  app.add_option("--socket", options.socket, "With --bridge: that socket, instead of rig.toml's")->type_name("PATH");
+  app.add_option("--socket", options.socket, "Socket for --bridge, instead of rig.toml's")->type_name("PATH");
   try {
     app.parse(argc, argv);
     if (options.config.empty() && !options.bridge) throw CLI::RequiredError("--config FILE");

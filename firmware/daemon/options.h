@@ -7,25 +7,25 @@
 
 namespace nodal::daemon {
 
-/// What the command line says.
+/// The parsed command line.
 struct Options {
   std::string config;
-  std::string store;   ///< empty: what rig.toml says
-  std::string socket;  ///< bridge: empty: what rig.toml says
+  std::string store;   ///< empty: rig.toml's
+  std::string socket;  ///< for --bridge; empty: rig.toml's
   bool check = false;
   bool bridge = false;
-  int blend_threads = 0;  ///< 0: one a core
+  int blend_threads = 0;  ///< 0: one per core
   std::string log_level = "info";
 };
 
 inline constexpr int kExitFine = 0;
-inline constexpr int kExitFailed = 1;       ///< it ran, and had to give up
+inline constexpr int kExitFailed = 1;       ///< it failed while running
 inline constexpr int kExitBadInput = 2;     ///< the command line or rig.toml is wrong
-inline constexpr int kExitCannotStart = 3;  ///< the store or a socket cannot be had, or no daemon answers the bridge
-inline constexpr int kExitStageHung = 4;  ///< asked to end, a stage hung; outputs were made safe and it ended by force
+inline constexpr int kExitCannotStart = 3;  ///< the store or a socket cannot be opened, or no daemon answers the bridge
+inline constexpr int kExitStageHung = 4;    ///< a stage hung at the end; outputs were made safe, the end was by force
 
-/// The options, or the exit code when there is nothing more to do: help was asked for, or the line was wrong and has
-/// been told so.
+/// The options; or the exit code when there is nothing more to do: help was printed, or an error of the command line was
+/// printed.
 struct Parsed {
   Options options;
   std::optional<int> exit;

@@ -10,7 +10,7 @@ constexpr std::string_view kSim = "sim:";
 constexpr std::string_view kHow =
     "must be sim:TIME+LENGTH,... in seconds after the start, one after the other, as in \"sim:2+0.2,8+2\"";
 
-/// Seconds at the front of `text`, which is left behind them.
+/// Reads seconds at the front of `text` and removes them from it.
 std::optional<Duration> take_seconds(std::string_view& text) {
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
@@ -25,7 +25,7 @@ bool take(std::string_view& text, char wanted) {
   return true;
 }
 
-/// Whether `presses` could be read: the button is pressed at those times.
+/// Adds the presses to the button's script. False when `presses` has a wrong form.
 bool script(std::string_view presses, hal::sim::SimInputPin& button, Instant start) {
   Instant released = start;
   do {
@@ -52,7 +52,7 @@ Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig
       return fail(Errc::kBadValue, "panel.button is \"" + config.button + "\"; it " + std::string(kHow));
     }
   }
-  constexpr bool kDark = false;  // what a lamp falls back to when nobody drives it
+  constexpr bool kDark = false;  // level of a lamp whose lease has expired
   if (!config.status.empty()) ports->status_.emplace(kDark);
   if (!config.tally.empty()) ports->tally_.emplace(kDark);
   return ports;

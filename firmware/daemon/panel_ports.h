@@ -1,4 +1,4 @@
-// The pins that rig.toml's [panel] names.
+// The pins of rig.toml's [panel].
 #pragma once
 
 #include <memory>
@@ -12,15 +12,15 @@
 
 namespace nodal::daemon {
 
-/// Pins are simulated: a button that is pressed by a script, and lamps that are lines in memory.
+/// Simulated pins: a button with scripted presses, and lamps whose levels exist only in memory.
 ///
 /// Threading: make() on main; the pins are thread-bound to control.
 /// Ownership: owns the pins; the clock outlives it.
-/// Errors: make() gives one that names the key.
+/// Errors: make() returns one that names the key.
 class PanelPorts {
  public:
   static Result<std::unique_ptr<PanelPorts>> make(const firmware::PanelConfig& config, hal::ClockPort& clock);
-  /// The script's seconds count from here: call it once, when the rig is about to run.
+  /// Starts the clock of the button's script: call it once, just before the rig runs.
   firmware::PanelPins pins();
   void make_safe() noexcept;
 

@@ -13,10 +13,10 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-constexpr microseconds kPollDevices{500};    ///< a frame waits for so long at most
-constexpr microseconds kPollSockets{1000};   ///< with hosts connected
-constexpr microseconds kPollKnocks{10'000};  ///< with none
-constexpr microseconds kSleep{100'000};      ///< of those that are rung for
+constexpr microseconds kPollDevices{500};       ///< the longest delay of a frame
+constexpr microseconds kPollSockets{1000};      ///< with hosts connected
+constexpr microseconds kPollListeners{10'000};  ///< without hosts
+constexpr microseconds kSleep{100'000};         ///< timeout of threads that a bell wakes
 
 }  // namespace
 
@@ -62,7 +62,7 @@ void RigThreads::capture() {
     const auto heard = capture_bell_.count();
     if (rig_.step_capture()) {
       blend_bell_.ring();
-      control_bell_.ring();  // a head came or went, a request was answered
+      control_bell_.ring();  // for changes of heads and answers to commands
     } else if (hooks_.idle_capture && frame_path_empty()) {
       hooks_.idle_capture();
     } else {
@@ -89,7 +89,7 @@ void RigThreads::encode() {
     const auto heard = encode_bell_.count();
     if (rig_.step_encode()) {
       control_bell_.ring();
-      blend_bell_.ring();  // it may have waited for room
+      blend_bell_.ring();  // the blend may wait for room in the encoder's ring
     } else {
       encode_bell_.wait(heard, kSleep);
     }
@@ -105,7 +105,7 @@ void RigThreads::keep() {
       control_bell_.ring();
     } else {
       const std::uint64_t now = rig_.blender().counts().adopted.load();
-      if (std::exchange(adopted, now) != now) give_back_memory();  // compiling is over, and the table before is gone
+      if (std::exchange(adopted, now) != now) give_back_memory();  // a new table is in force, and the old one is freed
       keeper_bell_.wait(heard, kSleep);
     }
   }
@@ -121,7 +121,7 @@ void RigThreads::control() {
       capture_bell_.ring();
       encode_bell_.ring();
     } else {
-      control_bell_.wait(heard, rig_.control().clients() > 0 ? kPollSockets : kPollKnocks);
+      control_bell_.wait(heard, rig_.control().clients() > 0 ? kPollSockets : kPollListeners);
     }
   }
 }

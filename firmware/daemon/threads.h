@@ -10,9 +10,9 @@
 
 namespace nodal::daemon {
 
-/// The rig's threads: capture, encode, keeper, control, and as many that blend as there are cores. Each calls its stage
-/// until that has nothing to do, and then sleeps until a neighbour rings or, where a device or socket cannot ring,
-/// for a moment.
+/// The rig's threads: capture, encode, keeper, control, and `blend_threads` that blend. Each thread calls its stage until
+/// there is no work. Then it sleeps until another thread rings its bell or, to poll devices and sockets, for a fixed time
+/// (see threads.cpp).
 ///
 /// Threading: start and stop on main.
 /// Ownership: the rig outlives it.
@@ -20,10 +20,10 @@ namespace nodal::daemon {
 class RigThreads {
  public:
   struct Hooks {
-    std::function<void(const std::string&)> log;  ///< a sentence; from the control thread
-    /// From the capture thread when the frame path is empty; may be empty.
+    std::function<void(const std::string&)> log;  ///< called on the control thread with a sentence
+    /// Called on the capture thread while the frame path is empty; may be empty.
     std::function<void()> idle_capture;
-    std::function<void(const char*)> waits_for;  ///< the thread that is joined next; from main
+    std::function<void(const char*)> waits_for;  ///< called on main with the name of the thread that is joined next
   };
 
   RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks);

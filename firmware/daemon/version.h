@@ -1,4 +1,4 @@
-// What nodald calls itself in its hello and its log.
+// The name and version of nodald in its hello and its log.
 #pragma once
 
 #include "protocol/base/version.h"

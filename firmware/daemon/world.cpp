@@ -45,7 +45,7 @@ Result<std::string> read_text(const std::filesystem::path& file, std::size_t lim
   return text;
 }
 
-/// Asks simulation or replay, by the word before the colon.
+/// Opens heads in the simulation or the replay, by the word before the colon.
 class Enumerators final : public hal::HeadEnumerator {
  public:
   hal::HeadEnumerator* sim = nullptr;
@@ -67,7 +67,7 @@ class Enumerators final : public hal::HeadEnumerator {
   }
 };
 
-/// Simulated and replayed heads in one rig: both are triggered, and the first one's edges are told.
+/// The trigger of a rig with simulated and replayed heads: triggers both, and reports the edges of the first.
 class BothTriggers final : public hal::TriggerPort {
  public:
   BothTriggers(hal::TriggerPort& first, hal::TriggerPort& second) : first_(first), second_(second) {}
@@ -80,7 +80,7 @@ class BothTriggers final : public hal::TriggerPort {
     second_.stop();
   }
   Result<std::optional<hal::TriggerEdge>> take_edge() override {
-    (void)second_.take_edge();  // it keeps a bounded number of them
+    (void)second_.take_edge();  // discarded, because its queue is bounded
     return first_.take_edge();
   }
 
@@ -254,7 +254,7 @@ void World::prepare() {
     others.push_back(std::async(std::launch::async | std::launch::deferred, prepare));
   }
   prepare();
-  for (std::future<void>& other : others) other.get();  // throws what it threw
+  for (std::future<void>& other : others) other.get();  // rethrows an exception of prepare()
 }
 
 Status World::open_store(const std::filesystem::path& folder) {

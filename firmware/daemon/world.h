@@ -1,4 +1,4 @@
-// The ports of a rig.toml, made: heads, trigger, clock, disk, listeners, watchdog.
+// Makes the ports that a rig.toml describes: heads, trigger, clock, disk, listeners, watchdog.
 #pragma once
 
 #include <filesystem>
@@ -17,26 +17,26 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file);
 
 /// Threading: make() and destruction on main; the ports as their headers say.
 /// Ownership: owns every port; the rig that runs on them must be gone first.
-/// Errors: make() gives one that names the file, head or socket.
+/// Errors: make() returns one that names the file, head or socket.
 class World {
  public:
-  /// `base` is rig.toml's folder, that paths in it count from. Reads what rig.toml names, and opens nothing.
+  /// `base` is rig.toml's folder; relative paths start there. Reads the files that rig.toml names, and opens no port.
   static Result<std::unique_ptr<World>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~World();
 
-  /// What takes long and is better done before the first frame: simulated heads look at their scene.
+  /// Does slow work before the first frame: renders the scene of simulated heads.
   void prepare();
   /// Opens the store and the sockets.
   Status open_store(const std::filesystem::path& folder);
   Status listen(const firmware::LinksConfig& links);
 
   firmware::RigPorts ports();
-  /// The trigger's line and the panel's lamps go to their safe levels for good. Any thread, whatever hangs.
+  /// Sets the trigger's line and the panel's lamps to their safe levels permanently. Any thread, also while others hang.
   void make_safe() noexcept;
-  /// Moves virtual time on; false when the clock is a real one.
+  /// Advances virtual time; false when the clock is real.
   bool advance(Duration by);
   bool has_virtual_time() const;
-  /// Where hosts can connect, for the log.
+  /// The addresses that hosts can connect to, for the log.
   std::vector<std::string> addresses() const;
 
  private:

@@ -45,13 +45,14 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kHeads:
     case wire::Request::kCalibrationList:
     case wire::Request::kCalibrationGet:
-    case wire::Request::kPullStop:  // of its own streams; there is no way to name another's
+    case wire::Request::kPullStop:  // a host can only name its own streams
     case wire::Request::kFrameSet:
-    case wire::Request::WHAT_NOT_SET: return Access::kView;  // a newer host's, which is told that nobody knows it
+    case wire::Request::WHAT_NOT_SET: return Access::kView;  // a request of a newer host; it gets kUnsupported
     case wire::Request::kGenlock:
     case wire::Request::kExposure: return changes_rig(request) ? Access::kControl : Access::kView;
     case wire::Request::kPull:
-      return request.pull().lossless() ? Access::kControl : Access::kView;  // an overloaded board sheds nothing of it
+      return request.pull().lossless() ? Access::kControl
+                                       : Access::kView;  // a lossless pull prevents shedding, which affects others
     case wire::Request::kHeadSet:
     case wire::Request::kUploadBegin:
     case wire::Request::kUploadCommit:

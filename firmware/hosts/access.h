@@ -1,4 +1,4 @@
-// What a host may ask: by the socket it came in at, and one table of what every request needs.
+// Access control: the access level of each socket, and one table of the level that each request needs.
 #pragma once
 
 #include <cstdint>
@@ -13,25 +13,25 @@ namespace nodal::firmware {
 
 /// Each level includes those before it.
 enum class Access : std::uint8_t {
-  kView,     ///< see how the rig is and what it sees, without an effect on anybody else
+  kView,     ///< read the rig's state and its pictures, without an effect on other hosts
   kControl,  ///< everything
 };
 
-/// Where hosts connect, and what they may ask there.
+/// A socket that hosts connect to, and their access level.
 struct Listener {
   hal::LinkListenerPort* port = nullptr;
   Access access = Access::kControl;
 };
 
-/// Whether carrying it out changes the rig; what the audit log is about.
+/// Whether the request changes the rig; such requests are audited.
 bool changes_rig(const wire::Request& request);
-/// Whether the keeper of calibrations carries it out.
+/// Whether the calibration keeper carries the request out.
 bool needs_keeper(const wire::Request& request);
-/// The table. Its switch names every request, so that one without a line does not compile.
+/// The table. Its switch names every request, so that a request without a line does not compile.
 Access access_needed(const wire::Request& request);
-/// "genlock", "upload_commit": as nodal.proto names the request.
+/// "genlock", "upload_commit": the name in nodal.proto.
 std::string_view request_name(const wire::Request& request);
-/// Errors: kUnsupported, which names the request and says what to do.
+/// Errors: kUnsupported, naming the request and a remedy.
 Status check_access(Access has, const wire::Request& request);
 
 }  // namespace nodal::firmware

@@ -25,7 +25,7 @@ Some those(const Some& of, Counts counts) {
   return some;
 }
 
-/// Those that share their key with most others.
+/// The clients of the largest group with equal keys.
 template <class Key>
 Some of_most(const Some& some, Key key) {
   const auto sharing = [&](const Client* one) {
@@ -36,8 +36,8 @@ Some of_most(const Some& some, Key key) {
   return those(some, [&](const Client& client) { return sharing(&client) == most; });
 }
 
-/// Of the user who has most of them, those of the process that has most.
-Some greediest(const Some& some) {
+/// The clients of the user with the most, and of these the ones of that user's process with the most.
+Some of_heaviest_user(const Some& some) {
   const auto user = [](const Client& client) {
     const auto identity = client.identity();
     return identity ? std::optional(identity->user) : std::nullopt;
@@ -52,20 +52,20 @@ Client* idle_longest(const Some& some) {
   return found == some.end() ? nullptr : *found;
 }
 
-/// Of one that does nothing: a newcomer is worth more.
+/// A host that was idle for longer is closed first.
 constexpr Duration kLongIdle = Duration::seconds(10);
 
-/// The one of these hosts that goes.
+/// Which of these hosts to close.
 Client* host_to_close(const Some& hosts, Instant now) {
-  const Some some = greediest(hosts);
+  const Some some = of_heaviest_user(hosts);
   const auto first = [&](auto counts) { return idle_longest(those(some, counts)); };
   if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; }))
     return one;
-  // Beside hosts that ask all the time, the one idle longest would be the one that has just come. A storm of these, in
-  // turn, closes none that was there before.
+  // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are spared.
+  // In a flood of new hosts, these are closed and no older one.
   const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
   if (const Some young = those(some, fresh); young.size() > Admission::kMaxSpared) {
-    const Some silent = those(young, [](const Client& c) { return !c.has_asked(); });
+    const Some silent = those(young, [](const Client& c) { return !c.has_requested(); });
     return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
   }
   if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.active(now); })) return one;
@@ -75,12 +75,12 @@ Client* host_to_close(const Some& hosts, Instant now) {
 }
 
 Error too_many(std::size_t limit, const char* of_what) {
-  return Error{Errc::kOverload, "this rig talks to " + std::to_string(limit) + " " + of_what +
-                                    " at once; another one came, and this one was idle longest"};
+  return Error{Errc::kOverload, "this rig accepts " + std::to_string(limit) + " " + of_what +
+                                    " at once; another one connected, and this one was idle longest"};
 }
 
-Error gives_way(const std::string& why) {
-  return Error{Errc::kOverload, "another host wants to pull or upload, and " + why};
+Error displaced(const std::string& why) {
+  return Error{Errc::kOverload, "closed for another host that wants to pull or upload: " + why};
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)
   return any;
 }
 
-void Admission::make_room(Clients& clients, Instant now) {
+void Admission::close_excess(Clients& clients, Instant now) {
   for (const Access at : {Access::kControl, Access::kView}) {
     const auto strangers = [&] {
       return those(clients, [&](const Client& c) { return c.access() == at && !c.said_hello(); });
@@ -111,7 +111,7 @@ void Admission::make_room(Clients& clients, Instant now) {
     };
     const std::size_t most_strangers = places(kMaxStrangers, at);
     for (Some all = strangers(); all.size() > most_strangers; all = strangers()) {
-      idle_longest(greediest(all))->end(too_many(most_strangers, "programs that have not said hello"), now);
+      idle_longest(of_heaviest_user(all))->end(too_many(most_strangers, "programs that have not sent a hello"), now);
     }
     const std::size_t most_hosts = places(kMaxClients, at);
     for (Some all = hosts(); all.size() > most_hosts; all = hosts()) {
@@ -125,18 +125,19 @@ Status Admission::may_work(const Clients& clients, const Client& client, Instant
   const std::size_t most = places(kMaxWorking, client.access());
   if (client.works() || working.size() < most) return {};
   if (Client* one = idle_longest(those(working, [&](const Client& c) { return !c.active(now); }))) {
-    one->end(gives_way("this one has taken nothing for " + std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
+    one->end(displaced("this host's link has made no progress for " +
+                       std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
              now);
     return {};
   }
-  const Some many = greediest(
+  const Some many = of_heaviest_user(
       those(clients, [&](const Client& c) { return c.access() == client.access() && (c.works() || &c == &client); }));
   if (std::find(many.begin(), many.end(), &client) == many.end()) {
-    idle_longest(many)->end(gives_way("this one's user has most of those that do"), now);
+    idle_longest(many)->end(displaced("this host's user has the most hosts that pull or upload"), now);
     return {};
   }
   return fail(Errc::kOverload,
-              std::to_string(most) + " hosts pull or upload already; `nodal hosts` lists them and can end one");
+              std::to_string(most) + " hosts pull or upload already; `nodal hosts` lists them and can close one");
 }
 
 }  // namespace nodal::firmware

@@ -1,4 +1,4 @@
-// Who may talk to the rig when many want to.
+// Limits the number of connections, and chooses which one to close for a new one.
 #pragma once
 
 #include <cstddef>
@@ -13,16 +13,16 @@
 
 namespace nodal::firmware {
 
-/// Lets hosts in, and closes others when there are too many, so that a new host can always connect. Places are kept:
+/// Accepts hosts, and closes others when there are too many, so that a new host can always connect. The limits apply:
 ///
-/// - By socket: hosts at the view-only socket have places of their own, half as many of each kind.
-/// - By user: of those that could make room, the one to go is of the user who has most of them, and of this user's
-///   process that has most. So a storm of one user's closes that user's own.
-/// - Links without a hello are counted apart; the oldest makes room.
-/// - Of the hosts that said hello the one idle longest makes room. One that pulls or uploads and whose bytes move, or
-///   that waits for an answer, is not closed for a newcomer. Some hosts that have just come are spared; a storm of such
-///   hosts closes its own.
-/// - Fewer hosts may pull or upload at once than may be connected, so that there always is one that can be closed.
+/// - Per socket: hosts at the view-only socket have limits of their own, half of those of the control socket.
+/// - Per user: the connection to close is chosen from the user with the most connections, and from that user's process
+///   with the most. So a flood of connections of one user closes only connections of that user.
+/// - Links without a hello have a limit of their own; the oldest of them is closed.
+/// - Of the hosts that sent a hello, the one idle longest is closed. A host is not closed for a new one while it waits for
+///   an answer, or pulls or uploads and its bytes move. Up to kMaxSpared new hosts are spared for kSpared; in a flood of
+///   new hosts, the others of them are closed.
+/// - Fewer hosts may pull or upload at once than may be connected, so that there is always one that can be closed.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: listeners outlive it; the clients are Control's.
@@ -31,26 +31,26 @@ class Admission {
  public:
   explicit Admission(std::vector<Listener> listeners) : listeners_(std::move(listeners)) {}
 
-  /// Takes links that wait. `hello` makes what the rig says first. True when there was any.
+  /// Accepts waiting links. `hello` makes the rig's hello. True when there was a link.
   bool accept(Clients& clients, const std::function<wire::Hello(Access)>& hello, Instant now);
-  /// Closes those that are too many. Call after bytes were read, so that a hello that has come counts.
-  void make_room(Clients& clients, Instant now);
-  /// Whether this client may begin to pull or upload. A stalled one makes room, or one of a user who has more that do.
-  /// Errors: kOverload.
+  /// Closes the connections over the limits. Call it after bytes were read, so that a received hello counts.
+  void close_excess(Clients& clients, Instant now);
+  /// Whether this client may begin to pull or upload. Beyond the limit, first closes a stalled host, or else one of a user
+  /// with more hosts that pull or upload. Errors: kOverload.
   static Status may_work(const Clients& clients, const Client& client, Instant now);
 
-  static constexpr std::size_t kMaxClients = 12;   ///< that said hello
-  static constexpr std::size_t kMaxWorking = 8;    ///< of them, that pull or upload: as many as the board can feed
+  static constexpr std::size_t kMaxClients = 12;   ///< hosts that sent a hello
+  static constexpr std::size_t kMaxWorking = 8;    ///< hosts that pull or upload: as many as the board can serve
   static constexpr std::size_t kMaxStrangers = 8;  ///< links without a hello
-  static constexpr std::size_t kMaxLinks = 32;     ///< in all, those included that are being told why they are closed
-  static constexpr std::size_t kMaxSpared = 4;     ///< hosts that have just come, for kSpared
+  static constexpr std::size_t kMaxLinks = 32;     ///< all links, also those whose farewell is still being sent
+  static constexpr std::size_t kMaxSpared = 4;     ///< new hosts that are not closed for kSpared
   static constexpr Duration kSpared = Duration::seconds(2);
-  static constexpr std::size_t kAcceptsAStep = 4;  ///< of a listener: a flood of links leaves time for hosts
-  /// The places at one socket, where the control socket has so many.
+  static constexpr std::size_t kAcceptsAStep = 4;  ///< per listener: leaves time for hosts during a flood of links
+  /// The limit at one socket, from that at the control socket.
   static constexpr std::size_t places(std::size_t at_control, Access at) {
     return at == Access::kControl ? at_control : at_control / 2;
   }
-  /// At both sockets.
+  /// The sum of the limits at both sockets.
   static constexpr std::size_t in_all(std::size_t at_control) {
     return places(at_control, Access::kControl) + places(at_control, Access::kView);
   }

@@ -7,7 +7,7 @@ namespace nodal::firmware {
 namespace {
 
 constexpr std::size_t kReadBytes = 64U << 10;
-constexpr int kReadsAStep = 4;  ///< so that one client's flood leaves time for the others
+constexpr int kReadsAStep = 4;  ///< leaves time for other clients when one sends without a pause
 constexpr int kWritesAStep = 16;
 constexpr Duration kFarewellWithin = Duration::seconds(1);
 
@@ -35,7 +35,7 @@ std::string Client::who() const {
   return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
 }
 
-void Client::go(const Error& why) {
+void Client::finish(const Error& why) {
   if (gone_) return;
   gone_ = true;
   why_ = why;
@@ -43,7 +43,7 @@ void Client::go(const Error& why) {
 
 void Client::end(const Error& why, Instant now) {
   session_.close(why);
-  if (!dying_since_) dying_since_ = now;
+  if (!ending_since_) ending_since_ = now;
 }
 
 bool Client::active(Instant now) const {
@@ -61,16 +61,17 @@ bool Client::active(Instant now) const {
 
 std::optional<Error> Client::overdue(Instant now) const {
   if (!said_hello() && now - since_ > kHelloWithin) {
-    return Error{Errc::kTimeout, "no hello came within " + seconds(kHelloWithin) + "; a host says it first"};
+    return Error{Errc::kTimeout,
+                 "no hello arrived within " + seconds(kHelloWithin) + " of the connection; a host must send it first"};
   }
   const std::size_t under_way = session_.bytes_under_way();
   const auto more = Duration::seconds(static_cast<std::int64_t>(under_way / kSlowestBytes));
-  // While this end does not read, the rest of the frame may lie in the link.
+  // While the session does not accept input, the rest of the frame may have arrived and not been read.
   if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
-    return Error{Errc::kTimeout, "a frame began " + seconds(now - frame_since_) + " ago and is not whole"};
+    return Error{Errc::kTimeout, "a frame that began " + seconds(now - frame_since_) + " ago is still incomplete"};
   }
   if (session_.version() >= kProtocolPing && now - heard_ > kSilentFor) {
-    return Error{Errc::kTimeout, "nothing came for " + seconds(kSilentFor) + ", not even answers to pings"};
+    return Error{Errc::kTimeout, "the host sent nothing for " + seconds(kSilentFor) + ", not even answers to pings"};
   }
   return std::nullopt;
 }
@@ -82,7 +83,7 @@ bool Client::pump_in(Instant now) {
   for (int i = 0; i < kReadsAStep && session_.wants_input(); ++i) {
     const auto read = link_->read(bytes);
     if (!read) {
-      go(read.error());
+      finish(read.error());
       return true;
     }
     if (*read == 0) break;
@@ -92,7 +93,7 @@ bool Client::pump_in(Instant now) {
     if (!uploads.empty()) used_ = now;
     const bool fresh = session_.bytes_under_way() == 0;
     if (!session_.receive(std::span(bytes).first(*read))) {
-      dying_since_ = now;
+      ending_since_ = now;
       return true;
     }
     if (fresh || session_.frames_received() != frames_) frame_since_ = now;
@@ -115,12 +116,12 @@ bool Client::pump_out(Instant now) {
   for (int i = 0; i < kWritesAStep; ++i) {
     const auto output = session_.output();
     if (output.empty()) {
-      if (session_.error()) go(*session_.error());
+      if (session_.error()) finish(*session_.error());
       return any;
     }
     const auto wrote = link_->write(output);
     if (!wrote) {
-      go(wrote.error());
+      finish(wrote.error());
       return true;
     }
     if (*wrote == 0) break;
@@ -130,7 +131,7 @@ bool Client::pump_out(Instant now) {
     if (!pulls.empty() || frame_set) used_ = now;
     any = true;
   }
-  if (session_.error() && dying_since_ && now - *dying_since_ > kFarewellWithin) go(*session_.error());
+  if (session_.error() && ending_since_ && now - *ending_since_ > kFarewellWithin) finish(*session_.error());
   return any;
 }
 

@@ -15,56 +15,56 @@
 
 namespace nodal::firmware {
 
-/// Raymaps on their way to a client, by one stream.
+/// A pull: a stream of raymaps to a client.
 struct Pull {
   wire::PullRequest::Coding coding = wire::PullRequest::JPEG;
   bool lossless = false;
-  std::uint64_t count = 0;    ///< wanted in all; 0: until it is stopped
-  std::uint64_t dropped = 0;  ///< when last looked at
-  bool ended = false;         ///< closed; its last raymaps may still be going out
+  std::uint64_t count = 0;    ///< requested number of raymaps; 0: until it is stopped
+  std::uint64_t dropped = 0;  ///< raymaps that the session dropped, as of the newest step
+  bool ended = false;         ///< the stream is closed; its last raymaps may still be in the queue
 };
 
-/// One host: its link, its session, what it uploads and pulls. Whatever it does, it loses no more than itself.
+/// One host: its link, its session, its uploads and pulls. A host that breaks a rule only loses its own connection.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: owns the link.
-/// Errors: none; a client that broke a rule, or left, is finished().
+/// Errors: none; a client that broke a rule or disconnected is finished().
 class Client {
  public:
   Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
          Instant now);
 
-  /// Reads what came, as far as the session takes it, and ends a client that keeps a deadline waiting. True when there
-  /// was anything.
+  /// Reads received bytes, as many as the session accepts, and closes the client if a deadline has passed. True when it
+  /// did something.
   bool pump_in(Instant now);
-  /// Writes what the link takes.
+  /// Writes bytes, as many as the link accepts. True when it did something.
   bool pump_out(Instant now);
-  /// Ends it from here; the farewell still goes out.
+  /// Closes the connection; the farewell with the reason is still sent.
   void end(const Error& why, Instant now);
-  /// It said hello: it is not idle.
-  void used(Instant now) { used_ = now; }
-  /// It asked for something.
-  void asked(Instant now) {
+  /// Call on a hello: resets the idle time.
+  void on_hello(Instant now) { used_ = now; }
+  /// Call on a request: resets the idle time.
+  void on_request(Instant now) {
     used_ = now;
-    has_asked_ = true;
+    has_requested_ = true;
   }
 
   Session& session() { return session_; }
   const Session& session() const { return session_; }
   bool finished() const { return gone_; }
-  /// It is told why it is closed; nothing else is done for it.
+  /// It is being closed: only its farewell is still sent.
   bool ending() const { return gone_ || session_.error() != nullptr; }
   bool said_hello() const { return session_.peer_hello() != nullptr; }
-  /// It pulls, uploads or takes a frame set.
+  /// It pulls, uploads or receives a frame set.
   bool works() const { return !pulls.empty() || !uploads.empty() || frame_set.has_value(); }
-  /// It waits for the rig, or its bytes move: it is not closed to make room.
+  /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
-  /// When its link last took bytes.
+  /// When its link last accepted bytes.
   Instant written() const { return written_; }
-  /// Since its last request, or since bytes of its work moved.
+  /// When it last sent a request, or bytes of its pulls and uploads last moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }
-  bool has_asked() const { return has_asked_; }
+  bool has_requested() const { return has_requested_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
   std::optional<hal::PeerIdentity> identity() const { return link_->identity(); }
@@ -81,24 +81,24 @@ class Client {
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
   std::size_t requests_open = 0;
-  std::optional<wire::Request> held;  ///< the next one, while that stage has as many of this host's as it may
-  std::uint64_t dropped = 0;          ///< raymaps, on streams that have ended
-  std::uint64_t lossless_ended = 0;   ///< lossless pulls that were too slow
+  std::optional<wire::Request> held;  ///< its next request, while its stage has the most commands of this host
+  std::uint64_t dropped = 0;          ///< raymaps dropped on streams that have ended
+  std::uint64_t lossless_ended = 0;   ///< lossless pulls that ended because they were too slow
 
-  static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< a host says it at once
-  /// A frame that has begun is whole within so long, and a second more for each kSlowestBytes of it: one bulk frame is
-  /// 64 KiB, and a link may be slow but not stand still.
+  static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< from the connection to the hello
+  /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each kSlowestBytes
+  /// of it (a bulk frame has 64 KiB). It allows a slow link, and not one that has stopped.
   static constexpr Duration kFrameWithin = Duration::seconds(2);
   static constexpr std::size_t kSlowestBytes = 8U << 10;
-  /// Work whose bytes do not move for so long is stalled.
+  /// A pull or upload is stalled when its bytes do not move for this time.
   static constexpr Duration kStalledAfter = Duration::seconds(10);
-  /// A silent host is pinged, and closed when it answers nothing. Long, because `nodal` may compute between requests.
+  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests.
   static constexpr Duration kPingEvery = Duration::seconds(30);
   static constexpr Duration kSilentFor = Duration::seconds(300);
 
  private:
-  void go(const Error& why);
-  /// Why its time is up, if it is.
+  void finish(const Error& why);
+  /// The deadline that has passed, if any.
   std::optional<Error> overdue(Instant now) const;
 
   const std::uint64_t number_;
@@ -108,15 +108,15 @@ class Client {
   Session session_;
   const Instant since_;
   Instant used_;
-  bool has_asked_ = false;
-  Instant heard_;    ///< bytes came
-  Instant written_;  ///< bytes were taken
+  bool has_requested_ = false;
+  Instant heard_;    ///< when bytes were last received
+  Instant written_;  ///< when the link last accepted bytes
   Instant pinged_;
-  Instant frame_since_;       ///< when the frame under way began
+  Instant frame_since_;       ///< when the first byte of the current protocol frame arrived
   std::uint32_t frames_ = 0;  ///< frames_received() when frame_since_ was set
   std::uint64_t bytes_in_ = 0;
   std::uint64_t bytes_out_ = 0;
-  std::optional<Instant> dying_since_;
+  std::optional<Instant> ending_since_;
   bool gone_ = false;
   Error why_;
 };

@@ -28,7 +28,7 @@ bool Control::step(Instant now) {
         clients_, [this](Access access) { return hello(access); }, now);
   }
   busy |= serve_all(now);
-  admission_.make_room(clients_, now);
+  admission_.close_excess(clients_, now);
   busy |= reply_to_commands(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_);
@@ -74,7 +74,7 @@ void Control::drop_finished() {
   });
 }
 
-/// In turns: what all clients share, such as capture's queue of commands, goes to another one first in each step.
+/// Serves another client first in each step, so that all get their share of common resources such as capture's queue.
 bool Control::serve_all(Instant now) {
   if (clients_.empty()) return false;
   bool busy = false;
@@ -107,21 +107,22 @@ bool Control::serve(Client& client, Instant now) {
 
 void Control::handle(Client& client, Event& event, Instant now) {
   if (const auto* request = std::get_if<wire::Request>(&event)) {
-    client.asked(now);
+    client.on_request(now);
     handle(client, *request, now);
   } else if (std::holds_alternative<wire::Hello>(event)) {
-    client.used(now);
-    say(NewsKind::kHosts, client.name() + " came");
+    client.on_hello(now);
+    say(NewsKind::kHosts, client.name() + " connected");
   } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
     if (client.access() != Access::kControl) {
-      client.session().stop_stream(opened->stream, {Errc::kUnsupported, "uploads need the rig's control socket"});
+      client.session().stop_stream(opened->stream,
+                                   {Errc::kUnsupported, "uploads are only possible at the rig's control socket"});
       return;
     }
     if (const Status may = Admission::may_work(clients_, client, now); !may) {
       client.session().stop_stream(opened->stream, may.error());
       return;
     }
-    client.uploads[opened->stream];  // hosts open streams for uploads only
+    client.uploads[opened->stream];  // a host opens streams only for uploads
   } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
     const auto upload = client.uploads.find(piece->stream);
     if (upload == client.uploads.end()) return;
@@ -141,7 +142,7 @@ bool Control::reply_to_commands(Instant now) {
   const std::vector<Answer> answers = operation_.take_answers(now);
   for (const Answer& answer : answers) {
     const auto found = waiting_.find(answer.ticket);
-    if (found == waiting_.end()) continue;  // nobody's: the button's, or a setting of the last start
+    if (found == waiting_.end()) continue;  // from the button or the stored settings
     const Waiting waiting = found->second;
     waiting_.erase(found);
     Client* const client = find(waiting.client);
@@ -151,8 +152,7 @@ bool Control::reply_to_commands(Instant now) {
     message.set_id(waiting.request);
     reply(*client, message, now);
   }
-  NODAL_ASSERT(waiting_.size() <=
-               operation_.unanswered());  // each has an answer to come, so that none is kept for ever
+  NODAL_ASSERT(waiting_.size() <= operation_.unanswered());  // an entry without a pending answer would never be erased
   return !answers.empty();
 }
 
@@ -165,7 +165,7 @@ Client* Control::find(std::uint64_t number) {
 void Control::reply(Client& client, const wire::Reply& message, Instant now) {
   if (client.session().error()) return;
   if (const Status sent = client.session().send(message); !sent && !client.session().error()) {
-    client.end(sent.error(), now);  // it asks and does not read
+    client.end(sent.error(), now);  // the client sends requests and does not read the replies
   }
 }
 

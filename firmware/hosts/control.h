@@ -21,15 +21,15 @@
 
 namespace nodal::firmware {
 
-/// Accepts hosts, answers their requests, takes their uploads, gives them raymaps. A request that a stage must carry out
-/// becomes a command of Operation's, and is answered when that stage answers; meanwhile everybody else is served.
+/// Accepts hosts, answers their requests, receives their uploads, sends them raymaps. A request that another stage must
+/// carry out becomes a command of Operation, and is answered when that stage answers; meanwhile other hosts are served.
 ///
 /// Threading: step() is thread-bound to control; set_resident_bytes(), ask_to_end() and ended() are for any thread.
 /// Ownership: owns the clients; listeners and stages outlive it.
-/// Errors: a host's errors are answers to it; take_news() has what an operator should read.
+/// Errors: a host's errors are sent to it as replies; take_news() returns messages for the operator.
 class Control {
  public:
-  /// `frame_sets`: for hosts that ask for the heads' own pictures.
+  /// `frame_sets`: the sets for hosts that request the heads' own pictures.
   Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
           std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now);
   ~Control();
@@ -37,35 +37,35 @@ class Control {
   /// True when it did something.
   bool step(Instant now);
 
-  /// Sentences for the log since the last call: hosts that came and went, states that changed.
+  /// Sentences for the log since the last call: connections of hosts, changes of the state.
   std::vector<std::string> take_news() { return operation_.news().take(); }
   const Health& health() const { return operation_.health(); }
-  /// The rig stops, for this reason: hosts are told, none is let in. Any thread, once.
+  /// Starts the end of the rig: hosts get the reason, no more hosts are accepted. Any thread; call it once.
   void ask_to_end(std::string reason) { operation_.ask_to_end(std::move(reason)); }
-  /// Every host has been told, or would not listen for kFarewell. Any thread.
+  /// Every host has received its farewell, or kFarewell has passed. Any thread.
   bool ended() const { return ended_.load(std::memory_order_acquire); }
   std::size_t clients() const { return clients_.size(); }
   void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
   wire::RigStatus status(Instant now);
-  /// Frame sets that the blend had no room for, as of the newest step.
+  /// Frame sets that the blend missed because its queue was full, as of the newest step.
   std::uint64_t sets_missed_by_blend() const { return operation_.sets_missed_by_blend(); }
 
   static constexpr Duration kFarewell = Duration::milliseconds(500);
-  static constexpr std::size_t kMaxRequests = 16;  ///< of a client, not yet answered
-  /// Of them, those that another stage may have: so few that there is room in its ring for every client's.
+  static constexpr std::size_t kMaxRequests = 16;  ///< unanswered requests of one client
+  /// The most unanswered commands of one client at another stage: so few that the stage's ring has room for all clients.
   static constexpr std::size_t kCaptureRequests = 4;
   static constexpr std::size_t kKeeperRequests = 1;
-  /// Of a client in a step. A status takes some 10 us to make, so a client that floods the rig with requests costs the
-  /// others less than 0.1 ms a step; what is left waits in its session, and then in its link.
+  /// Requests of one client in one step. A status takes about 10 us, so a client that floods the rig with requests delays
+  /// the others by less than 0.1 ms a step; its further requests wait in its session, and then in its link.
   static constexpr int kRequestsAStep = 8;
-  static constexpr int kEventsAStep = 64;              ///< of all kinds: 4 MiB of pieces
-  static constexpr std::size_t kUploadsOfAClient = 2;  ///< half there at once
+  static constexpr int kEventsAStep = 64;              ///< events of all kinds: 4 MiB of pieces
+  static constexpr std::size_t kUploadsOfAClient = 2;  ///< incomplete uploads of one client
 
  private:
-  /// A host's request that became a command.
+  /// A host's request that became a command and is not answered yet.
   struct Waiting {
     std::uint64_t client = 0;
-    std::uint64_t request = 0;  ///< its id
+    std::uint64_t request = 0;  ///< id of the request
   };
 
   void drop_finished();
@@ -74,7 +74,7 @@ class Control {
   bool has_room(const Client& client, const wire::Request& request) const;
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
-  /// Answers at once; the error that the host is answered, if any.
+  /// Answers a request at once. Returns the error to reply with, if any.
   Status answer(Client& client, const wire::Request& request, Instant now);
   Status command(Client& client, const wire::Request& request, Instant now);
   Result<Command> commit_command(const wire::UploadCommit& commit);
@@ -96,7 +96,7 @@ class Control {
   const Instant started_;
 
   Clients clients_;
-  std::size_t first_served_ = 0;  ///< the client whose turn is first; the next one's in the next step
+  std::size_t first_served_ = 0;  ///< index of the client that is served first; rises by one each step
   std::map<Ticket, Waiting> waiting_;
   UploadReceiver uploads_;
   Publisher publisher_;

@@ -8,48 +8,49 @@ namespace nodal::firmware {
 
 Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
   const bool others_turn = waiting_ != 0 && waiting_ != client.number() && now < waiting_until_;
-  if (asked_ || others_turn) {
-    if (!others_turn && asked_->client != client.number()) {
+  if (transfer_ || others_turn) {
+    if (!others_turn && transfer_->client != client.number()) {
       waiting_ = client.number();
       waiting_until_ = now + kTurn;
     }
-    return fail(Errc::kBusy, "a frame set is on its way to another host, or to this one; ask again after it");
+    return fail(Errc::kBusy, "the rig is still sending a frame set to this or another host; try again later");
   }
   waiting_ = 0;
   if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
   SetCopy copy = SetCopy::places_for(heads, memory_);
-  if (copy.wanted == 0) return fail(Errc::kNotReady, "no head has delivered a picture yet; status says why");
+  if (copy.wanted == 0)
+    return fail(Errc::kNotReady, "no head has delivered a picture yet; `nodal status` shows the reason");
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
   sets_.drop_waiting();
   sets_.set_open(true);
-  asked_ = Asked{client.number(), *stream, now, std::move(copy), false, false};
+  transfer_ = Transfer{client.number(), *stream, now, std::move(copy), false, false};
   client.frame_set = *stream;
   return stream;
 }
 
-/// Null when it has gone, or when it has stopped the stream or taken all of it.
-Client* FrameSender::asking_client(const Clients& clients) const {
+/// Null when the client has disconnected, has stopped the stream or has received all of it.
+Client* FrameSender::receiver(const Clients& clients) const {
   const auto found = std::find_if(clients.begin(), clients.end(),
-                                  [&](const auto& client) { return client->number() == asked_->client; });
+                                  [&](const auto& client) { return client->number() == transfer_->client; });
   Client* const client = found == clients.end() || (*found)->finished() ? nullptr : found->get();
-  return client && client->session().counts(asked_->stream) ? client : nullptr;
+  return client && client->session().counts(transfer_->stream) ? client : nullptr;
 }
 
 bool FrameSender::step(const Clients& clients, Instant now) {
   follow_adoptions();
-  if (!asked_) return false;
-  Client* const client = asking_client(clients);
-  if (asked_->sent) {
+  if (!transfer_) return false;
+  Client* const client = receiver(clients);
+  if (transfer_->sent) {
     const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
-    if (going_out && (client ? keeps_pace(*client, now) : now - asked_->since <= kGrace)) return false;
+    if (going_out && (client ? keeps_pace(*client, now) : now - transfer_->since <= kGrace)) return false;
     if (client) {
       client->session().close_stream(
-          asked_->stream,
-          Error{Errc::kTimeout, "this host takes the frame set too slowly: it " + std::string("would need more than ") +
-                                    std::to_string(kSlowest.ms() / 1000) + " s"});
+          transfer_->stream,
+          Error{Errc::kTimeout, "this host receives the frame set too slowly: at this rate it " +
+                                    std::string("needs more than ") + std::to_string(kSlowest.ms() / 1000) + " s"});
     }
-    if (going_out) memory_.reset();  // it goes with that host's session
+    if (going_out) memory_.reset();  // that host's session still refers to it and frees it
     end(clients);
     return true;
   }
@@ -57,43 +58,43 @@ bool FrameSender::step(const Clients& clients, Instant now) {
     end(clients);
     return true;
   }
-  if (!asked_->copied) {
+  if (!transfer_->copied) {
     if (const auto set = sets_.take()) {
-      asked_->copy.fill(**set);
-      asked_->copied = true;
+      transfer_->copy.fill(**set);
+      transfer_->copied = true;
       sets_.set_open(false);
     }
   }
-  // The blend says which calibration is in force for the set when it has begun it or a later one.
-  if (asked_->copied && blender_.sets_begun() > asked_->copy.set) {
+  // The calibration in force for the set is known when the blend has begun this set or a later one.
+  if (transfer_->copied && blender_.sets_begun() > transfer_->copy.set) {
     follow_adoptions();
-    asked_->sent = true;
-    asked_->since = now;
+    transfer_->sent = true;
+    transfer_->since = now;
     send(*client);
     return true;
   }
-  if (now - asked_->since <= kPatience) return false;
+  if (now - transfer_->since <= kPatience) return false;
   client->session().close_stream(
-      asked_->stream,
+      transfer_->stream,
       Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
-                                 " s: no frames come, or the blend is behind; status says which"});
+                                 " s: no frames arrive, or the blend has a backlog; `nodal status` shows which"});
   end(clients);
   return true;
 }
 
 void FrameSender::end(const Clients& clients) {
   for (const auto& client : clients) {
-    if (client->number() == asked_->client) client->frame_set.reset();
+    if (client->number() == transfer_->client) client->frame_set.reset();
   }
-  asked_.reset();
+  transfer_.reset();
   sets_.set_open(false);
   sets_.drop_waiting();
 }
 
 bool FrameSender::keeps_pace(const Client& client, Instant now) const {
-  const Duration taken = now - asked_->since;
+  const Duration taken = now - transfer_->since;
   if (taken <= kGrace) return true;
-  const auto counts = client.session().counts(asked_->stream);
+  const auto counts = client.session().counts(transfer_->stream);
   if (!counts || taken > kSlowest || now - client.written() > kGrace) return false;
   const auto due =
       memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) / static_cast<std::uint64_t>(kSlowest.ms());
@@ -108,7 +109,7 @@ void FrameSender::follow_adoptions() {
 }
 
 void FrameSender::send(Client& client) {
-  const SetCopy& set = asked_->copy;
+  const SetCopy& set = transfer_->copy;
   wire::FrameSetHeader header;
   header.set_set(set.set);
   header.set_mid_exposure_ns(static_cast<std::uint64_t>(set.mid_exposure.ns()));
@@ -129,8 +130,8 @@ void FrameSender::send(Client& client) {
     picture.set_exposure_ns(static_cast<std::uint64_t>(place.in_effect.exposure.duration().ns()));
     picture.set_gain_mdb(place.in_effect.gain.mdb());
   }
-  (void)client.session().offer(asked_->stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
-  client.session().close_stream(asked_->stream);
+  (void)client.session().offer(transfer_->stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
+  client.session().close_stream(transfer_->stream);
 }
 
 }  // namespace nodal::firmware

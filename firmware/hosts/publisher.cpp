@@ -11,14 +11,14 @@
 namespace nodal::firmware {
 namespace {
 
-/// The loan's bytes as sessions send them; the loan ends with the last of the copies.
+/// The loan's bytes in the type that sessions send; the loan ends with the last copy.
 SharedBytes shared_bytes(const Buffer& loan) {
   if (!loan) return nullptr;
   const auto holder = std::make_shared<const Buffer>(loan);
   return SharedBytes(holder, &**holder);
 }
 
-/// What the frame path itself has under way: at the blend, two fields each, at the encoder, and between them.
+/// Buffers that the frame path itself uses: in the blend (two, one per field), in the encoder, and in the rings between.
 constexpr std::size_t kInThePath = 8;
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= Blender::kMaxBuffers);
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= EncodeStage::kMaxBuffers);
@@ -36,18 +36,18 @@ bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
 
 Result<StreamId> Publisher::start(const Clients& clients, Client& client, const wire::PullRequest& request) {
   if (client.pulls.size() >= kMaxPulls) {
-    return fail(Errc::kOverload, "this host pulls " + std::to_string(kMaxPulls) + " times already; stop one first");
+    return fail(Errc::kOverload, "this host has " + std::to_string(kMaxPulls) + " pulls already; stop one first");
   }
-  // A host's first pull is never refused because of what others pull.
+  // A host's first pull is never refused because of other hosts' pulls.
   std::size_t extra = client.pulls.empty() ? 0 : 1;
   for (const auto& other : clients) extra += other->pulls.empty() ? 0 : other->pulls.size() - 1;
   if (!client.pulls.empty() && extra > kMaxExtraPulls) {
     return fail(Errc::kOverload,
-                "hosts pull more than once as often as this rig has buffers for; `nodal hosts` lists them and can end "
-                "one");
+                "the rig has buffers for " + std::to_string(kMaxExtraPulls) +
+                    " additional pulls of hosts, and all are in use; `nodal hosts` lists the hosts and can close one");
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
-    return fail(Errc::kUnsupported, "this rig does not know the coding " + std::to_string(request.coding()));
+    return fail(Errc::kUnsupported, "this rig does not support the coding " + std::to_string(request.coding()));
   }
   const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
   auto stream = client.session().open_stream(policy);
@@ -62,7 +62,7 @@ Result<StreamId> Publisher::start(const Clients& clients, Client& client, const 
 Status Publisher::stop(Client& client, StreamId stream) {
   const auto pull = client.pulls.find(stream);
   if (pull == client.pulls.end()) {
-    return fail(Errc::kNotFound, "no pull of this host goes by stream " + std::to_string(stream));
+    return fail(Errc::kNotFound, "this host has no pull on stream " + std::to_string(stream));
   }
   if (!pull->second.ended) client.session().close_stream(stream);
   pull->second.ended = true;
@@ -70,7 +70,7 @@ Status Publisher::stop(Client& client, StreamId stream) {
 }
 
 bool Publisher::step(const Clients& clients) {
-  for (const auto& client : clients) forget_ended(*client);
+  for (const auto& client : clients) remove_ended(*client);
   const auto raymap = raymaps_in_.take();
   if (!raymap) return false;
   bool given = false;
@@ -82,21 +82,21 @@ bool Publisher::step(const Clients& clients) {
   return true;
 }
 
-std::size_t Publisher::may_wait(std::size_t bytes) {
+std::size_t Publisher::most_pending(std::size_t bytes) {
   return std::clamp(kLosslessBytes / std::max<std::size_t>(bytes, 1), kLosslessLeast, kLosslessQueueItems);
 }
 
 bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap) {
   const bool jpeg = pull.coding == wire::PullRequest::JPEG;
-  const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // costs nothing: it is never shed
+  const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // without pixels, and so never shed
   const Buffer& body = jpeg ? raymap.jpeg : raymap.pixels;
-  // It is a set's; its second field has no other.
-  const bool told = evidence && raymap.info.field && raymap.info.field->number > 0;
+  // Both fields have the evidence of their set, which is sent once.
+  const bool repeated = evidence && raymap.info.field && raymap.info.field->number > 0;
   const bool shed = raymap.shed && !pull.lossless && !evidence;
   const auto before = client.session().counts(stream);
-  if (pull.ended || told || shed || !before || client.ending()) return false;
+  if (pull.ended || repeated || shed || !before || client.ending()) return false;
   if (!evidence && !body) {
-    // Raymaps that were under way when the pull began may lack what it wants.
+    // Raymaps that were already in the path when the pull began may lack a JPEG or pixels; that is no loss.
     if (pull.lossless && before->offered > 0) {
       end_lossless(client, stream, pull,
                    {Errc::kOverload,
@@ -104,14 +104,14 @@ bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap&
     }
     return false;
   }
-  const std::size_t most = may_wait(evidence ? 0 : body->size());
+  const std::size_t most = most_pending(evidence ? 0 : body->size());
   if (pull.lossless && before->pending >= most) {
     end_lossless(
         client, stream, pull,
-        {Errc::kTimeout, "this lossless pull is too slow: " + std::to_string(most) +
-                             " raymaps wait for it, and the rig keeps at most " + std::to_string(kLosslessQueueItems) +
-                             " or " + in_mib(kLosslessBytes) +
-                             "; what came so far is complete. Pull JPEGs, over a faster link, or without --lossless"});
+        {Errc::kTimeout, "this lossless pull is too slow: its backlog is " + std::to_string(most) +
+                             " raymaps, and the rig keeps at most " + std::to_string(kLosslessQueueItems) + " or " +
+                             in_mib(kLosslessBytes) + "; the raymaps until here are complete. Pull JPEGs, use a " +
+                             "faster link, or leave out --lossless"});
     return false;
   }
   if (!client.session().offer(stream, item(raymap, pull.coding))) return false;
@@ -159,12 +159,12 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   return BulkItem{header.SerializeAsString(), shared_bytes(jpeg ? raymap.jpeg : raw ? raymap.pixels : Buffer()), 0};
 }
 
-void Publisher::forget_ended(Client& client) {
+void Publisher::remove_ended(Client& client) {
   for (auto entry = client.pulls.begin(); entry != client.pulls.end();) {
     Pull& pull = entry->second;
     const auto counts = client.session().counts(entry->first);
     if (counts) pull.dropped = counts->dropped;
-    if (counts) {  // until its last word is out: the link may still hold a raymap
+    if (counts) {  // the stream is not closed yet: its last raymap may still be in the queue
       ++entry;
       continue;
     }

@@ -1,10 +1,11 @@
-// The half of Control that answers requests.
+// The part of Control that answers requests.
 #include "firmware/hosts/control.h"
 #include "firmware/hosts/status.h"
 #include "firmware/hosts/wire_commands.h"
 
 namespace nodal::firmware {
-/// A request that would be one too many for the stage that carries it out waits, and what this host asks after it.
+/// False while the stage that carries the request out has the most commands of this host; the request and all later ones
+/// of this host then wait.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
   if (needs_keeper(request)) return operation_.open(client.number(), CommandStage::kKeeper) < kKeeperRequests;
   return !changes_rig(request) || operation_.open(client.number(), CommandStage::kCapture) < kCaptureRequests;
@@ -15,7 +16,7 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
     return refuse(client, request.id(), permitted.error(), now);
   }
-  const bool later = changes_rig(request) || needs_keeper(request);  // a stage answers
+  const bool later = changes_rig(request) || needs_keeper(request);  // another stage carries it out
   const Status done = later ? command(client, request, now) : answer(client, request, now);
   if (!done) refuse(client, request.id(), done.error(), now);
 }
@@ -58,22 +59,22 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       if (Status ended = end_host(client, request.host_end().number(), now); !ended) return ended;
       answer.mutable_done();
       break;
-    default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not know that request");
+    default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not support that request");
   }
   reply(client, answer, now);
   return {};
 }
 
-/// Makes a command of it; the answer comes with reply_to_commands().
+/// Makes the request a command; reply_to_commands() sends the answer.
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
-  const Asker asker{Asker::Face::kHost, client.number(), client.who()};
+  const Requester requester{Requester::Kind::kHost, client.number(), client.who()};
   Result<Command> wanted =
       request.has_upload_commit() ? commit_command(request.upload_commit()) : command_of(request, config_);
   if (!wanted) {
-    if (changes_rig(request)) operation_.note_refused(asker, request_name(request), wanted.error(), now);
+    if (changes_rig(request)) operation_.note_refused(requester, request_name(request), wanted.error(), now);
     return fail(wanted.error());
   }
-  const auto ticket = operation_.ask(asker, std::move(*wanted), now);
+  const auto ticket = operation_.ask(requester, std::move(*wanted), now);
   if (!ticket) return fail(ticket.error());
   waiting_[*ticket] = Waiting{client.number(), request.id()};
   ++client.requests_open;
@@ -85,7 +86,7 @@ Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
   if (!name) return fail(name.error());
   auto install = install_of(commit);
   if (!install) return fail(install.error());
-  // Before the document is taken, so that a commit that is refused can be sent again.
+  // Checked before the document is taken, so that a host can correct and repeat a refused commit.
   if (Status good = check(CalibrationCommand(*install), config_); !good) return fail(good.error());
   auto document = uploads_.take(*name);
   if (!document) return fail(document.error());
@@ -111,9 +112,9 @@ Status Control::end_host(const Client& client, std::uint64_t number, Instant now
   if (!ended || ended->ending()) {
     return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
   }
-  if (ended == &client) return fail(Errc::kBadValue, "this is the host that asks");
-  ended->end(Error{Errc::kCancelled, client.name() + " ended this conversation"}, now);
-  say(NewsKind::kHosts, client.name() + " ended " + ended->name());
+  if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
+  ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, now);
+  say(NewsKind::kHosts, client.name() + " closed " + ended->name());
   return {};
 }
 
@@ -152,9 +153,9 @@ wire::RigStatus Control::status(Instant now) {
   status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
   status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));
   for (const Operation::Mark& mark : operation_.marks()) {
-    wire::Mark& told = *status.add_marks();
-    told.set_set(mark.set);
-    told.set_at_ns(static_cast<std::uint64_t>((mark.at - started_).ns()));
+    wire::Mark& added = *status.add_marks();
+    added.set_set(mark.set);
+    added.set_at_ns(static_cast<std::uint64_t>((mark.at - started_).ns()));
   }
   for (const auto& client : clients_) {
     add_count(*status.mutable_publish_drops(), client->name(), Publisher::dropped(*client));

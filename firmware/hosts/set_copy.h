@@ -1,4 +1,4 @@
-// A copy of one frame set's pictures, for a host that asks for them.
+// A copy of one frame set's pictures, for a host that requested them.
 #pragma once
 
 #include <array>
@@ -19,18 +19,18 @@ struct SetCopy {
     hal::HeadSettings in_effect;
   };
   std::array<Place, kMaxHeads> places;
-  HeadMask wanted = 0;  ///< heads that have a place
+  HeadMask wanted = 0;  ///< heads with an entry in `places`
   std::shared_ptr<std::vector<std::uint8_t>> bytes;
 
   // Filled in by fill().
   std::uint64_t set = 0;
   Instant mid_exposure;
   SyncEvidence sync;
-  HeadMask heads = 0;  ///< whose pictures are there
+  HeadMask heads = 0;  ///< heads whose pictures were copied
 
-  /// Places for the heads whose shape is known and not MJPEG; `bytes` is resized to hold them.
+  /// Reserves a place for each head whose shape is known and not MJPEG; `bytes` is resized to hold all of them.
   static SetCopy places_for(const HeadShapes& heads, std::shared_ptr<std::vector<std::uint8_t>> bytes);
-  /// Copies the pictures; a head that is away, or whose picture is not of the promised shape, is left out.
+  /// Copies the pictures. Skips a head that is not in the set or whose picture has another shape than its place.
   void fill(const FrameSet& from);
 };
 

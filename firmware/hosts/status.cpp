@@ -9,7 +9,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kLongestSoftware = 60;  ///< bytes of what a host calls itself
+constexpr std::size_t kLongestSoftware = 60;  ///< bytes of a host's software name
 
 }  // namespace
 
@@ -95,11 +95,11 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
   for (std::size_t i = 0; i < config.heads.size(); ++i) {
     const std::string head = "head '" + config.heads[i].name + "' ";
     if ((genlock.fixed & head_bit(i)) != 0) {
-      into.add_unaligned(head + "cannot be moved in time; it exposes when its own clock says");
+      into.add_unaligned(head + "cannot shift its exposures; it runs on its own clock");
     } else if ((genlock.unheeding & head_bit(i)) != 0) {
-      into.add_unaligned(head + "is asked to move its exposures and does not");
+      into.add_unaligned(head + "is asked to shift its exposures and does not");
     } else if ((genlock.one_way & head_bit(i)) != 0) {
-      into.add_unaligned(head + "is behind the others and can only wait");
+      into.add_unaligned(head + "exposes later than the others and can only be delayed");
     }
   }
 }
@@ -107,15 +107,15 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into) {
   const auto thousandths = [](Stops stops) { return stops * 1000 / kStop; };
   const ExposureSettings& settings = exposure.settings;
-  wire::ExposureRequest& told = *into.mutable_settings();
-  told.set_program(std::string(exposure_program_name(settings.program)));
-  told.set_anchor(settings.anchor ? std::int32_t{*settings.anchor} : -1);
-  told.set_target_below(static_cast<std::uint32_t>(thousandths(-settings.target)));
-  told.set_difference(static_cast<std::uint32_t>(thousandths(settings.difference)));
-  told.set_ramp(static_cast<std::uint32_t>(thousandths(settings.ramp)));
-  told.set_longest_ns(ns_of(settings.longest.duration()));
-  told.set_highest_gain_mdb(settings.highest.mdb());
-  told.set_locked(settings.locked);
+  wire::ExposureRequest& in_effect = *into.mutable_settings();
+  in_effect.set_program(std::string(exposure_program_name(settings.program)));
+  in_effect.set_anchor(settings.anchor ? std::int32_t{*settings.anchor} : -1);
+  in_effect.set_target_below(static_cast<std::uint32_t>(thousandths(-settings.target)));
+  in_effect.set_difference(static_cast<std::uint32_t>(thousandths(settings.difference)));
+  in_effect.set_ramp(static_cast<std::uint32_t>(thousandths(settings.ramp)));
+  in_effect.set_longest_ns(ns_of(settings.longest.duration()));
+  in_effect.set_highest_gain_mdb(settings.highest.mdb());
+  in_effect.set_locked(settings.locked);
   into.set_settled(exposure.settled);
   into.set_sets(exposure.sets);
   into.set_set(exposure.seen.set);

@@ -1,4 +1,4 @@
-// The rig's figures as the wire has them.
+// Converts reports of stages to messages of the protocol.
 #pragma once
 
 #include "firmware/calibration/calibration_keeper.h"
@@ -11,7 +11,7 @@
 
 namespace nodal::firmware {
 
-/// Text of devices, files and hosts, as it goes into a message.
+/// Text of devices, files and hosts, made printable and cut to 1000 bytes for a message.
 std::string shown(std::string_view text);
 wire::Error to_wire(const Error& error);
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
@@ -19,12 +19,12 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
 void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
 /// Frames, sets and genlock.
 void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into);
-/// How well the set of this raymap was exposed together.
+/// The evidence of how well the set of this raymap was exposed together.
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
-/// Who talks to the rig; `asking` is one of them.
+/// The connected hosts; `asking` is the one that sent the request.
 void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
 

@@ -12,13 +12,13 @@
 namespace nodal::firmware {
 namespace {
 
-/// The longest time there is for what is longer: check() refuses both.
+/// Clamped to the longest Duration, which check() refuses as well.
 Duration duration_of(std::uint64_t ns) {
   constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
   return Duration::nanoseconds(static_cast<std::int64_t>(std::min(ns, kMost)));
 }
 
-/// Of so many thousandths at most, which is far more than check() allows.
+/// Clamped to 1000 stops, far above the limit of check().
 Stops stops_of(std::uint32_t thousandths) {
   constexpr std::uint32_t kMost = 1'000'000;
   return static_cast<Stops>((std::min(thousandths, kMost) * std::uint64_t{kStop} + 500) / 1000);
@@ -43,7 +43,7 @@ Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfi
   }
   if (request.has_red_q12()) {
     constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
-    // What is more than kMost becomes 0, which is refused as well.
+    // A value above kMost becomes 0, which check() refuses as well.
     const auto q12 = [](std::uint32_t gain) { return static_cast<std::uint16_t>(gain <= kMost ? gain : 0); };
     change.white_balance = WhiteBalance{q12(request.red_q12()), q12(request.blue_q12())};
   }
@@ -60,12 +60,12 @@ Result<Command> exposure_command(const wire::ExposureRequest& request, const Rig
     change.program = exposure_program_of(request.program());
     if (!change.program) {
       return fail(Errc::kBadValue,
-                  "there is no exposure program '" + request.program() + "'; manual, each and joint are");
+                  "there is no exposure program '" + request.program() + "'; the programs are manual, each and joint");
     }
   }
   if (request.has_anchor()) {
     if (request.anchor() < -1 || request.anchor() >= static_cast<std::int32_t>(config.heads.size())) {
-      return fail(Errc::kBadValue, "there is no head " + std::to_string(request.anchor()) + " to anchor on");
+      return fail(Errc::kBadValue, "the anchor is head " + std::to_string(request.anchor()) + ", which does not exist");
     }
     change.anchor.emplace();
     if (request.anchor() >= 0) *change.anchor = static_cast<HeadIndex>(request.anchor());
@@ -82,7 +82,7 @@ Result<Command> exposure_command(const wire::ExposureRequest& request, const Rig
 Result<Command> genlock_command(const wire::GenlockRequest& request) {
   if (request.action() == wire::GenlockRequest::STOP) return CaptureChange(GenlockStop{});
   if (request.action() != wire::GenlockRequest::START) {
-    return fail(Errc::kUnsupported, "this rig does not know that genlock action; update nodald");
+    return fail(Errc::kUnsupported, "this rig does not support that genlock action; update nodald");
   }
   GenlockStart start;
   if (request.rate_numerator() != 0 || request.rate_denominator() != 0) {
@@ -110,7 +110,7 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
     case wire::Request::kTrialEnd:
       return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
-    default: return fail(Errc::kUnsupported, "this rig does not know that request; update nodald");
+    default: return fail(Errc::kUnsupported, "this rig does not support that request; update nodald");
   }
 }
 

@@ -1,4 +1,4 @@
-// The rig's commands as the wire has them.
+// Converts requests of the protocol to commands, and answers to replies.
 #pragma once
 
 #include "firmware/config/config.h"
@@ -8,14 +8,14 @@
 
 namespace nodal::firmware {
 
-/// The command that a request asks for: one that changes_rig() or needs_keeper(), but for upload_commit, whose document is
-/// not in the request. Values keep their meaning, and those that the rig's types cannot hold are errors here; what is
-/// allowed of the others is check()'s to say. Errors: kBadValue, kMissingField, kUnsupported.
+/// The command for a request that changes_rig() or needs_keeper(); not for upload_commit, whose document is not in the
+/// request. A value that the rig's types cannot hold is an error here; check() of the command then refuses values that are
+/// not allowed. Errors: kBadValue, kMissingField, kUnsupported.
 Result<Command> command_of(const wire::Request& request, const RigConfig& config);
-/// An upload_commit, still without its document. Errors: kTooLarge.
+/// The command for an upload_commit, without its document, which the caller adds. Errors: kTooLarge.
 Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit);
 
-/// Everything but its id.
+/// The reply for an answer; the caller sets its id.
 wire::Reply reply_of(const Answer& answer, const RigConfig& config);
 
 }  // namespace nodal::firmware

@@ -8,7 +8,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// "a, b": the parts that are there.
+/// Appends a part, after ", " unless it is the first.
 void add(std::string& text, const std::string& part) { text += (text.empty() ? "" : ", ") + part; }
 
 std::string text_of(const SettingsChange& set) {
@@ -23,7 +23,7 @@ std::string text_of(const SettingsChange& set) {
   return text;
 }
 
-/// The values in effect that `set` names, of one head.
+/// One head's values in effect, only those that `set` names.
 std::string text_of(const SettingsChange& set, const hal::HeadSettings& in_effect) {
   SettingsChange now;
   if (set.exposure) now.exposure = in_effect.exposure;
@@ -52,7 +52,7 @@ std::string heads_after(const HeadChange& set, std::size_t heads) {
   return "heads " + named + ": " + text_of(set.change);
 }
 
-/// The fields of `values` that `named` has.
+/// The fields of `values`, only those that `named` has.
 std::string text_of(const ExposureSettings& values, const ExposureChange& named) {
   const auto mstops = [](Stops stops) { return std::to_string(std::int64_t{stops} * 1000 / kStop) + " mstops"; };
   std::string text;

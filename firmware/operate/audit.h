@@ -1,4 +1,4 @@
-// Every change of the rig: who made it, what it was before and after, when, and whether it succeeded.
+// The audit log: every change of the rig with its author, its time, the old and the new value, and its result.
 #pragma once
 
 #include <cstdint>
@@ -12,16 +12,16 @@
 namespace nodal::firmware {
 
 struct AuditEntry {
-  std::uint64_t number = 0;  ///< counts all entries since the start, from 1
+  std::uint64_t number = 0;  ///< of the entry since the start, from 1
   Instant at;
-  std::string who;     ///< "user 1000, process 4711, host 3 at unix:...", "button", "settings of the last start"
+  std::string who;     ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
   std::string what;    ///< command_name()
-  std::string before;  ///< of what the command changes
-  std::string after;   ///< asked for, or in force now
-  std::optional<Error> error;  ///< nothing: it was carried out
+  std::string before;  ///< the values that the command changes, before it
+  std::string after;   ///< the requested values; for a calibration, the one in force after the command
+  std::optional<Error> error;  ///< empty: the command succeeded
 };
 
-/// The newest entries, for hosts that ask; the log has all of them, as far as its allowance goes (news.h).
+/// Keeps the newest kKept entries for hosts. The daemon's log gets all entries, within its rate limit (news.h).
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none.
@@ -29,9 +29,9 @@ struct AuditEntry {
 class AuditLog {
  public:
   static constexpr std::size_t kKept = 256;
-  static constexpr std::size_t kLongestText = 240;  ///< bytes of each text; with kKept a reply of under 300 KiB
+  static constexpr std::size_t kLongestText = 240;  ///< bytes of each text; a reply with kKept entries is below 300 KiB
 
-  /// Sanitises and keeps it; the line for the log, which begins with "audit: ".
+  /// Sanitises and keeps an entry. Returns its line for the log, which begins with "audit: ".
   std::string record(AuditEntry entry);
   /// Oldest first.
   const std::deque<AuditEntry>& entries() const { return entries_; }
@@ -41,9 +41,9 @@ class AuditLog {
   std::uint64_t count_ = 0;
 };
 
-/// What a command would change, as it is now: only the values that it names.
+/// The present values of what a command changes; only those that the command names.
 std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper);
-/// What a command asks for. Of a calibration that is in force by now: which.
+/// The values that a command requests. For a command about calibrations: `in_force`, the one in force after it.
 std::string values_after(const Command& command, const RigConfig& config, const std::optional<Sha256>& in_force);
 /// "calibration 0123456789ab", "no calibration".
 std::string calibration_text(const std::optional<Sha256>& id);

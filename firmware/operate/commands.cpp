@@ -37,7 +37,7 @@ Status check(const HeadChange& change, const RigConfig& config) {
   constexpr Duration kLongest = Duration::seconds(3600);  // a head's own limit is far below
   if (wanted.exposure && (wanted.exposure->duration() <= Duration() || wanted.exposure->duration() > kLongest)) {
     return fail(Errc::kBadValue, "an exposure of " + std::to_string(wanted.exposure->duration().ns()) +
-                                     " ns is not allowed; allowed is 1 ns to 1 hour, and less by most heads");
+                                     " ns is not allowed; allowed is 1 ns to 1 hour (most heads allow less)");
   }
   if (wanted.gain) {
     if (Status allowed = gain_allowed(*wanted.gain); !allowed) return allowed;
@@ -54,7 +54,7 @@ Status check(const HeadChange& change, const RigConfig& config) {
 
 Status check(const ExposureChange& change, const RigConfig& config) {
   if (change.anchor && *change.anchor && **change.anchor >= config.heads.size()) {
-    return fail(Errc::kBadValue, "there is no head " + std::to_string(**change.anchor) + " to anchor on");
+    return fail(Errc::kBadValue, "the anchor is head " + std::to_string(**change.anchor) + ", which does not exist");
   }
   Status good;
   if (change.target) good = stops_allowed(-*change.target, 500, "the target");

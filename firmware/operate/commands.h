@@ -1,5 +1,5 @@
-// What can be asked of the rig, in the rig's own types, and what comes back. Each face maps its own form to these: hosts
-// (hosts/wire_commands.h), the button, and the settings of the last start.
+// All commands to the rig and their answers, in the rig's own types. Each origin of commands maps its form to these types:
+// hosts (hosts/wire_commands.h), the button, and the stored settings at a start.
 #pragma once
 
 #include <cstdint>
@@ -19,24 +19,24 @@ using Command = std::variant<CaptureChange, CalibrationCommand>;
 enum class CommandStage : std::uint8_t { kCapture, kKeeper };
 CommandStage stage_of(const Command& command);
 
-/// "head_set", "calibration_use": as the audit log and nodal.proto have it.
+/// "head_set", "calibration_use": the name in the audit log and in nodal.proto.
 std::string_view command_name(const Command& command);
-/// Whether it is a change, which the audit log keeps; the others are questions.
+/// Whether the command is a change, which is audited, or a query.
 bool changes_rig(const Command& command);
-/// Whether every value is one that a rig may be asked for. What a head can do of it, the head says. Errors: kBadValue.
+/// Checks that every value is one that some rig allows. Each head then checks its own limits. Errors: kBadValue.
 Status check(const Command& command, const RigConfig& config);
-/// The error for a head that there is not.
+/// The error for a head index that the rig does not have.
 Error no_such_head(std::uint64_t head, const RigConfig& config);
 
-/// Who asks.
-struct Asker {
-  enum class Face : std::uint8_t { kHost, kButton, kLastStart };
+/// The author of a command.
+struct Requester {
+  enum class Kind : std::uint8_t { kHost, kButton, kStoredSettings };
 
-  Face face = Face::kHost;
-  std::uint64_t host = 0;  ///< its number, of a kHost
+  Kind kind = Kind::kHost;
+  std::uint64_t host = 0;  ///< the host's number, for kHost
   std::string name;        ///< for the audit log
 };
-/// Names a command until its answer.
+/// Identifies a command until its answer.
 using Ticket = std::uint64_t;
 
 struct CommandDone {};
@@ -45,7 +45,7 @@ using Outcome =
 struct Answer {
   Ticket ticket = 0;
   Result<Outcome> outcome;
-  std::string not_stored{};  ///< why a setting that is in effect would be lost at the next start; else empty
+  std::string not_stored{};  ///< why a setting that is in effect will be lost at the next start; empty: it is stored
 };
 
 }  // namespace nodal::firmware

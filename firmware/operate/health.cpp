@@ -17,7 +17,7 @@ std::string hertz(std::uint32_t millihertz) {
   return text;
 }
 
-/// "head 'cam3'", "heads 'cam3', 'cam4'" of those that are away, with the first one's reason.
+/// "head 'cam3' is missing: REASON" or "heads 'cam3', 'cam4' are missing: REASON OF THE FIRST"; empty if none is missing.
 std::string absent_heads(const RigConfig& config, const CaptureReport& capture) {
   std::string names, reason;
   std::size_t count = 0;
@@ -28,7 +28,7 @@ std::string absent_heads(const RigConfig& config, const CaptureReport& capture) 
     if (reason.empty()) reason = head.problem;
   }
   if (count == 0) return "";
-  return (count == 1 ? "head " : "heads ") + names + (count == 1 ? " is" : " are") + " not there: " + reason;
+  return (count == 1 ? "head " : "heads ") + names + (count == 1 ? " is" : " are") + " missing: " + reason;
 }
 
 std::string first_head_problem(const RigConfig& config, const CaptureReport& capture) {
@@ -40,39 +40,40 @@ std::string first_head_problem(const RigConfig& config, const CaptureReport& cap
   return "";
 }
 
-std::string too_slow(const Signs& signs) {
+std::string too_slow(const HealthInputs& inputs) {
   std::string shed;
-  if (signs.shed.publish_every > 1)
-    shed = "; hosts are given one raymap of " + std::to_string(signs.shed.publish_every);
-  if (signs.shed.preview_every > 1)
-    shed += ", and one set of " + std::to_string(signs.shed.preview_every) + " is blended";
-  const std::uint64_t enough = std::uint64_t{signs.rate_wanted_millihertz} * 95 / 100;
-  const bool slow = signs.blending > kSettling && signs.rate_millihertz > 0 && signs.rate_millihertz < enough;
-  if (!slow) return shed.empty() ? "" : "the board cannot do all of it" + shed;
-  return hertz(signs.rate_millihertz) + " raymaps a second are made of the rig's " +
-         hertz(signs.rate_wanted_millihertz) + "; the board is too slow for this size, or busy" + shed;
+  if (inputs.shed.publish_every > 1)
+    shed = "; hosts get 1 of " + std::to_string(inputs.shed.publish_every) + " raymaps";
+  if (inputs.shed.preview_every > 1) shed += ", 1 of " + std::to_string(inputs.shed.preview_every) + " sets is blended";
+  const std::uint64_t enough = std::uint64_t{inputs.rate_wanted_millihertz} * 95 / 100;
+  const bool slow = inputs.blending > kSettling && inputs.rate_millihertz > 0 && inputs.rate_millihertz < enough;
+  if (!slow) return shed.empty() ? "" : "the board is overloaded" + shed;
+  return hertz(inputs.rate_millihertz) + " raymaps a second are made instead of " +
+         hertz(inputs.rate_wanted_millihertz) + "; the board is too slow for this raymap size, or busy" + shed;
 }
 
-/// All columns but kStopping, which nothing leaves.
+/// The row of a condition. It holds in every state but kStopping, which is final.
 struct Row {
   RigState to;
-  Acts acts;
+  Actions actions;
 };
 constexpr std::array<Row, kConditions> kTable = [] {
   std::array<Row, kConditions> table{};
-  constexpr Acts kServe{true, true, false};
-  const auto row = [&](Condition when, RigState to, Acts acts) { table[static_cast<std::size_t>(when)] = {to, acts}; };
+  constexpr Actions kServe{true, true, false};
+  const auto row = [&](Condition when, RigState to, Actions actions) {
+    table[static_cast<std::size_t>(when)] = {to, actions};
+  };
   row(Condition::kEnding, RigState::kStopping, {false, true, true});
   row(Condition::kStageHangs, RigState::kHanging, {false, false, false});
   row(Condition::kStoreUnread, RigState::kStarting, {false, true, false});
   row(Condition::kNoCalibration, RigState::kNoCalibration, kServe);
   row(Condition::kNoFrames, RigState::kIdle, kServe);
   for (const Condition worse :
-       {Condition::kHeadAway, Condition::kGenlockLost, Condition::kHoldover, Condition::kUnfitFrames,
+       {Condition::kHeadMissing, Condition::kGenlockLost, Condition::kHoldover, Condition::kUnfitFrames,
         Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTooSlow}) {
     row(worse, RigState::kDegraded, kServe);
   }
-  row(Condition::kWell, RigState::kRunning, kServe);
+  row(Condition::kHealthy, RigState::kRunning, kServe);
   return table;
 }();
 
@@ -86,42 +87,45 @@ std::string_view rig_state_name(RigState state) {
 
 Transition transition(Condition worst, RigState from) {
   const Row& row = kTable[static_cast<std::size_t>(from == RigState::kStopping ? Condition::kEnding : worst)];
-  return {row.to, row.acts};
+  return {row.to, row.actions};
 }
 
-Finding find_condition(const RigConfig& config, const Signs& signs) {
-  const auto found = [](Condition condition, std::string sentence) { return Finding{condition, std::move(sentence)}; };
-  if (!signs.keeper.ready) {
+Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
+  const auto found = [](Condition condition, std::string sentence) {
+    return Diagnosis{condition, std::move(sentence)};
+  };
+  if (!inputs.keeper.ready) {
     return found(Condition::kStoreUnread,
-                 signs.keeper.activity.empty() ? "reading the calibration store" : signs.keeper.activity);
+                 inputs.keeper.activity.empty() ? "reading the calibration store" : inputs.keeper.activity);
   }
-  if (!signs.keeper.in_force) {
+  if (!inputs.keeper.in_force) {
     return found(Condition::kNoCalibration,
-                 signs.keeper.problem.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
-                                              : signs.keeper.problem);
+                 inputs.keeper.problem.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                               : inputs.keeper.problem);
   }
-  std::string absent = absent_heads(config, signs.capture);
-  if (signs.since_last_set > kSilence) {
-    return found(Condition::kNoFrames, "no frames are coming" + (absent.empty() ? std::string() : "; " + absent));
+  std::string absent = absent_heads(config, inputs.capture);
+  if (inputs.since_last_set > kSilence) {
+    return found(Condition::kNoFrames, "no frames arrive" + (absent.empty() ? std::string() : "; " + absent));
   }
-  if (!absent.empty()) return found(Condition::kHeadAway, std::move(absent));
-  if (signs.capture.genlock.state == GenlockState::kLost) {
+  if (!absent.empty()) return found(Condition::kHeadMissing, std::move(absent));
+  if (inputs.capture.genlock.state == GenlockState::kLost) {
     return found(Condition::kGenlockLost, "the genlock is lost: heads are no longer exposed together");
   }
-  if (signs.capture.genlock.state == GenlockState::kHoldover) {
-    return found(Condition::kHoldover, signs.capture.genlock.aligned
-                                           ? "a head does not move as it is asked; the heads are still in step"
-                                           : "the trigger's pulses are not seen; the heads still run in step");
+  if (inputs.capture.genlock.state == GenlockState::kHoldover) {
+    return found(Condition::kHoldover, inputs.capture.genlock.aligned
+                                           ? "a head does not carry out its nudges; the heads are still in step"
+                                           : "the trigger's pulses are not seen; the heads are still in step");
   }
-  if (signs.unfit_frames > 0) {
-    return found(Condition::kUnfitFrames, "frames come that are not of the size or format the calibration is for");
+  if (inputs.unfit_frames > 0) {
+    return found(Condition::kUnfitFrames,
+                 "the size or format of some frames is not the one that the calibration is for");
   }
-  if (!signs.keeper.problem.empty()) return found(Condition::kStoreTrouble, signs.keeper.problem);
-  if (!signs.settings_problem.empty()) return found(Condition::kStoreTrouble, signs.settings_problem);
-  if (std::string problem = first_head_problem(config, signs.capture); !problem.empty()) {
+  if (!inputs.keeper.problem.empty()) return found(Condition::kStoreTrouble, inputs.keeper.problem);
+  if (!inputs.settings_problem.empty()) return found(Condition::kStoreTrouble, inputs.settings_problem);
+  if (std::string problem = first_head_problem(config, inputs.capture); !problem.empty()) {
     return found(Condition::kHeadTrouble, std::move(problem));
   }
-  if (std::string slow = too_slow(signs); !slow.empty()) return found(Condition::kTooSlow, std::move(slow));
+  if (std::string slow = too_slow(inputs); !slow.empty()) return found(Condition::kTooSlow, std::move(slow));
   return {};
 }
 
@@ -129,7 +133,7 @@ void Supervisor::end(std::string reason) {
   if (!ending_) ending_ = std::move(reason);
 }
 
-void Supervisor::step(const std::vector<Stage>& stages, const Finding& found, Instant now) {
+void Supervisor::step(const std::vector<Stage>& stages, const Diagnosis& found, Instant now) {
   const std::optional<std::string_view> stuck = find_stuck(stages, now);
   Condition worst = found.condition;
   std::string sentence = found.sentence;
@@ -138,20 +142,21 @@ void Supervisor::step(const std::vector<Stage>& stages, const Finding& found, In
     sentence = *ending_;
   } else if (stuck) {
     worst = Condition::kStageHangs;
-    sentence = std::string(*stuck) + " does not get on";
+    sentence = "the " + std::string(*stuck) + " stage has made no progress for 5 s";
+    static_assert(kStuckAfter == Duration::seconds(5));
   }
   const Transition next = transition(worst, state_);
   state_ = next.to;
-  acts_ = next.acts;
+  actions_ = next.actions;
   health_ = {rig_state_name(state_), std::move(sentence)};
-  tell(acts_, now);
+  notify(actions_, now);
 }
 
 std::optional<std::string_view> Supervisor::find_stuck(const std::vector<Stage>& stages, Instant now) {
   seen_.resize(stages.size(), Seen{0, now});
   std::optional<std::string_view> stuck;
   for (std::size_t i = 0; i < stages.size(); ++i) {
-    if (stages[i].may_rest || stages[i].progress != seen_[i].progress) {
+    if (stages[i].may_idle || stages[i].progress != seen_[i].progress) {
       seen_[i] = {stages[i].progress, now};
     } else if (!stuck && now - seen_[i].at > kStuckAfter) {
       stuck = stages[i].name;
@@ -160,25 +165,25 @@ std::optional<std::string_view> Supervisor::find_stuck(const std::vector<Stage>&
   return stuck;
 }
 
-void Supervisor::tell(const Acts& acts, Instant now) {
+void Supervisor::notify(const Actions& actions, Instant now) {
   if (!watchdog_) return;
-  if (acts.ready && !told_ready_) {
+  if (actions.ready && !ready_sent_) {
     watchdog_->ready();
-    told_ready_ = true;
+    ready_sent_ = true;
   }
-  if (acts.end && !told_end_) {
+  if (actions.end && !stopping_sent_) {
     watchdog_->stopping();
-    told_end_ = true;
+    stopping_sent_ = true;
   }
   if (fed_ && now - *fed_ < kFeedEvery) return;
   fed_ = now;
-  if (acts.feed) watchdog_->feed();
+  if (actions.feed) watchdog_->feed();
   std::string line(health_.state);
   if (!health_.problem.empty()) line += ": " + health_.problem;
-  if (line == told_) return;
+  if (line == status_sent_) return;
   constexpr std::size_t kLongest = 512;  // bytes
   watchdog_->status(printable(line, kLongest));
-  told_ = std::move(line);
+  status_sent_ = std::move(line);
 }
 
 }  // namespace nodal::firmware

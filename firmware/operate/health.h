@@ -1,4 +1,4 @@
-// The supervisor: what state the rig is in and why, in one table; it tells systemd only of real progress.
+// The supervisor: determines the rig's state and its reason by one table, and feeds systemd's watchdog while stages work.
 #pragma once
 
 #include <array>
@@ -18,67 +18,67 @@ namespace nodal::firmware {
 
 enum class RigState : std::uint8_t { kStarting, kNoCalibration, kIdle, kRunning, kDegraded, kHanging, kStopping };
 inline constexpr std::size_t kRigStates = 7;
-/// "starting", "no-calibration", …: as the wire, the log and the panel have it.
+/// "starting", "no-calibration", …: the name in the protocol, in the log and for the panel.
 std::string_view rig_state_name(RigState state);
 
-/// What may be so, worst first: the first that holds decides. kWell always holds.
+/// Conditions of the rig, worst first: the first that holds determines the state. kHealthy always holds.
 enum class Condition : std::uint8_t {
-  kEnding,         ///< somebody asked the rig to stop
-  kStageHangs,     ///< a stage has something to do and does not get on with it
+  kEnding,         ///< the rig was asked to stop
+  kStageHangs,     ///< a stage has work and makes no progress
   kStoreUnread,    ///< calibrations are being read
-  kNoCalibration,  ///< none is in force
-  kNoFrames,       ///< no set for a while
-  kHeadAway,
+  kNoCalibration,  ///< no calibration is in force
+  kNoFrames,       ///< no set for 1.5 s
+  kHeadMissing,
   kGenlockLost,
   kHoldover,
-  kUnfitFrames,  ///< not what the calibration is for
+  kUnfitFrames,  ///< frames have a format that the calibration is not for
   kStoreTrouble,
   kHeadTrouble,
-  kTooSlow,  ///< fewer raymaps than frames, or some of the work is shed
-  kWell,
+  kTooSlow,  ///< fewer raymaps than frame sets, or some of the work is shed
+  kHealthy,
 };
 inline constexpr std::size_t kConditions = 13;
 
-/// What a transition does.
-struct Acts {
-  bool ready = false;  ///< systemd is told so, once: the store has been read
-  bool feed = false;   ///< its watchdog is fed; else it starts the daemon again after a while
-  bool end = false;    ///< hosts are told why, none is let in, lamps go dark
+/// The actions of a transition.
+struct Actions {
+  bool ready = false;  ///< notify systemd once that the store has been read
+  bool feed = false;   ///< feed systemd's watchdog, which otherwise restarts the daemon
+  bool end = false;    ///< send hosts the reason, accept no more hosts, switch lamps off
 };
 struct Transition {
   RigState to = RigState::kStarting;
-  Acts acts;
+  Actions actions;
 };
-/// The whole table.
+/// The whole table of transitions.
 Transition transition(Condition worst, RigState from);
 
-/// What the rig's state is judged by.
-struct Signs {
+/// The measurements that determine the rig's condition.
+struct HealthInputs {
   const CaptureReport& capture;
   const KeeperReport& keeper;
   std::uint32_t rate_wanted_millihertz = 0;
   std::uint32_t rate_millihertz = 0;
   std::uint64_t unfit_frames = 0;
-  Duration since_last_set;  ///< or since start
-  Duration blending;        ///< without a pause or a change of calibration
+  Duration since_last_set;  ///< since the start, before the first set
+  Duration blending;        ///< time without a pause of the sets or a change of calibration
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem()
 };
 
-/// The first condition that holds of those from kStoreUnread on, and a sentence about it; empty for kWell.
-struct Finding {
-  Condition condition = Condition::kWell;
+/// The worst condition from kStoreUnread to kHealthy, and a sentence about it, which is empty for kHealthy.
+struct Diagnosis {
+  Condition condition = Condition::kHealthy;
   std::string sentence;
 };
-Finding find_condition(const RigConfig& config, const Signs& signs);
+Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs);
 
 struct Health {
   std::string_view state = "starting";                    ///< rig_state_name()
   std::string problem = "reading the calibration store";  ///< one sentence when the state is not "running"
 };
 
-/// Goes through the table every kFeedEvery: a stage that hangs starves the watchdog, so that the daemon is started
-/// again; one that gets on again is forgiven. The first reason to end is the one that is told, and nothing undoes it.
+/// Applies the table in every step and feeds the watchdog every kFeedEvery. While a stage hangs the watchdog is not fed, so
+/// that systemd restarts the daemon unless the stage continues in time. The first reason to end is kept and reported.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the port outlives it.
@@ -92,21 +92,21 @@ class Supervisor {
 
   struct Stage {
     std::string_view name;
-    std::uint64_t progress = 0;  ///< anything that rises
-    bool may_rest = false;       ///< it has nothing to do, or waits for somebody it should wait for
+    std::uint64_t progress = 0;  ///< a number that rises with the stage's work
+    bool may_idle = false;       ///< it has no work, or waits for another stage as it should
   };
-  void step(const std::vector<Stage>& stages, const Finding& found, Instant now);
-  /// The rig stops, for this reason; later ones are not listened to.
+  void step(const std::vector<Stage>& stages, const Diagnosis& found, Instant now);
+  /// The rig stops, for this reason. Only the first call has an effect.
   void end(std::string reason);
 
   const Health& health() const { return health_; }
   RigState state() const { return state_; }
-  /// What the last transition asks for.
-  const Acts& acts() const { return acts_; }
+  /// The actions of the last transition.
+  const Actions& actions() const { return actions_; }
 
  private:
   std::optional<std::string_view> find_stuck(const std::vector<Stage>& stages, Instant now);
-  void tell(const Acts& acts, Instant now);
+  void notify(const Actions& actions, Instant now);
 
   struct Seen {
     std::uint64_t progress = 0;
@@ -114,14 +114,14 @@ class Supervisor {
   };
   hal::WatchdogPort* watchdog_;
   std::vector<Seen> seen_;
-  std::optional<std::string> ending_;  ///< why
+  std::optional<std::string> ending_;  ///< reason of the end
   RigState state_ = RigState::kStarting;
-  Acts acts_;
+  Actions actions_;
   Health health_;
-  bool told_ready_ = false;
-  bool told_end_ = false;
+  bool ready_sent_ = false;
+  bool stopping_sent_ = false;
   std::optional<Instant> fed_;
-  std::string told_;
+  std::string status_sent_;
 };
 
 }  // namespace nodal::firmware

@@ -6,10 +6,10 @@
 namespace nodal::firmware {
 namespace {
 
-Asker button() { return {Asker::Face::kButton, 0, "button"}; }
-Asker last_start() { return {Asker::Face::kLastStart, 0, "settings of the last start"}; }
+Requester button() { return {Requester::Kind::kButton, 0, "button"}; }
+Requester stored_settings() { return {Requester::Kind::kStoredSettings, 0, "stored settings"}; }
 
-/// For the audit log: a calibration's document may have megabytes, and goes to the keeper.
+/// The command for the audit log, which needs no copy of a calibration's document: that may have megabytes.
 Command without_document(const Command& command) {
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
     if (const auto* install = std::get_if<KeeperRequest::Install>(calibration)) {
@@ -29,7 +29,7 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
       keeper_(&stages.keeper.snapshot().read()),
       news_(now),
       newest_set_(now),
-      unwell_(now),
+      unstable_(now),
       supervisor_(watchdog),
       panel_(panel) {}
 
@@ -48,7 +48,7 @@ std::vector<Answer> Operation::take_answers(Instant now) {
   take_keeper_answers(answers, now);
   take_settings_answers();
   write_settings(now);
-  // Who sets something is told whether it was stored, unless that takes long or the next write is not due yet.
+  // An answer waits for the result of the write, unless the write takes too long or is not due yet.
   if (!settings_writer_.worth_waiting(now)) {
     for (Answer& answer : std::exchange(unstored_, {})) {
       answer.not_stored = settings_writer_.problem();
@@ -60,18 +60,19 @@ std::vector<Answer> Operation::take_answers(Instant now) {
 
 void Operation::end_step(bool lossless, Instant now) {
   watch(lossless, now);
-  tell_that_it_runs_well(now);
+  watch_stability(now);
   step_panel(now);
 }
 
-Result<Ticket> Operation::ask(const Asker& asker, Command command, Instant now) {
-  Open open{asker, without_document(command), changes_rig(command) ? values_before(command, *capture_, *keeper_) : ""};
+Result<Ticket> Operation::ask(const Requester& requester, Command command, Instant now) {
+  Open open{requester, without_document(command),
+            changes_rig(command) ? values_before(command, *capture_, *keeper_) : ""};
   const Ticket ticket = next_ticket_++;
   Status asked = check(command, config_);
   if (asked) asked = hand_over(ticket, std::move(command));
   if (!asked) {
-    // What is made again after a start waits until there is room.
-    if (asker.face != Asker::Face::kLastStart || asked.error().code != Errc::kBusy) {
+    // restore_settings() retries when the queue is full, so that is not audited as a failure.
+    if (requester.kind != Requester::Kind::kStoredSettings || asked.error().code != Errc::kBusy) {
       audit(open, keeper_->in_force, asked, now);
     }
     return fail(asked.error());
@@ -83,21 +84,22 @@ Result<Ticket> Operation::ask(const Asker& asker, Command command, Instant now) 
 Status Operation::hand_over(Ticket ticket, Command command) {
   if (auto* change = std::get_if<CaptureChange>(&command)) {
     if (stages_.capture.commands().push(CaptureCommand{ticket, std::move(*change)})) return {};
-    return fail(Errc::kBusy, "the rig has more requests than it can take; try again");
+    return fail(Errc::kBusy, "the rig's command queue is full; try again");
   }
   KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes()};
   if (stages_.keeper.requests().push(std::move(request))) return {};
-  return fail(Errc::kBusy, "the rig has more requests about calibrations than it can take; try again");
+  return fail(Errc::kBusy, "the rig's queue of requests about calibrations is full; try again");
 }
 
-void Operation::note_refused(const Asker& asker, std::string_view what, const Error& why, Instant now) {
-  news_.say(NewsKind::kChanges, audit_.record({0, now, asker.name, std::string(what), "", "", why}));
+void Operation::note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now) {
+  news_.say(NewsKind::kChanges, audit_.record({0, now, requester.name, std::string(what), "", "", why}));
 }
 
 std::size_t Operation::open(std::uint64_t host, CommandStage stage) const {
   return static_cast<std::size_t>(std::count_if(open_.begin(), open_.end(), [&](const auto& entry) {
     const Open& open = entry.second;
-    return open.asker.face == Asker::Face::kHost && open.asker.host == host && stage_of(open.command) == stage;
+    return open.requester.kind == Requester::Kind::kHost && open.requester.host == host &&
+           stage_of(open.command) == stage;
   }));
 }
 
@@ -115,9 +117,9 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
     audit(open, std::nullopt, answer->status, now);
     if (!answer->status) {
       const std::string& why = answer->status.error().message;
-      if (open.asker.face == Asker::Face::kButton) news_.say(NewsKind::kRig, "the button did nothing: " + why);
-      if (open.asker.face == Asker::Face::kLastStart) {
-        news_.say(NewsKind::kRig, "a remembered setting is not made: " + why);
+      if (open.requester.kind == Requester::Kind::kButton) news_.say(NewsKind::kRig, "the button did nothing: " + why);
+      if (open.requester.kind == Requester::Kind::kStoredSettings) {
+        news_.say(NewsKind::kRig, "could not restore a stored setting: " + why);
       }
       answers.push_back({answer->ticket, fail(answer->status.error())});
       continue;
@@ -125,18 +127,18 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
     CaptureChange& change = std::get<CaptureChange>(open.command);
     Outcome outcome = CommandDone{};
     if (auto* exposure = std::get_if<ExposureChange>(&change)) {
-      // The program is stored even when the command names none: it may be rig.toml's, and after a restart the settings
-      // of heads are made under "manual" first.
+      // The program is stored even when the command does not name it, because Settings::commands() first switches to
+      // "manual" and has to switch back, also to a program that came from rig.toml.
       exposure->program = answer->exposure.settings.program;
       outcome = answer->exposure;
     } else if (!std::holds_alternative<HeadChange>(change)) {
       outcome = answer->genlock;
     }
-    if (open.asker.face != Asker::Face::kLastStart) {
+    if (open.requester.kind != Requester::Kind::kStoredSettings) {
       settings_.remember(change);
       settings_writer_.changed();
     }
-    if (open.asker.face == Asker::Face::kHost) unstored_.push_back({answer->ticket, std::move(outcome)});
+    if (open.requester.kind == Requester::Kind::kHost) unstored_.push_back({answer->ticket, std::move(outcome)});
   }
 }
 
@@ -170,11 +172,11 @@ void Operation::audit(const Open& open, const std::optional<Sha256>& in_force, c
   std::optional<Error> error;
   if (!done) error = done.error();
   news_.say(NewsKind::kChanges,
-            audit_.record({0, now, open.asker.name, std::string(command_name(open.command)), open.before,
+            audit_.record({0, now, open.requester.name, std::string(command_name(open.command)), open.before,
                            values_after(open.command, config_, in_force), std::move(error)}));
 }
 
-/// A trial that the keeper began, or that is over.
+/// Reports the start and the end of a trial, and audits its end by time.
 void Operation::watch_trial(Instant now) {
   if (keeper_->trial.has_value() == on_trial_.has_value()) return;
   if (keeper_->trial) {
@@ -183,18 +185,18 @@ void Operation::watch_trial(Instant now) {
     return;
   }
   const bool kept = keeper_->in_force == on_trial_->id;
-  news_.say(NewsKind::kRig, kept ? "the trial's calibration is kept"
-                                 : "the trial is over; back to calibration '" + keeper_->name + "'");
+  news_.say(NewsKind::kRig, kept ? "the calibration on trial stays in force"
+                                 : "the trial has ended; calibration '" + keeper_->name + "' is in force again");
   if (!kept && now >= on_trial_->until) {
     news_.say(NewsKind::kChanges,
-              audit_.record({0, now, "the trial's time", std::string(command_name(Command(KeeperRequest::EndTrial{}))),
-                             calibration_text(on_trial_->id) + " on trial", calibration_text(keeper_->in_force),
-                             std::nullopt}));
+              audit_.record(
+                  {0, now, "timeout of the trial", std::string(command_name(Command(KeeperRequest::EndTrial{}))),
+                   calibration_text(on_trial_->id) + " on trial", calibration_text(keeper_->in_force), std::nullopt}));
   }
   on_trial_.reset();
 }
 
-/// What was set before the start, once the disk has been read.
+/// Takes the stored settings when the store has read them.
 void Operation::read_settings() {
   if (restoring_) return;
   const SettingsReport& stored = stages_.settings.snapshot().read();
@@ -209,21 +211,21 @@ void Operation::read_settings() {
       std::span(reinterpret_cast<const std::uint8_t*>(stored.file->data()), stored.file->size()), config_.text_id);
   if (!settings) {
     news_.say(NewsKind::kRig, settings.error().message);
-    // Another rig.toml is what somebody wanted; a file that cannot be read is not.
+    // A changed rig.toml is intended and no problem; an unreadable file is one.
     if (settings.error().code != Errc::kWrongState) settings_writer_.unreadable(settings.error().message);
     return;
   }
   settings_ = std::move(*settings);
   for (CaptureChange& change : settings_.commands()) restoring_->push_back(std::move(change));
-  news_.say(NewsKind::kRig, "settings are as hosts left them");
+  news_.say(NewsKind::kRig, "restoring the stored settings");
 }
 
-/// Makes again what was set, as fast as capture takes it.
+/// Sends the stored settings to capture, as many as its queue takes in each step.
 void Operation::restore_settings(Instant now) {
   while (restoring_ && !restoring_->empty()) {
-    const auto asked = ask(last_start(), Command(restoring_->front()), now);
+    const auto asked = ask(stored_settings(), Command(restoring_->front()), now);
     if (!asked && asked.error().code == Errc::kBusy) return;
-    if (!asked) news_.say(NewsKind::kRig, "a remembered setting is not made: " + asked.error().message);
+    if (!asked) news_.say(NewsKind::kRig, "could not restore a stored setting: " + asked.error().message);
     restoring_->pop_front();
   }
 }
@@ -236,7 +238,7 @@ void Operation::write_settings(Instant now) {
 }
 
 void Operation::step_panel(Instant now) {
-  const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.acts().end;
+  const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.actions().end;
   const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
   if (action) act(*action, now);
   while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));

@@ -1,4 +1,4 @@
-// What the rig does: commands to its stages and their answers, what is remembered of them, and how the rig is.
+// Runs the rig: passes commands to its stages, returns their answers, stores settings, and assesses the rig's state.
 #pragma once
 
 #include <atomic>
@@ -28,7 +28,7 @@
 
 namespace nodal::firmware {
 
-/// The stages that are operated.
+/// The stages that Operation controls.
 struct Stages {
   Capture& capture;
   Blender& blender;
@@ -37,39 +37,39 @@ struct Stages {
   SettingsStore& settings;
 };
 
-/// Hands commands to the stages that carry them out, each with a ticket, and gives the answers when they come. Every
-/// change is audited, whoever asked for it; every setting that a stage made is remembered and stored. It also judges how
-/// the rig is, sheds work, serves the button and the lamps, and feeds the watchdog.
+/// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change
+/// is audited, whatever its origin; every setting that a stage applied is stored. It also assesses the rig's state, sheds
+/// work, serves the button and the lamps, and feeds the watchdog.
 ///
-/// Threading: thread-bound to control, but for ask_to_end().
+/// Threading: thread-bound to control, except ask_to_end().
 /// Ownership: the stages outlive it.
-/// Errors: ask()'s, and in the answers; news() has what an operator should read.
+/// Errors: ask()'s, and those in the answers; news() returns messages for the operator.
 class Operation {
  public:
   Operation(const RigConfig& config, const Stages& stages, hal::WatchdogPort* watchdog, const PanelPins& panel,
             Instant now);
 
-  /// Before commands in a step: the stages' newest reports; settings of the last start are made again.
+  /// First call of a step, before commands: reads the stages' newest reports and restores stored settings.
   void begin_step(Instant now);
-  /// After commands in a step. What was answered since the last call.
+  /// Call after the commands of a step. Returns the answers that arrived since the last call.
   std::vector<Answer> take_answers(Instant now);
-  /// Last in a step. `lossless`: raymaps are sent to somebody who must be given every one, so that none may be shed.
+  /// Last call of a step. `lossless`: a client pulls without loss, so no raymap may be shed.
   void end_step(bool lossless, Instant now);
 
-  /// Errors: check()'s, and kBusy when the stage has more than it can take. A change that fails is audited.
-  Result<Ticket> ask(const Asker& asker, Command command, Instant now);
-  /// Audits a change that a face could not make a command of.
-  void note_refused(const Asker& asker, std::string_view what, const Error& why, Instant now);
-  /// Commands of a host that a stage has.
+  /// Passes a command to its stage. Errors: check()'s, and kBusy when the stage's queue is full. A failed change is audited.
+  Result<Ticket> ask(const Requester& requester, Command command, Instant now);
+  /// Audits a requested change that could not be mapped to a command.
+  void note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now);
+  /// Number of unanswered commands of a host at a stage.
   std::size_t open(std::uint64_t host, CommandStage stage) const;
-  /// Commands of anybody's whose answers are still to be taken.
+  /// Number of all commands whose answers take_answers() has not returned yet.
   std::size_t unanswered() const { return open_.size() + unstored_.size(); }
 
-  /// The rig stops, for this reason. Any thread, once.
+  /// Starts the end of the rig, for this reason. Any thread; call it once.
   void ask_to_end(std::string reason);
   bool asked_to_end() const { return end_asked_.load(std::memory_order_acquire); }
-  /// Why, once the supervisor has the rig end; else nothing.
-  const std::string* end_reason() const { return supervisor_.acts().end ? &end_reason_ : nullptr; }
+  /// The reason, after the supervisor has started the end; null before.
+  const std::string* end_reason() const { return supervisor_.actions().end ? &end_reason_ : nullptr; }
 
   /// The stages' reports as of this step.
   const CaptureReport& capture() const { return *capture_; }
@@ -79,28 +79,28 @@ class Operation {
   News& news() { return news_; }
   std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< of raymaps
   std::uint32_t rate_wanted_millihertz() const;
-  /// Frame sets that the blend had no room for.
+  /// Frame sets that the blend missed because its queue was full.
   std::uint64_t sets_missed_by_blend() const;
-  /// What the heads deliver, as far as that is known.
+  /// The known formats of the heads.
   HeadShapes head_shapes() const;
 
-  /// A moment that somebody at the rig wants found again.
+  /// A moment that a person marked with the button.
   struct Mark {
-    std::uint64_t set = 0;  ///< the newest one then
+    std::uint64_t set = 0;  ///< number of the newest set at that moment
     Instant at;
   };
   const std::deque<Mark>& marks() const { return marks_; }
 
   static constexpr std::size_t kMarksKept = 32;
-  /// Without a hanging stage, after which a start counts as good: twice what a stage may hang unnoticed.
-  static constexpr Duration kRunsWellAfter = Supervisor::kStuckAfter * 2;
+  /// A start counts as good after this time without a hanging stage: twice the time until a hanging stage is detected.
+  static constexpr Duration kStableAfter = Supervisor::kStuckAfter * 2;
 
  private:
-  /// A command that a stage has.
+  /// An unanswered command.
   struct Open {
-    Asker asker;
+    Requester requester;
     Command command;
-    std::string before;  ///< the values that it changes; empty: it changes none
+    std::string before;  ///< values_before() of a change; empty for a query
   };
 
   Status hand_over(Ticket ticket, Command command);
@@ -115,24 +115,24 @@ class Operation {
   void write_settings(Instant now);
   void watch(bool lossless, Instant now);
   void shed(bool lossless, Instant now);
-  void tell_that_it_runs_well(Instant now);
+  void watch_stability(Instant now);
   void step_panel(Instant now);
   void act(PanelAction action, Instant now);
 
   const RigConfig config_;
   Stages stages_;
-  const CaptureReport* capture_;  ///< newest
+  const CaptureReport* capture_;  ///< the newest report
   const KeeperReport* keeper_;
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;
-  std::vector<Answer> unstored_;  ///< settings in effect, to be answered when it is known whether they are stored
+  std::vector<Answer> unstored_;  ///< answers about settings that wait for the result of the write
   std::optional<Trial> on_trial_;
   AuditLog audit_;
   News news_;
 
   Settings settings_;
-  std::optional<std::deque<CaptureChange>> restoring_;  ///< once they were read
+  std::optional<std::deque<CaptureChange>> restoring_;  ///< stored settings still to restore; empty: not read yet
   SettingsWriter settings_writer_;
 
   std::uint64_t sets_seen_ = 0;
@@ -141,11 +141,11 @@ class Operation {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
-  Instant unwell_;          ///< when the rig was last starting or hanging
-  bool told_well_ = false;  ///< to the settings' store
+  Instant unstable_;           ///< the last time the rig was starting or hanging
+  bool stable_noted_ = false;  ///< by the settings' store
   Supervisor supervisor_;
   Shedding shedding_;
-  std::string end_reason_;  ///< once end_asked_
+  std::string end_reason_;  ///< valid when end_asked_ is true
   std::atomic<bool> end_asked_{false};
   Panel panel_;
   std::deque<Mark> marks_;

@@ -1,11 +1,12 @@
-// The part of Operation that judges how the rig is, and says so.
+// The part of Operation that assesses and reports the rig's state.
 #include "firmware/operate/operation.h"
 
 namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
-constexpr Duration kPause = Duration::milliseconds(500);  ///< without a set: the rate says nothing of the board
+constexpr Duration kPause = Duration::milliseconds(
+    500);  ///< after such a pause of the sets, the measured rate does not reflect the board's speed
 
 }  // namespace
 
@@ -34,10 +35,10 @@ void Operation::watch(bool lossless, Instant now) {
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   shed(lossless, now);
-  const Finding found =
-      find_condition(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
-                               stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
-                               now - steady_since_, shedding_.level(), settings_writer_.problem()});
+  const Diagnosis found =
+      diagnose(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
+                         stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
+                         now - steady_since_, shedding_.level(), settings_writer_.problem()});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
                     {"blend", stages_.blender.progress(), stages_.blender.idle()},
@@ -49,12 +50,12 @@ void Operation::watch(bool lossless, Instant now) {
   }
 }
 
-void Operation::tell_that_it_runs_well(Instant now) {
+void Operation::watch_stability(Instant now) {
   const RigState state = supervisor_.state();
-  if (state == RigState::kStarting || state == RigState::kHanging) unwell_ = now;
-  if (told_well_ || now - unwell_ < kRunsWellAfter) return;
-  told_well_ = true;
-  stages_.settings.note_that_it_runs_well();
+  if (state == RigState::kStarting || state == RigState::kHanging) unstable_ = now;
+  if (stable_noted_ || now - unstable_ < kStableAfter) return;
+  stable_noted_ = true;
+  stages_.settings.note_stable_run();
 }
 
 std::uint64_t Operation::sets_missed_by_blend() const {

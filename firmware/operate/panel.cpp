@@ -5,7 +5,7 @@ namespace {
 
 constexpr Duration kBeat = Duration::milliseconds(125);
 
-/// On and off, a beat each, over and over.
+/// A repeated pattern; each character is on (`-`) or off (`_`) for one beat.
 struct Pattern {
   std::string_view state;
   std::string_view beats;
@@ -56,7 +56,7 @@ std::optional<PanelAction> Panel::read_button(bool rolling, Instant now) {
       return std::nullopt;
     }
     if (!*edge) return settle(rolling, now);
-    // What was there until this edge may have settled, even where both edges come in one call.
+    // The level before this edge may have lasted for kSettle, also when one call reads both of its edges.
     const std::optional<PanelAction> action = settle(rolling, (*edge)->at);
     level_ = (*edge)->high;
     level_since_ = (*edge)->at;
@@ -70,7 +70,7 @@ std::optional<PanelAction> Panel::settle(bool rolling, Instant now) {
     if (pressed_) {
       pressed_since_ = level_since_;
       acted_ = !rolling;
-      if (!rolling) return PanelAction::kStart;  // at once: nothing else can be meant
+      if (!rolling) return PanelAction::kStart;  // at once: both a short and a long press start
     } else if (!acted_) {
       acted_ = true;
       return level_since_ - pressed_since_ < kHold ? PanelAction::kMark : PanelAction::kStop;
@@ -103,7 +103,7 @@ void Panel::light(Lamp& lamp, bool on, Instant now) {
 }
 
 void Panel::lose(std::string_view name, const Error& why) {
-  problems_.push_back("the " + std::string(name) + " is gone: " + why.message);
+  problems_.push_back("the " + std::string(name) + " failed: " + why.message);
 }
 
 std::optional<std::string> Panel::take_problem() {

@@ -1,4 +1,4 @@
-// The rig's own button and lamps, for a person in a field without a host.
+// The rig's own button and lamps, for operation without a host.
 #pragma once
 
 #include <array>
@@ -13,39 +13,38 @@
 
 namespace nodal::firmware {
 
-/// Null: the rig has none.
+/// A null pin: the rig does not have it.
 struct PanelPins {
   hal::InputPinPort* button = nullptr;   ///< high while it is pressed
-  hal::OutputPinPort* status = nullptr;  ///< lamp: how the rig is
+  hal::OutputPinPort* status = nullptr;  ///< lamp: the rig's state
   hal::OutputPinPort* tally = nullptr;   ///< lamp: the heads are triggered and raymaps are made
 };
 
 enum class PanelAction : std::uint8_t { kStart, kMark, kStop };
 
-/// What the lamps tell.
+/// The data that the lamps show.
 struct PanelView {
   std::string_view state;  ///< Health::state
   bool rolling = false;    ///< the genlock runs
-  std::uint64_t sets = 0;  ///< rises while frame sets come
+  std::uint64_t sets = 0;  ///< number of frame sets so far
 };
 
 /// One button:
 ///
-/// | pressed      | while the rig stands | while it rolls |
-/// |--------------|----------------------|----------------|
-/// | shorter than kHold | start          | mark           |
-/// | for kHold    | start                | stop           |
+/// | pressed            | genlock off | genlock running |
+/// |--------------------|-------------|-----------------|
+/// | shorter than kHold | start       | mark            |
+/// | for kHold          | start       | stop            |
 ///
-/// kHold counts while it is held, so the tally goes out under the finger. Levels shorter than kSettle are a contact's
-/// bouncing and are passed over.
+/// The stop comes after kHold, before the release, so the tally lamp goes off while the button is still pressed. Levels
+/// shorter than kSettle are ignored as contact bounce.
 ///
-/// The status lamp, over and over: starting `--__`, no-calibration two short flashes, idle one short flash, running on,
-/// degraded fast `-_-_`. The tally is on while the rig rolls and sets come, off when none came for kSilent, and
-/// flickers for kMarkShown after a mark. Both are leased for kLease: a daemon that hangs or dies leaves them dark.
+/// The status lamp repeats a pattern: starting `--__`, no-calibration two short flashes, idle one short flash, running on,
+/// degraded fast `-_-_`. The tally lamp is on while the genlock runs and sets arrive, off when none arrived for kSilent,
+/// and flickers for kMarkShown after a mark. Both have a lease of kLease, so they are off after a daemon hangs or dies.
 ///
-/// Threading: thread-bound to control.
-/// Ownership: the pins outlive it.
-/// Errors: a pin that is gone is left alone, and take_problem() says so once.
+/// Threading: thread-bound to control. Ownership: the pins outlive it.
+/// Errors: a pin that failed is not used again, and take_problem() reports it once.
 class Panel {
  public:
   static constexpr Duration kSettle = Duration::milliseconds(20);
@@ -59,11 +58,11 @@ class Panel {
         status_{pins.status, "status lamp", false, {}},
         tally_{pins.tally, "tally lamp", false, {}} {}
 
-  /// Call at least every few milliseconds. What the button asks for, at most one thing a call.
+  /// Call at least every 10 ms. Returns at most one action of the button per call.
   std::optional<PanelAction> step(const PanelView& view, Instant now);
   std::optional<std::string> take_problem();
 
-  /// Whether the status lamp is on at so long into the pattern of a state; an unknown state is dark.
+  /// Whether the status lamp is on at time `into` in the pattern of a state; it is off in an unknown state.
   static bool status_lamp(std::string_view state, Duration into);
 
  private:
@@ -74,7 +73,7 @@ class Panel {
     hal::OutputPinPort* pin = nullptr;
     std::string_view name;
     bool on = false;
-    std::optional<Instant> set;  ///< last
+    std::optional<Instant> set;  ///< time of the last successful set()
   };
   void light(Lamp& lamp, bool on, Instant now);
   void lose(std::string_view name, const Error& why);
@@ -82,11 +81,11 @@ class Panel {
   hal::InputPinPort* button_;
   Lamp status_;
   Lamp tally_;
-  bool level_ = false;  ///< of the newest edge
+  bool level_ = false;  ///< level after the newest edge
   Instant level_since_;
-  bool pressed_ = false;  ///< settled
+  bool pressed_ = false;  ///< debounced level
   Instant pressed_since_;
-  bool acted_ = false;  ///< this press has done what it does
+  bool acted_ = false;  ///< this press has had its action
   std::optional<Instant> marked_;
   std::string state_;
   Instant state_since_;

@@ -69,7 +69,7 @@ void write_genlock(std::string& text, const GenlockStart* start) {
   if (start->pulse_width) write(text, "pulse_width_ns", start->pulse_width->ns());
 }
 
-// --- reading: whether a value is allowed is check()'s to say, as of any command; here it only has to fit its type ---
+// --- reading: only checks that a value fits its type; check() of the command then checks that it is allowed ---
 
 Duration duration(TomlReader& reader, std::string_view key) {
   return Duration::nanoseconds(reader.integer(key, 0, kMost64, 0));
@@ -98,7 +98,7 @@ ExposureChange read_exposure(TomlReader reader) {
   ExposureChange exposure;
   if (reader.has("program")) {
     exposure.program = exposure_program_of(reader.text("program", ""));
-    if (!exposure.program) reader.refuse("program", "is no exposure program");
+    if (!exposure.program) reader.refuse("program", "is not an exposure program");
   }
   if (reader.has("anchor")) {
     const std::int64_t anchor = reader.integer("anchor", -1, kMaxHeads - 1, -1);
@@ -152,7 +152,7 @@ void Settings::remember(const CaptureChange& change) {
 
 std::vector<CaptureChange> Settings::commands() const {
   std::vector<CaptureChange> all;
-  // Heads are set by hand while no program does, so that comes first whatever rig.toml says.
+  // Heads can only be set in the program "manual", so the first change selects it, whatever rig.toml selects.
   if (exposure_) {
     ExposureChange by_hand;
     by_hand.program = ExposureProgram::kManual;
@@ -175,7 +175,7 @@ std::string Settings::encode(const Sha256& rig_toml) const {
     if (heads_[i]) write_head(text, i, *heads_[i]);
   }
   std::string file = with_checksum(text);
-  NODAL_ASSERT(file.size() <= kMaxSettingsBytes);  // by construction: so many values of kMaxHeads heads
+  NODAL_ASSERT(file.size() <= kMaxSettingsBytes);  // holds because the number of values is fixed
   return file;
 }
 
@@ -187,22 +187,24 @@ Result<Settings> Settings::decode(std::span<const std::uint8_t> file, const Sha2
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   const std::size_t head_bytes = kHead.size() + kHexBytes + 1;
   if (!text.starts_with(kHead) || text.size() < head_bytes) {
-    return fail(Errc::kBadFormat, "the remembered settings are not readable; the rig starts as rig.toml says");
+    return fail(Errc::kBadFormat,
+                "the file of stored settings has a wrong header; the rig starts with those of rig.toml");
   }
   const std::string_view toml = text.substr(head_bytes);
   if (text != with_checksum(toml)) {
-    return fail(Errc::kChecksum, "the remembered settings are damaged; the rig starts as rig.toml says");
+    return fail(Errc::kChecksum, "the file of stored settings is damaged; the rig starts with those of rig.toml");
   }
-  FirstError error("the remembered settings (the rig starts as rig.toml says)");
+  FirstError error("the stored settings are not used, the rig starts with those of rig.toml");
   const toml::parse_result parsed =
-      toml::parse(text);  // with its first line, a comment, so that lines count as in the file
+      toml::parse(text);  // with the header line, a TOML comment, so that line numbers are those of the file
   if (!parsed) {
     error.set(Errc::kBadFormat, parsed.error().source(), "not TOML: " + std::string(parsed.error().description()));
     return fail(error.get());
   }
   TomlReader reader(parsed.table(), "", {"rig_toml", "genlock", "exposure", "heads"}, error);
   if (!error.any() && reader.text("rig_toml", "") != to_hex(rig_toml)) {
-    return fail(Errc::kWrongState, "rig.toml was changed since hosts set the rig; it starts as rig.toml says");
+    return fail(Errc::kWrongState,
+                "rig.toml was changed after the settings were stored; the rig starts with those of rig.toml");
   }
   Settings settings;
   if (const toml::table* genlock = reader.table("genlock")) {

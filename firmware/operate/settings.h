@@ -1,4 +1,4 @@
-// What the rig was told to be like, so that a rig that starts again without a host is as it was.
+// The newest settings of the rig, stored so that a start without a host restores them.
 #pragma once
 
 #include <array>
@@ -15,26 +15,26 @@
 
 namespace nodal::firmware {
 
-/// The newest value of everything that a CaptureChange can set. Making commands() again makes the same settings. It has a
-/// fixed number of values, so no sequence of commands makes a file larger than kMaxSettingsBytes.
+/// The newest value of every setting that a CaptureChange can set. Running commands() restores the same settings. The number
+/// of values is fixed, so no sequence of commands makes a file larger than kMaxSettingsBytes.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none.
 /// Errors: decode()'s.
 class Settings {
  public:
-  /// Takes note of a change that was carried out.
+  /// Records a change that was carried out.
   void remember(const CaptureChange& change);
-  /// To be made again, in this order.
+  /// The changes that restore the settings, in order.
   std::vector<CaptureChange> commands() const;
 
-  /// As a file: TOML, after a line with the SHA-256 of what follows. They hold for this rig.toml, and are not used any
-  /// more when it is changed.
+  /// The settings as a file: a line with the SHA-256 of the rest, then TOML. The file names its rig.toml by SHA-256 and is
+  /// not used after rig.toml is changed.
   std::string encode(const Sha256& rig_toml) const;
-  /// Errors: kChecksum when the file is torn, kBadFormat, kBadValue or kUnknownField when it is none, kWrongState when
-  /// rig.toml is another.
+  /// Errors: kChecksum for a torn file; kBadFormat, kBadValue or kUnknownField for one that is no settings file;
+  /// kWrongState if rig.toml was changed.
   static Result<Settings> decode(std::span<const std::uint8_t> file, const Sha256& rig_toml);
-  /// A file of this text, which decode() takes when the text is right.
+  /// A file with this TOML text and its checksum.
   static std::string with_checksum(std::string_view toml);
 
  private:

@@ -8,40 +8,41 @@
 
 namespace nodal::firmware {
 
-/// When settings are written, and what is known about their last writing: at most one write every kWriteEvery, and
-/// after a failure another attempt every kRetryEvery until one succeeds.
+/// Schedules the writes of the settings and keeps the result of the last one: at most one write every kWriteEvery; after a
+/// failure, a retry every kRetryEvery until one succeeds.
 ///
 /// Threading: thread-bound to control; SettingsStore writes.
 /// Ownership: none.
-/// Errors: none; problem() says why settings would be lost at the next start.
+/// Errors: none; problem() is the reason why settings will be lost at the next start.
 class SettingsWriter {
  public:
-  /// A setting was made that is not written yet.
+  /// A setting has changed that is not written yet.
   void changed() { dirty_ = true; }
-  /// What an earlier run stored cannot be used. The next write replaces it.
+  /// The file of an earlier run cannot be used. The next write replaces it.
   void unreadable(std::string problem) { problem_ = std::move(problem); }
 
-  /// Whether to hand the settings to the SettingsStore now.
+  /// Whether to give the settings to the SettingsStore now.
   bool due(Instant now) const;
   void begun(Instant now);
-  /// How the write that begun() noted ended. True when problem() changed.
+  /// The result of the write that begun() recorded. True when problem() changed.
   bool ended(const Status& stored);
 
-  /// Whether a reply should wait for the write under way, so that it can say how it ended.
+  /// Whether a reply should wait for the result of the current write.
   bool worth_waiting(Instant now) const { return writing_ && now - begun_ < kAnswerWithin; }
   /// A sentence while settings would not survive a restart; else empty.
   const std::string& problem() const { return problem_; }
 
-  static constexpr Duration kWriteEvery = Duration::seconds(1);  ///< somebody may be turning a knob; disks wear out
+  static constexpr Duration kWriteEvery =
+      Duration::seconds(1);  ///< limits the wear of flash during many changes in a row
   static constexpr Duration kRetryEvery = Duration::seconds(10);
-  static constexpr Duration kAnswerWithin = Duration::seconds(1);  ///< a disk that hangs delays a reply by no more
+  static constexpr Duration kAnswerWithin = Duration::seconds(1);  ///< the most that a slow disk delays a reply
 
  private:
   bool dirty_ = false;
   bool writing_ = false;
-  bool failed_ = false;  ///< the last write
-  Instant begun_;        ///< of the last write
-  bool ever_ = false;    ///< begun_ is set
+  bool failed_ = false;  ///< the last write failed
+  Instant begun_;        ///< start of the last write
+  bool ever_ = false;    ///< begun_ is valid
   std::string problem_;
 };
 

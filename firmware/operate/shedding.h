@@ -1,4 +1,4 @@
-// What is left undone, and in which order, when the board cannot do everything.
+// Sheds work in a fixed order when the board is overloaded.
 #pragma once
 
 #include <array>
@@ -9,19 +9,19 @@
 
 namespace nodal::firmware {
 
-/// How much is done: every so many raymaps are encoded and published, every so many sets are blended. Capture is not in
-/// it: frames are taken, put into sets and counted whatever happens.
+/// How much work is done: one of publish_every raymaps is encoded and published, one of preview_every sets is blended.
+/// Capture is never shed: all frames are taken, grouped into sets and counted.
 struct ShedLevel {
   std::uint32_t publish_every = 1;
   std::uint32_t preview_every = 1;
   friend bool operator==(const ShedLevel&, const ShedLevel&) = default;
 };
 
-/// Publishing goes first, then the preview.
+/// Publishing is shed first, then the blend of the preview.
 inline constexpr std::array<ShedLevel, 6> kShedLevels{{{1, 1}, {2, 1}, {4, 1}, {8, 1}, {8, 2}, {8, 4}}};
 
-/// Goes one level up when the blend had no room for a twentieth of the sets in two windows on end, one down when it had
-/// for all of them long enough: kPatience windows, twice as many after each time that turned out to be too soon.
+/// Raises the level by one when the blend missed more than 1/20 of the sets in each of two consecutive windows. Lowers it by
+/// one after kPatience consecutive windows without a miss; if the board is then overloaded again, that number doubles.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none. Allocates nothing.
@@ -32,17 +32,17 @@ class Shedding {
   static constexpr int kPatience = 5;
   static constexpr int kMostPatience = 80;
 
-  /// `sets` and `not_taken` count from the start; `excused`: the rate says nothing of the board just now.
+  /// `sets` and `not_taken` are totals since the start. `excused`: this window does not reflect the board's speed.
   void step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Instant now);
   const ShedLevel& level() const { return kShedLevels[level_]; }
 
  private:
   std::size_t level_ = 0;
-  int overloaded_ = 0;  ///< windows on end
-  int calm_ = 0;        ///< likewise
+  int overloaded_ = 0;  ///< consecutive overloaded windows
+  int calm_ = 0;        ///< consecutive windows without a miss
   int patience_ = kPatience;
-  bool lowered_ = false;  ///< the last change was one down
-  bool excused_ = false;  ///< at any time of the window
+  bool lowered_ = false;  ///< the last change of the level was a decrease
+  bool excused_ = false;  ///< `excused` was true at some time in this window
   std::optional<Instant> window_;
   std::uint64_t sets_ = 0;
   std::uint64_t not_taken_ = 0;

@@ -19,7 +19,7 @@ bool SettingsStore::step() {
     read();
     return true;
   }
-  if (runs_well_.load(std::memory_order_relaxed)) starts_.succeeded();
+  if (stable_.load(std::memory_order_relaxed)) starts_.succeeded();
   if (answers_.full()) return false;
   const auto file = writes_.pop();
   if (!file) return false;

@@ -39,8 +39,8 @@ class SettingsStore {
   SpscRing<std::string>& writes() { return writes_; }
   /// The result of each write, in order.
   SpscRing<Status>& answers() { return answers_; }
-  /// The rig has run for Operation::kRunsWellAfter without a fault: this start does not count as failed. Any thread.
-  void note_that_it_runs_well() { runs_well_.store(true, std::memory_order_relaxed); }
+  /// The rig has run for Operation::kStableAfter without a fault: this start does not count as failed. Any thread.
+  void note_stable_run() { stable_.store(true, std::memory_order_relaxed); }
   Snapshot<SettingsReport>& snapshot() { return snapshot_; }
 
  private:
@@ -51,7 +51,7 @@ class SettingsStore {
   SpscRing<std::string> writes_;
   SpscRing<Status> answers_;
   Snapshot<SettingsReport> snapshot_;
-  std::atomic<bool> runs_well_{false};
+  std::atomic<bool> stable_{false};
   bool read_ = false;
 };
 

@@ -36,7 +36,7 @@ TEST(EndDeadline, RefusedMemory_IsTheEndWithOutputsSafe) {
 
 TEST(EndDeadline, AnotherException_AbortsWithOutputsSafe) {
   EXPECT_EXIT(run_protected([] { throw std::runtime_error("nobody expects this"); }), testing::KilledBySignal(SIGABRT),
-              "safe\\. nodald: unexpected in a-stage: nobody expects this");
+              "safe\\. nodald: exception in a-stage: nobody expects this");
 }
 
 TEST(EndDeadline, AFailedAssertion_AbortsWithOutputsSafe) {
@@ -53,7 +53,7 @@ TEST(EndDeadline, NotEndedInTime_IsTheEndWithOutputsSafeAndSaysWhatHangs) {
         deadline.arm(milliseconds(20));
         for (;;) ::pause();
       },
-      testing::ExitedWithCode(4), "safe\\. nodald: did not end in time, since a-stage hangs");
+      testing::ExitedWithCode(4), "safe\\. nodald: did not end in time, because a-stage hangs");
 }
 
 TEST(EndDeadline, OutputsThatAreClosed_AreNotTouchedAnyMore) {

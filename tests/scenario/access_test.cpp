@@ -129,7 +129,7 @@ TEST(Audit, TheButtonAndTheSettingsOfTheLastStart_AreChangesToo) {
   again.run(Duration::seconds(2));
   const wire::AuditLog restored = audit_of(other);
   EXPECT_TRUE(std::any_of(restored.entries().begin(), restored.entries().end(), [](const wire::AuditEntry& entry) {
-    return entry.who() == "settings of the last start" && entry.what() == "head_set";
+    return entry.who() == "stored settings" && entry.what() == "head_set";
   }));
 }
 

@@ -108,7 +108,7 @@ TEST(Align, AHeadThatCannotBeMoved_TheOthersComeToIt) {
   EXPECT_LE(true_spread(stand), Duration::microseconds(150));
   const wire::Genlock now = host.status().genlock();
   ASSERT_EQ(now.unaligned_size(), 1);
-  EXPECT_EQ(now.unaligned(0), "head 'cam3' cannot be moved in time; it exposes when its own clock says");
+  EXPECT_EQ(now.unaligned(0), "head 'cam3' cannot shift its exposures; it runs on its own clock");
 }
 
 TEST(Align, TwoThatCannotBeMoved_AreGroupedByTimeAndNamedAndNothingIsCalledLocked) {
@@ -145,7 +145,7 @@ TEST(Align, AHeadNoLongerDoesWhatItIsAsked_HoldoverWhileInStepThenLostAndItIsNam
   stand.world.head(0).set_stuck(true);
   ASSERT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kHoldover; }));
   EXPECT_LE(true_spread(stand), Duration::microseconds(500));
-  EXPECT_EQ(host.status().genlock().unaligned(0), "head 'cam0' is asked to move its exposures and does not");
+  EXPECT_EQ(host.status().genlock().unaligned(0), "head 'cam0' is asked to shift its exposures and does not");
   ASSERT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLost; }));
   stand.world.head(0).set_stuck(false);
   EXPECT_TRUE(locks(stand));

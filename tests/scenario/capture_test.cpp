@@ -209,7 +209,7 @@ TEST(Capture, AHeadDoesNotCarryOutWhatItIsAsked_FramesSaySoAndTheOperatorIsTold)
   EXPECT_EQ(heads.heads(3).exposure_ns(), 5'000'000u);
   EXPECT_EQ(heads.heads(3).problem(), "");
   EXPECT_EQ(heads.heads(4).exposure_ns(), 10'000'000u) << "what is in effect, not what was asked";
-  EXPECT_NE(heads.heads(4).problem().find("asked 5000 us"), std::string::npos) << heads.heads(4).problem();
+  EXPECT_NE(heads.heads(4).problem().find("requested 5000 us"), std::string::npos) << heads.heads(4).problem();
 
   stand.world.head(4).set_stuck(false);
   ASSERT_TRUE(host.ask(set).has_done());

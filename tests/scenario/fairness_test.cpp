@@ -55,10 +55,10 @@ TEST(Hosts, ALosslessPullThatReadsEveryFiveSeconds_CostsNobodyASetAndIsEndedWith
 
 TEST(Publisher, WhatMayWaitForALosslessPull_IsBoundedByRaymapsAndByBytes) {
   using firmware::Publisher;
-  EXPECT_EQ(Publisher::may_wait(0), kLosslessQueueItems);
-  EXPECT_EQ(Publisher::may_wait(600'000), kLosslessQueueItems) << "JPEGs of ten heads";
-  EXPECT_EQ(Publisher::may_wait(3U << 20), 8u) << "their pixels: 24 MiB";
-  EXPECT_EQ(Publisher::may_wait(SIZE_MAX), Publisher::kLosslessLeast);
+  EXPECT_EQ(Publisher::most_pending(0), kLosslessQueueItems);
+  EXPECT_EQ(Publisher::most_pending(600'000), kLosslessQueueItems) << "JPEGs of ten heads";
+  EXPECT_EQ(Publisher::most_pending(3U << 20), 8u) << "their pixels: 24 MiB";
+  EXPECT_EQ(Publisher::most_pending(SIZE_MAX), Publisher::kLosslessLeast);
 }
 
 TEST(Hosts, StuckOnesThatPullAsOftenAsTheyMay_LeaveBuffersForTheOthers) {

@@ -157,7 +157,7 @@ TEST(Settings, AStoredExposureThatIsNotAllowed_IsToldAndTheOthersAreMade) {
     for (const std::string& sentence : stand.rig->control().take_news()) news += sentence + "\n";
     return stand.state() == "running";
   }));
-  EXPECT_NE(news.find("a remembered setting is not made: an exposure of 9223372036854775807 ns"), std::string::npos)
+  EXPECT_NE(news.find("could not restore a stored setting: an exposure of 9223372036854775807 ns"), std::string::npos)
       << news;
   stand.run(Duration::seconds(1));
   EXPECT_EQ(stand.capture().heads[1].in_effect.exposure.duration(), Duration::milliseconds(3));

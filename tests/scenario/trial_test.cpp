@@ -113,7 +113,7 @@ TEST_F(Trials, TheHostVanishes_TheRigGoesBackByItselfInTimeAndSaysSo) {
   EXPECT_EQ(blended_by(stand_, other), id_of(good_));
   const std::vector<std::string> news = stand_.rig->control().take_news();
   EXPECT_TRUE(std::any_of(news.begin(), news.end(), [](const std::string& sentence) {
-    return sentence == "the trial is over; back to calibration 'small'";
+    return sentence == "the trial has ended; calibration 'small' is in force again";
   }));
 }
 

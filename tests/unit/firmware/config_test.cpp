@@ -88,7 +88,7 @@ TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
   EXPECT_EQ(config->heads[0].trigger_delay, Duration::microseconds(1500));
   expect_refused(kSmall + "trigger_delay_us = 33367\n", Errc::kBadValue, "heads[0].trigger_delay_us must be shorter");
   expect_refused("[rig]\nname='r'\n[[heads]]\nname='a'\nport='replay:a-*.png'\ntrigger_delay_us = 5\n", Errc::kBadValue,
-                 "heads[0].trigger_delay_us is there");
+                 "heads[0].trigger_delay_us is not allowed");
 }
 
 TEST(RigConfig, NoTrigger_HeadsAreAlignedAndADelayAfterAPulseIsRefusedByName) {
@@ -148,7 +148,7 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene = \"photo\"\n"), Errc::kMissingField, "sim.photo");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene='constant'\nconstant=[1,2,256]\n"), Errc::kBadValue,
                  "[red, green, blue]");
-  expect_refused(replaced(kSmall, "\"small\"", "\"a b\""), Errc::kBadValue, "rig.name may have");
+  expect_refused(replaced(kSmall, "\"small\"", "\"a b\""), Errc::kBadValue, "rig.name must be 1 to 64");
 }
 
 TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
@@ -195,7 +195,7 @@ TEST(RigConfig, ATcpPort_IsRefusedAndSaysWhatServesInItsPlace) {
 TEST(RigConfig, TwoHeadsOfOneNameOrPort_AreRefused) {
   expect_refused(kSmall + "[[heads]]\nname='cam0'\nport='sim:cam1'\n", Errc::kBadValue,
                  "is the port of a head above, too");
-  expect_refused(kSmall + "[[heads]]\nname='cam1'\nport='sim:cam0'\n", Errc::kBadValue, "heads[1].port is taken");
+  expect_refused(kSmall + "[[heads]]\nname='cam1'\nport='sim:cam0'\n", Errc::kBadValue, "heads[1].port is the port of");
 }
 
 TEST(RigConfig, MoreHeadsThanARigHas_AreRefused) {

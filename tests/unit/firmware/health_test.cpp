@@ -23,8 +23,8 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    const Finding found = find_condition(
-        config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
+    const Diagnosis found =
+        diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -61,7 +61,7 @@ TEST_F(HealthTest, NoFrames_IsIdleAndNamesTheHeadsThatAreAway) {
     head.present = false;
     head.problem = "unplugged";
   }
-  EXPECT_NE(judged().problem.find("heads 'left', 'right' are not there: unplugged"), std::string::npos)
+  EXPECT_NE(judged().problem.find("heads 'left', 'right' are missing: unplugged"), std::string::npos)
       << judged().problem;
 }
 
@@ -69,7 +69,7 @@ TEST_F(HealthTest, AHeadAway_IsDegradedAndNamesIt) {
   capture.heads[1].present = false;
   capture.heads[1].problem = "unplugged";
   EXPECT_EQ(judged().state, "degraded");
-  EXPECT_EQ(judged().problem, "head 'right' is not there: unplugged");
+  EXPECT_EQ(judged().problem, "head 'right' is missing: unplugged");
 }
 
 TEST_F(HealthTest, GenlockLost_IsDegradedAndSaysSo) {
@@ -86,7 +86,7 @@ TEST_F(HealthTest, SettingsThatCannotBeStored_AreDegradedWithTheReason) {
 
 TEST_F(HealthTest, TheFullRateThoughHostsAreGivenLess_NamesWhatIsLeftOutAndNoRate) {
   shed = {2, 1};
-  EXPECT_EQ(judged().problem, "the board cannot do all of it; hosts are given one raymap of 2");
+  EXPECT_EQ(judged().problem, "the board is overloaded; hosts get 1 of 2 raymaps");
   EXPECT_EQ(judged().state, "degraded");
 }
 
@@ -95,7 +95,7 @@ TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
   EXPECT_EQ(judged().state, "running") << "within a twentieth";
   rate = 20'120;
   EXPECT_EQ(judged().state, "degraded");
-  EXPECT_NE(judged().problem.find("20.12 raymaps a second are made of the rig's 29.97"), std::string::npos)
+  EXPECT_NE(judged().problem.find("20.12 raymaps a second are made instead of 29.97"), std::string::npos)
       << judged().problem;
 }
 
@@ -124,14 +124,14 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "ssssssX",  // kStoreUnread
     "ccccccX",  // kNoCalibration
     "iiiiiiX",  // kNoFrames
-    "DDDDDDX",  // kHeadAway
+    "DDDDDDX",  // kHeadMissing
     "DDDDDDX",  // kGenlockLost
     "DDDDDDX",  // kHoldover
     "DDDDDDX",  // kUnfitFrames
     "DDDDDDX",  // kStoreTrouble
     "DDDDDDX",  // kHeadTrouble
     "DDDDDDX",  // kTooSlow
-    "RRRRRRX",  // kWell
+    "RRRRRRX",  // kHealthy
 };
 
 TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
@@ -142,9 +142,9 @@ TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
       EXPECT_EQ(kLetters[static_cast<std::size_t>(next.to)], letter) << c << " in " << rig_state_name(from);
       // Only what hangs starves the watchdog; only what was asked for ends the rig; nothing is ready before the store
       // has been read.
-      EXPECT_EQ(next.acts.feed, letter != 'H');
-      EXPECT_EQ(next.acts.end, letter == 'X');
-      EXPECT_EQ(next.acts.ready, letter != 's' && letter != 'H' && letter != 'X');
+      EXPECT_EQ(next.actions.feed, letter != 'H');
+      EXPECT_EQ(next.actions.end, letter == 'X');
+      EXPECT_EQ(next.actions.ready, letter != 's' && letter != 'H' && letter != 'X');
     }
   }
 }
@@ -152,10 +152,10 @@ TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
 class SupervisorTest : public testing::Test {
  protected:
   /// Half a minute or so, a tenth of a second at a time.
-  void seconds(int n, bool moving, bool may_rest, const Finding& found = {}) {
+  void seconds(int n, bool moving, bool may_idle, const Diagnosis& found = {}) {
     for (int i = 0; i < n * 10; ++i) {
       if (moving) ++progress;
-      supervisor.step({{"capture", static_cast<std::uint64_t>(clock.now().ns()), false}, {"blend", progress, may_rest}},
+      supervisor.step({{"capture", static_cast<std::uint64_t>(clock.now().ns()), false}, {"blend", progress, may_idle}},
                       found, clock.now());
       clock.advance(Duration::milliseconds(100));
     }
@@ -174,7 +174,7 @@ TEST_F(SupervisorTest, AStageThatHangs_IsNamedAndTheWatchdogGoesHungryUntilItGet
   seconds(15, false, false);
   EXPECT_EQ(supervisor.state(), RigState::kHanging);
   EXPECT_TRUE(watchdog.would_bite(Duration::seconds(5)));
-  EXPECT_EQ(watchdog.lines().back(), "hanging: blend does not get on");
+  EXPECT_EQ(watchdog.lines().back(), "hanging: the blend stage has made no progress for 5 s");
   seconds(2, true, false);
   EXPECT_EQ(supervisor.state(), RigState::kRunning);
   EXPECT_FALSE(watchdog.would_bite(Duration::seconds(1)));
@@ -192,12 +192,12 @@ TEST_F(SupervisorTest, EndedTwice_TheFirstReasonStaysWhateverComes) {
   seconds(2, true, false);
   supervisor.end("SIGTERM");
   supervisor.end("something else");
-  seconds(1, true, false, {Condition::kHeadAway, "head 'left' is not there"});
+  seconds(1, true, false, {Condition::kHeadMissing, "head 'left' is not there"});
   EXPECT_EQ(supervisor.health().state, "stopping");
   EXPECT_EQ(supervisor.health().problem, "SIGTERM");
   EXPECT_TRUE(watchdog.is_stopping());
   EXPECT_EQ(watchdog.lines().back(), "stopping: SIGTERM");
-  EXPECT_TRUE(supervisor.acts().end);
+  EXPECT_TRUE(supervisor.actions().end);
 }
 
 }  // namespace
