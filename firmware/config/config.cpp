@@ -62,10 +62,9 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   const bool shaped =
       cube ? raymap.width * 2 == raymap.height * 3 && raymap.width % 6 == 0 : raymap.width == raymap.height * 2;
   if (raymap.height % 2 != 0 || !shaped) {
-    reader.refuse("height", "is " + std::to_string(raymap.height) + " beside a width of " +
-                                std::to_string(raymap.width) +
-                                (cube ? "; a cube's is even, and 2/3 of its width"
-                                      : "; an equirectangular raymap's is even, and half its width"));
+    reader.refuse("height", "is " + std::to_string(raymap.height) + " with a width of " + std::to_string(raymap.width) +
+                                (cube ? "; for a cube it must be even and 2/3 of the width"
+                                      : "; for equirectangular it must be even and half of the width"));
   }
   raymap.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
                                                         {"NV12", PixelFormat::kNv12},
@@ -78,7 +77,7 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   raymap.soft = reader.choice<bool>("tone", {{"soft", true}, {"clip", false}});
 }
 
-/// After the heads: they must deliver what the raymap is made of.
+/// Call after the heads are read: the raymap's format can only be made from certain formats of heads.
 void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
   const char* wanted = has_chroma(raymap)                         ? "I420, NV12, YUYV or UYVY"
                        : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24"
@@ -87,7 +86,7 @@ void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, Pixe
     const bool fits = has_chroma(raymap) ? has_chroma(head.format) : head.format == in_8_bits(raymap);
     if (fits) continue;
     const std::string format(pixel_format_name(raymap));
-    return reader.refuse("format", "is \"" + format + "\", which is made of heads' " + wanted +
+    return reader.refuse("format", "is \"" + format + "\", which needs heads with " + wanted +
                                        ", but the format of head '" + head.name + "' is " +
                                        std::string(pixel_format_name(head.format)) + "; change one of the two formats");
   }

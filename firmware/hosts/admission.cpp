@@ -7,37 +7,38 @@
 namespace nodal::firmware {
 namespace {
 
-using Some = std::vector<Client*>;
+using ClientList = std::vector<Client*>;
 
-template <class Counts>
-Some those(const Clients& clients, Counts counts) {
-  Some some;
+template <class Condition>
+ClientList select(const Clients& clients, Condition condition) {
+  ClientList some;
   for (const auto& client : clients) {
-    if (!client->ending() && counts(*client)) some.push_back(client.get());
+    if (!client->ending() && condition(*client)) some.push_back(client.get());
   }
   return some;
 }
 
-template <class Counts>
-Some those(const Some& of, Counts counts) {
-  Some some;
-  std::copy_if(of.begin(), of.end(), std::back_inserter(some), [&](const Client* client) { return counts(*client); });
+template <class Condition>
+ClientList select(const ClientList& of, Condition condition) {
+  ClientList some;
+  std::copy_if(of.begin(), of.end(), std::back_inserter(some),
+               [&](const Client* client) { return condition(*client); });
   return some;
 }
 
 /// The clients of the largest group with equal keys.
 template <class Key>
-Some of_most(const Some& some, Key key) {
+ClientList of_most(const ClientList& some, Key key) {
   const auto sharing = [&](const Client* one) {
     return std::count_if(some.begin(), some.end(), [&](const Client* other) { return key(*other) == key(*one); });
   };
   std::ptrdiff_t most = 0;
   for (const Client* one : some) most = std::max(most, sharing(one));
-  return those(some, [&](const Client& client) { return sharing(&client) == most; });
+  return select(some, [&](const Client& client) { return sharing(&client) == most; });
 }
 
 /// The clients of the user with the most, and of these the ones of that user's process with the most.
-Some of_heaviest_user(const Some& some) {
+ClientList of_heaviest_user(const ClientList& some) {
   const auto user = [](const Client& client) {
     const auto identity = client.identity();
     return identity ? std::optional(identity->user) : std::nullopt;
@@ -46,7 +47,7 @@ Some of_heaviest_user(const Some& some) {
 }
 
 /// Null when there is none.
-Client* idle_longest(const Some& some) {
+Client* idle_longest(const ClientList& some) {
   const auto found = std::min_element(
       some.begin(), some.end(), [](const Client* a, const Client* b) { return a->idle_since() < b->idle_since(); });
   return found == some.end() ? nullptr : *found;
@@ -56,16 +57,16 @@ Client* idle_longest(const Some& some) {
 constexpr Duration kLongIdle = Duration::seconds(10);
 
 /// Which of these hosts to close.
-Client* host_to_close(const Some& hosts, Instant now) {
-  const Some some = of_heaviest_user(hosts);
-  const auto first = [&](auto counts) { return idle_longest(those(some, counts)); };
+Client* host_to_close(const ClientList& hosts, Instant now) {
+  const ClientList some = of_heaviest_user(hosts);
+  const auto first = [&](auto condition) { return idle_longest(select(some, condition)); };
   if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; }))
     return one;
   // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are spared.
   // In a flood of new hosts, these are closed and no older one.
   const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
-  if (const Some young = those(some, fresh); young.size() > Admission::kMaxSpared) {
-    const Some silent = those(young, [](const Client& c) { return !c.has_requested(); });
+  if (const ClientList young = select(some, fresh); young.size() > Admission::kMaxSpared) {
+    const ClientList silent = select(young, [](const Client& c) { return !c.has_requested(); });
     return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
   }
   if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.active(now); })) return one;
@@ -104,34 +105,35 @@ bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)
 void Admission::close_excess(Clients& clients, Instant now) {
   for (const Access at : {Access::kControl, Access::kView}) {
     const auto strangers = [&] {
-      return those(clients, [&](const Client& c) { return c.access() == at && !c.said_hello(); });
+      return select(clients, [&](const Client& c) { return c.access() == at && !c.said_hello(); });
     };
     const auto hosts = [&] {
-      return those(clients, [&](const Client& c) { return c.access() == at && c.said_hello(); });
+      return select(clients, [&](const Client& c) { return c.access() == at && c.said_hello(); });
     };
     const std::size_t most_strangers = places(kMaxStrangers, at);
-    for (Some all = strangers(); all.size() > most_strangers; all = strangers()) {
+    for (ClientList all = strangers(); all.size() > most_strangers; all = strangers()) {
       idle_longest(of_heaviest_user(all))->end(too_many(most_strangers, "programs that have not sent a hello"), now);
     }
     const std::size_t most_hosts = places(kMaxClients, at);
-    for (Some all = hosts(); all.size() > most_hosts; all = hosts()) {
+    for (ClientList all = hosts(); all.size() > most_hosts; all = hosts()) {
       host_to_close(all, now)->end(too_many(most_hosts, "hosts"), now);
     }
   }
 }
 
 Status Admission::may_work(const Clients& clients, const Client& client, Instant now) {
-  const Some working = those(clients, [&](const Client& c) { return c.access() == client.access() && c.works(); });
+  const ClientList working =
+      select(clients, [&](const Client& c) { return c.access() == client.access() && c.works(); });
   const std::size_t most = places(kMaxWorking, client.access());
   if (client.works() || working.size() < most) return {};
-  if (Client* one = idle_longest(those(working, [&](const Client& c) { return !c.active(now); }))) {
+  if (Client* one = idle_longest(select(working, [&](const Client& c) { return !c.active(now); }))) {
     one->end(displaced("this host's link has made no progress for " +
                        std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
              now);
     return {};
   }
-  const Some many = of_heaviest_user(
-      those(clients, [&](const Client& c) { return c.access() == client.access() && (c.works() || &c == &client); }));
+  const ClientList many = of_heaviest_user(
+      select(clients, [&](const Client& c) { return c.access() == client.access() && (c.works() || &c == &client); }));
   if (std::find(many.begin(), many.end(), &client) == many.end()) {
     idle_longest(many)->end(displaced("this host's user has the most hosts that pull or upload"), now);
     return {};

@@ -14,10 +14,10 @@ namespace nodal::firmware {
 struct AuditEntry {
   std::uint64_t number = 0;  ///< of the entry since the start, from 1
   Instant at;
-  std::string who;     ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
-  std::string what;    ///< command_name()
-  std::string before;  ///< the values that the command changes, before it
-  std::string after;   ///< the requested values; for a calibration, the one in force after the command
+  std::string who;             ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
+  std::string what;            ///< command_name()
+  std::string before;          ///< the values that the command changes, before it
+  std::string after;           ///< the requested values; for a calibration, the one in force after the command
   std::optional<Error> error;  ///< empty: the command succeeded
 };
 

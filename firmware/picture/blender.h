@@ -28,7 +28,7 @@ namespace nodal::firmware {
 ///
 /// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
-/// Ownership: holds a loan of the set under way; its pool lends the pixels that go with a raymap.
+/// Ownership: holds a loan of the set being blended; its pool lends the pixels of raymaps.
 /// Errors: none; sets that make no raymap are counted.
 class Blender {
  public:
@@ -70,7 +70,7 @@ class Blender {
   const RecentTimes& times() const { return times_; }
   /// Rises with every piece of work. If it does not rise while !idle(), the stage hangs.
   std::uint64_t progress() const { return progress_.load(std::memory_order_relaxed); }
-  /// No set is waiting or under way.
+  /// No set is queued or being blended.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
   /// The queue holds all sets that capture may offer at once. When a head stops delivering, the set that waited for it is

@@ -167,7 +167,7 @@ TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
     EXPECT_EQ(config->raymap.format, format);
   }
   expect_refused(kSmall + "format = \"YUYV\"\n[raymap]\nformat = \"RGB48\"\n", Errc::kBadValue,
-                 "raymap.format is \"RGB48\", which is made of heads' RGB24, but the format of head 'cam0' is YUYV");
+                 "raymap.format is \"RGB48\", which needs heads with RGB24, but the format of head 'cam0' is YUYV");
   expect_refused(kSmall + "[raymap]\nformat = \"YUYV\"\n", Errc::kBadValue,
                  "allowed is one of I420, NV12, RGB24, GREY, RGB48, GREY16");
 }
