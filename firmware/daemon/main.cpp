@@ -12,6 +12,7 @@
 #include <system_error>
 #include <thread>
 
+#include "firmware/daemon/board_ports.h"
 #include "firmware/daemon/bridge.h"
 #include "firmware/daemon/end_deadline.h"
 #include "firmware/daemon/log.h"
@@ -19,7 +20,6 @@
 #include "firmware/daemon/options.h"
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
-#include "firmware/daemon/world.h"
 #include "hal/linux/link/standard_descriptors.h"
 
 namespace nodal::daemon {
@@ -102,18 +102,18 @@ void close(firmware::Rig& rig) noexcept {
 }
 
 /// Runs the rig until a signal arrives.
-void run_rig(World& world, const Options& options, const firmware::RigConfig& config, EndDeadline& deadline) {
-  firmware::Rig rig(config, world.ports(), kSoftware);
-  for (const std::string& address : world.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
+void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfig& config, EndDeadline& deadline) {
+  firmware::Rig rig(config, ports.ports(), kSoftware);
+  for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
 
   RigThreads::Hooks hooks;
   hooks.log = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
   hooks.waits_for = [&deadline](const char* thread) { deadline.waits_for(thread); };
-  if (world.has_virtual_time()) {
-    hooks.idle_capture = [&world, &rig] {
+  if (ports.has_virtual_time()) {
+    hooks.idle_capture = [&ports, &rig] {
       // Before a calibration is in force, virtual time runs no faster than real time.
       if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(milliseconds(1));
-      world.advance(Duration::milliseconds(1));
+      ports.advance(Duration::milliseconds(1));
     };
   }
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
@@ -128,25 +128,25 @@ void run_rig(World& world, const Options& options, const firmware::RigConfig& co
 
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
         EndDeadline& deadline) {
-  auto world = World::make(config, base);
-  if (!world) return give_up(world.error(), kExitBadInput);
+  auto ports = BoardPorts::make(config, base);
+  if (!ports) return give_up(ports.error(), kExitBadInput);
   if (options.check) {
     std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
     return kExitFine;
   }
   log_line(LogLevel::kInfo, std::string(kSoftware) + ": " + describe(config));
-  (*world)->prepare();
+  (*ports)->prepare();
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
-  if (const Status opened = (*world)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
-  if (const Status listening = (*world)->listen(config.links); !listening) {
+  if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
+  if (const Status listening = (*ports)->listen(config.links); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
   // From here on outputs are driven, and wait_for_signal() takes the signals.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  const EndDeadline::Protection protection = deadline.protect([&world = **world] { world.make_safe(); });
-  run_rig(**world, options, config, deadline);
+  const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
+  run_rig(**ports, options, config, deadline);
   return kExitFine;
 }
 

@@ -52,9 +52,9 @@ Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig
       return fail(Errc::kBadValue, "panel.button is \"" + config.button + "\"; it " + std::string(kHow));
     }
   }
-  constexpr bool kDark = false;  // level of a lamp whose lease has expired
-  if (!config.status.empty()) ports->status_.emplace(kDark);
-  if (!config.tally.empty()) ports->tally_.emplace(kDark);
+  constexpr bool kLampOff = false;  // level of a lamp whose lease has expired
+  if (!config.status.empty()) ports->status_.emplace(kLampOff);
+  if (!config.tally.empty()) ports->tally_.emplace(kLampOff);
   return ports;
 }
 

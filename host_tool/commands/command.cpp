@@ -7,7 +7,9 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <new>
+#include <set>
 #include <sstream>
 
 #include "host_tool/commands/usage.h"
@@ -77,10 +79,27 @@ CLI::App* add_command(CLI::App& parent, const std::string& name, const std::stri
   return command;
 }
 
+/// CLI11 keeps what an option excludes in the order of its pointers, which differs from run to run; here by name.
+class OrderedHelp final : public CLI::Formatter {
+ public:
+  std::string make_option_opts(const CLI::Option* option) const override {
+    std::string text = CLI::Formatter::make_option_opts(option);
+    const std::string heading = " " + get_label("Excludes") + ":";
+    const std::size_t at = text.rfind(heading);
+    if (option->get_excludes().empty() || at == std::string::npos) return text;
+    std::set<std::string> names;
+    for (const CLI::Option* excluded : option->get_excludes()) names.insert(excluded->get_name());
+    text.resize(at + heading.size());
+    for (const std::string& name : names) text += " " + name;
+    return text;
+  }
+};
+
 CommandLine::CommandLine(Console& console)
     : console_(console),
       context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
+  app_.formatter(std::make_shared<OrderedHelp>());  // before there are subcommands, which inherit it
   app_.set_help_flag("-h,--help", "Explain, and stop");
   app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Say the version, and stop");
   app_.require_subcommand(1);

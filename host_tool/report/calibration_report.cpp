@@ -91,7 +91,7 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
 
 Json to_json(const CalibrationReport& report) {
   Json heads = Json::array();
-  for (const HeadReport& head : report.heads) {
+  for (const CalibratedHead& head : report.heads) {
     heads.push_back({{"name", head.name},
                      {"width", head.width},
                      {"height", head.height},
@@ -122,7 +122,7 @@ void show(Console& console, const CalibrationReport& report) {
                {"yaw", Table::Align::kRight},
                {"pitch", Table::Align::kRight},
                {"roll", Table::Align::kRight}});
-  for (const HeadReport& head : report.heads) {
+  for (const CalibratedHead& head : report.heads) {
     table.row({head.name, fmt::format("{}×{}", head.width, head.height), head.lens,
                fmt::format("{:.1f}°×{:.1f}°", head.horizontal_field, head.vertical_field), show_degrees(head.yaw),
                show_degrees(head.pitch), show_degrees(head.roll)});

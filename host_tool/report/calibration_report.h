@@ -11,7 +11,7 @@
 
 namespace nodal::host {
 
-struct HeadReport {
+struct CalibratedHead {
   std::string name;
   int width = 0;
   int height = 0;
@@ -24,7 +24,7 @@ struct HeadReport {
 struct CalibrationReport {
   std::string id;  ///< 64 hexadecimal digits
   std::string name;
-  std::vector<HeadReport> heads;
+  std::vector<CalibratedHead> heads;
   double unseen = 0;         ///< part of the sphere that no head sees, 0 .. 1
   double seen_twice = 0;     ///< part that at least two see
   double heads_per_ray = 0;  ///< on average

@@ -145,14 +145,14 @@ double feather(double part) {
 }
 
 /// By how much ray interpolation moves a place between four samples around `at`, whose fractions are (x, y).
-double moved_by_rays(const geometry::Head& head, const PlaneGrid& lie, geometry::Pixel at, Fractions place) {
+double moved_by_rays(const geometry::Head& head, const PlaneGrid& plane_grid, geometry::Pixel at, Fractions place) {
   const std::optional<geometry::Ray> ray = head.unproject(at);
   if (!ray) return kEndless;
   std::array<Eigen::Vector3d, 4> neighbours;
   for (std::size_t k = 0; k < 4; ++k) {
     const std::optional<geometry::Ray> neighbour =
-        head.unproject({at.x + (static_cast<double>(k & 1) - place.x) * lie.step_x,
-                        at.y + (static_cast<double>(k >> 1) - place.y) * lie.step_y});
+        head.unproject({at.x + (static_cast<double>(k & 1) - place.x) * plane_grid.step_x,
+                        at.y + (static_cast<double>(k >> 1) - place.y) * plane_grid.step_y});
     if (!neighbour) return kEndless;
     neighbours[k] = neighbour->direction();
   }
@@ -161,7 +161,7 @@ double moved_by_rays(const geometry::Head& head, const PlaneGrid& lie, geometry:
 }
 
 /// RaySampler::Plane::same_radius. What a lens does depends on the radius alone, and on how rows and columns lie to it.
-double same_radius(const geometry::Head& head, const PlaneGrid& lie) {
+double same_radius(const geometry::Head& head, const PlaneGrid& plane_grid) {
   constexpr int kRadii = 48;
   const HeadCalibration& c = head.calibration();
   double radius = 0;
@@ -170,7 +170,7 @@ double same_radius(const geometry::Head& head, const PlaneGrid& lie) {
     for (const double turn : {0.0, 0.4, 0.8, 1.2, 1.5707}) {
       const geometry::Pixel at{c.center_x + next * std::cos(turn), c.center_y + c.aspect * next * std::sin(turn)};
       for (const Fractions place : {Fractions{0.5, 0}, Fractions{0, 0.5}, Fractions{0.5, 0.5}}) {
-        if (!(moved_by_rays(head, lie, at, place) < RaySampler::kSamePlace)) return radius;
+        if (!(moved_by_rays(head, plane_grid, at, place) < RaySampler::kSamePlace)) return radius;
       }
     }
     radius = next;
@@ -210,9 +210,9 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
       const int rows = options.field ? head.height() / 2 : head.height();
       const ImageView picture = halved_chroma(packed_image(head_formats[h], head.width(), rows, nowhere));
       const PlaneView& plane = picture.planes[c];
-      const PlaneGrid lie =
+      const PlaneGrid plane_grid =
           options.field ? field_grid(head_formats[h], g, *options.field) : component_grid(head_formats[h], g);
-      planes[h] = {plane.width, plane.height, halved_chroma_grid(head_formats[h], g, lie)};
+      planes[h] = {plane.width, plane.height, halved_chroma_grid(head_formats[h], g, plane_grid)};
       planes[h].same_radius = same_radius(head, planes[h].on_picture);
     }
     sampler.planes_.push_back(planes);
@@ -227,9 +227,9 @@ std::span<const RaySample> RowSampler::at(int x) const {
 }
 
 std::optional<geometry::Ray> RaySampler::ray(int grid, int x, int y) const {
-  const PlaneGrid& lie = grids_[static_cast<std::size_t>(grid)].on_raymap;
-  return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - lie.offset_x) * lie.step_x),
-                      std::min<double>(layout_->height(), (y + 0.5 - lie.offset_y) * lie.step_y));
+  const PlaneGrid& plane_grid = grids_[static_cast<std::size_t>(grid)].on_raymap;
+  return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - plane_grid.offset_x) * plane_grid.step_x),
+                      std::min<double>(layout_->height(), (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y));
 }
 
 void RowSampler::sample(int grid, int y) {
@@ -297,11 +297,12 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
 RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
   const geometry::Head& head = rig_.heads()[sight.head];
   const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
-  const PlaneGrid& lie = picture.on_picture;
+  const PlaneGrid& plane_grid = picture.on_picture;
   // Within half a sample of the picture's edge there is no sample beyond: the edge's own is taken.
-  RaySample sample{sight.head, std::clamp(sight.pixel.x / lie.step_x + lie.offset_x - 0.5, 0.0, picture.width - 1.0),
-                   std::clamp(sight.pixel.y / lie.step_y + lie.offset_y - 0.5, 0.0, picture.height - 1.0), sight.weight,
-                   1};
+  RaySample sample{sight.head,
+                   std::clamp(sight.pixel.x / plane_grid.step_x + plane_grid.offset_x - 0.5, 0.0, picture.width - 1.0),
+                   std::clamp(sight.pixel.y / plane_grid.step_y + plane_grid.offset_y - 0.5, 0.0, picture.height - 1.0),
+                   sight.weight, 1};
   if (rig_.options().undo_vignetting) {
     sample.gain = rig_.optics()[sight.head].undo.undo(head.vignetting(sight.pixel));
   }
@@ -332,8 +333,9 @@ const RowSampler::CachedRay& RowSampler::ray_of(HeadIndex head, std::int32_t x, 
   if (rays.empty()) rays.resize(static_cast<std::size_t>(kColumns) * kRows);
   CachedRay& cached = rays[static_cast<std::size_t>((x & (kColumns - 1)) + (y & (kRows - 1)) * kColumns)];
   if (cached.x == x && cached.y == y) return cached;
-  const PlaneGrid& lie = rig_.plane(grid_, head).on_picture;
-  const geometry::Pixel pixel{(x + 0.5 - lie.offset_x) * lie.step_x, (y + 0.5 - lie.offset_y) * lie.step_y};
+  const PlaneGrid& plane_grid = rig_.plane(grid_, head).on_picture;
+  const geometry::Pixel pixel{(x + 0.5 - plane_grid.offset_x) * plane_grid.step_x,
+                              (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y};
   const std::optional<Eigen::Vector3d> direction = unproject(head, pixel);
   cached.x = x;
   cached.y = y;

@@ -216,14 +216,16 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
 /// Of rays that have no rows and columns: how many samples each has for its own, if they are even.
 double TileBuilder::square_between_rays(const Part& part) const {
   const RaySampler::Grid& grid = sampler_.grids()[static_cast<std::size_t>(grid_)];
-  const PlaneGrid& lie = sampler_.plane(grid_, part.head).on_picture;
+  const PlaneGrid& plane_grid = sampler_.plane(grid_, part.head).on_picture;
   const auto p = static_cast<std::size_t>(__builtin_ctzll(part.mask));
   const auto along = [](std::int32_t at, double offset, int step) {
     return (at / static_cast<double>(1 << kFractionBits) + 0.5 - offset) * step;
   };
-  const double density = sampler_.heads()[part.head].density(
-      {along(part.x[p], lie.offset_x, lie.step_x), along(part.y[p], lie.offset_y, lie.step_y)});
-  return density * 4 * std::numbers::pi / (static_cast<double>(grid.width) * grid.height) / (lie.step_x * lie.step_y);
+  const double density =
+      sampler_.heads()[part.head].density({along(part.x[p], plane_grid.offset_x, plane_grid.step_x),
+                                           along(part.y[p], plane_grid.offset_y, plane_grid.step_y)});
+  return density * 4 * std::numbers::pi / (static_cast<double>(grid.width) * grid.height) /
+         (plane_grid.step_x * plane_grid.step_y);
 }
 
 /// The level whose samples are about as far apart as the raymap's, which are a step along rows and one along columns.

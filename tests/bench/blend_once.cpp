@@ -17,8 +17,8 @@ namespace nodal::bench {
 namespace {
 
 /// Pictures whose samples are of any level: what a kernel does hardly depends on them.
-FrameSet noise(const Calibration& rig) {
-  FrameSet set;
+FilmedSet noise(const Calibration& rig) {
+  FilmedSet set;
   std::uint32_t state = 1;
   for (const HeadCalibration& head : rig.heads) {
     std::vector<std::uint8_t>& memory =
@@ -36,7 +36,7 @@ void blend(blend::Kernel kernel, bool light) {
   const blend::BlendTable table = table::compile_blend_table(work.rig, work.raymap, formats, options_of(light)).value();
   blend::SetTone tone = blend::calibrated_tone(table);
   if (light) add_curves(tone);
-  const FrameSet set = noise(work.rig);
+  const FilmedSet set = noise(work.rig);
   Levels levels(table);
   Pool alone(1);
   const blend::Pictures pictures = levels.make(set.heads, alone);

@@ -22,10 +22,10 @@ class Films {
     sets_.push_back(film(rig, format, 1));
     while (sets_.size() < count) sets_.push_back(copy(sets_.front()));
   }
-  const FrameSet& at(std::size_t set) const { return sets_[set % sets_.size()]; }
+  const FilmedSet& at(std::size_t set) const { return sets_[set % sets_.size()]; }
 
  private:
-  std::vector<FrameSet> sets_;
+  std::vector<FilmedSet> sets_;
 };
 
 /// Raymaps to write to, in lines of 64 bytes.

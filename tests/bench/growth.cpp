@@ -45,7 +45,7 @@ struct Rig {
   }
 
   Workload work;
-  FrameSet film;
+  FilmedSet film;
   std::unique_ptr<Outputs> out;
   std::array<std::unique_ptr<blend::BlendTable>, 2> tables;
   std::array<blend::SetTone, 2> tones;

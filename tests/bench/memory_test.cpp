@@ -54,7 +54,7 @@ class MemoryOf {
                        "\"\nrate = \"25\"\n[raymap]\nwidth = " + std::to_string(work.raymap.width) +
                        "\nheight = " + std::to_string(work.raymap.height) +
                        "\n[trigger]\nstart = true\n[links]\nunix = \"sock\"\n[store]\nfolder = \"store\"\n";
-    const FrameSet set = film(work.rig, PixelFormat::kI420, 1);
+    const FilmedSet set = film(work.rig, PixelFormat::kI420, 1);
     for (std::size_t h = 0; h < set.heads.size(); ++h) {
       const std::string& name = work.rig.heads[h].name;
       write_jpeg(folder_ / (name + ".jpg"), set.heads[h]);

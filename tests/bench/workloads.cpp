@@ -128,8 +128,8 @@ double Hammersley::solid_angle(int, int) const {
   return 4 * std::numbers::pi / (static_cast<double>(width()) * height());
 }
 
-FrameSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
-  FrameSet set;
+FilmedSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
+  FilmedSet set;
   std::uint32_t noise = 2654435761U * (seed + 1);
   for (const HeadCalibration& calibration : rig.heads) {
     const geometry::Head head = geometry::Head::make(calibration).value();
@@ -137,12 +137,13 @@ FrameSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
     const MutableImageView image = packed_image(format, head.width(), head.height(), memory.data());
     for (int c = 0; c < component_count(format); ++c) {
       const MutablePlaneView& plane = image.planes[static_cast<std::size_t>(c)];
-      const PlaneGrid lie = component_grid(format, c);
+      const PlaneGrid plane_grid = component_grid(format, c);
       const bool chroma = format != PixelFormat::kRgb24 && c > 0;
       for (int y = 0; y < plane.height; ++y) {
         for (int x = 0; x < plane.width; ++x) {
           noise = noise * 1664525U + 1013904223U;
-          const geometry::Pixel at{(x + 0.5 - lie.offset_x) * lie.step_x, (y + 0.5 - lie.offset_y) * lie.step_y};
+          const geometry::Pixel at{(x + 0.5 - plane_grid.offset_x) * plane_grid.step_x,
+                                   (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y};
           const std::optional<geometry::Ray> ray = head.unproject(at);
           const double own = ray ? scene(ray->direction(), c, seed) : 0;
           const double light = calibration.gain[0] * head.vignetting(at);
@@ -157,8 +158,8 @@ FrameSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
   return set;
 }
 
-FrameSet copy(const FrameSet& set) {
-  FrameSet other{set.memory, {}};
+FilmedSet copy(const FilmedSet& set) {
+  FilmedSet other{set.memory, {}};
   for (std::size_t h = 0; h < set.heads.size(); ++h) {
     const ImageView& head = set.heads[h];
     other.heads.push_back(packed_image(head.format, head.width, head.height, std::as_const(other.memory[h]).data()));

@@ -41,15 +41,15 @@ class Hammersley final : public geometry::RaymapLayout {
 };
 
 /// The pictures of all heads for one trigger, packed, with memory of their own.
-struct FrameSet {
+struct FilmedSet {
   std::vector<std::vector<std::uint8_t>> memory;
   std::vector<ImageView> heads;
 };
 
 /// The rig in a scene of waves of every fineness down to two pixels, and a little noise. Every head sees the same
 /// scene, as light falls into it and its gain makes it; what they see is full range, no head is clipped.
-FrameSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed);
+FilmedSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed);
 /// The same in other memory.
-FrameSet copy(const FrameSet& set);
+FilmedSet copy(const FilmedSet& set);
 
 }  // namespace nodal::bench

@@ -1,4 +1,4 @@
-// A rig that lies cannot make `nodal` take memory, hang, crash, or write control characters on a terminal.
+// A rig with false messages cannot make `nodal` take memory, hang, crash, or write control characters on a terminal.
 #include "lying_rig.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 namespace nodal::command_line {
 namespace {
 
-class Liar final : public LyingRig {
+class ScriptedRig final : public LyingRig {
  public:
   using LyingRig::first_piece;
   using LyingRig::frame;
@@ -24,17 +24,17 @@ class Liar final : public LyingRig {
   using LyingRig::reply;
   using LyingRig::waiting;
 
-  std::function<void(Liar&, const wire::Request&)> lie;
+  std::function<void(ScriptedRig&, const wire::Request&)> respond;
 
  private:
   void on(const wire::Request& request) override {
-    if (lie) lie(*this, request);
+    if (respond) respond(*this, request);
   }
 };
 
 constexpr StreamId kStream = 2;  // the first that a rig opens
 
-void start_pull(Liar& rig, const wire::Request& request) {
+void start_pull(ScriptedRig& rig, const wire::Request& request) {
   wire::Reply started;
   started.mutable_pull()->set_stream(kStream);
   rig.open_stream(kStream, StreamPolicy::kLossless);
@@ -56,8 +56,8 @@ class LyingRigs : public RigTest {
   LyingRigs() : rig_(path("nodal.sock")) {}
 
   /// `nodal WORDS` with 600 MB of address space, against a rig that lies so.
-  Finished against(std::function<void(Liar&, const wire::Request&)> lie, const std::string& words) {
-    rig_.lie = std::move(lie);
+  Finished against(std::function<void(ScriptedRig&, const wire::Request&)> respond, const std::string& words) {
+    rig_.respond = std::move(respond);
 #ifdef __SANITIZE_ADDRESS__
     const std::string limit;  // it takes terabytes of address space for itself
 #else
@@ -77,41 +77,41 @@ class LyingRigs : public RigTest {
     return process.wait(std::chrono::seconds(1));
   }
 
-  Liar rig_;
+  ScriptedRig rig_;
 };
 
 // --- what is announced, and not sent ---------------------------------------------------------------------
 
 TEST_F(LyingRigs, RaymapLongerThanItsHeaderSays_IsRefusedBeforeAByteOfIt) {
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (!request.has_pull()) return;
     start_pull(rig, request);
     rig.first_piece(kStream, 0, raymap_meta(2048, 1024, "I420"), std::uint64_t{2} << 30, std::string(1000, 'x'));
   };
-  const Finished run = against(lie, "raymap pull --format raw --out " + path("r.raw"));
+  const Finished run = against(respond, "raymap pull --format raw --out " + path("r.raw"));
   EXPECT_EQ(run.code, 4) << run.err;
   EXPECT_NE(run.err.find("the rig announced a raymap of 2"), std::string::npos) << run.err;
 }
 
 TEST_F(LyingRigs, LargestRaymapAnnouncedAndNotSent_TakesNoMemory) {
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (!request.has_pull()) return;
     start_pull(rig, request);
     rig.first_piece(kStream, 0, raymap_meta(16384, 8192, "RGB48"), bytes_of(PixelFormat::kRgb48, 16384, 8192),
                     std::string(1000, 'x'));
   };
-  const Finished run = against(lie, "raymap pull --format raw --out " + path("r.raw"));
+  const Finished run = against(respond, "raymap pull --format raw --out " + path("r.raw"));
   EXPECT_EQ(run.code, 3) << run.err;
   EXPECT_NE(run.err.find("the rig has sent nothing for"), std::string::npos) << run.err;
 }
 
 TEST_F(LyingRigs, RaymapOfACodingNobodyAskedFor_IsRefused) {
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (!request.has_pull()) return;
     start_pull(rig, request);
     rig.first_piece(kStream, 0, raymap_meta(16384, 8192, "RGB48"), 10, std::string(10, 'x'));
   };
-  const Finished run = against(lie, "raymap pull --out " + path("r.jpg"));
+  const Finished run = against(respond, "raymap pull --out " + path("r.jpg"));
   EXPECT_EQ(run.code, 4) << run.err;
   EXPECT_NE(run.err.find("which was not asked for"), std::string::npos) << run.err;
 }
@@ -128,7 +128,7 @@ std::string frame_set_meta(std::uint32_t side) {
   return header.SerializeAsString();
 }
 
-void answer_calibration(Liar& rig, const wire::Request& request) {
+void answer_calibration(ScriptedRig& rig, const wire::Request& request) {
   wire::Reply reply;
   reply.mutable_calibration()->set_json(to_json(six_heads("six")));
   rig.reply(request, reply);
@@ -136,20 +136,20 @@ void answer_calibration(Liar& rig, const wire::Request& request) {
 
 TEST_F(LyingRigs, FrameSetAnnouncedAndNotSent_TakesNoMemory) {
   rig_.hello.add_features("frame-sets");
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (request.has_calibration_get()) answer_calibration(rig, request);
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
     rig.first_piece(kStream, 0, frame_set_meta(8000), 1'000'000'000, std::string(1000, 'x'));
   };
-  const Finished run = against(lie, "drift");
+  const Finished run = against(respond, "drift");
   EXPECT_EQ(run.code, 3) << run.err;
   EXPECT_NE(run.err.find("timeout (303)"), std::string::npos) << run.err;
 }
 
 TEST_F(LyingRigs, SecondFrameSetOnItsStream_IsRefused) {
   rig_.hello.add_features("frame-sets");
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (request.has_calibration_get()) answer_calibration(rig, request);
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
@@ -157,7 +157,7 @@ TEST_F(LyingRigs, SecondFrameSetOnItsStream_IsRefused) {
       rig.first_piece(kStream, item, frame_set_meta(10), 1800, std::string(1800, 'x'));
     }
   };
-  const Finished run = against(lie, "drift");
+  const Finished run = against(respond, "drift");
   EXPECT_EQ(run.code, 3) << run.err;
   EXPECT_NE(run.err.find("second frame set"), std::string::npos) << run.err;
 }
@@ -165,13 +165,13 @@ TEST_F(LyingRigs, SecondFrameSetOnItsStream_IsRefused) {
 // --- lists -----------------------------------------------------------------------------------------------
 
 TEST_F(LyingRigs, MegabyteOfEmptyHeads_IsRefusedBeforeItIsRead) {
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     if (!request.has_heads()) return;
     wire::Reply reply;
     for (int i = 0; i < 500'000; ++i) reply.mutable_heads()->add_heads();
     rig.reply(request, reply);
   };
-  const Finished run = against(lie, "heads");
+  const Finished run = against(respond, "heads");
   EXPECT_EQ(run.code, 4) << run.err;
   EXPECT_NE(run.err.find("that is not a calibration"), std::string::npos) << run.err;
 }
@@ -223,12 +223,12 @@ TEST_F(LyingRigs, ListsOverTheirLimits_AreRefused) {
        }},
   };
   for (const Case& c : cases) {
-    const auto lie = [&c](Liar& rig, const wire::Request& request) {
+    const auto respond = [&c](ScriptedRig& rig, const wire::Request& request) {
       wire::Reply reply;
       c.fill(reply);
       rig.reply(request, reply);
     };
-    const Finished run = against(lie, c.words);
+    const Finished run = against(respond, c.words);
     EXPECT_EQ(run.code, 4) << c.words << ": " << run.err;
     const std::string what = c.what;
     EXPECT_NE(run.err.find(what.substr(what.find('|') + 1)), std::string::npos) << c.words << ": " << run.err;
@@ -239,20 +239,20 @@ TEST_F(LyingRigs, ListsOverTheirLimits_AreRefused) {
 
 TEST_F(LyingRigs, StreamsWithoutEndInPlaceOfAnAnswer_EndWithinTheirWindows) {
   bool asked = false;
-  const auto lie = [&asked](Liar& rig, const wire::Request&) {
+  const auto respond = [&asked](ScriptedRig& rig, const wire::Request&) {
     if (std::exchange(asked, true)) return;
     rig.open_stream(kStream, StreamPolicy::kLossless);
     for (std::uint64_t item = 0; item < 100; ++item) {  // 6 MB, and no more than 4 MiB may be under way
       rig.first_piece(kStream, item, "", 60'000, std::string(60'000, 'x'));
     }
   };
-  const Finished run = against(lie, "status");
+  const Finished run = against(respond, "status");
   EXPECT_EQ(run.code, 3) << run.err;
   EXPECT_NE(run.err.find("more bytes came than there was credit for"), std::string::npos) << run.err;
 }
 
 TEST_F(LyingRigs, AnswersToNoQuestion_AreDropped) {
-  const auto lie = [](Liar& rig, const wire::Request& request) {
+  const auto respond = [](ScriptedRig& rig, const wire::Request& request) {
     wire::Request other;
     for (std::uint64_t id = 1000; id < 1200; ++id) {
       other.set_id(id);
@@ -264,7 +264,7 @@ TEST_F(LyingRigs, AnswersToNoQuestion_AreDropped) {
     answer.mutable_status()->set_state("running");
     rig.reply(request, answer);
   };
-  const Finished run = against(lie, "--json status");
+  const Finished run = against(respond, "--json status");
   EXPECT_EQ(run.code, 0) << run.err;
   EXPECT_EQ(Json::parse(run.out)["state"], "running");
 }
@@ -282,7 +282,7 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
       "31m";
   rig_.hello.set_rig_name(evil);
   rig_.hello.set_software(evil);
-  const auto lie = [&evil](Liar& rig, const wire::Request& request) {
+  const auto respond = [&evil](ScriptedRig& rig, const wire::Request& request) {
     wire::Reply reply;
     if (request.has_status()) {
       wire::RigStatus& status = *reply.mutable_status();
@@ -320,12 +320,12 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
   };
   for (const std::string words : {"status", "status --watch --count 2 --interval 1ms", "heads", "calibration list",
                                   "genlock show", "exposure show", "hosts", "audit"}) {
-    const Finished run = against(lie, words);
+    const Finished run = against(respond, words);
     EXPECT_FALSE(has_controls(run.out)) << words << ": " << run.out;
     EXPECT_FALSE(has_controls(run.err)) << words << ": " << run.err;
     EXPECT_EQ((run.out + run.err).find("\nnodal: all is well"), std::string::npos) << words;
     EXPECT_EQ((run.out + run.err).find("\xC2\x9B"), std::string::npos) << words;
-    const Finished json = against(lie, "--json " + words);
+    const Finished json = against(respond, "--json " + words);
     std::istringstream lines(json.out);
     for (std::string line; std::getline(lines, line);)
       EXPECT_FALSE(Json::parse(line, nullptr, false).is_discarded()) << line;

@@ -138,12 +138,14 @@ void check_sim_head(ByteReader& in) {
   auto port = world.enumerator().open("sim:cam0");
   NODAL_ASSERT(port);
   const Instant from = world.clock().now();
-  NODAL_ASSERT((*port)->start(hal::TriggerMode::kFreeRun));
+  const Status started = (*port)->start(hal::TriggerMode::kFreeRun);
+  NODAL_ASSERT(started);
   for (int i = 0; i < kPauses && in.left() > 0; ++i) {
     pause(in, world.clock());
     int frames = 0;
     for (auto frame = (*port)->take_frame(); frame && *frame; frame = (*port)->take_frame()) {
-      NODAL_ASSERT(++frames <= options.head.buffers);
+      ++frames;
+      NODAL_ASSERT(frames <= options.head.buffers);
       (*port)->release((*frame)->slot);
     }
     const hal::sim::HeadCounts& c = world.head(0).counts();
@@ -186,8 +188,10 @@ void check_replay_head(ByteReader& in) {
   hal::TriggerSettings settings;
   settings.rate = *rate;
   settings.pulse_width = Duration::microseconds(100);
-  if (pulsed) NODAL_ASSERT(deck.trigger().start(settings));
-  NODAL_ASSERT((*port)->start(pulsed ? hal::TriggerMode::kExternal : hal::TriggerMode::kFreeRun));
+  const Status pulses = pulsed ? deck.trigger().start(settings) : Status();
+  NODAL_ASSERT(pulses);
+  const Status started = (*port)->start(pulsed ? hal::TriggerMode::kExternal : hal::TriggerMode::kFreeRun);
+  NODAL_ASSERT(started);
   const Instant from = pulsed ? clock.now() : Instant();
   // Pulse 0 has gone out when a pulsed head starts; a free one has the grid's frames until now behind it.
   const std::uint64_t before = frames_begun(*rate, clock.now() - from);
@@ -196,7 +200,8 @@ void check_replay_head(ByteReader& in) {
     int frames = 0;
     std::optional<std::uint32_t> newest;
     for (auto frame = (*port)->take_frame(); frame && *frame; frame = (*port)->take_frame()) {
-      NODAL_ASSERT(++frames <= options.buffers);
+      ++frames;
+      NODAL_ASSERT(frames <= options.buffers);
       newest = (*frame)->sequence;
       (*port)->release((*frame)->slot);
     }

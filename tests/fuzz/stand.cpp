@@ -55,7 +55,9 @@ std::unique_ptr<hal::sim::SimDisk> Stand::new_disk() {
   static const auto made = [] {
     auto disk = std::make_unique<hal::sim::SimDisk>();
     auto store = firmware::CalibrationStore::open(*disk);
-    NODAL_ASSERT(store && store->put(calibrations()[0]) && store->set_in_force(calibration_id(calibrations()[0])));
+    const bool stored =
+        store && store->put(calibrations()[0]) && store->set_in_force(calibration_id(calibrations()[0]));
+    NODAL_ASSERT(stored);
     return disk;
   }();
   return made->after_kill();
@@ -120,7 +122,9 @@ void Stand::run(Duration duration) {
     }
     const swarm::Event event = world_.queue().next();
     if (event.at > now) at_once = 0;
-    NODAL_ASSERT(++events <= most && ++at_once <= kEventsAtOnce);  // time stands still for somebody
+    ++events;
+    ++at_once;
+    NODAL_ASSERT(events <= most && at_once <= kEventsAtOnce);  // more: virtual time no longer advances
     if (event.at > now) {
       served_ = served_ + (event.at - now);
       now = event.at;

@@ -93,7 +93,8 @@ void check_store(hal::sim::SimDisk& disk) {
   if (store->before()) NODAL_ASSERT(lists(*store, *store->before()));
   for (const Calibration& calibration : Stand::calibrations()) {
     const Sha256 id = calibration_id(calibration);
-    NODAL_ASSERT(store->put(calibration) && store->set_in_force(id) && store->in_force() == id);
+    const bool stored = store->put(calibration) && store->set_in_force(id);
+    NODAL_ASSERT(stored && store->in_force() == id);
   }
   NODAL_ASSERT(store->before() == calibration_id(Stand::calibrations()[0]));
   NODAL_ASSERT(store->set_in_force(Sha256(*store->before())));

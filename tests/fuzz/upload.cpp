@@ -62,7 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (receiver.write(document.sha256, offset, piece)) NODAL_ASSERT(begun.contains(which));
         break;
       }
-      case 2: {  // a liar
+      case 2: {  // other bytes than the SHA-256 is of
         const std::vector<std::uint8_t> wrong(count, 0xEE);
         if (receiver.write(document.sha256, offset, wrong)) spoilt[which] = true;
         break;
@@ -72,14 +72,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (taken) NODAL_ASSERT(*taken == document.bytes);
         if (!taken && taken.error().code == Errc::kChecksum) NODAL_ASSERT(spoilt[which]);
         if (!taken && taken.error().code == Errc::kTruncated) break;
-        NODAL_ASSERT(!receiver.write(document.sha256, 0, {}).has_value());  // forgotten, either way
+        const Status again = receiver.write(document.sha256, 0, {});
+        NODAL_ASSERT(!again);  // forgotten, whether it was whole or not
         begun.erase(which);
         break;
       }
-      default:
+      default: {
         receiver.forget(document.sha256);
-        NODAL_ASSERT(receiver.take(document.sha256).error().code == Errc::kNotFound);
         begun.erase(which);
+        const auto gone = receiver.take(document.sha256);
+        NODAL_ASSERT(!gone && gone.error().code == Errc::kNotFound);
+      }
     }
   }
   return 0;

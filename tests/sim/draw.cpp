@@ -67,14 +67,14 @@ std::string_view name_of(RigFault fault) {
   return names[static_cast<std::size_t>(fault)];
 }
 
-Nature draw_nature(std::uint64_t seed, const Wish& wish) {
+Nature draw_nature(std::uint64_t seed, const DrawOptions& options) {
   hal::sim::Random random(seed, "nature");
   Nature nature;
   nature.seed = seed;
-  nature.heads = wish.heads ? wish.heads : 2 + static_cast<int>(random.below(random.chance(300'000) ? 15 : 7));
-  nature.rate = wish.ntsc ? FrameRate{} : draw_rate(random);
-  nature.genlocked = wish.ntsc || random.chance(600'000);
-  nature.hosts = wish.faults && random.chance(500'000);
+  nature.heads = options.heads ? options.heads : 2 + static_cast<int>(random.below(random.chance(300'000) ? 15 : 7));
+  nature.rate = options.ntsc ? FrameRate{} : draw_rate(random);
+  nature.genlocked = options.ntsc || random.chance(600'000);
+  nature.hosts = options.faults && random.chance(500'000);
   nature.look_every = Duration::milliseconds(10);
   nature.poll = Duration::microseconds(500 + 500 * static_cast<std::int64_t>(random.below(4)));
   nature.blend_every = 8 + static_cast<int>(random.below(24));
@@ -85,7 +85,7 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
   const bool exposures_jitter = random.chance(500'000);
   const Duration jitter = up_to(random, Duration::microseconds(200));
   hal::sim::Random interlaced(seed, "fields");
-  if (!wish.ntsc && interlaced.chance(250'000)) {
+  if (!options.ntsc && interlaced.chance(250'000)) {
     nature.fields = interlaced.chance(500'000) ? Fields::kTopFirst : Fields::kBottomFirst;
   }
   for (int i = 0; i < nature.heads; ++i) {
@@ -107,9 +107,9 @@ Nature draw_nature(std::uint64_t seed, const Wish& wish) {
     for (HeadNature& head : nature.head) head.buffers += static_cast<int>(firmware::held_at_most(nature.reader->sets));
   }
   hal::sim::Random hostile(seed, "hostile");
-  nature.hostile = wish.faults && (wish.hostile || hostile.chance(125'000));
+  nature.hostile = options.faults && (options.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");
-  if (!wish.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
+  if (!options.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
   return nature;
 }
 

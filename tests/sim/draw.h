@@ -93,14 +93,14 @@ struct Nature {
   std::optional<ReaderNature> reader;  ///< something else reads the sets and raymaps, too
 };
 
-struct Wish {
+struct DrawOptions {
   bool faults = true;    ///< false: nothing goes wrong
   int heads = 0;         ///< 0: drawn
   bool ntsc = false;     ///< 29.97 a second and genlocked, not drawn
   bool hostile = false;  ///< all that befalls the rig is hostile clients
 };
 
-Nature draw_nature(std::uint64_t seed, const Wish& wish);
+Nature draw_nature(std::uint64_t seed, const DrawOptions& options);
 
 /// A rig.toml for it, and one of two calibrations; under the first a grey picture's level is kept, under the second
 /// it is halved.

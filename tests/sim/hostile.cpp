@@ -122,7 +122,7 @@ void Hostile::go_on(Instant now) {
       take_everything();
       break;
     case HostileKind::kFlooding: flood(); break;
-    case HostileKind::kLying: lie(); break;
+    case HostileKind::kLying: send_invalid_frame(); break;
     case HostileKind::kJunk: upload_junk(); break;
     case HostileKind::kConnectStorm:
       line_.reset();
@@ -235,7 +235,7 @@ wire::Request Hostile::extreme_request() {
   return request;
 }
 
-void Hostile::lie() {
+void Hostile::send_invalid_frame() {
   read_all();
   line_->write();
   wire::StreamCredit credit;

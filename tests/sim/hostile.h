@@ -54,7 +54,7 @@ class Hostile {
   void pull(bool lossless, int times);
   void take_everything();
   void flood();
-  void lie();
+  void send_invalid_frame();
   void upload_junk();
   wire::Request useless_request();
   wire::Request extreme_request();

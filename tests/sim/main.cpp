@@ -24,7 +24,7 @@ struct Options {
   bool coverage = false;  ///< every state x fault x how many must have been visited
   bool quiet = false;
   bool canary = false;  ///< a bug was planted: success is to find it
-  Wish wish;
+  DrawOptions draw;
   std::string program;
 };
 
@@ -42,10 +42,10 @@ struct Report {
 std::string replay(const Options& options, std::uint64_t seed) {
   std::string command =
       options.program + " --seed " + std::to_string(seed) + " --minutes " + std::to_string(options.minutes);
-  if (!options.wish.faults) command += " --no-faults";
-  if (options.wish.heads) command += " --heads " + std::to_string(options.wish.heads);
-  if (options.wish.ntsc) command += " --ntsc";
-  if (options.wish.hostile) command += " --hostile";
+  if (!options.draw.faults) command += " --no-faults";
+  if (options.draw.heads) command += " --heads " + std::to_string(options.draw.heads);
+  if (options.draw.ntsc) command += " --ntsc";
+  if (options.draw.hostile) command += " --hostile";
   return command;
 }
 
@@ -54,7 +54,7 @@ void work(const Options& options, int job, Report& report) {
   const auto jobs = static_cast<std::uint64_t>(options.jobs);
   for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.seeds && !report.stop; i += jobs) {
     report.seed = options.first + i;
-    const Outcome outcome = Swarm(report.seed, options.wish).run(Duration::seconds(60 * options.minutes));
+    const Outcome outcome = Swarm(report.seed, options.draw).run(Duration::seconds(60 * options.minutes));
     report.tally.add(outcome.tally);
     report.trace += outcome.trace * (2 * report.seed + 1);  // in whatever order
     ++report.done;
@@ -178,7 +178,7 @@ int run(const Options& options) {
               static_cast<long long>(took.count() / 1000), static_cast<long long>(took.count() % 1000 / 100),
               static_cast<unsigned long long>(all.trace));
   if (!options.quiet) print_tally(all.tally);
-  if (!options.wish.faults && (lost_in(all.tally) > 0 || all.tally.full_sets != all.tally.sets)) {
+  if (!options.draw.faults && (lost_in(all.tally) > 0 || all.tally.full_sets != all.tally.sets)) {
     std::printf("FAILED: nothing went wrong, and frames were lost or sets not full\n");
     ++failures;
   }
@@ -208,9 +208,9 @@ bool parse(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; ++i) {
     const std::string flag = argv[i];
     if (flag == "--coverage") options.coverage = true;
-    else if (flag == "--no-faults") options.wish.faults = false;
-    else if (flag == "--ntsc") options.wish.ntsc = true;
-    else if (flag == "--hostile") options.wish.hostile = true;
+    else if (flag == "--no-faults") options.draw.faults = false;
+    else if (flag == "--ntsc") options.draw.ntsc = true;
+    else if (flag == "--hostile") options.draw.hostile = true;
     else if (flag == "--quiet") options.quiet = true;
     else if (flag == "--canary") options.canary = true;
     else {
@@ -223,7 +223,7 @@ bool parse(int argc, char** argv, Options& options) {
       else if (flag == "--seed") options.first = value, options.seeds = 1, options.jobs = 1;
       else if (flag == "--minutes") options.minutes = static_cast<std::int64_t>(value);
       else if (flag == "--jobs") options.jobs = std::max(1, static_cast<int>(value));
-      else if (flag == "--heads" && value >= 1 && value <= kMaxHeads) options.wish.heads = static_cast<int>(value);
+      else if (flag == "--heads" && value >= 1 && value <= kMaxHeads) options.draw.heads = static_cast<int>(value);
       else return false;
     }
   }

@@ -68,11 +68,11 @@ namespace {
 class SteadyState : public testing::Test {
  protected:
   static Nature nature_of_ten() {
-    Wish wish;
-    wish.faults = false;
-    wish.heads = 10;
-    wish.ntsc = true;
-    return draw_nature(1, wish);
+    DrawOptions options;
+    options.faults = false;
+    options.heads = 10;
+    options.ntsc = true;
+    return draw_nature(1, options);
   }
   static firmware::RigConfig config() {
     firmware::RigConfig wider = config_of(nature_of_ten());

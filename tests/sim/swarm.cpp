@@ -10,9 +10,9 @@ constexpr int kStepsALook = 16;  ///< of control, which goes on at once while it
 
 }  // namespace
 
-Swarm::Swarm(std::uint64_t seed, const Wish& wish)
-    : wish_(wish),
-      nature_(draw_nature(seed, wish)),
+Swarm::Swarm(std::uint64_t seed, const DrawOptions& options)
+    : options_(options),
+      nature_(draw_nature(seed, options)),
       random_(seed, "plan"),
       world_(nature_),
       oracle_(world_, nature_, outcome_.tally),
@@ -27,7 +27,8 @@ Swarm::Swarm(std::uint64_t seed, const Wish& wish)
   }
   // The first is in force as if it had been uploaded before.
   auto store = firmware::CalibrationStore::open(*disk_);
-  NODAL_ASSERT(store && store->put(calibration_of(nature_, 0)) && store->set_in_force(documents_.id[0]));
+  const bool stored = store && store->put(calibration_of(nature_, 0)) && store->set_in_force(documents_.id[0]);
+  NODAL_ASSERT(stored);
   documents_.sure = 0;
   start_process();
 }
@@ -41,7 +42,7 @@ Swarm::~Swarm() {
 
 Outcome Swarm::run(Duration how_long) {
   end_ = world_.now() + how_long;
-  if (wish_.faults) plan_next(Duration::seconds(3));
+  if (options_.faults) plan_next(Duration::seconds(3));
   if (nature_.hosts) world_.queue().plan(world_.now() + kHostsAct, EventKind::kHost);
   while (!oracle_.failure()) {
     const Event event = world_.queue().next();

@@ -32,7 +32,7 @@ struct Outcome {
 /// Errors: in the outcome.
 class Swarm {
  public:
-  Swarm(std::uint64_t seed, const Wish& wish);
+  Swarm(std::uint64_t seed, const DrawOptions& options);
   ~Swarm();
 
   Outcome run(Duration how_long);
@@ -88,7 +88,7 @@ class Swarm {
   Duration periods(std::int64_t n) const { return nature_.rate.period() * n; }
   std::string where() const;
 
-  const Wish wish_;
+  const DrawOptions options_;
   const Nature nature_;
   hal::sim::Random random_;
   World world_;

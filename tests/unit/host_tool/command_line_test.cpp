@@ -92,9 +92,16 @@ TEST(CommandLine, AWordThatIsNoCommand_IsShownWithoutControlCharacters) {
   EXPECT_EQ(run.err.find('\x1b'), std::string::npos);
 }
 
+TEST(CommandLine, WhatAnOptionExcludes_IsListedByName) {
+  const std::string help = Outcome({"raymap", "pull", "--help"}).out;
+  EXPECT_NE(help.find("Excludes: --continuous --for"), std::string::npos) << help;
+  EXPECT_NE(help.find("Excludes: --continuous --count"), std::string::npos) << help;
+  EXPECT_NE(help.find("Excludes: --count --for"), std::string::npos) << help;
+}
+
 TEST(CommandLine, HelpAndVersion_AreWordsToo) {
   EXPECT_EQ(Outcome({"help"}).out, Outcome({"--help"}).out);
-  EXPECT_EQ(Outcome({"help", "genlock", "start"}).out, Outcome({"genlock", "start", "--help"}).out);
+  EXPECT_EQ(Outcome({"help", "raymap", "pull"}).out, Outcome({"raymap", "pull", "--help"}).out);
   for (const char* word : {"version", "-V"}) EXPECT_EQ(Outcome({word}).out, Outcome({"--version"}).out) << word;
   EXPECT_EQ(Outcome({"help"}).code, ExitCode::kOk);
 }

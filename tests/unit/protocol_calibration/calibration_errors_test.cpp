@@ -84,7 +84,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadText{"Missing", swap("\"width\": 720,", ""), Errc::kMissingField, {"head 'cam5'", "'width' is missing"}},
         BadText{"MissingHeads", swap("\"heads\"", "\"haeds\""), Errc::kMissingField, {"'heads' is missing"}},
         BadText{"MissingDeep", swap("\"focal\": 490, ", ""), Errc::kMissingField, {"head 'cam5': lens", "'focal'"}},
-        BadText{"Twice",
+        BadText{"DuplicateKey",
                 swap("\"width\": 720,", "\"width\": 720, \"width\": 721,"),
                 Errc::kBadFormat,
                 {"'width' is given twice"}},

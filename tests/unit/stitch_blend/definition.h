@@ -135,9 +135,9 @@ class Definition {
     if (c == 0) return sample(share, 0) / 128;
     const ImageView& head = heads_[share.record->head()];
     const PlaneView& luma = head.planes[0];
-    const PlaneGrid lie = halved_chroma_grid(head.format, 1, component_grid(head.format, 1));
-    const int x = std::min((share.record->left + share.x / 4096) * lie.step_x, luma.width - 1);
-    const int y = std::min((share.record->top + share.y / 4096) * lie.step_y, luma.height - 1);
+    const PlaneGrid plane_grid = halved_chroma_grid(head.format, 1, component_grid(head.format, 1));
+    const int x = std::min((share.record->left + share.x / 4096) * plane_grid.step_x, luma.width - 1);
+    const int y = std::min((share.record->top + share.y / 4096) * plane_grid.step_y, luma.height - 1);
     return luma.data[y * luma.row_stride + x * luma.pixel_stride];
   }
 

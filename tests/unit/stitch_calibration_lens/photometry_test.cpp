@@ -17,7 +17,7 @@ HeadCalibration head() {
   return h;
 }
 
-struct World {
+struct Photographs {
   double v1 = -0.3, v2 = 0.05;
   double flare = 0.03;
   std::vector<double> gains{0.9, 0.55, 0.7};
@@ -26,7 +26,7 @@ struct World {
 
 /// Samples as a sensor of this encoding would give them.
 template <class Encode>
-std::vector<LightSample> samples(const World& world, double radius, Encode encode) {
+std::vector<LightSample> samples(const Photographs& photographs, double radius, Encode encode) {
   std::mt19937 engine(3);
   std::uniform_real_distribution<double> any(0, 1);
   std::normal_distribution<double> noise(0, 0.008);
@@ -35,9 +35,10 @@ std::vector<LightSample> samples(const World& world, double radius, Encode encod
     for (int n = 0; n < 6000; ++n) {
       LightSample s{view, 720 * any(engine), 480 * any(engine), any(engine), 0};
       const double r2 = (std::pow(s.x - 361, 2) + std::pow(s.y - 225, 2)) / (radius * radius);
-      const double slant = 1 + world.slope * (s.x / 360 - 1) * (view - 1);
-      const double lamp = world.gains[static_cast<std::size_t>(view)] * slant;
-      s.value = encode(lamp * (1 + world.v1 * r2 + world.v2 * r2 * r2) * (s.light + world.flare)) + noise(engine);
+      const double slant = 1 + photographs.slope * (s.x / 360 - 1) * (view - 1);
+      const double lamp = photographs.gains[static_cast<std::size_t>(view)] * slant;
+      s.value = encode(lamp * (1 + photographs.v1 * r2 + photographs.v2 * r2 * r2) * (s.light + photographs.flare)) +
+                noise(engine);
       all.push_back(s);
     }
   }
@@ -47,10 +48,10 @@ std::vector<LightSample> samples(const World& world, double radius, Encode encod
 double fall_off(const std::array<double, 3>& v, double s) { return 1 + s * (v[0] + s * (v[1] + s * v[2])); }
 
 TEST(FitPhotometry, GammaCurveUnderSlantingLight_IsFoundWithItsFallOffAndGains) {
-  const World world;
+  const Photographs photographs;
   const double radius = std::hypot(360, 240);
   const auto photometry =
-      fit_photometry(samples(world, radius, [](double l) { return std::pow(l, 1 / 2.2); }), 3, head(), radius);
+      fit_photometry(samples(photographs, radius, [](double l) { return std::pow(l, 1 / 2.2); }), 3, head(), radius);
   ASSERT_EQ(photometry.response.curve, Response::Curve::kGamma);
   EXPECT_NEAR(photometry.response.gamma, 2.2, 0.02);
   for (const double s : {0.25, 0.5, 1.0}) {
@@ -74,9 +75,9 @@ TEST(FitPhotometry, CurveThatIsNoGamma_IsFittedByAPolynomial) {
   const double radius = std::hypot(360, 240);
   // Black must be black: how much light a print's black sends back is as good as a bend of the curve at its
   // foot.
-  World world;
-  world.flare = 0;
-  const auto photometry = fit_photometry(samples(world, radius, encode), 3, head(), radius);
+  Photographs photographs;
+  photographs.flare = 0;
+  const auto photometry = fit_photometry(samples(photographs, radius, encode), 3, head(), radius);
   ASSERT_EQ(photometry.response.curve, Response::Curve::kPolynomial);
   double sum = 0;
   for (const double c : photometry.response.coefficients) sum += c;

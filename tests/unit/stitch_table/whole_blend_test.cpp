@@ -64,11 +64,12 @@ RC_GTEST_PROP(WholeBlend, ConstantScene_IsExactlyThatConstantWhereAHeadLooksAndB
   const std::vector<geometry::Head> heads = geometry::make_heads(rig).value();
   for (int c = 0; c < component_count(formats.raymap); ++c) {
     const PlaneView plane = raymap.view().planes[static_cast<std::size_t>(c)];
-    const PlaneGrid lie = component_grid(formats.raymap, c);
+    const PlaneGrid plane_grid = component_grid(formats.raymap, c);
     for (int y = 0; y < plane.height; ++y) {
       for (int x = 0; x < plane.width; ++x) {
         const geometry::Ray ray =
-            layout->ray(std::min(38.0, (x + 0.5) * lie.step_x), std::min(19.0, (y + 0.5) * lie.step_y)).value();
+            layout->ray(std::min(38.0, (x + 0.5) * plane_grid.step_x), std::min(19.0, (y + 0.5) * plane_grid.step_y))
+                .value();
         bool seen = false;
         bool on_an_edge = false;
         for (const geometry::Head& head : heads) {

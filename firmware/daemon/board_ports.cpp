@@ -1,4 +1,4 @@
-#include "firmware/daemon/world.h"
+#include "firmware/daemon/board_ports.h"
 
 #include <algorithm>
 #include <atomic>
@@ -177,7 +177,7 @@ std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std:
 
 }  // namespace
 
-struct World::State {
+struct BoardPorts::State {
   hal::linux_os::LinuxClock machine_clock;
   std::unique_ptr<hal::sim::SimRig> sim;
   std::unique_ptr<hal::replay::Deck> deck;
@@ -199,8 +199,8 @@ struct World::State {
   }
 };
 
-World::World(std::unique_ptr<State> state) : state_(std::move(state)) {}
-World::~World() = default;
+BoardPorts::BoardPorts(std::unique_ptr<State> state) : state_(std::move(state)) {}
+BoardPorts::~BoardPorts() = default;
 
 Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   const auto text = read_text(file, firmware::kMaxRigTomlBytes);
@@ -216,7 +216,7 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   return config;
 }
 
-Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::filesystem::path& base) {
+Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, const std::filesystem::path& base) {
   auto state = std::make_unique<State>();
   if (config.sim) {
     auto sim = make_sim(config, base);
@@ -240,10 +240,10 @@ Result<std::unique_ptr<World>> World::make(const RigConfig& config, const std::f
   auto panel = PanelPorts::make(config.panel, state->clock());
   if (!panel) return fail(panel.error());
   state->panel = std::move(*panel);
-  return std::unique_ptr<World>(new World(std::move(state)));
+  return std::unique_ptr<BoardPorts>(new BoardPorts(std::move(state)));
 }
 
-void World::prepare() {
+void BoardPorts::prepare() {
   if (!state_->sim) return;
   std::atomic<int> next{0};
   const auto prepare = [&] {
@@ -257,14 +257,14 @@ void World::prepare() {
   for (std::future<void>& other : others) other.get();  // rethrows an exception of prepare()
 }
 
-Status World::open_store(const std::filesystem::path& folder) {
+Status BoardPorts::open_store(const std::filesystem::path& folder) {
   auto disk = hal::linux_os::LinuxDisk::open(folder.string());
   if (!disk) return fail(disk.error().in("calibration store"));
   state_->disk = std::move(*disk);
   return {};
 }
 
-Status World::listen(const firmware::LinksConfig& links) {
+Status BoardPorts::listen(const firmware::LinksConfig& links) {
   const auto open = [&](const std::string& path, const firmware::SocketFile& file, firmware::Access access) -> Status {
     if (path.empty()) return {};
     auto listener = hal::listen_link("unix:" + path, {file.mode, file.group});
@@ -276,7 +276,7 @@ Status World::listen(const firmware::LinksConfig& links) {
   return open(links.view_path, links.view_file, firmware::Access::kView);
 }
 
-firmware::RigPorts World::ports() {
+firmware::RigPorts BoardPorts::ports() {
   NODAL_ASSERT(state_->disk);
   firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,       *state_->disk, {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
@@ -284,20 +284,20 @@ firmware::RigPorts World::ports() {
   return ports;
 }
 
-void World::make_safe() noexcept {
+void BoardPorts::make_safe() noexcept {
   if (state_->trigger != nullptr) state_->trigger->make_safe();
   state_->panel->make_safe();
 }
 
-bool World::has_virtual_time() const { return state_->sim && state_->sim->clock().is_virtual(); }
+bool BoardPorts::has_virtual_time() const { return state_->sim && state_->sim->clock().is_virtual(); }
 
-bool World::advance(Duration by) {
+bool BoardPorts::advance(Duration by) {
   if (!has_virtual_time()) return false;
   state_->sim->clock().advance(by);
   return true;
 }
 
-std::vector<std::string> World::addresses() const {
+std::vector<std::string> BoardPorts::addresses() const {
   std::vector<std::string> all;
   for (const auto& [port, access] : state_->listeners) {
     all.push_back(hal::listener_address(*port) + (access == firmware::Access::kView ? " (view only)" : ""));

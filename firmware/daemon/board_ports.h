@@ -18,11 +18,11 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file);
 /// Threading: make() and destruction on main; the ports as their headers say.
 /// Ownership: owns every port; the rig that runs on them must be gone first.
 /// Errors: make() returns one that names the file, head or socket.
-class World {
+class BoardPorts {
  public:
   /// `base` is rig.toml's folder; relative paths start there. Reads the files that rig.toml names, and opens no port.
-  static Result<std::unique_ptr<World>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
-  ~World();
+  static Result<std::unique_ptr<BoardPorts>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
+  ~BoardPorts();
 
   /// Does slow work before the first frame: renders the scene of simulated heads.
   void prepare();
@@ -41,7 +41,7 @@ class World {
 
  private:
   struct State;
-  explicit World(std::unique_ptr<State> state);
+  explicit BoardPorts(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

@@ -1,0 +1,107 @@
+#include "stitch/media/jpeg_writer.h"
+
+#include <turbojpeg.h>
+
+#include <array>
+#include <initializer_list>
+#include <string>
+
+namespace nodal::media {
+namespace {
+
+constexpr std::string_view kXmpName("http://ns.adobe.com/xap/1.0/\0", 29);
+constexpr std::uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kComment = 0xfe;
+
+int subsampling(PixelFormat format) {
+  if (has_chroma(format)) return TJSAMP_420;
+  return format == PixelFormat::kGrey8 ? TJSAMP_GRAY : TJSAMP_444;
+}
+
+/// A JPEG segment: marker, length of what follows with itself, body (ITU T.81, B.1.1.4).
+void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::initializer_list<std::string_view> body) {
+  std::size_t length = 2;
+  for (const std::string_view part : body) length += part.size();
+  NODAL_ASSERT(length <= 0xffff);
+  to.insert(to.end(), {0xff, marker, static_cast<std::uint8_t>(length >> 8), static_cast<std::uint8_t>(length)});
+  for (const std::string_view part : body) to.insert(to.end(), part.begin(), part.end());
+}
+
+/// Bytes of SOI and, where it is there, JFIF's APP0, which must come first.
+std::size_t lead_bytes(const std::uint8_t* jpeg, std::size_t size) {
+  if (size < 6 || jpeg[2] != 0xff || jpeg[3] != kApp0) return 2;
+  const std::size_t end = 4 + (static_cast<std::size_t>(jpeg[4]) << 8 | jpeg[5]);
+  return end <= size ? end : 2;
+}
+
+}  // namespace
+
+JpegWriter::JpegWriter(const JpegSpec& spec)
+    : format_(spec.format),
+      width_(spec.width),
+      height_(spec.height),
+      quality_(spec.quality),
+      handle_(tjInitCompress()),
+      scratch_bytes_(tjBufSize(spec.width, spec.height, subsampling(spec.format))) {
+  NODAL_ASSERT(handle_);
+  NODAL_ASSERT(format_ == PixelFormat::kGrey8 || format_ == PixelFormat::kI420 || format_ == PixelFormat::kNv12 ||
+               format_ == PixelFormat::kRgb24);
+  if (format_ == PixelFormat::kNv12) {
+    chroma_.resize(packed_size(format_, width_, height_) - packed_size(PixelFormat::kGrey8, width_, height_));
+  }
+  scratch_ = std::make_unique_for_overwrite<std::uint8_t[]>(scratch_bytes_);
+  if (!spec.xmp.empty()) append_segment(xmp_, kApp1, {kXmpName, spec.xmp});
+}
+
+JpegWriter::~JpegWriter() { tjDestroy(handle_); }
+
+ImageView JpegWriter::with_planes(const ImageView& picture) {
+  if (format_ != PixelFormat::kNv12) return picture;
+  ImageView apart = picture;
+  std::uint8_t* out = chroma_.data();
+  for (std::size_t c = 1; c < 3; ++c) {
+    const PlaneView& from = picture.planes[c];
+    apart.planes[c] = {out, from.width, from.height, from.width, 1};
+    for (int y = 0; y < from.height; ++y) {
+      const std::uint8_t* in = from.data + y * from.row_stride;
+      for (int x = 0; x < from.width; ++x, in += from.pixel_stride) *out++ = *in;
+    }
+  }
+  return apart;
+}
+
+Result<std::size_t> JpegWriter::compress(const ImageView& picture) {
+  unsigned char* out = scratch_.get();
+  unsigned long size = scratch_bytes_;
+  constexpr int kFlags = TJFLAG_NOREALLOC;
+  int failed = 0;
+  if (format_ == PixelFormat::kRgb24) {
+    failed = tjCompress2(handle_, picture.planes[0].data, width_, static_cast<int>(picture.planes[0].row_stride),
+                         height_, TJPF_RGB, &out, &size, TJSAMP_444, quality_, kFlags);
+  } else {
+    std::array<const unsigned char*, kMaxPlanes> planes{};
+    std::array<int, kMaxPlanes> strides{};
+    for (std::size_t c = 0; c < planes.size(); ++c) {
+      planes[c] = picture.planes[c].data;
+      strides[c] = static_cast<int>(picture.planes[c].row_stride);
+    }
+    failed = tjCompressFromYUVPlanes(handle_, planes.data(), width_, strides.data(), height_, subsampling(format_),
+                                     &out, &size, quality_, kFlags);
+  }
+  if (failed != 0) return fail(Errc::kInternal, std::string("JPEG encoder: ") + tjGetErrorStr2(handle_));
+  return static_cast<std::size_t>(size);
+}
+
+Status JpegWriter::write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into) {
+  NODAL_ASSERT(picture.format == format_ && picture.width == width_ && picture.height == height_);
+  const auto size = compress(with_planes(picture));
+  if (!size) return fail(size.error());
+  const std::uint8_t* jpeg = scratch_.get();
+  const std::size_t lead = lead_bytes(jpeg, *size);
+  into.assign(jpeg, jpeg + lead);
+  into.insert(into.end(), xmp_.begin(), xmp_.end());
+  append_segment(into, kComment, {comment});
+  into.insert(into.end(), jpeg + lead, jpeg + *size);
+  return {};
+}
+
+}  // namespace nodal::media

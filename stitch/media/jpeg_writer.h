@@ -1,0 +1,53 @@
+// Pictures as JPEG files.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+
+namespace nodal::media {
+
+/// The format of a JpegWriter's pictures, and the settings of all its files.
+struct JpegSpec {
+  PixelFormat format = PixelFormat::kRgb24;  ///< kGrey8, kI420, kNv12 or kRgb24
+  int width = 0;
+  int height = 0;
+  int quality = 90;           ///< 1 .. 100
+  std::string_view xmp = {};  ///< an XMP packet, written into an APP1 segment; empty: none. Copied
+};
+
+/// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0, RGB as 4:4:4.
+///
+/// Threading: thread-bound.
+/// Ownership: keeps a scratch buffer of the largest JPEG that such a picture can become.
+/// Errors: kInternal with TurboJPEG's words.
+class JpegWriter {
+ public:
+  explicit JpegWriter(const JpegSpec& spec);
+  ~JpegWriter();
+  JpegWriter(const JpegWriter&) = delete;
+  JpegWriter& operator=(const JpegWriter&) = delete;
+
+  /// A whole file with `comment` (at most 65533 bytes) in its comment segment. Replaces what is in `into`, which keeps
+  /// its capacity: once it has held the largest file nothing is allocated.
+  Status write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into);
+
+ private:
+  /// NV12's chroma in planes of its own; other pictures as they are.
+  ImageView with_planes(const ImageView& picture);
+  Result<std::size_t> compress(const ImageView& picture);
+
+  const PixelFormat format_;
+  const int width_, height_, quality_;
+  void* handle_;
+  std::vector<std::uint8_t> xmp_;            ///< the whole APP1 segment, or empty
+  std::vector<std::uint8_t> chroma_;         ///< of NV12
+  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared: pages that no JPEG reaches stay unused
+  std::size_t scratch_bytes_ = 0;
+};
+
+}  // namespace nodal::media

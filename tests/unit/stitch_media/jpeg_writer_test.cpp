@@ -1,0 +1,84 @@
+#include "stitch/media/jpeg_writer.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "stitch/media/image_file.h"
+
+namespace nodal::media {
+namespace {
+
+constexpr int kWidth = 48, kHeight = 32;
+
+/// Slopes in every component, so that transposed or swapped planes are seen.
+std::vector<std::uint8_t> slopes(PixelFormat format) {
+  std::vector<std::uint8_t> bytes(packed_size(format, kWidth, kHeight));
+  const MutableImageView image = packed_image(format, kWidth, kHeight, bytes.data());
+  for (int c = 0; c < component_count(format); ++c) {
+    const MutablePlaneView& plane = image.planes[static_cast<std::size_t>(c)];
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        plane.data[y * plane.row_stride + static_cast<std::ptrdiff_t>(x) * plane.pixel_stride] =
+            static_cast<std::uint8_t>(90 + 20 * c + (c == 1 ? 2 * x : x) + (c == 2 ? 2 * y : y));
+      }
+    }
+  }
+  return bytes;
+}
+
+std::vector<std::uint8_t> written(PixelFormat format, const std::vector<std::uint8_t>& pixels, std::string_view xmp,
+                                  std::string_view comment) {
+  JpegWriter writer({format, kWidth, kHeight, 100, xmp});
+  std::vector<std::uint8_t> file;
+  EXPECT_TRUE(writer.write(packed_image(format, kWidth, kHeight, pixels.data()), comment, file));
+  return file;
+}
+
+// At quality 100 coefficients are coded in steps of 1: samples come back within 1.5 levels. B = Y + 1.772 (U - 128) adds
+// the errors of two components: 1.5 (1 + 1.772) < 4.2.
+TEST(JpegWriter, EveryFormat_IsReadBackWithinTheErrorOfItsCoding) {
+  for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kRgb24}) {
+    const auto pixels = slopes(format);
+    const auto read = decode_image(written(format, pixels, "", "x"), "x.jpg");
+    ASSERT_TRUE(read) << read.error().text();
+    ASSERT_EQ(read->format, format);
+    ASSERT_EQ(read->bytes.size(), pixels.size());
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+      ASSERT_NEAR(read->bytes[i], pixels[i], format == PixelFormat::kRgb24 ? 4 : 2) << int(format) << " " << i;
+  }
+}
+
+TEST(JpegWriter, Nv12_IsTheFileOfTheSamePictureInI420) {
+  EXPECT_EQ(written(PixelFormat::kNv12, slopes(PixelFormat::kNv12), "", "x"),
+            written(PixelFormat::kI420, slopes(PixelFormat::kI420), "", "x"));
+}
+
+TEST(JpegWriter, XmpAndComment_StandBehindJfifInThisOrder) {
+  const auto file = written(PixelFormat::kGrey8, slopes(PixelFormat::kGrey8), "<xmp/>", "a comment");
+  const std::string text(file.begin(), file.end());
+  // ITU T.81 B.1.1.4: ff, marker, two bytes of length that count themselves.
+  const std::string app1 =
+      std::string("\xff\xe1\x00\x25", 4) + std::string("http://ns.adobe.com/xap/1.0/\0", 29) + "<xmp/>";
+  const std::string com = std::string("\xff\xfe\x00\x0b", 4) + "a comment";
+  EXPECT_EQ(text.substr(0, 4), "\xff\xd8\xff\xe0");
+  const std::size_t jfif = 4 + (static_cast<std::size_t>(file[4]) << 8 | file[5]);
+  EXPECT_EQ(text.substr(jfif, app1.size() + com.size()), app1 + com);
+}
+
+TEST(JpegWriter, NoXmp_NoApp1) {
+  const auto file = written(PixelFormat::kGrey8, slopes(PixelFormat::kGrey8), "", "c");
+  EXPECT_EQ(std::string(file.begin(), file.end()).find("\xff\xe1"), std::string::npos);
+}
+
+TEST(JpegWriter, ASecondPictureIntoALargerBuffer_LeavesNothingOfWhatWasThere) {
+  JpegWriter writer({PixelFormat::kRgb24, kWidth, kHeight, 90, ""});
+  const auto pixels = slopes(PixelFormat::kRgb24);
+  std::vector<std::uint8_t> first, second(1'000'000, 1);
+  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kWidth, kHeight, pixels.data()), "c", first));
+  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kWidth, kHeight, pixels.data()), "c", second));
+  EXPECT_EQ(first, second);
+}
+
+}  // namespace
+}  // namespace nodal::media
