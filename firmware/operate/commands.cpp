@@ -13,6 +13,8 @@ template <class... Of>
 struct Overloaded : Of... {
   using Of::operator()...;
 };
+template <class... Of>
+Overloaded(Of...) -> Overloaded<Of...>;  // clang 14 deduces nothing for aggregates
 
 Status gain_allowed(Gain gain) {
   if (gain.mdb() >= -kMostGainMdb && gain.mdb() <= kMostGainMdb) return {};

@@ -38,7 +38,7 @@ void Swarm::advance_episode() {
 
 void Swarm::draw_episode() {
   episode_ = {};
-  if (nature_.hostile && (wish_.hostile || crowds_.chance(300'000))) {
+  if (nature_.hostile && (options_.hostile || crowds_.chance(300'000))) {
     episode_.of_clients = true;
     return;
   }
