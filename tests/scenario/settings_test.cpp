@@ -75,7 +75,7 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   write_settings(*disk, file);
   Stand stand(options, std::move(disk));
   ASSERT_TRUE(stand.run_until([&] { return stand.state() == "degraded"; })) << "it runs, and says what it lost";
-  EXPECT_NE(stand.rig->control().health().problem.find("settings is damaged"), std::string::npos);
+  EXPECT_NE(stand.rig->control().health().problem.find("stored settings is damaged"), std::string::npos);
   stand.run(Duration::seconds(1));
   EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));

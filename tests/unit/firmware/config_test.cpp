@@ -142,8 +142,8 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
   expect_refused(kSmall + "red_q12 = 5000\n", Errc::kMissingField, "heads[0].blue_q12 is missing");
   expect_refused(replaced(kSmall, "sim:cam0", "usb:1-2"), Errc::kBadValue, "sim:NAME, replay:FILE");
   expect_refused(replaced(kSmall, "sim:cam0", "sim:"), Errc::kBadValue, "sim:NAME");
-  expect_refused(kSmall + "[raymap]\nwidth=2000\nheight=1024\n", Errc::kBadValue, "half its width");
-  expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue, "2/3 of its width");
+  expect_refused(kSmall + "[raymap]\nwidth=2000\nheight=1024\n", Errc::kBadValue, "half of the width");
+  expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue, "2/3 of the width");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nnoise = nan\n"), Errc::kBadValue, "sim.noise is nan");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene = \"photo\"\n"), Errc::kMissingField, "sim.photo");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene='constant'\nconstant=[1,2,256]\n"), Errc::kBadValue,
@@ -194,7 +194,7 @@ TEST(RigConfig, ATcpPort_IsRefusedAndSaysWhatServesInItsPlace) {
 
 TEST(RigConfig, TwoHeadsOfOneNameOrPort_AreRefused) {
   expect_refused(kSmall + "[[heads]]\nname='cam0'\nport='sim:cam1'\n", Errc::kBadValue,
-                 "is the port of a head above, too");
+                 "is the name of a head above, too");
   expect_refused(kSmall + "[[heads]]\nname='cam1'\nport='sim:cam0'\n", Errc::kBadValue, "heads[1].port is the port of");
 }
 

@@ -107,10 +107,10 @@ TEST_F(HealthTest, FramesThatDoNotFitTheCalibration_AreAProblem) {
 TEST_F(HealthTest, WorkIsShed_IsDegradedAndSaysWhatIsLeftUndone) {
   shed = {4, 1};
   EXPECT_EQ(judged().state, "degraded");
-  EXPECT_NE(judged().problem.find("one raymap of 4"), std::string::npos) << judged().problem;
+  EXPECT_NE(judged().problem.find("1 of 4 raymaps"), std::string::npos) << judged().problem;
   EXPECT_EQ(judged().problem.find("is blended"), std::string::npos);
   shed = {8, 2};
-  EXPECT_NE(judged().problem.find("one set of 2 is blended"), std::string::npos) << judged().problem;
+  EXPECT_NE(judged().problem.find("1 of 2 sets is blended"), std::string::npos) << judged().problem;
 }
 
 constexpr std::array kStates{RigState::kStarting, RigState::kNoCalibration, RigState::kIdle,    RigState::kRunning,
