@@ -74,7 +74,7 @@ Duration Aligner::band(bool in_step) const {
   Duration jitter;
   for (const Head& head : heads_) jitter = std::max(jitter, head.starts > 0 ? head.clock.jitter() : Duration());
   // Stamps are off by twice their mean distance, to either side.
-  const Duration left = Genlock::kLockLimit - Genlock::kStampDoubt - jitter * 4;
+  const Duration left = Genlock::kSafeLimit - jitter * 4;
   const Duration band = std::clamp(left / 8, kBandLeast, kBandMost);
   return in_step ? band : std::max(band / 2, kBandLeast);
 }

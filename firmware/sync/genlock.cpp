@@ -1,6 +1,8 @@
 #include "firmware/sync/genlock.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace nodal::firmware {
 namespace {
@@ -17,49 +19,8 @@ struct Range {
   Duration middle() const { return least ? *least + width() / 2 : Duration(); }
 };
 
-/// What the heads' jitter says of them together.
-class Noise {
- public:
-  void add(Duration jitter, bool of_whole_past) {
-    if (of_whole_past) all_[count_++] = jitter;
-    else unsure_ = std::max(unsure_, jitter);
-  }
-  /// From here on they are known.
-  void sort() { std::sort(all_.begin(), all_.begin() + static_cast<std::ptrdiff_t>(count_)); }
-
-  /// What to expect of any of them: of many alike one seems to jitter more than it does, and their mean tells better.
-  Duration jitter() const {
-    if (count_ == 0) return unsure_ * 9 / 10;
-    const Duration loudest = most() * 9 / 10;
-    Duration sum;
-    for (std::size_t i = 0; i < count_; ++i) sum = sum + all_[i];
-    const Duration mean = std::min(loudest, sum / static_cast<std::int64_t>(count_));
-    return std::max(mean + (loudest - mean) * unlike() / kWhole, unsure_ * 9 / 10);
-  }
-  /// How far stamps are off where exposures are, too: which one head tells that jitters more than twice as much as most.
-  Duration of_stamps(Duration at_first) const {
-    if (count_ == 0 || most() <= at_first || most() <= median() * 2) return {};
-    return median();
-  }
-
- private:
-  static constexpr std::size_t kMany = 8;
-  static constexpr std::int64_t kWhole = 16;
-
-  /// 0: they jitter alike; kWhole: one does otherwise, or they are too few to tell. By chance one of sixteen seems to
-  /// jitter 1.4 times as much as most, and little by little more: what that leaves of the room must not come all at once.
-  std::int64_t unlike() const {
-    if (count_ < kMany || most() * 5 > median() * 8) return kWhole;
-    const Duration beyond = most() * 5 - median() * 7;
-    return beyond <= Duration() ? 0 : beyond.ns() * kWhole / median().ns();
-  }
-  Duration most() const { return all_[count_ - 1]; }
-  Duration median() const { return all_[(count_ - 1) / 2]; }
-
-  std::array<Duration, kMaxHeads> all_{};
-  std::size_t count_ = 0;
-  Duration unsure_;
-};
+double us_of(Duration d) { return static_cast<double>(d.ns()) / 1000; }
+double seconds_of(Duration d) { return static_cast<double>(d.ns()) / 1e9; }
 
 }  // namespace
 
@@ -127,7 +88,9 @@ void Genlock::begin(Instant now) {
   newest_edge_ = now;
   newest_set_.reset();
   next_number_ = 0;
-  habits_ = {};
+  beat_.restart(settings_.rate.period());
+  pulses_ = {};
+  heads_ = {};
   report_ = {};
   meet(GenlockCondition::kStarted, now);
 }
@@ -150,6 +113,7 @@ std::optional<hal::TriggerEdge> Genlock::take_edge(Instant now) {
   ++report_.triggers;
   report_.missing += (*edge)->number - std::min((*edge)->number, next_number_);
   next_number_ = (*edge)->number + 1;
+  add_pulse(**edge);
   return **edge;
 }
 
@@ -180,7 +144,7 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
   if (skews.known != set.mask) {
     return meet(is_as_in_lock(set) ? GenlockCondition::kPulseUnseen : GenlockCondition::kOutOfStep, now);
   }
-  if (!follows_pulses(skews, set.mid_exposure)) return meet(GenlockCondition::kOutOfStep, now);
+  if (!follows_pulses(skews, set)) return meet(GenlockCondition::kOutOfStep, now);
   if ((unheeding & set.mask) != 0) return meet(GenlockCondition::kUnheeded, now);
   if (pulses_overdue(now)) return meet(GenlockCondition::kPulsesOverdue, now);
   if (++good_sets_ >= kSetsToLock) meet(GenlockCondition::kInStep, now);
@@ -189,66 +153,85 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
   report_.spread_worst = std::max(report_.spread_worst, set.sync.spread);
 }
 
-bool Genlock::follows_pulses(const Skews& skews, Instant at) {
-  Range raw, smooth;
-  Noise noise;
-  std::int64_t least_known = kMean;
-  for (std::size_t i = 0; i < habits_.size(); ++i) {
+void Genlock::add_pulse(const hal::TriggerEdge& edge) {
+  beat_.add(edge.at);
+  const double late_us = beat_.known(edge.at) ? us_of(edge.at - beat_.nearest(edge.at)) : 0;
+  pulses_[edge.number % kPulsesKept] = {edge.number, late_us};
+}
+
+/// How long after the beat of the pulses this set's came.
+double Genlock::lateness_us(const FrameSet& set) const {
+  if (aligned_ || !set.sync.trigger) return 0;
+  const Pulse& pulse = pulses_[*set.sync.trigger % kPulsesKept];
+  return pulse.number == *set.sync.trigger ? pulse.late_us : 0;
+}
+
+void Genlock::estimate(HeadEstimate& head, double skew_us, Instant at, double pulse_late_us) {
+  constexpr double kNoise = clock_spec::kTimestampVarianceUs2;
+  const Duration since = at - std::exchange(head.newest, at);
+  bool jumped = !head.known || since < Duration() || (aligned_ && since > kHistoryValid);
+  if (!jumped) {
+    head.skew.predict(seconds_of(since), clock_spec::kDriftNoisePpm2PerS);
+    const double off = skew_us - head.skew.offset_us();
+    jumped = off * off > kSigmas * kSigmas * (head.skew.variance_us2() + kNoise);
+    // A head that runs free does not wait for a late pulse: its skew is earlier by as much.
+    const double off_if_free = off + pulse_late_us;
+    const double ratio = (off * off - off_if_free * off_if_free) / (2 * kNoise);
+    if (!jumped) head.free_evidence = std::clamp(head.free_evidence + ratio, 0.0, kRunsFree);
+  }
+  if (jumped) head.skew.restart(skew_us, kNoise, clock_spec::kDriftVariancePpm2);
+  else head.skew.update(skew_us, kNoise);
+  head.known = true;
+}
+
+bool Genlock::estimates_in_step(HeadMask heads, double pulse_late_us) const {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    if ((heads & head_bit(i)) == 0) continue;
+    const HeadEstimate& one = heads_[i];
+    if (one.free_evidence >= kRunsFree) return false;
+    const double one_late = one.free_evidence > kSuspicious ? pulse_late_us : 0;
+    for (std::size_t j = 0; j < i; ++j) {
+      if ((heads & head_bit(j)) == 0) continue;
+      const HeadEstimate& other = heads_[j];
+      const double other_late = other.free_evidence > kSuspicious ? pulse_late_us : 0;
+      const double apart = one.skew.offset_us() - other.skew.offset_us();
+      const double apart_if_free = apart - one_late + other_late;
+      const double doubt = kSigmas * std::sqrt(one.skew.variance_us2() + other.skew.variance_us2());
+      if (std::max(std::abs(apart), std::abs(apart_if_free)) + doubt > us_of(kSafeLimit)) return false;
+    }
+  }
+  return true;
+}
+
+bool Genlock::follows_pulses(const Skews& skews, const FrameSet& set) {
+  const double pulse_late_us = lateness_us(set);
+  Range raw;
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((skews.known & head_bit(i)) == 0) continue;
     raw.add(skews.of[i]);
-    Habit& habit = habits_[i];
-    habit.mean = habit.mean + skews.moved[i];
-    habit.mean_of_means = habit.mean_of_means + skews.moved[i];
-    if (aligned_ && size_of(at - habit.newest) > kPastHolds) habit.skews = 0;
-    habit.newest = at;
-    const Duration off = skews.of[i] - habit.skew();
-    // A leap is not jitter: the head was started anew, or lost its trigger, or has it back.
-    if (habit.skews == 0 || size_of(off) > std::min(kLockLimit, habit.jitter * 4 + kJitterAtFirst)) {
-      habit.mean = habit.mean_of_means = skews.of[i];
-      habit.skews = 1;
-      habit.jitter = kJitterAtFirst;
-      habit.lean = {};
-    } else {
-      habit.skews = std::min(habit.skews + 1, kMean);
-      habit.mean = habit.mean + (skews.of[i] - habit.mean) / habit.skews;
-      habit.mean_of_means = habit.mean_of_means + (habit.mean - habit.mean_of_means) / habit.skews;
-      // A short past is off itself, and a head that comes back a little elsewhere is far off to one side for a while: no
-      // jitter, as far as it leans more than jitter alone lets it.
-      const Duration way = habit.lean - std::clamp(habit.lean, -habit.jitter, habit.jitter);
-      const Duration seen = std::min(size_of(off - way), habit.jitter * 2 + kStampDoubt);
-      if (habit.skews == kMean) habit.jitter = habit.jitter + (seen - habit.jitter) / kMean;
-      habit.lean = habit.lean + (off - habit.lean) / 4;
-    }
-    least_known = std::min(least_known, habit.skews);
-    noise.add(habit.jitter, habit.skews == kMean);
-    smooth.add(habit.skew());
+    heads_[i].skew.move(us_of(skews.moved[i]));
+    estimate(heads_[i], us_of(skews.of[i]), set.mid_exposure, pulse_late_us);
   }
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
-  // The next set is off by twice the mean distance; what a whole past says, by half of it, and a short one by twice as
-  // much again.
-  noise.sort();
-  // A head that comes back from elsewhere seems to jitter for as long as its past lasts.
-  const Duration doubt = good_sets_ < kMean ? Duration() : noise.of_stamps(kJitterAtFirst) * 2;
-  const Duration room = kLockLimit - doubt - noise.jitter() * (9 * kMean - 4 * least_known) / (2 * kMean);
-  return raw.width() <= kLockLimit - kStampDoubt - doubt && smooth.width() <= room &&
+  return raw.width() <= kSafeLimit && estimates_in_step(skews.known, pulse_late_us) &&
          (aligned_ || size_of(raw.middle() - latency_) <= kLockLimit);
 }
 
 void Genlock::learn(const FrameSet& set, const Skews& skews) {
-  for (std::size_t i = 0; i < habits_.size(); ++i) {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (!set.has(i) || (skews.known & head_bit(i)) == 0) continue;
-    const Duration off = set.sync.offset[i] - habits_[i].offset;
-    habits_[i].offset = size_of(off) > kLockLimit ? set.sync.offset[i] : habits_[i].offset + off / kMean;
+    const Duration off = set.sync.offset[i] - heads_[i].offset;
+    heads_[i].offset = size_of(off) > kLockLimit ? set.sync.offset[i] : heads_[i].offset + off / kMean;
   }
 }
 
 /// Every head is where it was against the others.
 bool Genlock::is_as_in_lock(const FrameSet& set) const {
   Range moved;
-  for (std::size_t i = 0; i < habits_.size(); ++i) {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (!set.has(i)) continue;
-    if (habits_[i].skews == 0) return false;
-    moved.add(set.sync.offset[i] - habits_[i].offset);
+    if (!heads_[i].known) return false;
+    moved.add(set.sync.offset[i] - heads_[i].offset);
   }
   return moved.width() <= kLockLimit;
 }

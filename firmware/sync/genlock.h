@@ -7,6 +7,9 @@
 #include <string_view>
 
 #include "firmware/frame/frame_set.h"
+#include "firmware/sync/clock_spec.h"
+#include "firmware/sync/offset_filter.h"
+#include "firmware/sync/phase_line.h"
 #include "hal/trigger.h"
 #include "protocol/base/result.h"
 
@@ -74,12 +77,17 @@ struct GenlockReport {
   std::optional<std::int32_t> drift_ppb;  ///< of the pulses, or of the heads in free run; see SyncEvidence
 };
 
-/// A set is good when its frames began within kLockLimit of each other, counted from their pulse and their own delay,
-/// and as long after it as when they first locked: a latency that all heads share is no fault, one that creeps is.
-/// What is known of when they began jitters; so what the past of every head says is judged too, against a limit that
-/// leaves room for the jitter that was seen: a head that creeps away is noticed before it is kLockLimit away, not when
-/// jitter happens to show it. Heads that jitter alike may do so in truth, which every set then shows, or only by what is
-/// known of them, which the past evens out. Where one jitters unlike the others, it is both.
+/// Every head has a Kalman filter over the offset and the drift of its skews (OffsetFilter), with the noise that
+/// clock_spec.h states. A set is good when three bounds hold:
+/// - for every two heads, the distance of their estimates + 3 standard deviations of it is at most kSafeLimit;
+/// - the set's own skews are at most kSafeLimit apart. They may be exact, and then they are the truth;
+/// - the middle of the skews is within kLockLimit of where it was at the first lock: a latency that all heads share is
+///   no fault, one that grows is.
+/// A skew 3 standard deviations away from its prediction is a jump: the filter starts again from it.
+///
+/// A head that lost its trigger and runs beside pulses that jitter has that jitter in its skew with the opposite sign.
+/// Page's test compares, after every set, how likely the skew is with and without it. A head under suspicion is judged
+/// both ways; one that certainly runs by itself is out of step.
 ///
 /// In holdover no pulses are seen, and a set is as good as its heads are where they were against each other in lock.
 ///
@@ -92,11 +100,13 @@ struct GenlockReport {
 class Genlock {
  public:
   static constexpr Duration kLockLimit = Duration::microseconds(500);
-  /// What stamps of frames are off by even where a driver makes them: so little under the limit, nobody can say that
-  /// heads are within it.
-  static constexpr Duration kStampDoubt = Duration::microseconds(20);
-  static constexpr int kSetsToLock = 4;
-  static constexpr Duration kHoldover = Duration::seconds(5);  ///< 100 ppm apart makes kLockLimit of it
+  /// The limit less what no estimate tells: timestamps of two drivers, and the creep until the next set.
+  static constexpr Duration kSafeLimit = kLockLimit - clock_spec::kDriverTimestampError * 2 - clock_spec::kCreepPerSet;
+  /// Good sets in a row. The first set after a start is never good, because one measurement has 3 x sqrt(2) x 115 us =
+  /// 490 us of doubt; so a lock takes 4 sets.
+  static constexpr int kSetsToLock = 3;
+  /// Two crystals are up to 100 ppm apart, which makes kLockLimit in 5 s.
+  static constexpr Duration kHoldover = Duration::seconds(5);
 
   /// `port` may be null: then start() is kNoSuchDevice.
   explicit Genlock(hal::TriggerPort* port) : port_(port) {}
@@ -118,27 +128,36 @@ class Genlock {
   GenlockReport report() const;
 
  private:
-  /// Until it is known: the past is then trusted to 0.2 ms, twice this.
-  static constexpr Duration kJitterAtFirst = Duration::microseconds(100);
-  /// After as long without an exposure the past of a head that runs free says nothing: two are then 0.1 ms elsewhere.
-  static constexpr Duration kPastHolds = Duration::seconds(1);
+  /// After as long without an exposure a head that runs free may have been started anew, with any phase.
+  static constexpr Duration kHistoryValid = Duration::seconds(1);
+  /// Running means of offsets: the error of a mean of 16 is a quarter of that of one, 50 us of 200.
+  static constexpr std::int64_t kMean = 16;
+  static constexpr double kSigmas = 3;  ///< standard deviations that count as certain
+  /// Page's test: by chance a sum of log-likelihood ratios reaches h once in e^h sets or more rarely: 1100 sets for a
+  /// suspicion, which costs a lock only when heads are far apart already, and 160 000 for a verdict.
+  static constexpr double kSuspicious = 7, kRunsFree = 12;
+  static constexpr std::size_t kPulsesKept = 32;  ///< as many as SetClock keeps
 
-  struct Habit {                       ///< of a head, while its exposures have pulses
-    std::int64_t skews = 0;            ///< that went into it since the last leap, up to kMean
-    Duration mean, mean_of_means;      ///< of its skews, running
-    Duration jitter = kJitterAtFirst;  ///< running mean of a skew's distance from what its past says
-    Duration lean;                     ///< running mean of that distance with its sign, over four sets
-    Duration offset;                   ///< running mean of its mid-exposure after the set's
-    Instant newest;                    ///< set's middle that it was in
-
-    /// Brown's double exponential smoothing: what the mean says, without its lag behind a head that creeps.
-    Duration skew() const { return mean * 2 - mean_of_means; }
+  struct HeadEstimate {
+    bool known = false;
+    OffsetFilter skew;
+    double free_evidence = 0;  ///< Page's sum, 0 to kRunsFree: that it runs free, against that it follows its pulses
+    Duration offset;           ///< running mean of its mid-exposure after the set's
+    Instant newest;            ///< set's middle that it was in
+  };
+  struct Pulse {
+    std::uint64_t number = 0;
+    double late_us = 0;  ///< after the beat of the pulses
   };
 
   void begin(Instant now);
   void meet(GenlockCondition condition, Instant now);
   bool pulses_overdue(Instant now) const;
-  bool follows_pulses(const Skews& skews, Instant at);
+  void add_pulse(const hal::TriggerEdge& edge);
+  double lateness_us(const FrameSet& set) const;
+  void estimate(HeadEstimate& head, double skew_us, Instant at, double pulse_late_us);
+  bool estimates_in_step(HeadMask heads, double pulse_late_us) const;
+  bool follows_pulses(const Skews& skews, const FrameSet& set);
   void learn(const FrameSet& set, const Skews& skews);
   bool is_as_in_lock(const FrameSet& set) const;
 
@@ -149,15 +168,15 @@ class Genlock {
   bool failed_ = false;  ///< the port is gone for good
   Instant newest_edge_;  ///< or the start, before the first
   Instant coasting_since_;
-  static constexpr std::int64_t kMean = 16;  ///< running means take a sixteenth of what is new
-
   std::optional<Instant> newest_set_;
   Instant newest_middle_;  ///< of it
   std::uint64_t next_number_ = 0;
   int good_sets_ = 0;
   bool was_locked_ = false;  ///< since start
   Duration latency_;         ///< middle of the skews of the first good set of the first lock
-  std::array<Habit, kMaxHeads> habits_{};
+  PhaseLine beat_;           ///< of the pulses
+  std::array<Pulse, kPulsesKept> pulses_{};
+  std::array<HeadEstimate, kMaxHeads> heads_{};
   GenlockReport report_;
 };
 

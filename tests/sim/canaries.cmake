@@ -48,9 +48,9 @@ canary(holdover_called_locked firmware/sync/genlock.cpp
   "Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue"
   "Row{kOff, kLost, kLocked, kHoldover, kLost},")
 canary(creeping_head_unnoticed firmware/sync/genlock.cpp
-  "smooth.width() <= room &&" "room > Duration() &&")
+  "&& estimates_in_step(skews.known, pulse_late_us) &&" "&&")
 canary(jumping_head_unnoticed firmware/sync/genlock.cpp
-  "return raw.width() <= kLockLimit - kStampDoubt - doubt && smooth.width() <= room &&" "return room > Duration() &&")
+  "return raw.width() <= kSafeLimit && estimates_in_step" "return estimates_in_step")
 canary(set_waits_for_ever firmware/capture/capture_sets.cpp
   "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
 canary(head_not_looked_for firmware/capture/capture_head.cpp
