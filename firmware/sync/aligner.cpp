@@ -9,7 +9,9 @@ namespace nodal::firmware {
 namespace {
 
 constexpr std::int64_t kAhead = 4;  ///< periods: about when a nudge of now has been done
-constexpr int kPeriodsOfGrace = 6;  ///< beyond the stated latency, until a nudge counts as unheeded
+/// Beyond the stated latency, until a nudge counts as unheeded. A set is closed up to 2.5 periods after its middle: once
+/// before the nudge is asked, once before its effect is seen; and the request may miss the start of one period.
+constexpr int kPeriodsOfGrace = 6;
 
 Duration size_of(Duration d) { return d < Duration() ? -d : d; }
 
@@ -73,9 +75,9 @@ void Aligner::follow(Head& head, const hal::FrameView& frame) const {
 Duration Aligner::band(bool in_step) const {
   Duration jitter;
   for (const Head& head : heads_) jitter = std::max(jitter, head.starts > 0 ? head.clock.jitter() : Duration());
-  // Stamps are off by twice their mean distance, to either side.
+  // The largest of uniform errors is twice their mean size, to either side.
   const Duration left = Genlock::kSafeLimit - jitter * 4;
-  const Duration band = std::clamp(left / 8, kBandLeast, kBandMost);
+  const Duration band = std::max(left / kBandsInLimit, kBandLeast);
   return in_step ? band : std::max(band / 2, kBandLeast);
 }
 

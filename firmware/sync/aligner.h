@@ -49,7 +49,11 @@ class Aligner {
   HeadMask unheeding() const { return unheeding_; }  ///< that did not do what they were asked
   std::optional<std::int32_t> drift_ppb(std::size_t head) const { return heads_[head].clock.drift_ppb(); }
 
-  static constexpr Duration kBandMost = Duration::microseconds(60);
+  /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for doubt and jitter.
+  static constexpr std::int64_t kBandsInLimit = 8;
+  static constexpr Duration kBandMost = Genlock::kSafeLimit / kBandsInLimit;
+  /// What a crystal that is off by 50 ppm creeps in the longest period, 200 ms: a narrower band would ask for a nudge
+  /// every period.
   static constexpr Duration kBandLeast = Duration::microseconds(10);
 
  private:

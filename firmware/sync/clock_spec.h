@@ -21,6 +21,8 @@ inline constexpr double kDriftVariancePpm2 = 2 * kCrystalErrorPpm * kCrystalErro
 /// this time: the drift is a random walk that gains one variance of a drift in it.
 inline constexpr double kDriftChangesInS = 10;
 inline constexpr double kDriftNoisePpm2PerS = kDriftVariancePpm2 / kDriftChangesInS;
+/// A crystal by itself changes its drift by 1 ppm in a minute, as a case warms up.
+inline constexpr double kWanderPpm2PerS = 1.0 / 60;
 /// The longest time from one set to the next, at 5 sets a second, in which two crystals part by 20 us.
 inline constexpr Duration kCreepPerSet = Duration::microseconds(20);
 

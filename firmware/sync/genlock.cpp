@@ -19,9 +19,6 @@ struct Range {
   Duration middle() const { return least ? *least + width() / 2 : Duration(); }
 };
 
-double us_of(Duration d) { return static_cast<double>(d.ns()) / 1000; }
-double seconds_of(Duration d) { return static_cast<double>(d.ns()) / 1e9; }
-
 }  // namespace
 
 GenlockState genlock_after(GenlockState state, GenlockCondition condition) {

@@ -1,7 +1,13 @@
 // Where something is and how fast it moves, from measurements with noise: a Kalman filter over offset and drift.
 #pragma once
 
+#include "protocol/base/units.h"
+
 namespace nodal::firmware {
+
+// The filter's units.
+inline double us_of(Duration d) { return static_cast<double>(d.ns()) / 1000; }
+inline double seconds_of(Duration d) { return static_cast<double>(d.ns()) / 1e9; }
 
 /// State: offset in us and drift in ppm, which is us/s. Between two measurements the offset grows by drift x time, and
 /// the drift is a random walk of `noise` ppm^2/s; the covariance of that over t is noise x [t^3/3, t^2/2; t^2/2, t]
@@ -19,6 +25,12 @@ class OffsetFilter {
     offset_ = offset_us;
     p_offset_ = variance_us2;
     p_drift_ = drift_variance_ppm2;
+  }
+  /// Only the drift is still known: the offset is another one, of which this is the first measurement.
+  void restart_offset(double offset_us, double variance_us2) {
+    offset_ = offset_us;
+    p_offset_ = variance_us2;
+    p_both_ = 0;
   }
   /// Time goes on by `seconds`, which is not negative.
   void predict(double seconds, double noise_ppm2_per_s) {

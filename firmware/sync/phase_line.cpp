@@ -5,8 +5,13 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr int kDoubts = 3;
-constexpr std::int64_t kGap = 16;  ///< periods without a moment after which the phase is not known
+constexpr int kOutliers = 3;                ///< one or two are single bad timestamps; a new phase makes all bad
+constexpr double kSigmas = 3;               ///< standard deviations that count as certain
+constexpr std::int64_t kGap = 16;           ///< periods without a timestamp after which the phase is not known
+constexpr std::int64_t kJitterMemory = 32;  ///< a mean of so many uniform errors is right to 0.58 / sqrt(63) = 7 %
+constexpr double kTimestampNoise = clock_spec::kTimestampVarianceUs2;
+
+Duration from_us(double us) { return Duration::nanoseconds(static_cast<std::int64_t>(us * 1000)); }
 
 std::int64_t nearest_multiple(Duration d, Duration of) {
   const std::int64_t shifted = (d + of / 2).ns();
@@ -18,51 +23,57 @@ std::int64_t nearest_multiple(Duration d, Duration of) {
 void PhaseLine::restart(Duration period) {
   *this = {};
   period_ = period;
+  line_.restart(0, kTimestampNoise, clock_spec::kDriftVariancePpm2);
 }
 
 void PhaseLine::add(Instant begin) {
   if (moments_ == 0) {
     begin_ = begin;
+    line_.restart_offset(0, kTimestampNoise);
     moments_ = 1;
-    of_rate_ = std::max<std::int64_t>(of_rate_, 1);
+    of_rate_ += 1;
     return;
   }
   const std::int64_t periods = nearest_multiple(begin - begin_, period_);
   if (periods == 0) return;  // the same once more
-  if (periods > kGap) {      // a clock may have been set meanwhile by less than a leap
+  if (periods > kGap) {      // a clock may have been set meanwhile, by little
     restart_phase();
     return add(begin);
   }
-  const Instant expected = begin_ + period_ * periods + Duration::nanoseconds(drift_over(periods));
-  const Duration off = begin - expected;
-  if (periods < 0 || off > kLeap || off < -kLeap) {  // before the last: a clock was set back
-    if (++doubted_ < kDoubts) return;
+  const Instant nominal = begin_ + period_ * periods;
+  OffsetFilter line = line_;
+  if (periods > 0) line.predict(seconds_of(period_ * periods), clock_spec::kWanderPpm2PerS);
+  const double measured = us_of(begin - nominal);
+  const double off = measured - line.offset_us();
+  if (periods < 0 || off * off > kSigmas * kSigmas * (line.variance_us2() + kTimestampNoise)) {
+    if (++outliers_ < kOutliers) return;  // one before the last: a clock was set back
     restart_phase();
     return add(begin);
   }
-  doubted_ = 0;
-  const std::int64_t n = moments_ = std::min(moments_ + 1, kMemory);
-  const std::int64_t m = of_rate_ = std::min(of_rate_ + 1, kMemory);
-  // Least squares where phase and rate are both new; where the rate is known, the phase is a mean.
-  const bool rate_known = m > n && m >= kMomentsForRate;
-  begin_ = expected + (rate_known ? off / std::min(n, kMemory / 4) : off * (2 * (2 * n - 1)) / (n * (n + 1)));
-  rate_ += off.ns() * kRateOne * 6 / (m * (m + 1)) / periods;
-  const Duration size = off < Duration() ? -off : off;
-  jitter_ = jitter_ + (size - jitter_) / 32;
+  outliers_ = 0;
+  ++moments_;
+  ++of_rate_;
+  line.update(measured, kTimestampNoise);
+  const Duration offset = from_us(line.offset_us());
+  begin_ = nominal + offset;
+  line.move(-us_of(offset));
+  line_ = line;
+  const Duration size = from_us(off < 0 ? -off : off);
+  jitter_ = jitter_ + (size - jitter_) / kJitterMemory;
 }
 
 bool PhaseLine::known(Instant now) const { return moments_ >= 2 && now - begin_ < period_ * kGap; }
 
 Instant PhaseLine::nearest(Instant at) const {
   const std::int64_t periods = nearest_multiple(at - begin_, period_);
-  return begin_ + period_ * periods + Duration::nanoseconds(drift_over(periods));
+  const Duration nominal = period_ * periods;
+  return begin_ + nominal + from_us(line_.offset_us() + line_.drift_ppm() * seconds_of(nominal));
 }
 
 std::optional<std::int32_t> PhaseLine::drift_ppb() const {
   if (of_rate_ < kMomentsForRate) return std::nullopt;
-  constexpr std::int64_t kBillion = 1'000'000'000;
-  const std::int64_t ppb = rate_ * (kBillion / kRateOne) / period_.ns();
-  return static_cast<std::int32_t>(std::clamp(ppb, -kBillion, kBillion));
+  constexpr double kMost = 1e9;
+  return static_cast<std::int32_t>(std::clamp(line_.drift_ppm() * 1000, -kMost, kMost));
 }
 
 }  // namespace nodal::firmware

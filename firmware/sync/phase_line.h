@@ -1,16 +1,18 @@
-// When a head's own clock begins exposures, from stamps that jitter.
+// When a head's own clock begins exposures, from timestamps with noise.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 
+#include "firmware/sync/clock_spec.h"
+#include "firmware/sync/offset_filter.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
 
-/// A straight line through the moments that came, by least squares whose memory grows to kMemory of them: a phase and a
-/// rate. A moment far off the line, or before the last, is not believed, and three of them in a row are a new phase, as is
-/// the first after a long gap. A head that is started anew has another phase and its old crystal: the rate stays.
+/// A Kalman filter over phase and rate (OffsetFilter), with the noise that clock_spec.h states. A timestamp 3 standard
+/// deviations off its prediction, or before the last, is an outlier; three of them in a row are a new phase, as is the
+/// first after a long gap. A head that is started anew has another phase and its old crystal: the rate stays.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -18,7 +20,7 @@ namespace nodal::firmware {
 class PhaseLine {
  public:
   void restart(Duration period);
-  void restart_phase() { moments_ = doubted_ = 0; }
+  void restart_phase() { moments_ = outliers_ = 0; }
   void add(Instant begin);
 
   /// Two moments at least, of late enough to go by.
@@ -30,22 +32,19 @@ class PhaseLine {
   /// Positive is slow, in 1/1000 ppm; nothing before kMomentsForRate.
   std::optional<std::int32_t> drift_ppb() const;
 
-  static constexpr std::int64_t kMemory = 512;
+  /// A line through 64 timestamps at 30 a second has a rate to 115 us x sqrt(12 / 64^3) / 33 ms = 23 ppm.
   static constexpr std::int64_t kMomentsForRate = 64;
-  static constexpr Duration kLeap = Duration::milliseconds(2);
-  static constexpr Duration kJitterAtFirst = Duration::microseconds(100);
+  /// Until it is measured: the mean of a uniform error of up to kTimestampErrorUs is half of it.
+  static constexpr Duration kJitterAtFirst =
+      Duration::microseconds(static_cast<std::int64_t>(clock_spec::kTimestampErrorUs / 2));
 
  private:
-  std::int64_t drift_over(std::int64_t periods) const { return rate_ * periods / kRateOne; }
-
-  static constexpr std::int64_t kRateOne = 1 << 16;
-
   Duration period_;
   Instant begin_;             ///< on the line
-  std::int64_t rate_ = 0;     ///< how much longer its periods are than period_, ns / kRateOne
-  std::int64_t moments_ = 0;  ///< of this phase, up to kMemory
-  std::int64_t of_rate_ = 0;  ///< moments that went into the rate, up to kMemory
-  int doubted_ = 0;
+  OffsetFilter line_;         ///< offset after begin_; drift of the periods
+  std::int64_t moments_ = 0;  ///< of this phase
+  std::int64_t of_rate_ = 0;  ///< moments that went into the rate
+  int outliers_ = 0;          ///< in a row
   Duration jitter_ = kJitterAtFirst;
 };
 

@@ -47,9 +47,11 @@ class SetClock {
   Match match_grid(std::size_t head, Instant mid_exposure);
   void use(std::size_t head, Slot slot, Instant mid_exposure);
 
+  /// Frames come within the open sets and the 2.5 periods until a set closes; this is several times as many pulses.
   static constexpr std::size_t kEdges = 32;
   static constexpr std::int64_t kReachTenths = 6;  ///< of a period
-  /// What was exposed just before the pulses began may seem to have been after it by this much; pulse 0 comes later.
+  /// What was exposed just before the pulses began may seem to have been after it by this much, which is more than
+  /// twice the error of a timestamp in clock_spec.h; pulse 0 comes later.
   static constexpr Duration kStampsOff = Duration::microseconds(500);
 
   struct Step {
