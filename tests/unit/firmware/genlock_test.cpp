@@ -3,11 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <optional>
-#include <sstream>
-#include <string>
-#include <vector>
 
 #include "hal/sim/clock.h"
 #include "hal/sim/scene/random.h"
@@ -18,33 +14,6 @@ namespace {
 
 /// One measurement has more doubt than the limit allows, so the first set is never good.
 constexpr int kSetsFromStart = Genlock::kSetsToLock + 1;
-
-/// The first table of "/// | a | b |" lines in a file.
-struct TextTable {
-  std::vector<std::string> columns;  ///< without the first
-  std::vector<std::vector<std::string>> rows;
-};
-
-TextTable table_in(const std::string& file) {
-  TextTable table;
-  std::ifstream text(file);
-  for (std::string line; std::getline(text, line);) {
-    if (!line.starts_with("/// |")) {
-      if (!table.columns.empty()) break;
-      continue;
-    }
-    if (line.starts_with("/// |-")) continue;
-    std::vector<std::string> cells;
-    std::istringstream parts(line.substr(5));
-    for (std::string cell; std::getline(parts, cell, '|');) {
-      const std::size_t from = cell.find_first_not_of(' ');
-      cells.push_back(from == std::string::npos ? "" : cell.substr(from, cell.find_last_not_of(' ') - from + 1));
-    }
-    if (table.columns.empty()) table.columns.assign(cells.begin() + 1, cells.end());
-    else table.rows.push_back(cells);
-  }
-  return table;
-}
 
 class GenlockTest : public testing::Test {
  protected:
@@ -317,23 +286,6 @@ TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepBeforeTheirPastIsOv
     for (int i = 0; i < 100 && genlock.state() != GenlockState::kLocked; ++i, ++periods) expose(0);
   }
   EXPECT_LT(periods, 11 * kTimes);
-}
-
-/// The table of genlock.h as it is written there.
-TEST(GenlockTable, EveryStateAndCondition_IsAsItsHeaderSays) {
-  const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/sync/genlock.h");
-  ASSERT_EQ(table.rows.size(), kGenlockConditions);
-  ASSERT_EQ(table.columns.size(), 5u);
-  for (std::size_t row = 0; row < table.rows.size(); ++row) {
-    const auto condition = static_cast<GenlockCondition>(row);
-    EXPECT_EQ(table.rows[row].front(), genlock_condition_name(condition));
-    for (std::size_t column = 0; column < table.columns.size(); ++column) {
-      const auto state = static_cast<GenlockState>(column);
-      EXPECT_EQ(table.columns[column], genlock_state_name(state));
-      EXPECT_EQ(table.rows[row].at(column + 1), genlock_state_name(genlock_after(state, condition)))
-          << genlock_condition_name(condition) << " in " << genlock_state_name(state);
-    }
-  }
 }
 
 TEST_F(GenlockTest, Locked_NoSetsAnyMoreIsLostWithinThreePeriods) {
