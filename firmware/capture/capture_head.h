@@ -46,6 +46,7 @@ struct HeadReport {
   FrameCounts counts;
   std::uint64_t missing_sets = 0;         ///< sets closed without it
   std::uint64_t opened = 0;               ///< times its port was opened
+  hal::HeadRecoveries recoveries;         ///< of all its ports
   Duration skew;                          ///< of the newest frame after its set's middle
   std::optional<std::int32_t> drift_ppb;  ///< of its own clock, as it was last seen running free; positive is slow
   std::string problem;
@@ -123,6 +124,7 @@ class CaptureHead {
   std::uint64_t in_flight_ = 0;  ///< of them, those in sets that were closed
   int missed_in_row_ = 0;
   int frames_since_asked_ = 0;
+  hal::HeadRecoveries recoveries_before_;  ///< of ports that were dropped
   HeadReport report_;
 };
 

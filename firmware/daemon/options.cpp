@@ -38,7 +38,7 @@ Parsed parse_options(int argc, char** argv) {
   app.add_option("--log", options.log_level, "How much to say on standard error: debug, info, warning, error")
       ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
       ->type_name("LEVEL");
-  CLI::Option* check = app.add_flag("--check", options.check, "Check rig.toml and what it names, and stop");
+  CLI::Option* check = app.add_flag("--check", options.check, "Check rig.toml and the files and devices it names, and stop");
   app.add_flag("--bridge", options.bridge, "Join standard input and output to the running nodald's socket")
       ->excludes(check);
   app.add_option("--socket", options.socket, "With --bridge: that socket, instead of rig.toml's")->type_name("PATH");

@@ -24,6 +24,9 @@ class World {
   static Result<std::unique_ptr<World>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~World();
 
+  /// Opens every device that rig.toml names and closes it again, which may take seconds. Errors: the first that cannot be
+  /// opened as rig.toml asks, naming its head and line.
+  Status check_devices(const firmware::RigConfig& config);
   /// What takes long and is better done before the first frame: simulated heads look at their scene.
   void prepare();
   /// Opens the store and the sockets.
