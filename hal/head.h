@@ -106,8 +106,16 @@ struct FrameView {
   ImageView image;
 };
 
+/// What a port mended by itself, since it was opened.
+struct HeadRecoveries {
+  std::uint64_t restarts = 0;         ///< times its stream broke and was started again
+  std::uint64_t refused_buffers = 0;  ///< buffers that the driver did not take back at once
+  friend bool operator==(const HeadRecoveries&, const HeadRecoveries&) = default;
+};
+
 /// A head as the rig sees it: settings go in, frames come out, and it may vanish at any call.
-/// Every call returns at once; a port never waits and never starts a thread.
+/// Every call returns at once and never waits. A port whose device has slow calls leaves them to a thread of its
+/// enumerator's: start() and set_…() then only request, and what came of it is seen by take_frame() and its frames.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the port owns its buffers; a FrameView is valid until release() or stop().
@@ -143,13 +151,15 @@ class HeadPort {
   virtual Result<std::optional<FrameView>> take_frame() = 0;
   /// A slot that is not lent is ignored.
   virtual void release(BufferSlot slot) = 0;
+  virtual HeadRecoveries recoveries() const { return {}; }
 };
 
 /// Finds heads by where they are plugged in and opens them, again after they vanished.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: hands out heads; they may outlive neither the enumerator nor its world.
-/// Errors: kNoSuchDevice when nothing answers at `path` now, kBusy when it is open already; ask again later.
+/// Errors: kNoSuchDevice when nothing answers at `path` now, kBusy when it is open already, kNotReady while it is being
+///   opened, which takes some devices seconds; ask again later.
 class HeadEnumerator {
  public:
   virtual ~HeadEnumerator() = default;

@@ -9,10 +9,6 @@ namespace {
 constexpr std::size_t kCommands = 64;
 constexpr Duration kReportEvery = Duration::milliseconds(20);
 
-std::string port_path(const PortAddress& port) {
-  return (port.kind == PortKind::kSim ? "sim:" : "replay:") + port.name;
-}
-
 hal::TriggerSettings settings_of(const RigConfig& config) {
   hal::TriggerSettings settings;
   settings.rate = config.rate;
@@ -36,7 +32,7 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
       genlock_wanted_(config.trigger.start),
       commands_(kCommands),
       answers_(kCommands) {
-  for (const HeadConfig& head : config.heads) heads_.emplace_back(head, port_path(head.port), heads);
+  for (const HeadConfig& head : config.heads) heads_.emplace_back(head, head.port.text(), heads);
   report_.heads.resize(heads_.size());
   open_.reserve(kMaxOpenSets);
   restart_clocks(rate_, false, Instant());

@@ -109,6 +109,7 @@ void CaptureHead::open(Instant) {
     return;
   }
   port_ = std::move(*opened);
+  recoveries_before_ = report_.recoveries;
   started_ = false;
   next_try_.reset();
   const hal::HeadIdentity& identity = port_->identity();
@@ -147,6 +148,9 @@ void CaptureHead::vanish(const Error& why) {
 std::optional<hal::FrameView> CaptureHead::take_frame() {
   if (!streaming()) return std::nullopt;
   auto taken = port_->take_frame();
+  const hal::HeadRecoveries recoveries = port_->recoveries();
+  report_.recoveries = {recoveries_before_.restarts + recoveries.restarts,
+                        recoveries_before_.refused_buffers + recoveries.refused_buffers};
   if (!taken) {
     vanish(taken.error());
     return std::nullopt;

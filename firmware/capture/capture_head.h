@@ -46,6 +46,7 @@ struct HeadReport {
   FrameCounts counts;
   std::uint64_t missing_sets = 0;         ///< sets closed without a frame of it
   std::uint64_t opened = 0;               ///< how often its port was opened
+  hal::HeadRecoveries recoveries;         ///< of all its ports
   Duration skew;                          ///< mid-exposure of the newest frame minus that of its set
   std::optional<std::int32_t> drift_ppb;  ///< of its own clock, measured when it last ran free; positive is slow
   std::string problem;
@@ -123,6 +124,7 @@ class CaptureHead {
   std::uint64_t in_flight_ = 0;  ///< lent frames that are in closed sets
   int missed_in_row_ = 0;
   int frames_since_request_ = 0;
+  hal::HeadRecoveries recoveries_before_;  ///< of ports that were destroyed
   HeadReport report_;
 };
 

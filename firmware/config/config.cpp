@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 
+#include "firmware/config/head_entry.h"
 #include "firmware/config/toml_reader.h"
 #include "protocol/base/limits.h"
 
@@ -14,36 +15,17 @@ namespace {
 
 constexpr std::size_t kMaxUnixPath = 107;  // bytes; sockaddr_un::sun_path holds 108, the last of them 0
 
-bool is_name(std::string_view text) {
-  return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
-           c == '-';
-  });
-}
-
-std::string name_of(TomlReader& reader) {
-  std::string name = reader.required_text("name");
-  if (!name.empty() && !is_name(name)) reader.refuse("name", "must be 1 to 64 characters of A-Z a-z 0-9 . _ -");
-  return name;
-}
-
-std::optional<std::uint32_t> whole(std::string_view text) {
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value == 0) return std::nullopt;
-  return value;
-}
-
 std::optional<FrameRate> parse_rate(std::string_view text) {
   const std::size_t slash = text.find('/');
-  const auto above = whole(text.substr(0, slash));
-  const auto below = slash == std::string_view::npos ? std::optional<std::uint32_t>(1) : whole(text.substr(slash + 1));
+  const auto above = parse_whole(text.substr(0, slash));
+  const auto below =
+      slash == std::string_view::npos ? std::optional<std::uint32_t>(1) : parse_whole(text.substr(slash + 1));
   if (!above || !below) return std::nullopt;
   return FrameRate::make(*above, *below);
 }
 
 void read_rig(TomlReader reader, RigConfig& config) {
-  config.name = name_of(reader);
+  config.name = read_name(reader);
   if (!reader.has("rate")) return;
   if (const auto rate = parse_rate(reader.text("rate", "30000/1001"))) {
     config.rate = *rate;
@@ -214,61 +196,6 @@ void read_sim(TomlReader reader, SimConfig& sim) {
       reader.choice<SimConfig::Clock>("clock", {{"real", SimConfig::Clock::kReal}, {"fast", SimConfig::Clock::kFast}});
 }
 
-PortAddress read_port(TomlReader& reader) {
-  const std::string port = reader.required_text("port");
-  const std::size_t colon = port.find(':');
-  PortAddress address;
-  address.name = colon == std::string::npos ? "" : port.substr(colon + 1);
-  if (port.starts_with("replay:")) address.kind = PortKind::kReplay;
-  const bool known = port.starts_with("sim:") || port.starts_with("replay:");
-  if (!port.empty() && (!known || address.name.empty())) {
-    reader.refuse("port", "must be sim:NAME, replay:FILE or replay:GLOB");
-  }
-  return address;
-}
-
-HeadConfig read_head(TomlReader reader, FrameRate rate) {
-  HeadConfig head;
-  head.line = reader.line();
-  head.name = name_of(reader);
-  head.port = read_port(reader);
-  head.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
-                                                      {"NV12", PixelFormat::kNv12},
-                                                      {"YUYV", PixelFormat::kYuyv},
-                                                      {"UYVY", PixelFormat::kUyvy},
-                                                      {"RGB24", PixelFormat::kRgb24},
-                                                      {"GREY", PixelFormat::kGrey8}});
-  if (reader.has("exposure_us")) {
-    head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
-  }
-  if (reader.has("gain_mdb")) {
-    head.gain =
-        Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
-  }
-  if (reader.has("red_q12") != reader.has("blue_q12")) {
-    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "is missing; a white balance needs both colours",
-                  Errc::kMissingField);
-  } else if (reader.has("red_q12")) {
-    head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
-                                      static_cast<std::uint16_t>(reader.integer("blue_q12", 256, 65535, 4096))};
-  }
-  if (reader.has("gamma")) {
-    head.gamma =
-        hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
-  }
-  head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
-  if (head.trigger_delay >= rate.period()) {
-    reader.refuse("trigger_delay_us",
-                  "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
-  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
-    reader.refuse("trigger_delay_us", "is not allowed for replay: ports; replayed pictures have no trigger");
-  }
-  head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
-                                                 {"top-first", Fields::kTopFirst},
-                                                 {"bottom-first", Fields::kBottomFirst}});
-  return head;
-}
-
 void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
   const toml::array* heads = file.array("heads");
   if (!heads || heads->empty()) {
@@ -290,7 +217,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     }
     TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
                       {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
-                       "trigger_delay_us"},
+                       "trigger_delay_us", "size", "input", "standard", "gain_step_mdb", "readout_us"},
                       error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second)
@@ -351,6 +278,11 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     read_sim({section("sim"), "sim", {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
              config.sim.emplace());
     if (!wants_sim) file.refuse("sim", "is only allowed when a head is on a sim: port");
+    const bool has_devices = std::any_of(config.heads.begin(), config.heads.end(),
+                                         [](const HeadConfig& head) { return head.port.kind == PortKind::kV4l2; });
+    if (has_devices && config.sim->clock == SimConfig::Clock::kFast) {
+      file.refuse("sim", "has clock = \"fast\", but heads on v4l2: ports send frames in real time");
+    }
   } else if (wants_sim) {
     file.refuse("sim", "is missing; heads on sim: ports need it", Errc::kMissingField);
   }

@@ -20,13 +20,26 @@
 namespace nodal::firmware {
 
 /// The kind of a head's port: the word before the colon in `port`.
-enum class PortKind : std::uint8_t { kSim, kReplay };
+enum class PortKind : std::uint8_t { kSim, kReplay, kV4l2 };
 
-/// "sim:cam0" or "replay:pictures/cam0-*.png": the kind of the port and its name.
+/// "sim:cam0", "replay:pictures/cam0-*.png" or "v4l2:/dev/video0": the kind of the port and its name.
 struct PortAddress {
   PortKind kind = PortKind::kSim;
   std::string name;  ///< what follows the colon; for replay a file or glob, relative to rig.toml
+  /// As rig.toml has it.
+  std::string text() const;
   friend bool operator==(const PortAddress&, const PortAddress&) = default;
+};
+
+/// What is requested from a V4L2 device when it is opened, besides format, fields and rate.
+struct DeviceConfig {
+  int width = 0;  ///< with height; 0: as the device comes
+  int height = 0;
+  std::string input;                ///< empty: as the device comes
+  std::string standard;             ///< likewise
+  std::int32_t gain_step_mdb = 0;   ///< 0: its gain is left as it is
+  std::optional<Duration> readout;  ///< nothing: one frame period
+  friend bool operator==(const DeviceConfig&, const DeviceConfig&) = default;
 };
 
 /// One [[heads]] entry; its position among them is its HeadIndex.
@@ -41,6 +54,7 @@ struct HeadConfig {
   std::optional<hal::Gamma> gamma;
   Fields fields = Fields::kProgressive;  ///< the field order that it delivers
   Duration trigger_delay;                ///< from the trigger to this head's pulse
+  DeviceConfig device;                   ///< of a v4l2: port
   int line = 0;                          ///< line number in rig.toml, for error messages
 };
 

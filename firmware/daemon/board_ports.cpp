@@ -12,6 +12,7 @@
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/link/socket_link.h"
+#include "hal/linux/v4l2/enumerator.h"
 #include "hal/linux/watchdog.h"
 #include "hal/replay/deck.h"
 #include "hal/sim/rig.h"
@@ -45,20 +46,21 @@ Result<std::string> read_text(const std::filesystem::path& file, std::size_t lim
   return text;
 }
 
-/// Opens heads in the simulation or the replay, by the word before the colon.
+/// Opens heads in the simulation, the replay or by V4L2, by the word before the colon.
 class Enumerators final : public hal::HeadEnumerator {
  public:
   hal::HeadEnumerator* sim = nullptr;
   hal::HeadEnumerator* replay = nullptr;
+  hal::HeadEnumerator* v4l2 = nullptr;
 
   Result<std::unique_ptr<hal::HeadPort>> open(const std::string& path) override {
-    hal::HeadEnumerator* const asked = path.starts_with("sim:") ? sim : replay;
+    hal::HeadEnumerator* const asked = path.starts_with("sim:") ? sim : path.starts_with("v4l2:") ? v4l2 : replay;
     if (!asked) return fail(Errc::kNoSuchDevice, "nothing opens heads at " + path);
     return asked->open(path);
   }
   std::vector<hal::HeadIdentity> list() override {
     std::vector<hal::HeadIdentity> all;
-    for (hal::HeadEnumerator* one : {sim, replay}) {
+    for (hal::HeadEnumerator* one : {sim, replay, v4l2}) {
       if (!one) continue;
       auto some = one->list();
       all.insert(all.end(), some.begin(), some.end());
@@ -169,10 +171,32 @@ std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std:
   auto deck = std::make_unique<hal::replay::Deck>(clock, options);
   for (const HeadConfig& head : config.heads) {
     if (head.port.kind != PortKind::kReplay) continue;
-    deck->want_format("replay:" + head.port.name, head.format);
-    deck->want_fields("replay:" + head.port.name, head.fields);
+    deck->want_format(head.port.text(), head.format);
+    deck->want_fields(head.port.text(), head.fields);
   }
   return deck;
+}
+
+/// Null when no head is on a v4l2: port.
+std::unique_ptr<hal::v4l2::V4l2Enumerator> make_v4l2(const RigConfig& config, hal::ClockPort& clock) {
+  std::unique_ptr<hal::v4l2::V4l2Enumerator> devices;
+  for (const HeadConfig& head : config.heads) {
+    if (head.port.kind != PortKind::kV4l2) continue;
+    if (!devices) devices = std::make_unique<hal::v4l2::V4l2Enumerator>(clock);
+    hal::v4l2::HeadRequest request;
+    request.pixels = head.format;
+    request.fields = head.fields;
+    request.rate = config.rate;
+    request.width = head.device.width;
+    request.height = head.device.height;
+    request.input = head.device.input;
+    request.standard = head.device.standard;
+    request.gain_step_mdb = head.device.gain_step_mdb;
+    request.readout = head.device.readout;
+    request.buffers = kHeadBuffers;
+    devices->request(head.port.text(), request);
+  }
+  return devices;
 }
 
 }  // namespace
@@ -181,6 +205,7 @@ struct BoardPorts::State {
   hal::linux_os::LinuxClock machine_clock;
   std::unique_ptr<hal::sim::SimRig> sim;
   std::unique_ptr<hal::replay::Deck> deck;
+  std::unique_ptr<hal::v4l2::V4l2Enumerator> v4l2;
   Enumerators enumerators;
   std::unique_ptr<BothTriggers> both;
   hal::TriggerPort* trigger = nullptr;
@@ -237,10 +262,23 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
       state->trigger = &state->deck->trigger();
     }
   }
+  state->v4l2 = make_v4l2(config, state->machine_clock);
+  state->enumerators.v4l2 = state->v4l2.get();
   auto panel = PanelPorts::make(config.panel, state->clock());
   if (!panel) return fail(panel.error());
   state->panel = std::move(*panel);
   return std::unique_ptr<BoardPorts>(new BoardPorts(std::move(state)));
+}
+
+Status BoardPorts::check_devices(const RigConfig& config) {
+  for (const HeadConfig& head : config.heads) {
+    if (head.port.kind != PortKind::kV4l2) continue;
+    const auto opened = state_->v4l2->open_and_wait(head.port.text());
+    if (!opened) {
+      return fail(opened.error().in("head '" + head.name + "' (line " + std::to_string(head.line) + " of rig.toml)"));
+    }
+  }
+  return {};
 }
 
 void BoardPorts::prepare() {

@@ -24,6 +24,9 @@ class BoardPorts {
   static Result<std::unique_ptr<BoardPorts>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~BoardPorts();
 
+  /// Opens every device that rig.toml names and closes it again, which may take seconds. Errors: the first that cannot be
+  /// opened as rig.toml asks, naming its head and line.
+  Status check_devices(const firmware::RigConfig& config);
   /// Does slow work before the first frame: renders the scene of simulated heads.
   void prepare();
   /// Opens the store and the sockets.

@@ -38,7 +38,8 @@ Parsed parse_options(int argc, char** argv) {
   app.add_option("--log", options.log_level, "Level of the log on standard error: debug, info, warning, error")
       ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
       ->type_name("LEVEL");
-  CLI::Option* check = app.add_flag("--check", options.check, "Check rig.toml and the files it names, and stop");
+  CLI::Option* check =
+      app.add_flag("--check", options.check, "Check rig.toml and the files and devices it names, and stop");
   app.add_flag("--bridge", options.bridge, "Connect standard input and output to the running nodald's socket")
       ->excludes(check);
   app.add_option("--socket", options.socket, "Socket for --bridge, instead of rig.toml's")->type_name("PATH");

@@ -64,6 +64,24 @@ void fill_losses(const FrameCounts& counts, google::protobuf::RepeatedPtrField<w
   }
 }
 
+/// Empty when there was nothing to mend.
+std::string mended(const hal::HeadRecoveries& recoveries) {
+  std::string text;
+  if (recoveries.restarts > 0) {
+    text = "its stream broke and was started again, " + std::to_string(recoveries.restarts) + " times so far";
+  }
+  if (recoveries.refused_buffers > 0) {
+    text += (text.empty() ? "" : "; ") + std::string("its driver refused buffers and was given them again, ") +
+            std::to_string(recoveries.refused_buffers) + " times so far";
+  }
+  return text;
+}
+
+std::string problem_of(const HeadReport& head) {
+  if (!head.problem.empty()) return head.problem;
+  return head.ignores.empty() ? mended(head.recoveries) : head.ignores;
+}
+
 std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(duration.ns()); }
 
 }  // namespace
@@ -160,7 +178,7 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     state.set_frames(head.counts.frames);
     fill_losses(head.counts, *state.mutable_losses());
     state.set_skew_ns(head.skew.ns());
-    state.set_problem(shown(head.problem.empty() ? head.ignores : head.problem));
+    state.set_problem(shown(problem_of(head)));
     state.set_missing_sets(head.missing_sets);
     state.set_opened(head.opened);
     if (head.drift_ppb) state.set_drift_ppb(*head.drift_ppb);

@@ -400,7 +400,7 @@ TEST_P(HeadConformance, PluggedInAgain_OpensByItsPathWhileTheOldObjectStaysGone)
   const auto old = open_streaming();
   next(*old);
   if (!world_->unplug()) GTEST_SKIP() << "this head cannot be unplugged here";
-  world_->replug();
+  if (!world_->replug()) GTEST_SKIP() << "this head cannot be plugged in again here";
   const auto fresh = open_streaming();
   EXPECT_EQ(fresh->identity().path, world_->path());
   EXPECT_EQ(next(*fresh).verdict, FrameVerdict::kGood);

@@ -28,7 +28,8 @@ class HeadWorld {
   virtual TriggerPort* trigger() { return nullptr; }
   /// Pulls the head's plug; false when this world cannot.
   virtual bool unplug() { return false; }
-  virtual void replug() {}
+  /// Plugs it in again while the old head's object is still there; false when this world cannot.
+  virtual bool replug() { return false; }
 };
 
 struct HeadWorldKind {

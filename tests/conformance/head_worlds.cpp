@@ -22,7 +22,10 @@ class SimHeadWorld final : public HeadWorld {
     world_.head(1).unplug();
     return true;
   }
-  void replug() override { world_.head(1).replug(); }
+  bool replug() override {
+    world_.head(1).replug();
+    return true;
+  }
 
  private:
   static sim::SimRigOptions options(const sim::HeadOptions& head) {

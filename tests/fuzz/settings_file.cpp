@@ -32,6 +32,13 @@ std::string drawn_value(ByteReader& in) {
   return (kind % 4 == 1 ? "" : "-") + std::to_string(fuzz::telling(in, kind % 8 < 4 ? 63 : 17));
 }
 
+/// A genlock that runs, at a rate that is allowed, nearly so, or whose terms overflow.
+std::string drawn_genlock(ByteReader& in) {
+  const fuzz::DrawnRate rate = fuzz::drawn_terms(in);
+  return "[genlock]\nrunning = true\nrate_numerator = " + std::to_string(rate.numerator) +
+         "\nrate_denominator = " + std::to_string(rate.denominator) + "\n";
+}
+
 /// Tables and keys of settings in any order, some twice, some of the wrong table or of none.
 std::string drawn_text(ByteReader& in) {
   constexpr std::array kTables{"[genlock]", "[exposure]", "[[heads]]", "[heads]", "[other]"};
@@ -43,7 +50,8 @@ std::string drawn_text(ByteReader& in) {
   std::string text;
   while (in.left() > 0 && text.size() < kMostOfAText - 100) {
     const unsigned what = in.u8();
-    if (what % 4 == 0) text += std::string(kTables[what / 4 % kTables.size()]) + "\n";
+    const unsigned table = what / 4 % (kTables.size() + 1);
+    if (what % 4 == 0) text += table < kTables.size() ? std::string(kTables[table]) + "\n" : drawn_genlock(in);
     else text += std::string(kKeys[what / 4 % kKeys.size()]) + " = " + drawn_value(in) + "\n";
   }
   return text;

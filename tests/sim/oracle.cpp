@@ -10,7 +10,8 @@ namespace {
 
 using firmware::GenlockState;
 
-constexpr Duration kLockLimit = Duration::microseconds(500);
+/// The genlock promises 500 us; a tenth of it is its margin.
+constexpr Duration kLockLimit = Duration::microseconds(450);
 constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's, when nothing comes
 
 /// The table of firmware/sync/genlock.h, written down a second time: what may follow what.

@@ -113,6 +113,32 @@ TEST(RigConfig, ReplayHeads_NeedNoSim) {
   EXPECT_EQ(config->heads[0].port, (PortAddress{PortKind::kReplay, "a-*.png"}));
 }
 
+const std::string kDevice = "[rig]\nname='r'\n[[heads]]\nname='a'\nport='v4l2:/dev/video0'\n";
+
+TEST(RigConfig, V4l2Heads_AreAskedWhatStandsThereAndNothingElse) {
+  const auto plain = parse_rig_config(kDevice, "rig.toml");
+  ASSERT_TRUE(plain) << plain.error().text();
+  EXPECT_EQ(plain->heads[0].port, (PortAddress{PortKind::kV4l2, "/dev/video0"}));
+  EXPECT_EQ(plain->heads[0].port.text(), "v4l2:/dev/video0");
+  EXPECT_EQ(plain->heads[0].device, DeviceConfig{});
+  const auto full = parse_rig_config(
+      kDevice + "size='720x480'\ninput='S-Video'\nstandard='NTSC'\ngain_step_mdb=100\nreadout_us=16000\n", "rig.toml");
+  ASSERT_TRUE(full) << full.error().text();
+  EXPECT_EQ(full->heads[0].device, (DeviceConfig{720, 480, "S-Video", "NTSC", 100, Duration::microseconds(16'000)}));
+}
+
+TEST(RigConfig, WhatADeviceCannotBeAsked_IsRefused) {
+  for (const char* const size : {"720", "720x", "x480", "720X480", "720x480x2", "0x480", "720x16385", "-720x480"}) {
+    expect_refused(kDevice + "size='" + size + "'\n", Errc::kBadValue, "WIDTHxHEIGHT");
+  }
+  expect_refused(kDevice + "trigger_delay_us=100\n", Errc::kBadValue, "not triggered");
+  expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only heads on v4l2: ports");
+  expect_refused(replaced(kDevice, "v4l2:/dev/video0", "v4l2:"), Errc::kBadValue, "v4l2:DEVICE");
+  expect_refused(
+      replaced(kSmall, "[sim]", "[sim]\nclock = \"fast\"") + "[[heads]]\nname='a'\nport='v4l2:/dev/video0'\n",
+      Errc::kBadValue, "real time");
+}
+
 TEST(RigConfig, TypingErrorInAKey_NamesLineAndTheNearestKnownKey) {
   expect_refused(replaced(kSmall, "port = ", "prot = "), Errc::kUnknownField,
                  "rig.toml:7:1: there is no key 'heads[0].prot'; did you mean 'port'?");

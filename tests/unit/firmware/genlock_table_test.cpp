@@ -1,4 +1,3 @@
-// The table in genlock.h, row by row.
 #include <gtest/gtest.h>
 
 #include <fstream>

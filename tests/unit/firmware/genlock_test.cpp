@@ -4,8 +4,6 @@
 
 #include <cmath>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "hal/sim/clock.h"
 #include "hal/sim/scene/random.h"

@@ -1,0 +1,136 @@
+#include "firmware/config/head_entry.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "protocol/base/limits.h"
+
+namespace nodal::firmware {
+namespace {
+
+std::string_view scheme_of(PortKind kind) {
+  switch (kind) {
+    case PortKind::kSim: return "sim";
+    case PortKind::kReplay: return "replay";
+    case PortKind::kV4l2: return "v4l2";
+  }
+  return "";
+}
+
+bool is_name(std::string_view text) {
+  return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
+           c == '-';
+  });
+}
+
+PortAddress read_port(TomlReader& reader) {
+  const std::string port = reader.required_text("port");
+  const std::size_t colon = port.find(':');
+  PortAddress address;
+  address.name = colon == std::string::npos ? "" : port.substr(colon + 1);
+  bool known = false;
+  for (const PortKind kind : {PortKind::kSim, PortKind::kReplay, PortKind::kV4l2}) {
+    if (port.substr(0, colon) != scheme_of(kind)) continue;
+    address.kind = kind;
+    known = true;
+  }
+  if (!port.empty() && (!known || address.name.empty())) {
+    reader.refuse("port", "must be sim:NAME, replay:FILE, replay:GLOB or v4l2:DEVICE");
+  }
+  return address;
+}
+
+/// "720x480".
+void read_size(TomlReader& reader, DeviceConfig& device) {
+  constexpr std::uint32_t kLargestSide = 16384;
+  const std::string size = reader.text("size", "");
+  if (!reader.has("size")) return;
+  const std::size_t cross = size.find('x');
+  const auto width = parse_whole(std::string_view(size).substr(0, cross));
+  const auto height = cross == std::string::npos ? std::nullopt : parse_whole(std::string_view(size).substr(cross + 1));
+  if (!width || !height || *width > kLargestSide || *height > kLargestSide) {
+    return reader.refuse("size", "must be WIDTHxHEIGHT such as \"720x480\", each 1 to " + std::to_string(kLargestSide));
+  }
+  device.width = static_cast<int>(*width);
+  device.height = static_cast<int>(*height);
+}
+
+void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig& device) {
+  for (const char* const key : {"size", "input", "standard", "gain_step_mdb", "readout_us"}) {
+    if (kind == PortKind::kV4l2 || !reader.has(key)) continue;
+    return reader.refuse(key, "is there, but only heads on v4l2: ports are asked it");
+  }
+  read_size(reader, device);
+  device.input = reader.text("input", "");
+  device.standard = reader.text("standard", "");
+  device.gain_step_mdb = static_cast<std::int32_t>(reader.integer("gain_step_mdb", 1, kMostGainMdb, 0));
+  if (reader.has("readout_us")) {
+    device.readout = Duration::microseconds(reader.integer("readout_us", 0, 10 * rate.period().us(), 0));
+  }
+}
+
+}  // namespace
+
+HeadConfig read_head(TomlReader& reader, FrameRate rate) {
+  HeadConfig head;
+  head.line = reader.line();
+  head.name = read_name(reader);
+  head.port = read_port(reader);
+  head.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
+                                                      {"NV12", PixelFormat::kNv12},
+                                                      {"YUYV", PixelFormat::kYuyv},
+                                                      {"UYVY", PixelFormat::kUyvy},
+                                                      {"RGB24", PixelFormat::kRgb24},
+                                                      {"GREY", PixelFormat::kGrey8}});
+  if (reader.has("exposure_us")) {
+    head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
+  }
+  if (reader.has("gain_mdb")) {
+    head.gain =
+        Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
+  }
+  if (reader.has("red_q12") != reader.has("blue_q12")) {
+    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",
+                  Errc::kMissingField);
+  } else if (reader.has("red_q12")) {
+    head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
+                                      static_cast<std::uint16_t>(reader.integer("blue_q12", 256, 65535, 4096))};
+  }
+  if (reader.has("gamma")) {
+    head.gamma =
+        hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
+  }
+  head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
+  if (head.trigger_delay >= rate.period()) {
+    reader.refuse("trigger_delay_us",
+                  "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
+    reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
+  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2) {
+    reader.refuse("trigger_delay_us", "is there, but V4L2 heads are not triggered");
+  }
+  read_device(reader, head.port.kind, rate, head.device);
+  head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
+                                                 {"top-first", Fields::kTopFirst},
+                                                 {"bottom-first", Fields::kBottomFirst}});
+  return head;
+}
+
+std::string read_name(TomlReader& reader) {
+  std::string name = reader.required_text("name");
+  if (!name.empty() && !is_name(name)) reader.refuse("name", "may have 1 to 64 of A-Z a-z 0-9 . _ - and nothing else");
+  return name;
+}
+
+std::optional<std::uint32_t> parse_whole(std::string_view text) {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || value == 0) return std::nullopt;
+  return value;
+}
+
+std::string PortAddress::text() const { return std::string(scheme_of(kind)) + ":" + name; }
+
+}  // namespace nodal::firmware

@@ -1,0 +1,311 @@
+#include "hal/linux/v4l2/negotiation.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <string_view>
+#include <vector>
+
+namespace nodal::hal::v4l2 {
+namespace {
+
+constexpr std::uint32_t kMostListed = 64;  ///< of inputs, formats, sizes: a driver that never ends its list
+
+struct Standard {
+  std::string_view name;
+  v4l2_std_id id;
+};
+constexpr std::array<Standard, 9> kStandards{{{"NTSC", V4L2_STD_NTSC},
+                                              {"NTSC-M", V4L2_STD_NTSC_M},
+                                              {"NTSC-M-JP", V4L2_STD_NTSC_M_JP},
+                                              {"PAL", V4L2_STD_PAL},
+                                              {"PAL-M", V4L2_STD_PAL_M},
+                                              {"PAL-N", V4L2_STD_PAL_N},
+                                              {"PAL-Nc", V4L2_STD_PAL_Nc},
+                                              {"PAL-60", V4L2_STD_PAL_60},
+                                              {"SECAM", V4L2_STD_SECAM}}};
+
+template <std::size_t kSize>
+std::string text_of(const std::uint8_t (&field)[kSize]) {
+  const char* const start = reinterpret_cast<const char*>(field);
+  return std::string(start, ::strnlen(start, kSize));
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text.empty() ? "nothing" : text;
+}
+
+Error unsupported(const Device& device, const std::string& sentence) {
+  return {Errc::kUnsupported, "head '" + device.head() + "': " + sentence};
+}
+
+Result<std::uint32_t> choose_input(const Device& device, const std::string& wanted) {
+  if (wanted.empty()) {
+    int current = 0;
+    (void)device.ioctl(VIDIOC_G_INPUT, &current);  // devices of one input need not know the call
+    return static_cast<std::uint32_t>(std::max(current, 0));
+  }
+  std::vector<std::string> names;
+  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+    v4l2_input input{};
+    input.index = i;
+    if (device.ioctl(VIDIOC_ENUMINPUT, &input) != 0) break;
+    names.push_back(std::to_string(i) + " \"" + text_of(input.name) + "\"");
+    if (text_of(input.name) != wanted && std::to_string(i) != wanted) continue;
+    int chosen = static_cast<int>(i);
+    if (const int error = device.ioctl(VIDIOC_S_INPUT, &chosen); error != 0) {
+      return fail(device.explained("choosing input " + wanted, error));
+    }
+    return i;
+  }
+  return fail(unsupported(device, "has no input '" + wanted + "'; it has " + joined(names)));
+}
+
+/// 0 when the input has no standards.
+Result<v4l2_std_id> choose_standard(const Device& device, const std::string& wanted) {
+  v4l2_std_id id = 0;
+  if (!wanted.empty()) {
+    const auto* const known = std::find_if(kStandards.begin(), kStandards.end(),
+                                           [&](const Standard& standard) { return standard.name == wanted; });
+    if (known == kStandards.end()) {
+      std::vector<std::string> names;
+      for (const Standard& standard : kStandards) names.emplace_back(standard.name);
+      return fail(unsupported(device, "there is no standard '" + wanted + "'; choose one of " + joined(names)));
+    }
+    id = known->id;
+    if (const int error = device.ioctl(VIDIOC_S_STD, &id); error != 0) {
+      if (error == EINVAL || error == ENODATA || error == ENOTTY) {
+        return fail(
+            unsupported(device, "its input cannot be set to " + wanted + "; leave standard out, or choose another"));
+      }
+      return fail(device.explained("setting the standard to " + wanted, error));
+    }
+  }
+  if (device.ioctl(VIDIOC_G_STD, &id) != 0) id = 0;
+  return id;
+}
+
+Result<FourCc> choose_format(const Device& device, PixelFormat pixels) {
+  std::vector<std::uint32_t> offered;
+  std::vector<std::string> names;
+  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+    v4l2_fmtdesc description{};
+    description.index = i;
+    description.type = device.buffer_type();
+    if (device.ioctl(VIDIOC_ENUM_FMT, &description) != 0) break;
+    offered.push_back(description.pixelformat);
+    names.push_back(fourcc_text(description.pixelformat));
+  }
+  for (const FourCc& candidate : fourccs_of(pixels)) {
+    if (candidate.memory_planes > 1 && !device.multiplanar()) continue;
+    if (std::find(offered.begin(), offered.end(), candidate.code) != offered.end()) return candidate;
+  }
+  return fail(unsupported(device, "does not deliver " + std::string(pixel_format_name(pixels)) + "; it delivers " +
+                                      joined(names) +
+                                      " (YU12 is I420, GREY, YUYV, UYVY and NV12 are called so, RGB3 "
+                                      "is RGB24); change format in rig.toml"));
+}
+
+std::string sizes_of(const Device& device, std::uint32_t code) {
+  std::vector<std::string> sizes;
+  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+    v4l2_frmsizeenum size{};
+    size.index = i;
+    size.pixel_format = code;
+    if (device.ioctl(VIDIOC_ENUM_FRAMESIZES, &size) != 0) break;
+    if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
+      sizes.push_back(std::to_string(size.discrete.width) + "x" + std::to_string(size.discrete.height));
+      continue;
+    }
+    sizes.push_back(std::to_string(size.stepwise.min_width) + "x" + std::to_string(size.stepwise.min_height) + " to " +
+                    std::to_string(size.stepwise.max_width) + "x" + std::to_string(size.stepwise.max_height));
+    break;
+  }
+  return sizes.empty() ? "" : "; it has " + joined(sizes);
+}
+
+/// The parts of a v4l2_format that both of its shapes have.
+struct Shape {
+  std::uint32_t width, height, code, field, quantization;
+  std::uint32_t memory_planes;
+  std::array<std::uint32_t, kMaxPlanes> strides{};
+  std::array<std::uint32_t, kMaxPlanes> sizes{};
+};
+
+void write_shape(const Device& device, const Shape& shape, v4l2_format& format) {
+  if (device.multiplanar()) {
+    v4l2_pix_format_mplane& mp = format.fmt.pix_mp;
+    mp.width = shape.width;
+    mp.height = shape.height;
+    mp.pixelformat = shape.code;
+    mp.field = shape.field;
+    mp.num_planes = static_cast<std::uint8_t>(shape.memory_planes);
+    for (v4l2_plane_pix_format& plane : mp.plane_fmt) plane.bytesperline = plane.sizeimage = 0;
+    mp.flags = V4L2_PIX_FMT_FLAG_SET_CSC;
+    mp.quantization = V4L2_QUANTIZATION_FULL_RANGE;
+    mp.ycbcr_enc = V4L2_YCBCR_ENC_601;
+    return;
+  }
+  v4l2_pix_format& pix = format.fmt.pix;
+  pix.width = shape.width;
+  pix.height = shape.height;
+  pix.pixelformat = shape.code;
+  pix.field = shape.field;
+  pix.bytesperline = pix.sizeimage = 0;
+  pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;
+  pix.flags = V4L2_PIX_FMT_FLAG_SET_CSC;
+  pix.quantization = V4L2_QUANTIZATION_FULL_RANGE;
+  pix.ycbcr_enc = V4L2_YCBCR_ENC_601;
+}
+
+Shape read_shape(const Device& device, const v4l2_format& format) {
+  if (device.multiplanar()) {
+    const v4l2_pix_format_mplane& mp = format.fmt.pix_mp;
+    Shape shape{mp.width, mp.height, mp.pixelformat, mp.field, mp.quantization, mp.num_planes, {}, {}};
+    for (std::size_t p = 0; p < kMaxPlanes && p < mp.num_planes; ++p) {
+      shape.strides[p] = mp.plane_fmt[p].bytesperline;
+      shape.sizes[p] = mp.plane_fmt[p].sizeimage;
+    }
+    return shape;
+  }
+  const v4l2_pix_format& pix = format.fmt.pix;
+  return {pix.width,        pix.height, pix.pixelformat,          pix.field,
+          pix.quantization, 1,          {pix.bytesperline, 0, 0}, {pix.sizeimage, 0, 0}};
+}
+
+/// YUV is of video range unless the driver says otherwise (V4L2's V4L2_MAP_QUANTIZATION_DEFAULT), but for JPEG's own
+/// colorspace, whose default is full.
+bool is_video_range(const Shape& shape, PixelFormat pixels, std::uint32_t colorspace) {
+  if (pixels == PixelFormat::kRgb24 || pixels == PixelFormat::kGrey8) return false;
+  if (shape.quantization == V4L2_QUANTIZATION_DEFAULT) return colorspace != V4L2_COLORSPACE_JPEG;
+  return shape.quantization == V4L2_QUANTIZATION_LIM_RANGE;
+}
+
+std::string field_words(Fields fields) {
+  return fields == Fields::kTopFirst ? "top-first" : fields == Fields::kBottomFirst ? "bottom-first" : "progressive";
+}
+
+/// Within a thousandth.
+bool same_rate(const v4l2_fract& period, const FrameRate& rate) {
+  const auto ours = static_cast<double>(rate.denominator) / rate.numerator;
+  return period.denominator != 0 &&
+         std::abs(static_cast<double>(period.numerator) / period.denominator / ours - 1) < 1e-3;
+}
+
+std::string rate_text(std::uint32_t numerator, std::uint32_t denominator) {
+  return std::to_string(numerator) + "/" + std::to_string(denominator);
+}
+
+Status set_rate(const Device& device, const FrameRate& rate, v4l2_std_id standard) {
+  v4l2_fract period{rate.denominator, rate.numerator};
+  bool known = false;
+  v4l2_streamparm parameters{};
+  parameters.type = device.buffer_type();
+  parameters.parm.capture.timeperframe = period;
+  if (device.ioctl(VIDIOC_S_PARM, &parameters) == 0 &&
+      (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0) {
+    period = parameters.parm.capture.timeperframe;
+    known = true;
+  }
+  for (std::uint32_t i = 0; !known && standard != 0 && i < kMostListed; ++i) {
+    v4l2_standard each{};
+    each.index = i;
+    if (device.ioctl(VIDIOC_ENUMSTD, &each) != 0) break;
+    if ((each.id & standard) == 0) continue;
+    period = each.frameperiod;
+    known = true;
+  }
+  // A driver that does not tell its rate is taken at the rig's word; capture counts what comes.
+  if (!known || same_rate(period, rate)) return {};
+  return fail(unsupported(device, "delivers " + rate_text(period.denominator, period.numerator) +
+                                      " frames a second, but the rig's rate is " +
+                                      rate_text(rate.numerator, rate.denominator) +
+                                      "; change rate, size or standard in rig.toml"));
+}
+
+}  // namespace
+
+std::optional<Fields> fields_of(std::uint32_t field, Fields interlaced) {
+  switch (field) {
+    case V4L2_FIELD_ANY:  // a driver that does not say, as some for progressive sensors
+    case V4L2_FIELD_NONE: return Fields::kProgressive;
+    case V4L2_FIELD_INTERLACED: return interlaced;
+    case V4L2_FIELD_INTERLACED_TB: return Fields::kTopFirst;
+    case V4L2_FIELD_INTERLACED_BT: return Fields::kBottomFirst;
+    case V4L2_FIELD_TOP: return Fields::kTopOnly;
+    case V4L2_FIELD_BOTTOM: return Fields::kBottomOnly;
+    default: return std::nullopt;
+  }
+}
+
+Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
+  Granted granted;
+  const auto input = choose_input(device, request.input);
+  if (!input) return fail(input.error());
+  granted.input = *input;
+  const auto standard = choose_standard(device, request.standard);
+  if (!standard) return fail(standard.error());
+  // V4L2's definition of V4L2_FIELD_INTERLACED: M/NTSC transmits the bottom field first, all others the top one.
+  granted.interlaced = (*standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
+  const auto code = choose_format(device, request.pixels);
+  if (!code) return fail(code.error());
+
+  v4l2_format format{};
+  format.type = device.buffer_type();
+  if (const int error = device.ioctl(VIDIOC_G_FMT, &format); error != 0) {
+    return fail(device.explained("reading its format", error));
+  }
+  Shape wanted = read_shape(device, format);
+  if (request.width > 0) {
+    wanted.width = static_cast<std::uint32_t>(request.width);
+    wanted.height = static_cast<std::uint32_t>(request.height);
+  }
+  wanted.code = code->code;
+  wanted.memory_planes = static_cast<std::uint32_t>(code->memory_planes);
+  wanted.field = request.fields == Fields::kProgressive ? V4L2_FIELD_NONE : V4L2_FIELD_INTERLACED;
+  write_shape(device, wanted, format);
+  if (const int error = device.ioctl(VIDIOC_S_FMT, &format); error != 0) {
+    return fail(device.explained("setting its format", error));
+  }
+  const Shape got = read_shape(device, format);
+  if (got.code != wanted.code || got.memory_planes != wanted.memory_planes) {
+    return fail(unsupported(device, "says that it delivers " + fourcc_text(wanted.code) + ", and sets " +
+                                        fourcc_text(got.code) + "; change format in rig.toml"));
+  }
+  if (got.width != wanted.width || got.height != wanted.height) {
+    return fail(unsupported(device, "does not deliver " + std::to_string(wanted.width) + "x" +
+                                        std::to_string(wanted.height) + " but " + std::to_string(got.width) + "x" +
+                                        std::to_string(got.height) + sizes_of(device, got.code) +
+                                        "; change size in rig.toml"));
+  }
+  const auto fields = fields_of(got.field, granted.interlaced);
+  if (!fields || *fields != request.fields) {
+    const bool ours = fields && *fields != Fields::kTopOnly && *fields != Fields::kBottomOnly;
+    return fail(unsupported(device, "delivers " + (ours ? field_words(*fields) : std::string("separate fields")) +
+                                        ", not " + field_words(request.fields) +
+                                        (ours ? "; write fields = \"" + field_words(*fields) + "\" in rig.toml"
+                                              : "; choose another standard or input in rig.toml")));
+  }
+  auto layout = make_layout(*code, static_cast<int>(got.width), static_cast<int>(got.height), got.strides);
+  if (!layout) return fail(layout.error().in("head '" + device.head() + "'"));
+  if (const Status rate = set_rate(device, request.rate, *standard); !rate) return fail(rate.error());
+
+  granted.layout = *layout;
+  granted.video_range = is_video_range(got, request.pixels,
+                                       device.multiplanar() ? format.fmt.pix_mp.colorspace : format.fmt.pix.colorspace);
+  granted.format = {request.pixels, layout->width, layout->height, request.fields, request.rate};
+  granted.readout = request.readout.value_or(request.rate.period());
+  return granted;
+}
+
+bool no_signal(const Device& device, std::uint32_t input) {
+  v4l2_input about{};
+  about.index = input;
+  if (device.ioctl(VIDIOC_ENUMINPUT, &about) != 0) return false;
+  return (about.status & (V4L2_IN_ST_NO_POWER | V4L2_IN_ST_NO_SIGNAL | V4L2_IN_ST_NO_H_LOCK | V4L2_IN_ST_NO_SYNC)) != 0;
+}
+
+}  // namespace nodal::hal::v4l2

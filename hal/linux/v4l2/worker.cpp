@@ -1,0 +1,55 @@
+#include "hal/linux/v4l2/worker.h"
+
+#include <pthread.h>
+
+#include <utility>
+
+namespace nodal::hal::v4l2 {
+
+Worker::Worker() : thread_([this] { run(); }) { pthread_setname_np(thread_.native_handle(), "nodal-v4l2"); }
+
+Worker::~Worker() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void Worker::post(std::function<void()> job) {
+  {
+    const std::lock_guard lock(mutex_);
+    jobs_.push_back(std::move(job));
+  }
+  changed_.notify_all();
+}
+
+bool Worker::idle() const {
+  const std::lock_guard lock(mutex_);
+  return jobs_.empty() && !working_;
+}
+
+void Worker::settle() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return jobs_.empty() && !working_; });
+}
+
+void Worker::run() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
+    if (jobs_.empty()) return;
+    std::function<void()> job = std::move(jobs_.front());
+    jobs_.pop_front();
+    working_ = true;
+    lock.unlock();
+    job();
+    job = nullptr;  // what it holds is given up on this thread
+    lock.lock();
+    working_ = false;
+    changed_.notify_all();
+  }
+}
+
+}  // namespace nodal::hal::v4l2

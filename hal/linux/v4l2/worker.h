@@ -1,0 +1,37 @@
+// One thread that makes a device's slow calls.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+namespace nodal::hal::v4l2 {
+
+/// Threading: thread-safe. Jobs run one after the other, in the order of post().
+/// Errors: the constructor throws std::system_error when the system refuses a thread.
+class Worker {
+ public:
+  Worker();
+  /// Waits for every job that was posted.
+  ~Worker();
+
+  void post(std::function<void()> job);
+  /// Whether no job runs or waits.
+  bool idle() const;
+  /// Waits until idle().
+  void settle();
+
+ private:
+  void run();
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> jobs_;
+  bool working_ = false;
+  bool stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace nodal::hal::v4l2
