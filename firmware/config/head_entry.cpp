@@ -60,7 +60,7 @@ void read_size(TomlReader& reader, DeviceConfig& device) {
 void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig& device) {
   for (const char* const key : {"size", "input", "standard", "gain_step_mdb", "readout_us"}) {
     if (kind == PortKind::kV4l2 || !reader.has(key)) continue;
-    return reader.refuse(key, "is there, but only heads on v4l2: ports are asked it");
+    return reader.refuse(key, "is only allowed for v4l2: ports");
   }
   read_size(reader, device);
   device.input = reader.text("input", "");
@@ -92,7 +92,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
         Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
   }
   if (reader.has("red_q12") != reader.has("blue_q12")) {
-    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "must be there, beside the other colour",
+    reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "is missing; a white balance needs both colours",
                   Errc::kMissingField);
   } else if (reader.has("red_q12")) {
     head.white_balance = WhiteBalance{static_cast<std::uint16_t>(reader.integer("red_q12", 256, 65535, 4096)),
@@ -107,9 +107,9 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
     reader.refuse("trigger_delay_us",
                   "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
-    reader.refuse("trigger_delay_us", "is there, but pictures that are replayed have no delay");
+    reader.refuse("trigger_delay_us", "is not allowed for replay: ports; replayed pictures have no trigger");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2) {
-    reader.refuse("trigger_delay_us", "is there, but V4L2 heads are not triggered");
+    reader.refuse("trigger_delay_us", "is not allowed for v4l2: ports; V4L2 heads are not triggered");
   }
   read_device(reader, head.port.kind, rate, head.device);
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
@@ -120,7 +120,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
 
 std::string read_name(TomlReader& reader) {
   std::string name = reader.required_text("name");
-  if (!name.empty() && !is_name(name)) reader.refuse("name", "may have 1 to 64 of A-Z a-z 0-9 . _ - and nothing else");
+  if (!name.empty() && !is_name(name)) reader.refuse("name", "must be 1 to 64 characters of A-Z a-z 0-9 . _ -");
   return name;
 }
 

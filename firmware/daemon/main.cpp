@@ -131,7 +131,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   auto ports = BoardPorts::make(config, base);
   if (!ports) return give_up(ports.error(), kExitBadInput);
   if (options.check) {
-    if (const Status there = (*world)->check_devices(config); !there) return give_up(there.error(), kExitBadInput);
+    if (const Status there = (*ports)->check_devices(config); !there) return give_up(there.error(), kExitBadInput);
     std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
     return kExitFine;
   }

@@ -132,7 +132,7 @@ TEST(RigConfig, WhatADeviceCannotBeAsked_IsRefused) {
     expect_refused(kDevice + "size='" + size + "'\n", Errc::kBadValue, "WIDTHxHEIGHT");
   }
   expect_refused(kDevice + "trigger_delay_us=100\n", Errc::kBadValue, "not triggered");
-  expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only heads on v4l2: ports");
+  expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only allowed for v4l2: ports");
   expect_refused(replaced(kDevice, "v4l2:/dev/video0", "v4l2:"), Errc::kBadValue, "v4l2:DEVICE");
   expect_refused(
       replaced(kSmall, "[sim]", "[sim]\nclock = \"fast\"") + "[[heads]]\nname='a'\nport='v4l2:/dev/video0'\n",
