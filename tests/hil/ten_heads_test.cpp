@@ -1,0 +1,128 @@
+// The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, takes a calibration, and nodal pulls
+// raymaps. Runs in the guest; leaves raymap.jpg, status.json, heads.json and nodald.log in the folder it starts in.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/process.h"
+#include "vivid.h"
+
+namespace nodal::hil {
+namespace {
+
+using Json = nlohmann::json;
+using test::Finished;
+using test::Process;
+
+constexpr int kHeads = 10;
+constexpr double kRate = 30000.0 / 1001;
+const std::string kScratch = "/tmp/ten-heads";  // in the guest's memory: the folder it starts in takes no sockets
+
+std::string rig_toml(int heads) {
+  std::ostringstream text;
+  text << "[rig]\nname = \"ten-heads\"\n[raymap]\nwidth = 512\nheight = 256\n[trigger]\nsource = \"none\"\n"
+       << "[links]\nunix = \"" << kScratch << "/nodal.sock\"\n[store]\nfolder = \"" << kScratch << "/store\"\n";
+  for (int i = 0; i < heads; ++i) {
+    text << "[[heads]]\nname = \"cam" << i << "\"\nport = \"v4l2:platform:vivid-" << (i < 10 ? "00" : "0") << i
+         << "\"\nformat = \"YUYV\"\nsize = \"720x480\"\ninput = \"S-Video 0\"\nstandard = \"NTSC\"\n"
+         << "fields = \"bottom-first\"\n";
+  }
+  return text.str();
+}
+
+class TenHeads : public testing::Test {
+ protected:
+  TenHeads() { std::filesystem::create_directories(kScratch); }
+
+  static Finished run(std::vector<std::string> words) { return Process(words).wait(); }
+  static Finished nodald_check(const std::string& toml) {
+    std::ofstream(kScratch + "/rig.toml") << toml;
+    return run({NODAL_BIN_DIR "/nodald", "--config", kScratch + "/rig.toml", "--check"});
+  }
+  static Json nodal(std::vector<std::string> words) {
+    words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "--rig", "unix:" + kScratch + "/nodal.sock", "--json"});
+    const Finished done = run(words);
+    if (done.code != 0) throw std::runtime_error(words[4] + ": " + done.out + done.err);
+    return Json::parse(done.out.substr(0, done.out.find('\n')));
+  }
+  static std::int64_t sum(const Json& counts) {
+    std::int64_t all = 0;
+    for (const auto& [reason, count] : counts.items()) all += count.get<std::int64_t>();
+    return all;
+  }
+};
+
+TEST_F(TenHeads, Check_SaysThatTheRigIsFineOrWhichDeviceIsMissing) {
+  const Finished fine = nodald_check(rig_toml(kHeads));
+  EXPECT_EQ(fine.code, 0) << fine.err;
+  const Finished missing = nodald_check(rig_toml(kHeads + 1));
+  EXPECT_EQ(missing.code, 2);
+  EXPECT_NE(missing.err.find("head 'cam10' (line "), std::string::npos) << missing.err;
+  EXPECT_NE(missing.err.find("v4l2:platform:vivid-009 (vivid)"), std::string::npos) << missing.err;
+}
+
+TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
+  ASSERT_EQ(nodald_check(rig_toml(kHeads)).code, 0);
+  Process rig({NODAL_BIN_DIR "/nodald", "--config", kScratch + "/rig.toml"});
+  ASSERT_TRUE(test::wait_until([] { return std::filesystem::exists(kScratch + "/nodal.sock"); })) << rig.complained();
+  nodal({"--timeout", "2min", "calibration", "upload", NODAL_SOURCE_DIR "/host_tool/example/ten_heads.json"});
+  ASSERT_TRUE(test::wait_until([] { return nodal({"status"})["full_sets"].get<int>() > 30; }));
+
+  const Json heads_before = nodal({"heads"});
+  const Json before = nodal({"status"});
+  const Json pulled = nodal({"raymap", "pull", "--complete", "--for", "10s", "--out", "raymap.jpg"});
+  const Json heads = nodal({"heads"});
+  const Json after = nodal({"status"});
+  std::ofstream("status.json") << before.dump() << "\n" << after.dump() << "\n" << pulled.dump() << "\n";
+  std::ofstream("heads.json") << heads.dump() << "\n";
+
+  const double seconds = (after["uptime_ns"].get<double>() - before["uptime_ns"].get<double>()) / 1e9;
+  EXPECT_GE(seconds, 10);
+  const auto number = [](const Json& status, const char* key) { return status[key].get<std::int64_t>(); };
+  const auto grown = [&](const char* key) { return number(after, key) - number(before, key); };
+
+  // No head lost a frame below capture: so many came as its standard sends.
+  ASSERT_EQ(heads["heads"].size(), static_cast<std::size_t>(kHeads));
+  for (std::size_t i = 0; i < kHeads; ++i) {
+    const Json& head = heads["heads"][i];
+    const auto frames = number(head, "frames") - number(heads_before["heads"][i], "frames");
+    EXPECT_NEAR(static_cast<double>(frames), seconds * kRate, 4) << head;
+    EXPECT_EQ(number(head, "opened"), 1) << head;
+    EXPECT_EQ(head["problem"], "") << head;
+  }
+  // Every frame is in a set, held, or lost for a reason; every place of a set is filled or was missed by its head.
+  EXPECT_EQ(number(after, "frames_taken"),
+            number(after, "frames_in_sets") + number(after, "frames_held") + sum(after["losses"]));
+  std::int64_t missed = 0;
+  for (const Json& head : heads["heads"]) missed += number(head, "missing_sets");
+  EXPECT_NEAR(static_cast<double>(number(after, "frames_in_sets") + missed),
+              static_cast<double>(kHeads * number(after, "sets")), kHeads * 3);  // sets came between the two answers
+  // Every set became a raymap or was left out for a reason.
+  EXPECT_NEAR(static_cast<double>(number(after, "sets")),
+              static_cast<double>(number(after, "raymaps") + sum(after["set_losses"])), 3);
+  EXPECT_NEAR(static_cast<double>(grown("sets")), seconds * kRate, 6);
+  EXPECT_GT(grown("raymaps"), 100);
+
+  // One head's stream breaks: it is started again and told of, and the rig goes on.
+  set_vivid(3, kFatalError, 1);
+  ASSERT_TRUE(test::wait_until([] {
+    return nodal({"heads"})["heads"][3]["problem"].get<std::string>().find("started again, 1 times") !=
+           std::string::npos;
+  })) << nodal({"heads"})["heads"][3];
+  const auto frames = number(nodal({"heads"})["heads"][3], "frames");
+  EXPECT_TRUE(test::wait_until([&] { return number(nodal({"heads"})["heads"][3], "frames") > frames + 30; }));
+
+  rig.signal(15);
+  const Finished ended = rig.wait();
+  std::ofstream("nodald.log") << ended.err;
+  EXPECT_EQ(ended.code, 0) << ended.err;
+}
+
+}  // namespace
+}  // namespace nodal::hil

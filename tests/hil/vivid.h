@@ -1,0 +1,40 @@
+// The kernel's virtual video driver, as tests in the guest see it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "hal/clock.h"
+#include "hal/head.h"
+#include "hal/linux/clock.h"
+#include "hal/linux/v4l2/enumerator.h"
+
+namespace nodal::hil {
+
+// Controls of vivid, from its vivid-ctrls.c: buttons and settings that break it.
+inline constexpr std::uint32_t kTimestampSource = 0x00f0f000 + 24;  ///< 1: start of exposure
+inline constexpr std::uint32_t kWrapSequence = 0x00f0f000 + 38;
+inline constexpr std::uint32_t kSignalMode = 0x00f0f000 + 60;  ///< 0 a signal, 1 none, 2 no lock
+inline constexpr std::uint32_t kPercentDropped = 0x00f0f000 + 64;
+inline constexpr std::uint32_t kDisconnect = 0x00f0f000 + 65;
+inline constexpr std::uint32_t kBufferErrorFlag = 0x00f0f000 + 66;
+inline constexpr std::uint32_t kReqbufsError = 0x00f0f000 + 67;
+inline constexpr std::uint32_t kQbufError = 0x00f0f000 + 68;
+inline constexpr std::uint32_t kStreamonError = 0x00f0f000 + 69;
+inline constexpr std::uint32_t kFatalError = 0x00f0f000 + 70;
+
+/// "v4l2:platform:vivid-003" is device 3; the kernel's command line says how many there are and what they have.
+std::string vivid_path(int device);
+
+/// Sets a control of a device through a descriptor of its own; a button is pressed by 1. Throws when it cannot.
+void set_vivid(int device, std::uint32_t control, int value);
+
+/// An S-Video input with NTSC.
+hal::v4l2::HeadRequest ntsc(PixelFormat pixels);
+/// A progressive webcam of 30 frames a second whose gain has steps of 0.1 dB.
+hal::v4l2::HeadRequest webcam(PixelFormat pixels);
+
+/// Waits; in the guest's virtual time when it was booted with that.
+void wait_for(Duration time);
+
+}  // namespace nodal::hil
