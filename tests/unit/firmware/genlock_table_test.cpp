@@ -37,6 +37,14 @@ TextTable table_in(const std::string& file) {
   return table;
 }
 
+TEST(GenlockWithoutPort, Start_SaysSo) {
+  Genlock none(nullptr);
+  const Status started = none.start({}, Instant());
+  ASSERT_FALSE(started);
+  EXPECT_EQ(started.error().code, Errc::kNoSuchDevice);
+  EXPECT_EQ(none.state(), GenlockState::kOff);
+}
+
 /// The table of genlock.h as it is written there.
 TEST(GenlockTable, EveryStateAndCondition_IsAsItsHeaderSays) {
   const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/sync/genlock.h");

@@ -58,14 +58,6 @@ class GenlockTest : public testing::Test {
   Genlock genlock{&trigger};
 };
 
-TEST_F(GenlockTest, WithoutATriggerPort_StartSaysSo) {
-  Genlock none(nullptr);
-  const Status started = none.start(settings, clock.now());
-  ASSERT_FALSE(started);
-  EXPECT_EQ(started.error().code, Errc::kNoSuchDevice);
-  EXPECT_EQ(none.state(), GenlockState::kOff);
-}
-
 TEST_F(GenlockTest, GoodSetsInARow_Lock) {
   ASSERT_TRUE(genlock.start(settings, clock.now()));
   for (int i = 0; i < kSetsFromStart; ++i) {
