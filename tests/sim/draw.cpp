@@ -102,10 +102,7 @@ Nature draw_nature(std::uint64_t seed, const DrawOptions& options) {
     nature.head.push_back(head);
   }
   hal::sim::Random reader(seed, "reader");
-  if (reader.chance(250'000)) {
-    nature.reader = draw_reader(reader);
-    for (HeadNature& head : nature.head) head.buffers += static_cast<int>(firmware::held_at_most(nature.reader->sets));
-  }
+  if (reader.chance(250'000)) nature.reader = draw_reader(reader);
   hal::sim::Random hostile(seed, "hostile");
   nature.hostile = options.faults && (options.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");

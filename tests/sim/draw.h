@@ -90,7 +90,7 @@ struct Nature {
   int blend_every = 1;                   ///< of the sets, those that are blended
   TriggerNature trigger;
   std::vector<HeadNature> head;
-  std::optional<ReaderNature> reader;  ///< something else reads the sets and raymaps, too
+  std::optional<firmware::OutletSpec> reader;  ///< something else reads the raymaps, too
 };
 
 struct DrawOptions {

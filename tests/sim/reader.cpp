@@ -3,26 +3,15 @@
 #include <utility>
 
 namespace nodal::swarm {
-namespace {
 
-firmware::OutletSpec draw_spec(hal::sim::Random& random, std::string_view name) {
+firmware::OutletSpec draw_reader(hal::sim::Random& random) {
   const bool latest = random.chance(500'000);
-  return {name, latest ? firmware::OutletPolicy::kLatest : firmware::OutletPolicy::kLossless,
+  return {"second reader", latest ? firmware::OutletPolicy::kLatest : firmware::OutletPolicy::kLossless,
           static_cast<std::size_t>(1 + random.below(3)), static_cast<std::size_t>(1 + random.below(2))};
 }
 
-}  // namespace
-
-ReaderNature draw_reader(hal::sim::Random& random) {
-  const firmware::OutletSpec sets = draw_spec(random, "reader of sets");
-  return {sets, draw_spec(random, "reader of raymaps")};
-}
-
-SecondReader::SecondReader(firmware::Rig& rig, const ReaderNature& nature, std::uint64_t seed)
-    : rig_(rig), random_(seed, "second reader") {
-  sets_.outlet = &rig.capture().add_outlet(nature.sets);
-  raymaps_.outlet = &rig.encoder().add_outlet(nature.raymaps);
-}
+SecondReader::SecondReader(firmware::Rig& rig, const firmware::OutletSpec& spec, std::uint64_t seed)
+    : rig_(rig), random_(seed, "second reader"), outlet_(rig.encoder().add_outlet(spec)) {}
 
 /// First it keeps up, then it is slow, then stuck, and again.
 void SecondReader::change_pace(Instant now) {
@@ -33,22 +22,12 @@ void SecondReader::change_pace(Instant now) {
 
 std::optional<std::string> SecondReader::step(Instant now) {
   change_pace(now);
-  const auto up_to = [&](Duration most) {
-    return Duration::nanoseconds(static_cast<std::int64_t>(random_.below(static_cast<std::uint64_t>(most.ns()))));
-  };
-  if (now >= next_set_) {
-    const Pace pace = pace_ == Pace::kKeepsUp ? pace_ : Pace::kSlow;
-    next_set_ = pace == Pace::kSlow ? now + up_to(kSetHeld) : now;
-    auto wrong =
-        read(sets_, pace, rig_.capture().report().sets, [](const firmware::SetLoan& set) { return set->number; });
-    if (wrong) return wrong;
-  }
-  if (now >= next_raymap_) {
-    next_raymap_ = pace_ == Pace::kSlow ? now + up_to(Duration::seconds(1)) : now;
-    auto wrong = read(raymaps_, pace_, rig_.encoder().steps(), [](const firmware::Raymap& raymap) {
-      return 2 * raymap.info.set + (raymap.info.field ? raymap.info.field->number : 0);
-    });
-    if (wrong) return wrong;
+  if (now >= next_read_) {
+    next_read_ = now;
+    if (pace_ == Pace::kSlow) {
+      next_read_ = now + Duration::milliseconds(static_cast<std::int64_t>(random_.below(1000)));
+    }
+    if (auto wrong = read()) return wrong;
   }
   if (const std::uint64_t missed = rig_.encoder().published().losses().full; missed > 0) {
     return "the publisher missed " + std::to_string(missed) + " raymaps beside a second reader";
@@ -59,29 +38,25 @@ std::optional<std::string> SecondReader::step(Instant now) {
   return std::nullopt;
 }
 
-template <class Item, class NumberOf>
-std::optional<std::string> SecondReader::read(Reading<Item>& from, Pace pace, std::uint64_t offered,
-                                              NumberOf number_of) {
-  const firmware::OutletSpec& spec = from.outlet->spec();
-  if (pace != Pace::kStuck) from.held.clear();
-  while (from.held.size() < spec.reading) {
-    auto item = from.outlet->take();
-    if (!item) break;
-    const std::uint64_t number = number_of(*item);
-    if (from.newest && number <= *from.newest) return std::string(spec.name) + " was given one out of order";
-    from.newest = number;
-    ++from.read;
-    from.held.push_back(std::move(*item));
-    if (pace == Pace::kKeepsUp) from.held.clear();
+std::optional<std::string> SecondReader::read() {
+  if (pace_ != Pace::kStuck) held_.clear();
+  while (held_.size() < outlet_.spec().reading) {
+    auto raymap = outlet_.take();
+    if (!raymap) break;
+    const std::uint64_t number = 2 * raymap->info.set + (raymap->info.field ? raymap->info.field->number : 0);
+    if (newest_ && number <= *newest_) return "the second reader was given a raymap out of order";
+    newest_ = number;
+    ++read_;
+    held_.push_back(std::move(*raymap));
+    if (pace_ == Pace::kKeepsUp) held_.clear();
   }
-  const firmware::OutletLosses losses = from.outlet->losses();
-  const std::uint64_t known = from.read + losses.full + losses.replaced;
-  if (known > offered || offered - known > spec.waiting) {
-    return std::string(spec.name) + ": of " + std::to_string(offered) + ", " + std::to_string(from.read) +
-           " were read, " + std::to_string(losses.full) + " and " + std::to_string(losses.replaced) +
-           " missed, and no more than " + std::to_string(spec.waiting) + " can wait";
-  }
-  return std::nullopt;
+  const std::uint64_t offered = rig_.encoder().steps();
+  const firmware::OutletLosses losses = outlet_.losses();
+  const std::uint64_t known = read_ + losses.full + losses.replaced;
+  if (known <= offered && offered - known <= outlet_.spec().waiting) return std::nullopt;
+  return "the second reader: of " + std::to_string(offered) + " raymaps, " + std::to_string(read_) + " were read, " +
+         std::to_string(losses.full) + " and " + std::to_string(losses.replaced) + " missed, and no more than " +
+         std::to_string(outlet_.spec().waiting) + " can wait";
 }
 
 }  // namespace nodal::swarm
