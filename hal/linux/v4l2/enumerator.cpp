@@ -53,7 +53,11 @@ V4l2Enumerator::Path& V4l2Enumerator::at(const std::string& path) {
   return *found;
 }
 
-void V4l2Enumerator::request(const std::string& path, const HeadRequest& request) { at(path).request = request; }
+void V4l2Enumerator::request(const std::string& path, const HeadRequest& request) {
+  Path& one = at(path);
+  one.request = request;
+  one.opening.reset();  // an attempt that is under way asks for something else
+}
 
 Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open(const std::string& path) {
   if (!path.starts_with(kScheme)) {
@@ -98,7 +102,7 @@ Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open_and_wait(const std::strin
     one.worker.settle();
     if (!one.opening) {
       auto at_once = open(path);
-      if (at_once || at_once.error().code == Errc::kBusy) return at_once;
+      if (!one.opening) return at_once;  // the device answered at once, or was not asked
     }
     one.worker.settle();
   }

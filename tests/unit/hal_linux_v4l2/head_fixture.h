@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "hal/linux/v4l2/enumerator.h"
 #include "hal/sim/clock.h"
@@ -28,6 +30,25 @@ class V4l2HeadTest : public testing::Test {
       throw std::runtime_error(started.error().text());
     }
     return std::move(*head);
+  }
+  /// Clears the driver's hooks at the end of a scope, after the calls that are under way.
+  struct HookRemover {
+    void operator()(V4l2HeadTest* test) const {
+      if (test->enumerator_) test->enumerator_->settle();
+      test->driver_.before = nullptr;
+      test->driver_.after = nullptr;
+    }
+  };
+  using Hook = std::unique_ptr<V4l2HeadTest, HookRemover>;
+  /// Sets driver_.before or .after for a scope. Workers still close devices when a test's variables are gone, so a hook
+  /// that refers to them must end before they do: declare it after them.
+  [[nodiscard]] Hook before(std::function<int(unsigned long)> hook) {
+    driver_.before = std::move(hook);
+    return Hook(this);
+  }
+  [[nodiscard]] Hook after(std::function<void(unsigned long, void*)> hook) {
+    driver_.after = std::move(hook);
+    return Hook(this);
   }
   void pass(Duration time) {
     enumerator_->settle();

@@ -98,10 +98,10 @@ TEST_F(V4l2HeadTest, AControlThatTakesForever_FramesGoOnAndCarryTheOldValueUntil
   driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = {1, 300, 1, 100, 50};
   std::latch answered(1);
   std::atomic<bool> slow{false};
-  driver_.before = [&](unsigned long request) {
+  const auto hook = before([&](unsigned long request) {
     if (request == VIDIOC_S_CTRL && slow.load()) answered.wait();
     return 0;
-  };
+  });
   const auto head = streaming();
   ASSERT_TRUE(next(*head));
   slow.store(true);

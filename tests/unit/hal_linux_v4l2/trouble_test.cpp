@@ -27,10 +27,10 @@ TEST_F(V4l2HeadTest, StartingFails_TheNextFrameSaysWhyAndNothingIsLeft) {
     const char* says;
   };
   std::atomic<const Case*> broken{nullptr};
-  driver_.before = [&](unsigned long request) {
+  const auto hook = before([&](unsigned long request) {
     const Case* const one = broken.load();
     return one != nullptr && request == one->request ? one->error : 0;
-  };
+  });
   for (const Case& one : {Case{VIDIOC_REQBUFS, ENOMEM, Errc::kDeviceFailed, "memory"},
                           Case{VIDIOC_REQBUFS, EBUSY, Errc::kBusy, "another program"},
                           Case{VIDIOC_QUERYBUF, EINVAL, Errc::kDeviceFailed, "dmesg"},
@@ -51,9 +51,9 @@ TEST_F(V4l2HeadTest, StartingFails_TheNextFrameSaysWhyAndNothingIsLeft) {
 
 TEST_F(V4l2HeadTest, TheStreamBreaks_ItIsStartedAgainAndLentFramesStayWhatTheyWere) {
   std::atomic<int> broken{0};
-  driver_.before = [&](unsigned long request) {
+  const auto hook = before([&](unsigned long request) {
     return request == VIDIOC_DQBUF && broken.load() > 0 && broken.fetch_sub(1) > 0 ? EIO : 0;
-  };
+  });
   const auto head = streaming();
   const auto lent = next(*head);
   ASSERT_TRUE(lent);
@@ -82,7 +82,8 @@ TEST_F(V4l2HeadTest, TheStreamBreaks_ItIsStartedAgainAndLentFramesStayWhatTheyWe
 
 TEST_F(V4l2HeadTest, AFrameIsReleasedWhileTheStreamIsBroken_ItsBufferIsUsedAgain) {
   std::atomic<bool> broken{false};
-  driver_.before = [&](unsigned long request) { return request == VIDIOC_DQBUF && broken.exchange(false) ? EIO : 0; };
+  const auto hook =
+      before([&](unsigned long request) { return request == VIDIOC_DQBUF && broken.exchange(false) ? EIO : 0; });
   driver_.fewest_buffers = driver_.most_buffers = 2;
   const auto head = streaming();
   const auto first = next(*head);
@@ -98,7 +99,7 @@ TEST_F(V4l2HeadTest, AFrameIsReleasedWhileTheStreamIsBroken_ItsBufferIsUsedAgain
 
 TEST_F(V4l2HeadTest, TheStreamBreaksEveryTime_ItFailsForGood) {
   std::atomic<bool> broken{true};
-  driver_.before = [&](unsigned long request) { return request == VIDIOC_DQBUF && broken.load() ? EIO : 0; };
+  const auto hook = before([&](unsigned long request) { return request == VIDIOC_DQBUF && broken.load() ? EIO : 0; });
   auto head = streaming();
   expect_error(status_of(next(*head)), Errc::kDeviceFailed, "5 times");
   EXPECT_EQ(head->recoveries().restarts, static_cast<std::uint64_t>(V4l2Head::kMostRestarts));
@@ -110,9 +111,8 @@ TEST_F(V4l2HeadTest, TheStreamBreaksEveryTime_ItFailsForGood) {
 
 TEST_F(V4l2HeadTest, ABufferIsRefusedOnce_ItIsCountedAndTakenTheNextTime) {
   std::atomic<bool> refused{false};
-  driver_.before = [&](unsigned long request) {
-    return request == VIDIOC_QBUF && refused.exchange(false) ? EINVAL : 0;
-  };
+  const auto hook =
+      before([&](unsigned long request) { return request == VIDIOC_QBUF && refused.exchange(false) ? EINVAL : 0; });
   driver_.fewest_buffers = driver_.most_buffers = 2;
   const auto head = streaming();
   const auto first = next(*head);
@@ -129,12 +129,12 @@ TEST_F(V4l2HeadTest, ABufferIsRefusedOnce_ItIsCountedAndTakenTheNextTime) {
 
 TEST_F(V4l2HeadTest, AnIndexThatCannotBe_IsABrokenStreamAndNoMemoryIsTouched) {
   std::atomic<std::int64_t> lie{-1};
-  driver_.after = [&](unsigned long request, void* argument) {
+  const auto hook = after([&](unsigned long request, void* argument) {
     if (request != VIDIOC_DQBUF) return;
     if (const std::int64_t index = lie.exchange(-1); index >= 0) {
       static_cast<v4l2_buffer*>(argument)->index = static_cast<std::uint32_t>(index);
     }
-  };
+  });
   const auto head = streaming();
   const auto lent = next(*head);
   ASSERT_TRUE(lent);
@@ -154,12 +154,12 @@ TEST_F(V4l2HeadTest, BytesThatCannotBe_AreAVerdictAndTheWholePictureStaysReadabl
   constexpr std::uint32_t kTrue = 0xABCD;
   std::atomic<std::uint32_t> used{kTrue};
   std::atomic<std::uint32_t> flags{0};
-  driver_.after = [&](unsigned long request, void* argument) {
+  const auto hook = after([&](unsigned long request, void* argument) {
     if (request != VIDIOC_DQBUF) return;
     auto& buffer = *static_cast<v4l2_buffer*>(argument);
     if (used.load() != kTrue) buffer.bytesused = used.load();
     buffer.flags |= flags.load();
-  };
+  });
   const auto head = streaming();
   struct Case {
     std::uint32_t used, flags;
@@ -185,18 +185,18 @@ TEST_F(V4l2HeadTest, BytesThatCannotBe_AreAVerdictAndTheWholePictureStaysReadabl
 }
 
 TEST_F(V4l2HeadTest, BuffersSmallerThanAFrame_AreRefused) {
-  driver_.after = [](unsigned long request, void* argument) {
+  const auto hook = after([](unsigned long request, void* argument) {
     if (request == VIDIOC_QUERYBUF) static_cast<v4l2_buffer*>(argument)->length = 1000;
-  };
+  });
   const auto head = streaming();
   expect_error(status_of(next(*head)), Errc::kDeviceFailed, "1000 bytes");
 }
 
 TEST_F(V4l2HeadTest, TheInputHasNoPicture_FramesSaySoUntilItHasOne) {
   std::atomic<std::uint32_t> status{V4L2_IN_ST_NO_SIGNAL};
-  driver_.after = [&](unsigned long request, void* argument) {
+  const auto hook = after([&](unsigned long request, void* argument) {
     if (request == VIDIOC_ENUMINPUT) static_cast<v4l2_input*>(argument)->status = status.load();
-  };
+  });
   const auto head = streaming();
   const auto verdict_after_a_second = [&] {
     FrameVerdict verdict = FrameVerdict::kGood;
@@ -225,10 +225,10 @@ TEST_F(V4l2HeadTest, ADriverThatSendsVideoRangeAllTheSame_FramesAreOfFullRange) 
 
 TEST_F(V4l2HeadTest, TheFirstAttemptIsUnderWay_OpeningSaysThatItIsNotReady) {
   std::latch answered(1);
-  driver_.before = [&](unsigned long request) {
+  const auto hook = before([&](unsigned long request) {
     if (request == VIDIOC_QUERYCAP) answered.wait();
     return 0;
-  };
+  });
   enumerator_ = std::make_unique<V4l2Enumerator>(clock_, driver_);
   enumerator_->request("v4l2:usb-1.2", request_);
   for (int i = 0; i < 3; ++i) {
