@@ -16,7 +16,7 @@ using FileHandle = std::uint32_t;
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: handles are closed by close() or with the port.
-/// Errors: kNotFound, kExists, kDiskFull, kIo; each names the file.
+/// Errors: kNotFound, kExists, kDiskFull, kIo; each names the file. kWrongState for a handle that is not open.
 class DiskPort {
  public:
   virtual ~DiskPort() = default;
@@ -24,7 +24,12 @@ class DiskPort {
   virtual Result<FileHandle> create(const std::string& name) = 0;
   /// An existing file to append to.
   virtual Result<FileHandle> open_append(const std::string& name) = 0;
-  /// All bytes or an error; after kDiskFull a part may be there.
+  /// An existing file to read from any place. kIo for what is no file.
+  virtual Result<FileHandle> open_read(const std::string& name) = 0;
+  /// The file's bytes from `offset` on, and how many: less than `bytes` has only at the end of the file, 0 at its end and
+  /// behind it. The file may grow or shrink between calls. kWrongState for a handle of create() or open_append().
+  virtual Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) = 0;
+  /// All bytes or an error; after kDiskFull a part may be there. kWrongState for a handle of open_read().
   virtual Status write(FileHandle file, std::span<const std::uint8_t> bytes) = 0;
   virtual Status sync(FileHandle file) = 0;
   virtual void close(FileHandle file) = 0;

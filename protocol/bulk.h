@@ -14,9 +14,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "protocol/base/result.h"
 #include "protocol/framing.h"
 
 namespace nodal {
@@ -31,11 +34,25 @@ enum class StreamPolicy : std::uint8_t {
 /// Bytes that several sessions send at once without a copy.
 using SharedBytes = std::shared_ptr<const std::vector<std::uint8_t>>;
 
+/// A body that is read piece by piece while it is sent, such as a file larger than memory.
+///
+/// Threading: called by the thread of the session that sends it; read() delays everything that this thread does.
+/// Ownership: the stream holds it until the item is sent or dropped.
+class BodySource {
+ public:
+  virtual ~BodySource() = default;
+  /// In bytes. The same in every call.
+  virtual std::uint64_t size() const = 0;
+  /// Fills all of `bytes`, at most kMaxPieceBytes, with the body's from `offset` on. An error closes the stream with that
+  /// error; the receiver then has a part of the item.
+  virtual Status read(std::uint64_t offset, std::span<std::uint8_t> bytes) = 0;
+};
+
 /// What is offered to a stream: a small serialized message about it, and its bytes from `offset` on.
 struct BulkItem {
-  std::string meta;          ///< such as a wire::RaymapHeader; at most kMaxMetaBytes
-  SharedBytes body;          ///< may be null: an empty body
-  std::uint64_t offset = 0;  ///< the body goes from here; at most its size
+  std::string meta;                                             ///< such as a wire::RaymapHeader; at most kMaxMetaBytes
+  std::variant<SharedBytes, std::shared_ptr<BodySource>> body;  ///< null: an empty body
+  std::uint64_t offset = 0;                                     ///< the body goes from here; at most its size
 };
 
 inline constexpr std::size_t kPieceHeaderBytes = 28;

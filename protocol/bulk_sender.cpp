@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "protocol/base/bytes.h"
@@ -11,7 +12,21 @@ namespace {
 
 std::string name(StreamId stream) { return "stream " + std::to_string(stream); }
 
-std::uint64_t body_bytes(const BulkItem& item) { return item.body ? item.body->size() - item.offset : 0; }
+std::uint64_t whole_body(const BulkItem& item) {
+  return std::visit([](const auto& body) { return body ? std::uint64_t{body->size()} : 0; }, item.body);
+}
+std::uint64_t body_bytes(const BulkItem& item) { return whole_body(item) - item.offset; }
+
+/// `bytes` bytes of the body from `offset` on: where they lie, or a copy that was read.
+Result<std::pair<SharedBytes, std::span<const std::uint8_t>>> part_of(const BulkItem& item, std::uint64_t offset,
+                                                                      std::size_t bytes) {
+  if (const auto* const whole = std::get_if<SharedBytes>(&item.body)) {
+    return std::pair{*whole, std::span(**whole).subspan(offset, bytes)};
+  }
+  const auto part = std::make_shared<std::vector<std::uint8_t>>(bytes);
+  if (Status read = std::get<1>(item.body)->read(offset, *part); !read) return fail(std::move(read).error());
+  return std::pair{SharedBytes(part), std::span<const std::uint8_t>(*part)};
+}
 
 }  // namespace
 
@@ -32,10 +47,10 @@ Status BulkSender::offer(StreamId id, BulkItem item) {
   if (found == streams_.end() || found->second.closing) {
     return fail(Errc::kWrongState, name(id) + " is closed; nothing can be offered to it");
   }
-  if (item.offset > (item.body ? item.body->size() : 0)) {
+  if (item.offset > whole_body(item)) {
     return fail(Errc::kBadValue, name(id) + ": an item that begins after its own end");
   }
-  if (item.meta.size() > kMaxMetaBytes || item.meta.size() + body_bytes(item) > kMaxItemBytes) {
+  if (item.meta.size() > kMaxMetaBytes || body_bytes(item) > kMaxItemBytes - item.meta.size()) {
     return fail(Errc::kTooLarge, name(id) + ": an item's meta of " + std::to_string(item.meta.size()) +
                                      " bytes or its body of " + std::to_string(body_bytes(item)) +
                                      " bytes is over the limit");
@@ -96,7 +111,7 @@ bool BulkSender::stop(StreamId id, const Error& why) {
   return true;
 }
 
-BulkSender::Piece BulkSender::cut(StreamId id, Stream& stream) {
+Result<BulkSender::Piece> BulkSender::cut(StreamId id, Stream& stream) {
   Pending& pending = stream.queue.front();
   const std::uint64_t total = pending.total();
   const std::uint64_t credit = stream.allowed - stream.sent;
@@ -115,9 +130,10 @@ BulkSender::Piece BulkSender::cut(StreamId id, Stream& stream) {
   if (meta_now > 0) out.bytes({reinterpret_cast<const std::uint8_t*>(pending.item.meta.data()), meta_now});
   NODAL_ASSERT(out.ok());
   if (n > meta_now) {
-    piece.body = pending.item.body;
     const std::uint64_t from = pending.item.offset + pending.sent + meta_now - meta;
-    piece.slice = std::span(*piece.body).subspan(from, n - meta_now);
+    auto part = part_of(pending.item, from, n - meta_now);
+    if (!part) return fail(std::move(part).error());
+    std::tie(piece.body, piece.slice) = *std::move(part);
   }
 
   pending.begun = true;
@@ -144,7 +160,9 @@ std::optional<BulkSender::Piece> BulkSender::next_piece() {
     if (candidate == streams_.end()) candidate = streams_.begin();
     if (!may_go(candidate->second)) continue;
     last_served_ = candidate->first;
-    return cut(candidate->first, candidate->second);
+    auto piece = cut(candidate->first, candidate->second);
+    if (piece) return *std::move(piece);
+    close(candidate->first, std::move(piece).error());
   }
   return std::nullopt;
 }

@@ -40,7 +40,8 @@ class BulkSender {
     SharedBytes body;
     std::span<const std::uint8_t> slice;
   };
-  /// The next piece that credit lets go, streams in turn; nothing when none may.
+  /// The next piece that credit lets go, streams in turn; nothing when none may. A stream whose body cannot be read is
+  /// closed with the error, and next_closed() has it.
   std::optional<Piece> next_piece();
 
   /// A stream that has said all: its last word is due.
@@ -68,7 +69,7 @@ class BulkSender {
     bool closing = false;
     std::optional<Error> error;
   };
-  Piece cut(StreamId id, Stream& stream);
+  Result<Piece> cut(StreamId id, Stream& stream);
 
   std::map<StreamId, Stream> streams_;
   StreamId next_id_;

@@ -289,13 +289,7 @@ void Session::next_front() {
     message.set_allowed(credit->allowed);
     append_control(FrameType::kCredit, credit->stream, message.SerializeAsString());
   }
-  while (const auto closed = sender_.next_closed()) {
-    wire::StreamClose message;
-    message.set_offered(closed->counts.offered);
-    message.set_dropped(closed->counts.dropped);
-    if (closed->error) *message.mutable_error() = to_wire(*closed->error);
-    append_control(FrameType::kStreamClose, closed->stream, message.SerializeAsString());
-  }
+  append_closes();
   if (!front_.empty()) return;
   if (auto piece = sender_.next_piece()) {
     const auto header =
@@ -304,6 +298,18 @@ void Session::next_front() {
     front_.insert(front_.end(), piece->head.begin(), piece->head.end());
     front_body_ = std::move(piece->body);
     front_slice_ = piece->slice;
+  } else {
+    append_closes();  // of streams whose bodies could not be read
+  }
+}
+
+void Session::append_closes() {
+  while (const auto closed = sender_.next_closed()) {
+    wire::StreamClose message;
+    message.set_offered(closed->counts.offered);
+    message.set_dropped(closed->counts.dropped);
+    if (closed->error) *message.mutable_error() = to_wire(*closed->error);
+    append_control(FrameType::kStreamClose, closed->stream, message.SerializeAsString());
   }
 }
 
@@ -356,8 +362,6 @@ Status Session::send(const wire::Reply& reply) {
   clean.mutable_error()->set_message(printable(reply.error().message(), kLongestMessage));
   return send_message(FrameType::kReply, clean);
 }
-
-// --- bulk --------------------------------------------------------------------------------------------
 
 Result<StreamId> Session::open_stream(StreamPolicy policy) {
   if (dead_) return fail(*dead_);

@@ -157,6 +157,7 @@ class Session {
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
   void push_control(FrameType type, StreamId stream, std::string payload);
   void next_front();
+  void append_closes();
   void append_control(FrameType type, StreamId stream, const std::string& payload);
   tl::unexpected<Error> die(Error error, bool tell_peer);
   /// "the rig (nodald 0.1.0)".

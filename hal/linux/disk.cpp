@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 
 namespace nodal::hal::linux_os {
 
@@ -122,8 +123,18 @@ Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
     return fail(errno == EISDIR ? Error{Errc::kExists, "file '" + name + "': is a folder"}
                                 : failure("opening it", name, errno));
   const FileHandle handle = next_++;
-  files_[handle] = {fd, name};
+  files_[handle] = {fd, name, (flags & O_ACCMODE) == O_RDONLY};
   return handle;
+}
+
+Result<const LinuxDisk::File*> LinuxDisk::file_of(FileHandle handle, bool to_read) const {
+  const auto file = files_.find(handle);
+  if (file == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(handle) + ": is not open");
+  if (file->second.to_read != to_read) {
+    return fail(Errc::kWrongState, "file '" + file->second.name + "': is open to be " + (to_read ? "written" : "read") +
+                                       ", not to be " + (to_read ? "read" : "written"));
+  }
+  return &file->second;
 }
 
 Result<FileHandle> LinuxDisk::create(const std::string& name) {
@@ -132,13 +143,45 @@ Result<FileHandle> LinuxDisk::create(const std::string& name) {
 
 Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open_file(name, O_WRONLY | O_APPEND); }
 
+Result<FileHandle> LinuxDisk::open_read(const std::string& name) {
+  // Not blocking: a FIFO would wait for its other end.
+  const auto handle = open_file(name, O_RDONLY | O_NONBLOCK);
+  if (!handle) return handle;
+  struct stat about {};
+  const bool known = ::fstat(files_.at(*handle).descriptor, &about) == 0;
+  if (known && S_ISREG(about.st_mode)) return handle;
+  const int error = errno;
+  close(*handle);
+  if (!known) return fail(failure("reading it", name, error));
+  return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
+}
+
+Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, std::span<std::uint8_t> bytes) {
+  const auto file = file_of(handle, true);
+  if (!file) return fail(file.error());
+  // No file ends behind what off_t can say.
+  constexpr std::uint64_t kFarthest = std::numeric_limits<off_t>::max();
+  if (offset >= kFarthest) return 0;
+  bytes = bytes.first(std::min<std::uint64_t>(bytes.size(), kFarthest - offset));
+  std::size_t have = 0;
+  while (have < bytes.size()) {
+    const ssize_t got = again_when_interrupted([&] {
+      return ::pread((*file)->descriptor, bytes.data() + have, bytes.size() - have, static_cast<off_t>(offset + have));
+    });
+    if (got < 0) return fail(failure("reading it", (*file)->name, errno));
+    if (got == 0) break;
+    have += static_cast<std::size_t>(got);
+  }
+  return have;
+}
+
 Status LinuxDisk::write(FileHandle handle, std::span<const std::uint8_t> bytes) {
-  const auto file = files_.find(handle);
-  if (file == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(handle) + ": is not open");
+  const auto file = file_of(handle, false);
+  if (!file) return fail(file.error());
   while (!bytes.empty()) {
     const ssize_t put =
-        again_when_interrupted([&] { return ::write(file->second.descriptor, bytes.data(), bytes.size()); });
-    if (put < 0) return fail(failure("writing it", file->second.name, errno));
+        again_when_interrupted([&] { return ::write((*file)->descriptor, bytes.data(), bytes.size()); });
+    if (put < 0) return fail(failure("writing it", (*file)->name, errno));
     bytes = bytes.subspan(static_cast<std::size_t>(put));
   }
   return {};

@@ -23,6 +23,8 @@ class LinuxDisk final : public DiskPort {
 
   Result<FileHandle> create(const std::string& name) override;
   Result<FileHandle> open_append(const std::string& name) override;
+  Result<FileHandle> open_read(const std::string& name) override;
+  Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) override;
   Status write(FileHandle file, std::span<const std::uint8_t> bytes) override;
   Status sync(FileHandle file) override;
   void close(FileHandle file) override;
@@ -39,11 +41,13 @@ class LinuxDisk final : public DiskPort {
   struct File {
     int descriptor = -1;
     std::string name;
+    bool to_read = false;  ///< else to append
   };
   LinuxDisk(int root, std::string path) : root_(root), path_(std::move(path)) {}
   /// A descriptor beneath the root, or -1 with errno.
   int open_beneath(const std::string& name, int flags) const;
   Result<FileHandle> open_file(const std::string& name, int flags);
+  Result<const File*> file_of(FileHandle handle, bool to_read) const;
   Error failure(const char* what, const std::string& name, int error) const;
 
   const int root_;

@@ -100,10 +100,21 @@ void SimDisk::make_last(std::size_t k) {
   }
 }
 
-Result<FileHandle> SimDisk::hand_out(InodePtr inode, const std::string& name) {
+Result<FileHandle> SimDisk::hand_out(InodePtr inode, const std::string& name, bool to_read) {
   const FileHandle handle = next_handle_++;
-  handles_[handle] = {std::move(inode), name};
+  handles_[handle] = {std::move(inode), name, to_read};
   return handle;
+}
+
+Result<SimDisk::Handle*> SimDisk::handle_of(FileHandle file, bool to_read) {
+  const auto found = handles_.find(file);
+  if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
+  if (found->second.to_read != to_read) {
+    return fail(Errc::kWrongState, "file '" + found->second.name + "': is open to be " +
+                                       (to_read ? "written" : "read") + ", not to be " +
+                                       (to_read ? "read" : "written"));
+  }
+  return &found->second;
 }
 
 Result<FileHandle> SimDisk::create(const std::string& name) {
@@ -129,12 +140,29 @@ Result<FileHandle> SimDisk::open_append(const std::string& name) {
   return hand_out(found->second, name);
 }
 
+Result<FileHandle> SimDisk::open_read(const std::string& name) {
+  const auto length = size(name);
+  if (!length) return fail(length.error());
+  return hand_out(tree_.at(name), name, true);
+}
+
+Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) {
+  const auto handle = handle_of(file, true);
+  if (!handle) return fail(handle.error());
+  if (dead_) return fail(no_power((*handle)->name));
+  const std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
+  if (offset >= data.size()) return 0;
+  const std::size_t count = std::min<std::uint64_t>(bytes.size(), data.size() - offset);
+  std::copy_n(data.begin() + static_cast<std::ptrdiff_t>(offset), count, bytes.begin());
+  return count;
+}
+
 Status SimDisk::write(FileHandle file, std::span<const std::uint8_t> bytes) {
-  const auto found = handles_.find(file);
-  if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
-  const std::string& name = found->second.name;
+  const auto handle = handle_of(file, false);
+  if (!handle) return fail(handle.error());
+  const std::string& name = (*handle)->name;
   if (auto begun = begin("writing it", name); !begun) return begun;
-  std::vector<std::uint8_t>& data = found->second.inode->bytes;
+  std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
   if (dying_) {
     const auto part = static_cast<std::ptrdiff_t>(random_.below(bytes.size() + 1));
     data.insert(data.end(), bytes.begin(), bytes.begin() + part);

@@ -26,6 +26,8 @@ class SimDisk final : public DiskPort {
   // What the daemon sees.
   Result<FileHandle> create(const std::string& name) override;
   Result<FileHandle> open_append(const std::string& name) override;
+  Result<FileHandle> open_read(const std::string& name) override;
+  Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) override;
   Status write(FileHandle file, std::span<const std::uint8_t> bytes) override;
   Status sync(FileHandle file) override;
   void close(FileHandle file) override;
@@ -70,11 +72,13 @@ class SimDisk final : public DiskPort {
   struct Handle {
     InodePtr inode;
     std::string name;
+    bool to_read = false;  ///< else to append
   };
 
   Status begin(const char* what, const std::string& name);
   Status check_parent(const std::string& name) const;
-  Result<FileHandle> hand_out(InodePtr inode, const std::string& name);
+  Result<FileHandle> hand_out(InodePtr inode, const std::string& name, bool to_read = false);
+  Result<Handle*> handle_of(FileHandle file, bool to_read);
   void commit(Change change);
   void make_last(std::size_t change);
   std::uint64_t used() const;

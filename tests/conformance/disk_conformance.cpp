@@ -82,6 +82,7 @@ TEST_P(DiskConformance, CreatedAgain_TheOlderOneIsReplaced) {
 
 TEST_P(DiskConformance, NotThere_EveryCallSaysNotFoundAndNamesIt) {
   expect_error(disk().open_append("gone"), Errc::kNotFound, "gone");
+  expect_error(disk().open_read("gone"), Errc::kNotFound, "gone");
   expect_error(disk().read("gone", 10), Errc::kNotFound, "gone");
   expect_error(disk().size("gone"), Errc::kNotFound, "gone");
   expect_error(disk().rename("gone", "new"), Errc::kNotFound, "gone");
@@ -159,6 +160,7 @@ TEST_P(DiskConformance, FolderForAFile_IsRefusedByName) {
   ASSERT_TRUE(disk().make_folder("f"));
   expect_error(disk().create("f"), Errc::kExists, "f");
   expect_error(disk().read("f", 10), Errc::kIo, "f");
+  expect_error(disk().open_read("f"), Errc::kIo, "f");
   put("a", "x");
   expect_error(disk().make_folder("a"), Errc::kExists, "a");
   expect_error(disk().rename("a", "f"), Errc::kUnsupported, "f");
@@ -169,6 +171,7 @@ TEST_P(DiskConformance, NamesThatLeadOutside_AreBadValuesEverywhere) {
   for (const std::string name : {"../a", "/etc/passwd", "f/../../a", "", ".", "..", "f//a", "f/", "./a"}) {
     expect_error(disk().create(name), Errc::kBadValue, name);
     expect_error(disk().open_append(name), Errc::kBadValue, name);
+    expect_error(disk().open_read(name), Errc::kBadValue, name);
     expect_error(disk().read(name, 10), Errc::kBadValue, name);
     expect_error(disk().size(name), Errc::kBadValue, name);
     expect_error(disk().rename(name, "b"), Errc::kBadValue, name);
@@ -190,6 +193,52 @@ TEST_P(DiskConformance, HandleNotOpen_IsWrongState) {
   disk().close(file);
   EXPECT_EQ(disk().write(file, bytes_of("x")).error().code, Errc::kWrongState);
   EXPECT_EQ(disk().sync(file).error().code, Errc::kWrongState);
+}
+
+TEST_P(DiskConformance, ReadAtAnyPlace_GivesTheBytesThereAndFewerOnlyAtTheEnd) {
+  put("a", "0123456789");
+  const FileHandle file = disk().open_read("a").value();
+  std::vector<std::uint8_t> into(4);
+  const auto at = [&](std::uint64_t offset) {
+    const auto count = disk().read_at(file, offset, into);
+    return count ? std::string(into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*count)) : count.error().text();
+  };
+  EXPECT_EQ(at(6), "6789");
+  EXPECT_EQ(at(0), "0123");
+  EXPECT_EQ(at(8), "89");
+  for (const std::uint64_t behind :
+       {std::uint64_t{10}, std::uint64_t{11}, std::uint64_t{1} << 32, (std::uint64_t{1} << 63) - 1,
+        std::uint64_t{1} << 63, ~std::uint64_t{0} - 3, ~std::uint64_t{0}}) {
+    EXPECT_EQ(at(behind), "") << behind;
+  }
+  EXPECT_EQ(disk().read_at(file, 3, {}).value(), 0U);
+  disk().close(file);
+  EXPECT_EQ(disk().read_at(file, 0, into).error().code, Errc::kWrongState);
+}
+
+TEST_P(DiskConformance, TheFileChangesBetweenReads_EachGivesWhatIsThere) {
+  put("a", "one");
+  const FileHandle reader = disk().open_read("a").value();
+  const FileHandle writer = disk().open_append("a").value();
+  std::vector<std::uint8_t> into(8);
+  EXPECT_EQ(disk().read_at(reader, 0, into).value(), 3U);
+  ASSERT_TRUE(disk().write(writer, bytes_of("two")));
+  EXPECT_EQ(disk().read_at(reader, 0, into).value(), 6U);
+  ASSERT_TRUE(disk().rename("a", "b"));
+  EXPECT_EQ(disk().read_at(reader, 3, into).value(), 3U) << "a handle goes on with its file";
+  ASSERT_TRUE(disk().remove("b"));
+  EXPECT_EQ(disk().read_at(reader, 3, into).value(), 3U) << "a file lives as long as a handle of it";
+}
+
+TEST_P(DiskConformance, AHandle_IsForReadingOrForWriting) {
+  put("a", "x");
+  std::vector<std::uint8_t> into(1);
+  const FileHandle reader = disk().open_read("a").value();
+  EXPECT_EQ(disk().write(reader, bytes_of("y")).error().code, Errc::kWrongState);
+  for (const FileHandle writer : {disk().open_append("a").value(), disk().create("b").value()}) {
+    EXPECT_EQ(disk().read_at(writer, 0, into).error().code, Errc::kWrongState);
+  }
+  EXPECT_EQ(get("a"), "x");
 }
 
 TEST_P(DiskConformance, AMegabyte_TakesThatMuchRoom) {

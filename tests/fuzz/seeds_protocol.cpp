@@ -58,7 +58,7 @@ void converse(Talk& talk) {
   const StreamId upload = talk.host.open_stream(StreamPolicy::kLossless).value();
   for (int i = 0; i < 3; ++i) (void)talk.rig.offer(live, BulkItem{"raymap", body, 0});
   (void)talk.host.offer(upload, BulkItem{"part", body, 100});
-  (void)talk.host.offer(upload, BulkItem{"", nullptr, 0});
+  (void)talk.host.offer(upload, BulkItem{"", {}, 0});
   talk.run();
   (void)talk.rig.offer(live, BulkItem{"raymap", body, 0});
   talk.host.stop_stream(live, Error{Errc::kCancelled, "enough"});

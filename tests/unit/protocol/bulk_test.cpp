@@ -16,7 +16,7 @@ class Collector {
   void take(const BulkPiece& piece, const std::map<std::uint64_t, BulkItem>& offered) {
     const auto found = offered.find(piece.item);
     RC_ASSERT(found != offered.end());
-    const std::vector<std::uint8_t>& body = *found->second.body;
+    const std::vector<std::uint8_t>& body = *std::get<SharedBytes>(found->second.body);
     RC_ASSERT(piece.first == (piece.offset == 0 && !inside_));
     if (piece.first) {
       RC_ASSERT(!inside_);
@@ -344,10 +344,10 @@ TEST(Bulk, TooManyStreams_OverloadUntilOneIsClosed) {
 TEST(Bulk, ItemsThatCannotBe_AreRefusedAndTheStreamGoesOn) {
   BulkWorld world(StreamPolicy::kLossless);
   Session& rig = *world.talk.rig;
-  EXPECT_EQ(rig.offer(world.stream, BulkItem{std::string(kMaxMetaBytes + 1, 'm'), nullptr, 0}).error().code,
+  EXPECT_EQ(rig.offer(world.stream, BulkItem{std::string(kMaxMetaBytes + 1, 'm'), {}, 0}).error().code,
             Errc::kTooLarge);
   EXPECT_EQ(rig.offer(world.stream, BulkItem{"", shared_bytes(5), 6}).error().code, Errc::kBadValue);
-  EXPECT_EQ(rig.offer(world.stream, BulkItem{"", nullptr, 1}).error().code, Errc::kBadValue);
+  EXPECT_EQ(rig.offer(world.stream, BulkItem{"", {}, 1}).error().code, Errc::kBadValue);
   EXPECT_EQ(rig.offer(world.stream + 2, BulkItem{}).error().code, Errc::kWrongState);
   EXPECT_TRUE(rig.offer(world.stream, BulkItem{"", shared_bytes(5), 5}));
 }

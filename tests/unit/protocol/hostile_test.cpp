@@ -40,7 +40,7 @@ Recording record() {
   talk.host->ping();
   talk.rig->ping();
   EXPECT_TRUE(talk.host->offer(up, BulkItem{"part", shared_bytes(60), 0}));
-  EXPECT_TRUE(talk.host->offer(up, BulkItem{"", nullptr, 0}));
+  EXPECT_TRUE(talk.host->offer(up, BulkItem{"", {}, 0}));
   wire::Reply reply;
   reply.set_id(1);
   reply.mutable_done();
