@@ -12,10 +12,12 @@
 // sent in all, so that a credit repeated or merged with a later one does no harm.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -31,8 +33,30 @@ enum class StreamPolicy : std::uint8_t {
   kLatest = 2,    ///< a newer item replaces one that has not begun to go out; drops are counted and told
 };
 
-/// Bytes that several sessions send at once without a copy.
-using SharedBytes = std::shared_ptr<const std::vector<std::uint8_t>>;
+/// Bytes that several sessions send at once without a copy, and what keeps them where they are. Null: none.
+class SharedBytes {
+ public:
+  SharedBytes() = default;
+  /// `bytes` stay in place and unchanged as long as `owner` lives.
+  SharedBytes(std::shared_ptr<const void> owner, std::span<const std::uint8_t> bytes)
+      : owner_(std::move(owner)), bytes_(bytes) {}
+  /// All bytes of a vector that nobody changes any more.
+  template <class Vector>
+  requires std::convertible_to<const Vector&, std::span<const std::uint8_t>> SharedBytes(std::shared_ptr<Vector> vector)
+      : bytes_(vector ? std::span<const std::uint8_t>(*vector) : bytes_) {
+    owner_ = std::move(vector);
+  }
+
+  explicit operator bool() const { return owner_ != nullptr; }
+  std::span<const std::uint8_t> operator*() const { return bytes_; }
+  std::size_t size() const { return bytes_.size(); }
+  /// The same owner's bytes from `offset` on.
+  SharedBytes part(std::size_t offset, std::size_t count) const { return {owner_, bytes_.subspan(offset, count)}; }
+
+ private:
+  std::shared_ptr<const void> owner_;
+  std::span<const std::uint8_t> bytes_;
+};
 
 /// A body that is read piece by piece while it is sent, such as a file larger than memory.
 ///

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <string>
-#include <tuple>
 #include <utility>
 
 #include "protocol/base/bytes.h"
@@ -13,19 +12,18 @@ namespace {
 std::string name(StreamId stream) { return "stream " + std::to_string(stream); }
 
 std::uint64_t whole_body(const BulkItem& item) {
-  return std::visit([](const auto& body) { return body ? std::uint64_t{body->size()} : 0; }, item.body);
+  if (const auto* const bytes = std::get_if<SharedBytes>(&item.body)) return bytes->size();
+  const auto& source = std::get<std::shared_ptr<BodySource>>(item.body);
+  return source ? source->size() : 0;
 }
 std::uint64_t body_bytes(const BulkItem& item) { return whole_body(item) - item.offset; }
 
 /// `bytes` bytes of the body from `offset` on: where they lie, or a copy that was read.
-Result<std::pair<SharedBytes, std::span<const std::uint8_t>>> part_of(const BulkItem& item, std::uint64_t offset,
-                                                                      std::size_t bytes) {
-  if (const auto* const whole = std::get_if<SharedBytes>(&item.body)) {
-    return std::pair{*whole, std::span(**whole).subspan(offset, bytes)};
-  }
+Result<SharedBytes> part_of(const BulkItem& item, std::uint64_t offset, std::size_t bytes) {
+  if (const auto* const whole = std::get_if<SharedBytes>(&item.body)) return whole->part(offset, bytes);
   const auto part = std::make_shared<std::vector<std::uint8_t>>(bytes);
   if (Status read = std::get<1>(item.body)->read(offset, *part); !read) return fail(std::move(read).error());
-  return std::pair{SharedBytes(part), std::span<const std::uint8_t>(*part)};
+  return SharedBytes(part);
 }
 
 }  // namespace
@@ -133,7 +131,7 @@ Result<BulkSender::Piece> BulkSender::cut(StreamId id, Stream& stream) {
     const std::uint64_t from = pending.item.offset + pending.sent + meta_now - meta;
     auto part = part_of(pending.item, from, n - meta_now);
     if (!part) return fail(std::move(part).error());
-    std::tie(piece.body, piece.slice) = *std::move(part);
+    piece.slice = *std::move(part);
   }
 
   pending.begun = true;

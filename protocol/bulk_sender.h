@@ -33,12 +33,11 @@ class BulkSender {
   /// The peer wants no more. False when the stream was gone already.
   bool stop(StreamId stream, const Error& why);
 
-  /// A frame's worth of one stream: its frame payload is `head` followed by `slice`, which lies in `body`.
+  /// A frame's worth of one stream: its frame payload is `head` followed by `slice`.
   struct Piece {
     StreamId stream = 0;
     std::vector<std::uint8_t> head;  ///< the piece header, and the meta in an item's first piece
-    SharedBytes body;
-    std::span<const std::uint8_t> slice;
+    SharedBytes slice;
   };
   /// The next piece that credit lets go, streams in turn; nothing when none may. A stream whose body cannot be read is
   /// closed with the error, and next_closed() has it.

@@ -110,7 +110,7 @@ Status FrameDecoder::check_header() {
   return {};
 }
 
-Result<std::optional<FrameView>> FrameDecoder::next(std::span<const std::uint8_t>& bytes) {
+Result<std::optional<WireFrame>> FrameDecoder::next(std::span<const std::uint8_t>& bytes) {
   if (failed_) return fail(*failed_);
   if (have_ < kFrameHeaderBytes) {
     const std::size_t n = std::min(kFrameHeaderBytes - have_, bytes.size());
@@ -141,7 +141,7 @@ Result<std::optional<FrameView>> FrameDecoder::next(std::span<const std::uint8_t
   }
   have_ = 0;
   ++sequence_;
-  return FrameView{header_, payload};
+  return WireFrame{header_, payload};
 }
 
 }  // namespace nodal

@@ -74,7 +74,7 @@ std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeade
                                                                 std::span<const std::uint8_t> second);
 
 /// One whole, checked frame.
-struct FrameView {
+struct WireFrame {
   FrameHeader header;
   std::span<const std::uint8_t> payload;
 };
@@ -82,14 +82,14 @@ struct FrameView {
 /// Cuts a byte stream back into frames, however it arrives.
 ///
 /// Threading: thread-bound.
-/// Ownership: a FrameView is valid until the next call, and while the bytes given to next() are.
+/// Ownership: a WireFrame is valid until the next call, and while the bytes given to next() are.
 /// Errors: kProtocol (bad magic, unknown type, sequence), kChecksum, kTooLarge, kVersionMismatch. The first
 ///   is final: every later call gives it again.
 class FrameDecoder {
  public:
   /// Takes bytes off the front of `bytes` until one frame is whole or none are left. Call until it gives
   /// nothing.
-  Result<std::optional<FrameView>> next(std::span<const std::uint8_t>& bytes);
+  Result<std::optional<WireFrame>> next(std::span<const std::uint8_t>& bytes);
 
   /// Whether the stream may end here: no frame is half there.
   bool at_border() const { return !failed_ && have_ == 0; }

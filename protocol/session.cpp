@@ -40,7 +40,7 @@ void silence_protobuf() {
 }
 
 template <class Message>
-Result<Message> parse(const FrameView& frame) {
+Result<Message> parse(const WireFrame& frame) {
   Message message;
   if (!message.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
     return fail(Errc::kProtocol,
@@ -119,7 +119,7 @@ Status Session::receive(std::span<const std::uint8_t> bytes) {
   }
 }
 
-Status Session::handle(const FrameView& frame) {
+Status Session::handle(const WireFrame& frame) {
   const FrameType type = frame.header.type;
   if (is_stream_frame(type) != (frame.header.stream != 0)) {
     return fail(Errc::kProtocol,
@@ -161,7 +161,7 @@ Status Session::handle(const FrameView& frame) {
   return fail(Errc::kProtocol, "a frame of a type this end does not know");
 }
 
-Status Session::handle_hello(const FrameView& frame) {
+Status Session::handle_hello(const WireFrame& frame) {
   auto hello = parse<wire::Hello>(frame);
   if (!hello) return fail(hello.error());
   if (hello->protocol_min() == 0 || hello->protocol_min() > hello->protocol_max()) {
@@ -184,13 +184,13 @@ Status Session::handle_hello(const FrameView& frame) {
   return {};
 }
 
-Status Session::handle_bye(const FrameView& frame) {
+Status Session::handle_bye(const WireFrame& frame) {
   const auto bye = parse<wire::Error>(frame);
   if (!bye) return fail(bye.error());
   return die(from_wire(*bye).in(peer_name() + " ended the session"), false);
 }
 
-Status Session::handle_stream_open(const FrameView& frame) {
+Status Session::handle_stream_open(const WireFrame& frame) {
   const auto open = parse<wire::StreamOpen>(frame);
   if (!open) return fail(open.error());
   if (Status good = receiver_.open(frame.header.stream, open->policy()); !good) return good;
@@ -198,7 +198,7 @@ Status Session::handle_stream_open(const FrameView& frame) {
   return {};
 }
 
-Status Session::handle_stream_close(const FrameView& frame) {
+Status Session::handle_stream_close(const WireFrame& frame) {
   const auto close = parse<wire::StreamClose>(frame);
   if (!close) return fail(close.error());
   const auto known = receiver_.close(frame.header.stream, close->offered(), close->dropped(), close->has_error());
@@ -210,7 +210,7 @@ Status Session::handle_stream_close(const FrameView& frame) {
   return {};
 }
 
-Status Session::handle_stream_stop(const FrameView& frame) {
+Status Session::handle_stream_stop(const WireFrame& frame) {
   const auto stop = parse<wire::StreamStop>(frame);
   if (!stop) return fail(stop.error());
   Error why = from_wire(stop->why());
@@ -221,13 +221,13 @@ Status Session::handle_stream_stop(const FrameView& frame) {
   return {};
 }
 
-Status Session::handle_credit(const FrameView& frame) {
+Status Session::handle_credit(const WireFrame& frame) {
   const auto credit = parse<wire::StreamCredit>(frame);
   if (!credit) return fail(credit.error());
   return sender_.credit(frame.header.stream, credit->allowed());
 }
 
-Status Session::handle_bulk(const FrameView& frame) {
+Status Session::handle_bulk(const WireFrame& frame) {
   auto piece = receiver_.piece(frame.header.stream, frame.payload);
   if (!piece) return fail(piece.error());
   if (*piece) push_event(std::move(**piece), frame.payload.size());
@@ -271,7 +271,6 @@ void Session::append_control(FrameType type, StreamId stream, const std::string&
 
 void Session::next_front() {
   front_.clear();
-  front_body_.reset();
   front_slice_ = {};
   front_sent_ = 0;
   while (!control_.empty() && front_.size() < kFrontBytes) {
@@ -293,11 +292,10 @@ void Session::next_front() {
   if (!front_.empty()) return;
   if (auto piece = sender_.next_piece()) {
     const auto header =
-        encode_frame_header(FrameHeader{FrameType::kBulk, 0, piece->stream, sequence_++}, piece->head, piece->slice);
+        encode_frame_header(FrameHeader{FrameType::kBulk, 0, piece->stream, sequence_++}, piece->head, *piece->slice);
     front_.insert(front_.end(), header.begin(), header.end());
     front_.insert(front_.end(), piece->head.begin(), piece->head.end());
-    front_body_ = std::move(piece->body);
-    front_slice_ = piece->slice;
+    front_slice_ = std::move(piece->slice);
   } else {
     append_closes();  // of streams whose bodies could not be read
   }
@@ -316,7 +314,7 @@ void Session::append_closes() {
 std::span<const std::uint8_t> Session::output() {
   if (front_sent_ == front_.size() + front_slice_.size()) next_front();
   if (front_sent_ < front_.size()) return std::span<const std::uint8_t>(front_).subspan(front_sent_);
-  return front_slice_.subspan(front_sent_ - front_.size());
+  return (*front_slice_).subspan(front_sent_ - front_.size());
 }
 
 void Session::sent(std::size_t bytes) {

@@ -142,14 +142,14 @@ class Session {
     std::size_t bytes;
   };
 
-  Status handle(const FrameView& frame);
-  Status handle_hello(const FrameView& frame);
-  Status handle_bye(const FrameView& frame);
-  Status handle_stream_open(const FrameView& frame);
-  Status handle_stream_close(const FrameView& frame);
-  Status handle_stream_stop(const FrameView& frame);
-  Status handle_credit(const FrameView& frame);
-  Status handle_bulk(const FrameView& frame);
+  Status handle(const WireFrame& frame);
+  Status handle_hello(const WireFrame& frame);
+  Status handle_bye(const WireFrame& frame);
+  Status handle_stream_open(const WireFrame& frame);
+  Status handle_stream_close(const WireFrame& frame);
+  Status handle_stream_stop(const WireFrame& frame);
+  Status handle_credit(const WireFrame& frame);
+  Status handle_bulk(const WireFrame& frame);
   void push_event(Event event, std::size_t bytes);
   template <class Kind>
   std::optional<Kind> take();
@@ -182,8 +182,7 @@ class Session {
   std::uint32_t sequence_ = 0;
   // What is being written: frames of our own, then a slice of somebody's body.
   std::vector<std::uint8_t> front_;
-  SharedBytes front_body_;
-  std::span<const std::uint8_t> front_slice_;
+  SharedBytes front_slice_;
   std::size_t front_sent_ = 0;
 };
 

@@ -132,21 +132,21 @@ Status UploadStream::piece(const BulkPiece& piece, UploadReceiver& receiver) {
 }
 
 UploadSender::UploadSender(SharedBytes document) : document_(std::move(document)) {
-  NODAL_ASSERT(document_ != nullptr);
+  NODAL_ASSERT(document_);
   sha256_ = nodal::sha256(*document_);
 }
 
 wire::UploadBegin UploadSender::begin() const {
   wire::UploadBegin begin;
-  begin.set_length(document_->size());
+  begin.set_length(document_.size());
   begin.set_sha256(sha256_to_wire(sha256_));
   return begin;
 }
 
 Result<BulkItem> UploadSender::item(std::uint64_t offset) const {
-  if (offset > document_->size()) {
+  if (offset > document_.size()) {
     return fail(Errc::kProtocol, short_name(sha256_) + ": the rig wants to go on from byte " + std::to_string(offset) +
-                                     " of " + std::to_string(document_->size()));
+                                     " of " + std::to_string(document_.size()));
   }
   wire::UploadPart part;
   part.set_sha256(sha256_to_wire(sha256_));

@@ -228,7 +228,7 @@ GenlockReport Capture::genlock_report() const {
   if (genlock_.aligning()) {
     report.fixed = aligner_.fixed();
     report.one_way = aligner_.one_way();
-    report.unheeding = aligner_.unheeding();
+    report.unresponsive = aligner_.unresponsive();
   }
   report.drift_ppb = drift_ppb();
   return report;

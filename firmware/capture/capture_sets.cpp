@@ -149,7 +149,7 @@ void Capture::close_oldest() {
   }
   if (every_head) ++report_.full_sets;
   if (genlock_.aligning()) {
-    genlock_.on_set(set, aligner_.skews(set), every_present, now_, aligner_.unheeding());
+    genlock_.on_set(set, aligner_.skews(set), every_present, now_, aligner_.unresponsive());
     align_now_ = true;
   } else {
     genlock_.on_set(set, open.skews, every_present, now_);

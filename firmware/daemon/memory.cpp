@@ -4,11 +4,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <cstddef>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
-#include <new>
 
 namespace nodal::daemon {
 
@@ -40,14 +37,3 @@ std::string explain_refused_memory() {
 void give_back_memory() { ::malloc_trim(0); }
 
 }  // namespace nodal::daemon
-
-// In place of the standard library's, for the whole program.
-void* operator new(std::size_t bytes) {
-  constexpr std::size_t kLine = 64;
-  const bool large = bytes >= std::size_t{nodal::daemon::kLargeBlock};
-  void* const block = large ? std::aligned_alloc(kLine, (bytes + kLine - 1) / kLine * kLine) : std::malloc(bytes);
-  if (!block) throw std::bad_alloc();
-  return block;
-}
-void operator delete(void* block) noexcept { std::free(block); }
-void operator delete(void* block, std::size_t) noexcept { std::free(block); }

@@ -6,8 +6,7 @@
 
 namespace nodal::daemon {
 
-/// Blocks of this many bytes or more have pages of their own, which go back with them, and begin with a line of the
-/// caches: the blend writes whole lines past the caches only where rows begin with one (r8: 17.7 ms, else 21.2).
+/// Blocks of this many bytes or more have pages of their own, which go back with them.
 inline constexpr int kLargeBlock = 256 * 1024;
 
 /// The C library reserves 64 MiB of addresses for every arena, and would have one a thread: under `ulimit -v` that is what

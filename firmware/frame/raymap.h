@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "firmware/frame/frame_set.h"
+#include "firmware/frame/line_vector.h"
 #include "protocol/base/field.h"
 #include "protocol/base/loan.h"
 #include "protocol/base/sha256.h"
@@ -16,7 +17,8 @@
 namespace nodal::firmware {
 
 /// Bytes that one stage writes and several outlets read without a copy; a loan from that stage's pool.
-using Buffer = Loan<std::vector<std::uint8_t>>;
+using PixelsLoan = Loan<LineVector>;
+using JpegLoan = Loan<std::vector<std::uint8_t>>;
 
 /// Which of a set's two fields a raymap was made from.
 struct FieldOfSet {
@@ -40,8 +42,8 @@ struct RaymapInfo {
 struct Raymap {
   RaymapInfo info;
   bool shed = false;  ///< the board is overloaded: only lossless clients receive this raymap
-  Buffer pixels;
-  Buffer jpeg;
+  PixelsLoan pixels;
+  JpegLoan jpeg;
 };
 
 }  // namespace nodal::firmware

@@ -12,10 +12,10 @@ namespace nodal::firmware {
 namespace {
 
 /// The loan's bytes in the type that sessions send; the loan ends with the last copy.
-SharedBytes shared_bytes(const Buffer& loan) {
-  if (!loan) return nullptr;
-  const auto holder = std::make_shared<const Buffer>(loan);
-  return SharedBytes(holder, &**holder);
+template <class Bytes>
+SharedBytes shared_bytes(const Loan<Bytes>& loan) {
+  if (!loan) return {};
+  return {std::make_shared<const Loan<Bytes>>(loan), *loan};
 }
 
 /// Buffers that the frame path itself uses: in the blend (two, one per field), in the encoder, and in the rings between.
@@ -89,13 +89,13 @@ std::size_t Publisher::most_pending(std::size_t bytes) {
 bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap) {
   const bool jpeg = pull.coding == wire::PullRequest::JPEG;
   const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // without pixels, and so never shed
-  const Buffer& body = jpeg ? raymap.jpeg : raymap.pixels;
+  const bool there = jpeg ? static_cast<bool>(raymap.jpeg) : static_cast<bool>(raymap.pixels);
   // Both fields have the evidence of their set, which is sent once.
   const bool repeated = evidence && raymap.info.field && raymap.info.field->number > 0;
   const bool shed = raymap.shed && !pull.lossless && !evidence;
   const auto before = client.session().counts(stream);
   if (pull.ended || repeated || shed || !before || client.ending()) return false;
-  if (!evidence && !body) {
+  if (!evidence && !there) {
     // Raymaps that were already in the path when the pull began may lack a JPEG or pixels; that is no loss.
     if (pull.lossless && before->offered > 0) {
       end_lossless(client, stream, pull,
@@ -104,7 +104,7 @@ bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap&
     }
     return false;
   }
-  const std::size_t most = most_pending(evidence ? 0 : body->size());
+  const std::size_t most = most_pending(evidence ? 0 : jpeg ? raymap.jpeg->size() : raymap.pixels->size());
   if (pull.lossless && before->pending >= most) {
     end_lossless(
         client, stream, pull,
@@ -156,7 +156,8 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
     header.set_full_exposure_ns(exp2_stops(std::clamp(*info.linear->full, -9 * kStop, 40 * kStop), 1000));
   }
   fill_sync(info, header);
-  return BulkItem{header.SerializeAsString(), shared_bytes(jpeg ? raymap.jpeg : raw ? raymap.pixels : Buffer()), 0};
+  const SharedBytes body = jpeg ? shared_bytes(raymap.jpeg) : raw ? shared_bytes(raymap.pixels) : SharedBytes();
+  return BulkItem{header.SerializeAsString(), body, 0};
 }
 
 void Publisher::remove_ended(Client& client) {

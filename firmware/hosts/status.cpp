@@ -114,7 +114,7 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
     const std::string head = "head '" + config.heads[i].name + "' ";
     if ((genlock.fixed & head_bit(i)) != 0) {
       into.add_unaligned(head + "cannot shift its exposures; it runs on its own clock");
-    } else if ((genlock.unheeding & head_bit(i)) != 0) {
+    } else if ((genlock.unresponsive & head_bit(i)) != 0) {
       into.add_unaligned(head + "is asked to shift its exposures and does not");
     } else if ((genlock.one_way & head_bit(i)) != 0) {
       into.add_unaligned(head + "exposes later than the others and can only be delayed");

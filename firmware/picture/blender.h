@@ -106,7 +106,7 @@ class Blender {
   const std::uint64_t bands_;
   hal::ClockPort& clock_;
   Outlet<SetLoan>& sets_in_;
-  LoanPool<std::vector<std::uint8_t>> pixels_pool_;
+  LoanPool<LineVector> pixels_pool_;
   SpscRing<InstalledPtr> tables_in_;
   SpscRing<InstalledPtr> tables_out_;
   SpscRing<Raymap> raymaps_out_;
@@ -123,7 +123,7 @@ class Blender {
   HeadMask was_exposed_ = 0;                             ///< heads with an entry in exposed_
   SetLoan set_;                                          ///< the set being blended
   std::size_t field_ = 0;                                ///< index of the field being blended, and of its table
-  std::array<Buffer, 2> pixels_;                         ///< for the raymaps still to be made from set_
+  std::array<PixelsLoan, 2> pixels_;                     ///< for the raymaps still to be made from set_
   Instant begun_;
 
   // The raymap being blended. Constant while threads work on its bands.

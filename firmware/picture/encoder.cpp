@@ -16,7 +16,7 @@ bool EncodeStage::step() {
   if (!raymap) return false;
   raymap->shed = steps() % every_.load(std::memory_order_relaxed) != 0;
   if (wanted_.load(std::memory_order_relaxed) && !raymap->shed) {
-    if (Buffer buffer = jpegs_.take()) {
+    if (JpegLoan buffer = jpegs_.take()) {
       const Instant begun = clock_.now();
       const std::uint8_t* pixels = raymap->pixels->data();
       if (jpeg_.encode(packed_image(config_.format, config_.width, config_.height, pixels), raymap->info,

@@ -9,11 +9,10 @@ namespace nodal::firmware {
 namespace {
 
 constexpr std::int64_t kAhead = 4;  ///< periods: about when a nudge of now has been done
-/// Beyond the stated latency, until a nudge counts as unheeded. A set is closed up to 2.5 periods after its middle: once
-/// before the nudge is asked, once before its effect is seen; and the request may miss the start of one period.
+/// A head that has not moved so long after its stated latency counts as unresponsive. A set is closed up to 2.5 periods
+/// after its middle: once before the nudge is requested, and once before its effect is seen; and the request may miss the
+/// start of one period.
 constexpr int kPeriodsOfGrace = 6;
-
-Duration size_of(Duration d) { return d < Duration() ? -d : d; }
 
 /// Into half a period to either side.
 Duration wrapped(Duration d, Duration period) {
@@ -22,7 +21,7 @@ Duration wrapped(Duration d, Duration period) {
 }
 
 Duration in_steps(Duration by, Duration step) {
-  const std::int64_t steps = (size_of(by) + step / 2).ns() / step.ns();
+  const std::int64_t steps = (abs(by) + step / 2).ns() / step.ns();
   return step * (by < Duration() ? -steps : steps);
 }
 
@@ -37,7 +36,7 @@ void Aligner::restart(Duration period) {
   for (Head& head : heads_) head.clock.restart(period);
   reference_.reset();
   beat_.reset();
-  fixed_ = one_way_ = unheeding_ = 0;
+  fixed_ = one_way_ = unresponsive_ = 0;
 }
 
 void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::FrameView& frame) {
@@ -45,30 +44,30 @@ void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::Frame
   if (head.starts != starts) {
     head.starts = starts;
     head.clock.restart_phase();
-    // What was asked before the aligner looked, or of a stream that is gone, is as good as done.
-    head.asked = head.done = frame.nudged;
+    // Requests from before this start count as done: nothing of them can still happen.
+    head.requested = head.done = frame.nudged;
     head.place_in_set = place_of(frame);
   }
   head.clock.add(frame.mid_exposure - place_of(frame));
-  if (frame.nudged != head.done) head.heeds = true;
+  if (frame.nudged != head.done) head.responds = true;
   follow(head, frame);
   head.done = frame.nudged;
 }
 
-/// A head that does nothing for long is asked anew. One that goes elsewhere than it was asked still has an older wish to
-/// do, and is left alone until it has come to rest: asked meanwhile, it would swing. What counts is when frames were
-/// exposed: they may come late, many at once.
+/// A head that does nothing for long gets a new request. A head that moves away from the requested place still carries out
+/// an older request; it gets none until it rests, since a request meanwhile would make it oscillate. Times are those of
+/// exposures: frames may arrive late, and many at once.
 void Aligner::follow(Head& head, const hal::FrameView& frame) const {
-  const Duration open = head.asked - frame.nudged;
+  const Duration open = head.requested - frame.nudged;
   const Duration latency = period_ * head.limits.latency_frames;
   if (frame.nudged != head.done) {
     head.still_since = frame.mid_exposure;
-    if (size_of(open) <= size_of(head.asked - head.done)) return;
-    head.asked = frame.nudged;
+    if (abs(open) <= abs(head.requested - head.done)) return;
+    head.requested = frame.nudged;
     head.left_alone_until = frame.mid_exposure + latency + period_ * 2;
   } else if (open != Duration() && frame.mid_exposure - head.still_since > latency + period_ * kPeriodsOfGrace) {
-    head.heeds = false;
-    head.asked = frame.nudged;
+    head.responds = false;
+    head.requested = frame.nudged;
   }
 }
 
@@ -89,7 +88,7 @@ std::optional<Duration> Aligner::reference_place(const std::array<FreeHead, kMax
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     // Of one that was started since, what is known is of before.
     if (heads[i].starts != heads_[i].starts || !heads[i].streaming || !heads_[i].clock.known(now)) continue;
-    const Instant middle = heads_[i].clock.nearest(at) + heads_[i].asked + heads[i].exposure.duration() / 2;
+    const Instant middle = heads_[i].clock.nearest(at) + heads_[i].requested + heads[i].exposure.duration() / 2;
     places[i] = wrapped(middle - base, period_);
     placed |= head_bit(i);
     all[known++] = places[i];
@@ -111,8 +110,8 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
   Nudges nudges{}, places{};
   HeadMask placed = 0;
   const Instant at = now + period_ * kAhead;
-  fixed_ = one_way_ = unheeding_ = 0;
-  // Places are told from where the reference was, so that a head a little before it is not one a period after it.
+  fixed_ = one_way_ = unresponsive_ = 0;
+  // Places are relative to the last reference: a head a little before it is then not taken for one a period after it.
   const Instant base = reference_ ? at + wrapped(*reference_ - at, period_) : at;
   const auto reference = reference_place(heads, base, at, now, places, placed);
   if (!reference) return nudges;
@@ -129,18 +128,18 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
     Duration off = wrapped(*reference - places[i], period_);
     if (limits.shortest == Duration() && off < -near()) off = off + period_;  // it waits for the next
     // Less than five eighths of a step would not come nearer.
-    const bool there = size_of(off) <= std::max(band, limits.step * 5 / 8);
-    if (there && heads_[i].asked == heads_[i].done) heads_[i].heeds = true;  // as far as anybody can tell
-    if (!heads_[i].heeds) unheeding_ |= head_bit(i);
-    // One wish at a time, so that what a head does can be told from what it was asked.
-    if (there || heads_[i].asked != heads_[i].done || now < heads_[i].left_alone_until) continue;
+    const bool there = abs(off) <= std::max(band, limits.step * 5 / 8);
+    if (there && heads_[i].requested == heads_[i].done) heads_[i].responds = true;  // nothing says otherwise
+    if (!heads_[i].responds) unresponsive_ |= head_bit(i);
+    // One request at a time: else it is not known which of them a movement carries out.
+    if (there || heads_[i].requested != heads_[i].done || now < heads_[i].left_alone_until) continue;
     if ((off < Duration() ? limits.shortest : limits.longest) == Duration()) {
       one_way_ |= head_bit(i);
       continue;
     }
     nudges[i] = in_steps(off, limits.step);
     heads_[i].still_since = now;
-    heads_[i].asked = heads_[i].asked + nudges[i];
+    heads_[i].requested = heads_[i].requested + nudges[i];
   }
   return nudges;
 }
@@ -156,8 +155,8 @@ Duration Aligner::true_period() const {
   return period_ + Duration::nanoseconds(period_.ns() / 1000 * median(std::span(drifts).first(known)) / 1'000'000);
 }
 
-/// The reference leaps when an exposure changes, and all that is asked of the heads with it; what their past is told by
-/// must not, so it is a beat that only goes on.
+/// The reference jumps when an exposure changes. What skews are measured from must not jump, so it is a beat of its own
+/// that goes on at the heads' rate.
 Skews Aligner::skews(const FrameSet& set) {
   if (!beat_) beat_ = newest_set_ = set.mid_exposure;
   const Duration half = period_ / 2;

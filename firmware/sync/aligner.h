@@ -20,14 +20,15 @@ struct FreeHead {
   Exposure exposure;  ///< of the frames that a nudge of now will move first
 };
 
-/// Each head's clock is a PhaseLine of what its exposures would begin at had nobody moved it: FrameView::nudged, which
-/// is what the head has done, is taken off every stamp. So no nudge disturbs what is known of the clocks, and where a
-/// head will be when it has done all that it was asked is known however long that takes it.
+/// Each head's clock is a PhaseLine of the times at which its exposures would begin without nudges: FrameView::nudged, what
+/// the head has moved by so far, is subtracted from every timestamp. So a nudge does not disturb the estimate of the clock,
+/// and where the head will be after all requested nudges is known, however long they take.
 ///
-/// The middles of exposures go to one reference. Heads that cannot be moved are it, where there are any: their median.
-/// Else it is the median of all, or the latest of those near it that can only wait: one that is far after it waits for
-/// the next. A head within the dead band of the reference is left alone; the band is narrow while they come into step,
-/// and, once they are, an eighth of what jitter leaves of the lock's limit.
+/// All heads are moved until the middles of their exposures are at one reference. Where there are heads that cannot be
+/// moved, the reference is their median. Else it is the median of all heads, or, of heads near that median which can only
+/// wait, the latest; a head far after it waits for the next period. A head within the dead band around the reference gets
+/// no request. The band is narrow until the heads are in step; then it is an eighth of what jitter leaves of the lock's
+/// limit.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -38,15 +39,15 @@ class Aligner {
   /// A frame that went into a set, of a head that was started so many times.
   void on_frame(std::size_t head, std::uint64_t starts, const hal::FrameView& frame);
   using Nudges = std::array<Duration, kMaxHeads>;
-  /// What to ask each head now; it counts as asked.
+  /// The nudge to request of each head now; it counts as requested.
   Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
   /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the
   /// head's last.
   Skews skews(const FrameSet& set);
 
-  HeadMask fixed() const { return fixed_; }          ///< heads that cannot be moved
-  HeadMask one_way() const { return one_way_; }      ///< that would have to be earlier, and can only wait
-  HeadMask unheeding() const { return unheeding_; }  ///< that did not do what they were asked
+  HeadMask fixed() const { return fixed_; }                ///< heads that cannot be moved
+  HeadMask one_way() const { return one_way_; }            ///< that would have to be earlier, and can only wait
+  HeadMask unresponsive() const { return unresponsive_; }  ///< that did not do what was requested
   std::optional<std::int32_t> drift_ppb(std::size_t head) const { return heads_[head].clock.drift_ppb(); }
 
   /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for doubt and jitter.
@@ -60,11 +61,11 @@ class Aligner {
   struct Head {
     PhaseLine clock;
     std::uint64_t starts = 0;
-    Duration asked, done;  ///< since the head was started
+    Duration requested, done;  ///< since the head was started
     hal::NudgeLimits limits;
-    Instant still_since;  ///< while something is to be done: when it last did anything of it
+    Instant still_since;  ///< while a request is open: when it last moved
     Instant left_alone_until;
-    bool heeds = true;
+    bool responds = true;
     Duration place_in_set;  ///< where nudges and half the exposure put the middle of its last frame in a set
   };
   std::optional<Duration> reference_place(const std::array<FreeHead, kMaxHeads>& heads, Instant base, Instant at,
@@ -79,7 +80,7 @@ class Aligner {
   std::optional<Instant> reference_;  ///< a middle of it
   std::optional<Instant> beat_;       ///< near the newest set, and
   Instant newest_set_;                ///< its middle
-  HeadMask fixed_ = 0, one_way_ = 0, unheeding_ = 0;
+  HeadMask fixed_ = 0, one_way_ = 0, unresponsive_ = 0;
 };
 
 }  // namespace nodal::firmware

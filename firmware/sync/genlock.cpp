@@ -7,8 +7,6 @@
 namespace nodal::firmware {
 namespace {
 
-Duration size_of(Duration d) { return d < Duration() ? -d : d; }
-
 struct Range {
   std::optional<Duration> least, most;
   void add(Duration value) {
@@ -30,7 +28,7 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
       Row{kOff, kLocked, kLocked, kLocked, kLocked},                    // in step
       Row{kOff, kAcquiring, kLost, kLost, kLost},                       // out of step
       Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // pulse unseen
-      Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // unheeded
+      Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // unresponsive
       Row{kOff, kLost, kHoldover, kHoldover, kLost},                    // pulses overdue
       Row{kOff, kAcquiring, kLost, kLost, kLost},                       // sets overdue
       Row{kOff, kLost, kLost, kLost, kLost},                            // port gone
@@ -41,8 +39,8 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
 
 std::string_view genlock_condition_name(GenlockCondition condition) {
   constexpr std::array<std::string_view, kGenlockConditions> kNames = {
-      "started",  "stopped",        "in step",      "out of step", "pulse unseen",
-      "unheeded", "pulses overdue", "sets overdue", "port gone",   "coasted long"};
+      "started",      "stopped",        "in step",      "out of step", "pulse unseen",
+      "unresponsive", "pulses overdue", "sets overdue", "port gone",   "coasted long"};
   return kNames[static_cast<std::size_t>(condition)];
 }
 
@@ -129,7 +127,7 @@ void Genlock::step(Instant now) {
 }
 
 void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now,
-                     HeadMask unheeding) {
+                     HeadMask unresponsive) {
   if (!running() || failed_) return;
   // As step() would have found, had it been called: sets may come late, many at once.
   const Duration since = set.mid_exposure - newest_middle_;
@@ -142,7 +140,7 @@ void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present
     return meet(is_as_in_lock(set) ? GenlockCondition::kPulseUnseen : GenlockCondition::kOutOfStep, now);
   }
   if (!follows_pulses(skews, set)) return meet(GenlockCondition::kOutOfStep, now);
-  if ((unheeding & set.mask) != 0) return meet(GenlockCondition::kUnheeded, now);
+  if ((unresponsive & set.mask) != 0) return meet(GenlockCondition::kUnresponsive, now);
   if (pulses_overdue(now)) return meet(GenlockCondition::kPulsesOverdue, now);
   if (++good_sets_ >= kSetsToLock) meet(GenlockCondition::kInStep, now);
   if (state_ != GenlockState::kLocked) return;
@@ -211,14 +209,14 @@ bool Genlock::follows_pulses(const Skews& skews, const FrameSet& set) {
   }
   if (good_sets_ == 0 && !was_locked_) latency_ = raw.middle();
   return raw.width() <= kSafeLimit && estimates_in_step(skews.known, pulse_late_us) &&
-         (aligned_ || size_of(raw.middle() - latency_) <= kLockLimit);
+         (aligned_ || abs(raw.middle() - latency_) <= kLockLimit);
 }
 
 void Genlock::learn(const FrameSet& set, const Skews& skews) {
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (!set.has(i) || (skews.known & head_bit(i)) == 0) continue;
     const Duration off = set.sync.offset[i] - heads_[i].offset;
-    heads_[i].offset = size_of(off) > kLockLimit ? set.sync.offset[i] : heads_[i].offset + off / kMean;
+    heads_[i].offset = abs(off) > kLockLimit ? set.sync.offset[i] : heads_[i].offset + off / kMean;
   }
 }
 

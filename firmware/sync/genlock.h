@@ -36,7 +36,7 @@ enum class GenlockCondition : std::uint8_t {
   kInStep,         ///< kSetsToLock good sets in a row
   kOutOfStep,      ///< a set that is not
   kPulseUnseen,    ///< a set that no pulse exposed, its heads where they were in lock
-  kUnheeded,       ///< a set whose heads are in step, and one of them was moved and did not move
+  kUnresponsive,   ///< a set whose heads are in step, and one of them was moved and did not move
   kPulsesOverdue,  ///< none seen for 2.5 periods
   kSetsOverdue,    ///< none closed for 3 periods
   kPortGone,       ///< the trigger's, for good
@@ -54,7 +54,7 @@ std::string_view genlock_condition_name(GenlockCondition condition);
 /// | in step        | off       | locked    | locked    | locked    | locked    |
 /// | out of step    | off       | acquiring | lost      | lost      | lost      |
 /// | pulse unseen   | off       | acquiring | holdover  | holdover  | lost      |
-/// | unheeded       | off       | acquiring | holdover  | holdover  | lost      |
+/// | unresponsive   | off       | acquiring | holdover  | holdover  | lost      |
 /// | pulses overdue | off       | lost      | holdover  | holdover  | lost      |
 /// | sets overdue   | off       | acquiring | lost      | lost      | lost      |
 /// | port gone      | off       | lost      | lost      | lost      | lost      |
@@ -63,10 +63,10 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition);
 
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
-  bool aligned = false;    ///< without pulses: the heads run free and are moved
-  HeadMask fixed = 0;      ///< of them, those that cannot be moved,
-  HeadMask one_way = 0;    ///< that can only wait, and are behind the others,
-  HeadMask unheeding = 0;  ///< and that were moved and did not move
+  bool aligned = false;       ///< without pulses: the heads run free and are moved
+  HeadMask fixed = 0;         ///< of them, those that cannot be moved,
+  HeadMask one_way = 0;       ///< that can only wait, and are behind the others,
+  HeadMask unresponsive = 0;  ///< and that were moved and did not move
   FrameRate rate;
   std::uint64_t triggers = 0;             ///< pulses seen since start
   std::uint64_t missing = 0;              ///< pulses whose number never came
@@ -120,8 +120,8 @@ class Genlock {
   /// The next pulse, for the set clock; nothing when none is there. Call until it gives nothing, then step().
   std::optional<hal::TriggerEdge> take_edge(Instant now);
   void step(Instant now);
-  /// A set that was closed; `unheeding` are heads that were moved and did not move.
-  void on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now, HeadMask unheeding = 0);
+  /// A set that was closed; `unresponsive` are heads that were moved and did not move.
+  void on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now, HeadMask unresponsive = 0);
 
   GenlockState state() const { return state_; }
   const hal::TriggerSettings& settings() const { return settings_; }

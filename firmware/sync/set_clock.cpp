@@ -11,8 +11,6 @@ constexpr std::int64_t kFollow = 8;
 
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
-Duration distance(Duration d) { return d < Duration() ? -d : d; }
-
 }  // namespace
 
 void SetClock::restart(FrameRate rate, bool genlocked, Instant now) {
@@ -38,10 +36,10 @@ std::optional<SetClock::Match> SetClock::match(std::size_t head, Instant mid_exp
   const hal::TriggerEdge* nearest = nullptr;
   bool too_old = edge_count_ > 0;
   for (std::size_t i = 0; i < std::min<std::uint64_t>(edge_count_, kEdges); ++i) {
-    if (!nearest || distance(begin - edges_[i].at) < distance(begin - nearest->at)) nearest = &edges_[i];
+    if (!nearest || abs(begin - edges_[i].at) < abs(begin - nearest->at)) nearest = &edges_[i];
     too_old &= begin < edges_[i].at;
   }
-  if (nearest && distance(begin - nearest->at) <= period_ / 2) {
+  if (nearest && abs(begin - nearest->at) <= period_ / 2) {
     const Slot slot = base_ + static_cast<Slot>(nearest->number);
     use(head, slot, mid_exposure);
     return Match{slot, nearest->number, begin - nearest->at};
@@ -58,7 +56,7 @@ SetClock::Match SetClock::match_grid(std::size_t head, Instant mid_exposure) {
     const Slot next = last->slot + floor_div((mid_exposure - last->mid_exposure + period_ / 2).ns(), period);
     if (next <= last->slot) {
       slot = last->slot;  // the same exposure once more, wherever the grid has gone since
-    } else if (distance(mid_exposure - middle_of(next)) <= period_ * kReachTenths / 10) {
+    } else if (abs(mid_exposure - middle_of(next)) <= period_ * kReachTenths / 10) {
       slot = next;
     }
   }
@@ -82,7 +80,7 @@ void SetClock::follow(Slot slot, Instant mid_exposure) {
   const Duration off = mid_exposure - middle;
   // The anchor moves on with the slots, so that a head's drift never adds up over many periods.
   anchor_slot_ = slot;
-  anchor_time_ = distance(off) > period_ ? mid_exposure : middle + off / kFollow;
+  anchor_time_ = abs(off) > period_ ? mid_exposure : middle + off / kFollow;
 }
 
 }  // namespace nodal::firmware

@@ -26,6 +26,7 @@ class Duration {
   friend constexpr Duration operator+(Duration a, Duration b) { return Duration(a.ns_ + b.ns_); }
   friend constexpr Duration operator-(Duration a, Duration b) { return Duration(a.ns_ - b.ns_); }
   friend constexpr Duration operator-(Duration a) { return Duration(-a.ns_); }
+  friend constexpr Duration abs(Duration a) { return a.ns_ < 0 ? -a : a; }
   friend constexpr Duration operator*(Duration a, std::int64_t n) { return Duration(a.ns_ * n); }
   friend constexpr Duration operator/(Duration a, std::int64_t n) { return Duration(a.ns_ / n); }
 

@@ -64,7 +64,7 @@ canary(moved_the_wrong_way firmware/sync/aligner.cpp
   "nudges[i] = in_steps(off, limits.step)\;" "nudges[i] = in_steps(-off, limits.step)\;")
 canary(asked_taken_for_done firmware/sync/aligner.cpp
   "head.clock.add(frame.mid_exposure - place_of(frame))\;"
-  "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.asked)\;")
+  "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.requested)\;")
 canary(field_at_its_frames_time firmware/picture/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")
 

@@ -188,10 +188,10 @@ TEST_F(AlignerTest, AHeadThatDoesNothing_IsNamedAndAskedAgainAndForgivenWhenItMo
   add({});
   heads[1].stuck = true;
   periods(14);
-  EXPECT_EQ(aligner.unheeding(), head_bit(1));
+  EXPECT_EQ(aligner.unresponsive(), head_bit(1));
   heads[1].stuck = false;
   periods(30);
-  EXPECT_EQ(aligner.unheeding(), 0u);
+  EXPECT_EQ(aligner.unresponsive(), 0u);
   EXPECT_EQ(place(1), place(0));
 }
 

@@ -60,9 +60,9 @@ class BlenderTest : public testing::Test {
     return set;
   }
   /// What blend_rows gives of the set in one piece: the bands must add up to just that.
-  std::vector<std::uint8_t> whole(const FrameSet& set, const InstalledCalibration& calibration) {
+  LineVector whole(const FrameSet& set, const InstalledCalibration& calibration) {
     const RaymapConfig config = raymap_config();
-    std::vector<std::uint8_t> pixels(packed_size(config.format, config.width, config.height));
+    LineVector pixels(packed_size(config.format, config.width, config.height));
     std::array<ImageView, kHeads> views;
     for (std::size_t i = 0; i < kHeads; ++i) {
       if (set.has(i)) views[i] = set.frames[i].image;
@@ -118,6 +118,7 @@ TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
   const auto raymap = blender.raymaps_out().pop();
   ASSERT_TRUE(raymap);
   EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(raymap->pixels->data()) % 64, 0U) << "they begin with a cache line";
   EXPECT_EQ(raymap->info.set, 7u);
   EXPECT_EQ(raymap->info.sync.trigger, 9u);
   EXPECT_EQ(raymap->info.heads, 0b1111u);
@@ -233,7 +234,7 @@ TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfThei
       views[i] = packed_image(PixelFormat::kRgb24, kSide, kSide / 2, std::as_const(rows[i]).data());
     }
     const blend::BlendTable& table = calibration->tables[static_cast<std::size_t>(number)];
-    std::vector<std::uint8_t> expected(packed_size(table.format, table.width, table.height));
+    LineVector expected(packed_size(table.format, table.width, table.height));
     blend::blend_rows(table, test::PreparedHeads(table, views).views(), calibration->tone,
                       packed_image(table.format, table.width, table.height, expected.data()), 0, table.height);
     EXPECT_EQ(*raymap->pixels, expected) << "field " << number;
@@ -304,7 +305,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     filled.push_back(full_set(i));
     filled.back().mask &= ~(i == 0 ? 0U : head_bit(i % kHeads));
   }
-  std::vector<std::vector<std::uint8_t>> expected;
+  std::vector<LineVector> expected;
   for (const FrameSet& set : filled) expected.push_back(whole(set, *calibrations[0]));
 
   std::atomic<bool> stop{false};

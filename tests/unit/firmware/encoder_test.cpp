@@ -22,7 +22,7 @@ struct Encoding : ::testing::Test {
   RaymapConfig config;
   hal::sim::SimClock clock;
   SpscRing<Raymap> blended{2};
-  LoanPool<std::vector<std::uint8_t>> pool{4};
+  LoanPool<LineVector> pool{4};
   EncodeStage stage{config, clock, blended};
   const std::uint8_t* address = nullptr;
 };

@@ -311,7 +311,7 @@ TEST_F(GenlockTest, PulsesThatWereNotSent_AreCounted) {
 /// Heads that run free and are moved: the second's middles are so much after the first's.
 class AlignedGenlock : public GenlockTest {
  protected:
-  void period(Duration apart, Duration moved = {}, HeadMask unheeding = 0) {
+  void period(Duration apart, Duration moved = {}, HeadMask unresponsive = 0) {
     clock.advance(settings.rate.period());
     FrameSet closed;
     closed.mask = 3;
@@ -319,7 +319,7 @@ class AlignedGenlock : public GenlockTest {
     Skews skews;
     skews.add(0, {});
     skews.add(1, apart, moved);
-    genlock.on_set(closed, skews, true, clock.now(), unheeding);
+    genlock.on_set(closed, skews, true, clock.now(), unresponsive);
     genlock.step(clock.now());
   }
   void lock() {

@@ -117,7 +117,7 @@ struct Talk {
     while (static_cast<int>(host->step()) + static_cast<int>(rig->step()) > 0) {}
   }
 
-  SharedBytes body = std::make_shared<const Bytes>(400'000, std::uint8_t{0x5A});
+  std::shared_ptr<const Bytes> body = std::make_shared<const Bytes>(400'000, std::uint8_t{0x5A});
   std::optional<End> host, rig;
 };
 

@@ -16,7 +16,7 @@ class Collector {
   void take(const BulkPiece& piece, const std::map<std::uint64_t, BulkItem>& offered) {
     const auto found = offered.find(piece.item);
     RC_ASSERT(found != offered.end());
-    const std::vector<std::uint8_t>& body = *std::get<SharedBytes>(found->second.body);
+    const std::span<const std::uint8_t> body = *std::get<SharedBytes>(found->second.body);
     RC_ASSERT(piece.first == (piece.offset == 0 && !inside_));
     if (piece.first) {
       RC_ASSERT(!inside_);
@@ -204,7 +204,7 @@ TEST(Bulk, MoreBytesThanCredit_ProtocolAndNoMoreThanTheWindowIsHeld) {
     const auto piece = sender.next_piece();
     ASSERT_TRUE(piece) << "all of it was taken";
     std::vector<std::uint8_t> payload = piece->head;
-    payload.insert(payload.end(), piece->slice.begin(), piece->slice.end());
+    payload.insert(payload.end(), (*piece->slice).begin(), (*piece->slice).end());
     const auto taken = receiver.piece(stream, payload);
     if (taken) held += (*taken)->data.size();
     if (!taken) error = taken.error();

@@ -15,7 +15,7 @@
 
 namespace nodal {
 
-inline SharedBytes shared_bytes(std::size_t n, std::uint32_t seed = 1) {
+inline std::shared_ptr<const std::vector<std::uint8_t>> shared_bytes(std::size_t n, std::uint32_t seed = 1) {
   std::vector<std::uint8_t> bytes(n);
   std::uint32_t state = seed * 2654435761U + 1;
   for (auto& byte : bytes) {
