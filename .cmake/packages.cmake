@@ -24,6 +24,8 @@ nodal_pkgconfig_package(spdlog spdlog)
 nodal_pkgconfig_package(protobuf protobuf-lite)
 nodal_pkgconfig_package(seccomp libseccomp)
 nodal_pkgconfig_package(zlib zlib)
+# LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
+nodal_pkgconfig_package(gpiod libgpiod>=1.6 libgpiod<2)
 # Debian has yaml-cpp's development files for one architecture at a time: the headers serve all, and a cross build
 # links the library itself.
 find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 REQUIRED)

@@ -24,6 +24,18 @@ struct TriggerEdge {
   Instant at;
 };
 
+/// Pulses that were not delivered and edges that were discarded, by reason, since the port was made.
+struct TriggerCounts {
+  std::uint64_t late = 0;     ///< not sent: the thread woke too late
+  std::uint64_t refused = 0;  ///< writes of a level that the driver refused
+  std::uint64_t unseen = 0;   ///< sent, but not seen at the read-back line
+  std::uint64_t lost = 0;     ///< of another device: did not come when they were due
+  std::uint64_t overrun = 0;  ///< came while the queue of edges was full
+  std::uint64_t doubled = 0;  ///< edges that belong to no pulse; discarded
+  std::uint64_t jumps = 0;    ///< times that the other device's pulses continued with another phase
+  friend bool operator==(const TriggerCounts&, const TriggerCounts&) = default;
+};
+
 /// Drives the heads' trigger inputs, or reports the pulses of another device.
 ///
 /// Threading: thread-bound to capture.
@@ -39,6 +51,8 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The next edge not yet taken, oldest first, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
+  /// A port without such losses counts nothing.
+  virtual TriggerCounts counts() const { return {}; }
   /// For a program that must end while the thread this port is bound to hangs: the line goes to its inactive level and
   /// stays there, whatever is called afterwards; start() and take_edge() are kDeviceGone from then on. Any thread, also
   /// while another call is under way; returns at once and waits for no lock.

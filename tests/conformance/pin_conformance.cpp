@@ -1,44 +1,12 @@
-// What every OutputPinPort and InputPinPort must hold. An implementation takes part by a world that can look at the
-// wire from outside.
-#include <gtest/gtest.h>
+// The tests that every OutputPinPort and InputPinPort must pass.
+#include "pin_conformance.h"
 
-#include <functional>
-#include <memory>
-#include <ostream>
 #include <thread>
-
-#include "hal/pin.h"
-#include "hal/sim/clock.h"
-#include "hal/sim/pin.h"
+#include <vector>
 
 namespace nodal::hal {
 
 namespace {
-
-class PinWorld {
- public:
-  virtual ~PinWorld() = default;
-  virtual OutputPinPort& output() = 0;
-  virtual bool safe_level() const = 0;
-  /// The output's level, measured outside the port.
-  virtual bool output_wire() = 0;
-  virtual InputPinPort& input() = 0;
-  /// Somebody else drives the input, which began low.
-  virtual void drive_input(bool high) = 0;
-  virtual Instant now() = 0;
-  virtual void pass(Duration time) = 0;
-};
-
-struct PinWorldKind {
-  std::string name;
-  std::function<std::unique_ptr<PinWorld>()> make;
-  friend std::ostream& operator<<(std::ostream& out, const PinWorldKind& kind) { return out << kind.name; }
-};
-
-class PinConformance : public testing::TestWithParam<PinWorldKind> {
- protected:
-  std::unique_ptr<PinWorld> world_ = GetParam().make();
-};
 
 constexpr Duration kLease = Duration::milliseconds(50);
 
@@ -121,30 +89,6 @@ TEST_P(PinConformance, InputAsked_SaysItsLevelNow) {
   world_->pass(Duration::milliseconds(10));
   EXPECT_FALSE(world_->input().level().value());
 }
-
-class SimPinWorld final : public PinWorld {
- public:
-  explicit SimPinWorld(bool safe) : safe_(safe), output_(safe) {}
-  OutputPinPort& output() override { return output_; }
-  bool safe_level() const override { return safe_; }
-  bool output_wire() override { return output_.level_at(clock_.now()); }
-  InputPinPort& input() override { return input_; }
-  void drive_input(bool high) override { input_.script(clock_.now(), high); }
-  Instant now() override { return clock_.now(); }
-  void pass(Duration time) override { clock_.advance(time); }
-
- private:
-  const bool safe_;
-  sim::SimClock clock_;
-  sim::SimOutputPin output_;
-  sim::SimInputPin input_{clock_};
-};
-
-INSTANTIATE_TEST_SUITE_P(
-    All, PinConformance,
-    testing::Values(PinWorldKind{"SimSafeLow", [] { return std::make_unique<SimPinWorld>(false); }},
-                    PinWorldKind{"SimSafeHigh", [] { return std::make_unique<SimPinWorld>(true); }}),
-    [](const auto& kind) { return kind.param.name; });
 
 }  // namespace
 }  // namespace nodal::hal

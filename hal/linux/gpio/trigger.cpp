@@ -1,0 +1,252 @@
+#include "hal/linux/gpio/trigger.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+
+#include "protocol/base/limits.h"
+
+namespace nodal::hal::gpio {
+namespace {
+
+constexpr Duration kFirstPulse = Duration::milliseconds(1);  ///< as TriggerPort::start() promises
+
+std::string name_of(const TriggerLines& lines) {
+  if (!lines.outputs.empty()) return "trigger '" + lines.outputs.front().line.text() + "': ";
+  return "trigger '" + (lines.input ? lines.input->text() : std::string("gpio")) + "': ";
+}
+
+}  // namespace
+
+GpioTrigger::GpioTrigger(System& system, TriggerLines lines)
+    : system_(system), lines_(std::move(lines)), who_(name_of(lines_)), pulses_(system, outputs_, log_) {}
+
+Result<std::unique_ptr<GpioTrigger>> GpioTrigger::open(System& system, TriggerLines lines) {
+  std::unique_ptr<GpioTrigger> trigger(new GpioTrigger(system, std::move(lines)));
+  if (const Status claimed = trigger->claim(); !claimed) return fail(claimed.error().in("trigger"));
+  if (const Status running = trigger->run(); !running) return fail(running.error().in("trigger"));
+  return trigger;
+}
+
+GpioTrigger::~GpioTrigger() { runner_.reset(); }
+
+Status GpioTrigger::claim() {
+  const EdgeKind active = lines_.active_high ? EdgeKind::kRising : EdgeKind::kFalling;
+  const auto claim_in = [&](const std::optional<LineName>& name, Bias bias, std::unique_ptr<Line>& into) -> Status {
+    if (!name) return {};
+    Claim claimed = system_.claim_input(*name, {false, bias, active});
+    if (!claimed.line) return fail(explain_claim(system_, *name, claimed.error));
+    into = std::move(claimed.line);
+    return {};
+  };
+  for (const TriggerLines::Output& output : lines_.outputs) {
+    auto line = claim_output(system_, output.line, !lines_.active_high);
+    if (!line) return fail(line.error());
+    outputs_.push_back(std::move(*line));
+  }
+  if (Status read_back = claim_in(lines_.read_back, Bias::kAsIs, read_back_line_); !read_back) return read_back;
+  return claim_in(lines_.input, lines_.input_bias, input_);
+}
+
+Status GpioTrigger::run() {
+  if (outputs_.empty()) return {};
+  try {
+    Running running = system_.run({"nodal-trigger", true}, [this](Instant now) { return step(now); });
+    runner_ = std::move(running.runner);
+    notice_ = std::move(running.notice);
+  } catch (const std::system_error& error) {
+    return fail(Errc::kOverload, std::string("the system refuses its thread: ") + error.code().message() +
+                                     "; raise the limit on processes (ulimit -u, TasksMax=)");
+  }
+  return {};
+}
+
+Status GpioTrigger::there() const {
+  if (safe_.load()) return fail(Errc::kDeviceGone, who_ + "its lines are safe for good; the program ends");
+  const int error = pulses_.counts().error.load();
+  if (error == 0 || error == ECANCELED || pulses_.counts().error_train.load() != id_) return {};
+  return fail(explain_use(lines_.outputs[pulses_.counts().error_line.load()].line, "writing", error).in("trigger"));
+}
+
+Status GpioTrigger::check(const TriggerSettings& settings) const {
+  if (safe_.load()) return there();
+  if (!settings.rate.valid()) {
+    return fail(Errc::kBadValue, who_ + "a rate of " + std::to_string(settings.rate.numerator) + "/" +
+                                     std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
+                                     std::string(kFrameRatesAllowed));
+  }
+  if (settings.follow && !input_) {
+    return fail(Errc::kUnsupported,
+                who_ + "rig.toml names no input line to follow; set [trigger] source = \"external\"");
+  }
+  if (!settings.follow && outputs_.empty()) {
+    return fail(Errc::kUnsupported, who_ + "the line is an input, and drives nothing; set [trigger] source = \"own\"");
+  }
+  if (settings.active_high != lines_.active_high) {
+    return fail(Errc::kUnsupported, who_ + "the polarity is fixed while nodald runs; set it in rig.toml");
+  }
+  const Duration period = settings.rate.period();
+  if (settings.pulse_width.ns() <= 0 || settings.pulse_width > period - PulseTrain::kGap) {
+    return fail(Errc::kBadValue, who_ + "a pulse of " + std::to_string(settings.pulse_width.us()) +
+                                     " us does not fit a period of " + std::to_string(period.us()) +
+                                     " us; between two pulses, the line is inactive for at least " +
+                                     std::to_string(PulseTrain::kGap.us()) + " us");
+  }
+  return check_delays(settings);
+}
+
+Status GpioTrigger::check_delays(const TriggerSettings& settings) const {
+  const Duration period = settings.rate.period();
+  for (std::size_t head = 0; head < settings.delay.size(); ++head) {
+    if (settings.delay[head].ns() >= 0 && settings.delay[head] < period) continue;
+    return fail(Errc::kBadValue, who_ + "the delay of head " + std::to_string(head) +
+                                     " is not between 0 and the period of " + std::to_string(period.us()) + " us");
+  }
+  for (const TriggerLines::Output& output : lines_.outputs) {
+    for (const HeadIndex head : output.heads) {
+      const HeadIndex first = output.heads.front();
+      if (settings.delay[head] == settings.delay[first]) continue;
+      return fail(Errc::kBadValue, who_ + "heads " + std::to_string(first) + " and " + std::to_string(head) +
+                                       " share line " + output.line.text() + ", but their delays are " +
+                                       std::to_string(settings.delay[first].us()) + " and " +
+                                       std::to_string(settings.delay[head].us()) +
+                                       " us; give one of them a line of its own (trigger in its [[heads]] entry)");
+    }
+  }
+  return {};
+}
+
+void GpioTrigger::post(Train train) {
+  if (!runner_) return;
+  {
+    const std::lock_guard lock(mutex_);
+    posted_train_ = std::move(train);
+    posted_.store(true);
+  }
+  runner_->ring();
+}
+
+Instant GpioTrigger::step(Instant now) {
+  if (posted_.load()) {
+    Train train;
+    {
+      const std::lock_guard lock(mutex_);
+      train = posted_train_;
+      posted_.store(false);
+    }
+    pulses_.begin(train);
+  }
+  return pulses_.step(now);
+}
+
+Status GpioTrigger::start(const TriggerSettings& settings) {
+  if (Status fine = check(settings); !fine) return fine;
+  for (Line* line : {input_.get(), read_back_line_.get()}) {
+    if (line == nullptr) continue;
+    // Edges from before the start: as many as the kernel keeps.
+    if (const int count = line->read_events(events_); count < 0) {
+      return fail(
+          explain_use(line == input_.get() ? *lines_.input : *lines_.read_back, "reading", -count).in("trigger"));
+    }
+  }
+  const Instant now = system_.now();
+  ++id_;
+  running_ = true;
+  following_ = settings.follow;
+  events_left_ = 0;
+  queue_was_full_ = after_overrun_ = false;
+  read_back_.start(settings.rate.period());
+  Train train;
+  train.active_high = lines_.active_high;
+  if (following_) {
+    sync_.start(settings.rate, now + kFirstPulse);
+    post(std::move(train));
+    return {};
+  }
+  train.id = id_;
+  train.rate = settings.rate;
+  train.width = settings.pulse_width;
+  train.started = now + kFirstPulse;
+  for (const TriggerLines::Output& output : lines_.outputs) {
+    train.delay.push_back(output.heads.empty() ? Duration() : settings.delay[output.heads.front()]);
+  }
+  // With a read-back line, the pulses of the line that it is wired to are reported.
+  const auto shortest = std::min_element(train.delay.begin(), train.delay.end());
+  train.reference = read_back_line_ ? 0 : static_cast<std::size_t>(shortest - train.delay.begin());
+  read_back_delay_ = train.delay.front();
+  post(std::move(train));
+  return {};
+}
+
+void GpioTrigger::stop() {
+  if (!running_) return;
+  running_ = false;
+  ++id_;
+  Train none;
+  none.active_high = lines_.active_high;
+  post(std::move(none));
+}
+
+Result<std::optional<TriggerEdge>> GpioTrigger::take_edge() {
+  if (safe_.load()) return fail(there().error());
+  if (!running_) return std::optional<TriggerEdge>{};
+  return following_ ? take_followed() : take_sent();
+}
+
+/// Reads the next events when none are left. False when there are none; an error when the line does not work.
+Result<bool> GpioTrigger::read(Line& line, const LineName& name) {
+  if (events_left_ > 0) return true;
+  const int count = line.read_events(events_);
+  if (count < 0) return fail(explain_use(name, "reading", -count).in("trigger"));
+  events_read_ = 0;
+  events_left_ = static_cast<std::size_t>(count);
+  if (count > 0) after_overrun_ = std::exchange(queue_was_full_, events_left_ == kKernelQueue);
+  // Before Linux 5.7 the timestamps are of the wall clock, which is decades ahead.
+  constexpr Duration kDoubt = Duration::seconds(60);
+  if (count > 0 && events_[0].at.ns() - kDoubt.ns() > system_.now().ns()) {
+    return fail(Errc::kUnsupported, "trigger: line " + name.text() +
+                                        ": the kernel's timestamps are not of CLOCK_MONOTONIC; Linux 5.7 or newer is "
+                                        "needed");
+  }
+  return count > 0;
+}
+
+Result<std::optional<TriggerEdge>> GpioTrigger::take_followed() {
+  for (;;) {
+    const auto some = read(*input_, *lines_.input);
+    if (!some) return fail(some.error());
+    if (!*some) return std::optional<TriggerEdge>{};
+    --events_left_;
+    if (auto pulse = sync_.add(events_[events_read_++].at, std::exchange(after_overrun_, false))) return pulse;
+  }
+}
+
+Result<std::optional<TriggerEdge>> GpioTrigger::take_sent() {
+  if (const Status fine = there(); !fine) return fail(fine.error());
+  if (!read_back_line_) return log_.take(id_);
+  while (const auto sent = log_.take(id_)) read_back_.add_pulse(*sent);
+  for (;;) {
+    const auto some = read(*read_back_line_, *lines_.read_back);
+    if (!some) return fail(some.error());
+    if (!*some) break;
+    --events_left_;
+    read_back_.add_edge(events_[events_read_++].at - read_back_delay_);
+  }
+  return read_back_.take(system_.now());
+}
+
+TriggerCounts GpioTrigger::counts() const {
+  TriggerCounts counts = sync_.counts();
+  counts.late = pulses_.counts().late.load();
+  counts.refused = pulses_.counts().refused.load();
+  counts.unseen = read_back_.unseen();
+  counts.doubled += read_back_.extra();
+  return counts;
+}
+
+void GpioTrigger::make_safe() noexcept {
+  safe_.store(true);
+  for (const auto& output : outputs_) output->make_safe();
+}
+
+}  // namespace nodal::hal::gpio
