@@ -120,6 +120,7 @@ CommandLine::CommandLine(Console& console)
   add_audit(app_, *this);
   add_sync(app_, *this);
   add_raymap(app_, *this);
+  add_stitch(app_, *this);
   add_import(app_, *this);
   add_pairs(app_, *this);
   add_register(app_, *this);

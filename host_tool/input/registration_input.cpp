@@ -65,7 +65,8 @@ std::vector<registration::FrameSet> PictureSets::frames() const {
   return all;
 }
 
-Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names) {
+Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
+                                                            const std::vector<std::string>& names) {
   std::vector<std::vector<std::string>> files;
   const auto is_folder = [](const std::string& name) {
     std::error_code error;
@@ -94,8 +95,14 @@ Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, con
       files.back().push_back(arguments[k]);
     }
   }
+  return files;
+}
+
+Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names) {
+  const auto files = picture_files(arguments, names);
+  if (!files) return fail(files.error());
   PictureSets pictures;
-  for (const auto& set : files) {
+  for (const auto& set : *files) {
     pictures.sets.emplace_back();
     for (const std::string& file : set) {
       Result<DecodedImage> picture = media::read_image(file);

@@ -17,9 +17,13 @@ struct PictureSets {
   std::vector<registration::FrameSet> frames() const;
 };
 
-/// The pictures of `heads` heads. Each argument is a picture, in the calibration's order, set after set; or a folder
+/// The files of pictures, one a head and set. Each argument is a picture, in the calibration's order, set after set; or a folder
 /// with one picture a head, called as the head is (cam0.png). `names`: the heads'.
-/// Errors: kBadValue with what is missing or too much; those of reading pictures.
+/// Errors: kBadValue with what is missing or too much; kNotFound for a folder without a head's picture.
+Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
+                                                            const std::vector<std::string>& names);
+/// The pictures in the files that picture_files() names.
+/// Errors: those of picture_files() and of reading pictures.
 Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names);
 
 struct CalibratedPictures {

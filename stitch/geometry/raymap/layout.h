@@ -51,6 +51,21 @@ class RaymapLayout {
 
 inline constexpr int kMaxRaymapSide = 32768;
 
+/// The width and height of a raymap in pixels.
+struct RaymapSize {
+  int width = 0;
+  int height = 0;
+};
+
+/// The width, rarely a whole number, at which a whole-sphere raymap has so many pixels per radian where its pixels are
+/// largest (equirectangular: at the equator; cube: in the middle of a face).
+/// Errors: kUnsupported for an unknown name (lists the known ones).
+Result<double> width_for_resolution(std::string_view name, double pixels_per_radian);
+
+/// The smallest size of a whole-sphere raymap that is at least so wide; at most kMaxRaymapSide. Its sides suit raymaps with
+/// halved chroma. Errors: as width_for_resolution().
+Result<RaymapSize> size_for_width(std::string_view name, double width);
+
 /// Names that make_layout() knows.
 std::vector<std::string_view> layout_names();
 

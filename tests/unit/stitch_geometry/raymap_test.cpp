@@ -4,6 +4,7 @@
 #include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "examples.h"
@@ -158,6 +159,38 @@ TEST(MakeLayout, SizeThatIsNone_SaysWhatIs) {
   ASSERT_FALSE(layout);
   EXPECT_NE(layout.error().message.find("2049x1366 would be"), std::string::npos) << layout.error().text();
   EXPECT_TRUE(make_layout("cube", 2049, 1366));
+}
+
+TEST(SizeForWidth, EveryLayoutAtAnyWidth_IsASizeThatItCanHaveAndHalvedChromaFits) {
+  constexpr double kMost = kMaxRaymapSide;
+  for (const std::string_view name : layout_names()) {
+    for (const double width : {1.0, 2.0, 3.9, 4.0, 5.0, 99.0, 100.1, 2048.0, 4000.0, kMost, kMost + 1, 1e9, 1e300,
+                               std::numeric_limits<double>::infinity(), 0.0, -1.0, -1e300, std::nan("")}) {
+      const RaymapSize size = size_for_width(name, width).value();
+      const auto layout = make_layout(name, size.width, size.height);
+      ASSERT_TRUE(layout) << name << " " << width << ": " << layout.error().text();
+      EXPECT_TRUE(size.width % 2 == 0 && size.height % 2 == 0) << name << " " << width;
+      if (width > 0 && width <= kMost - 8) {
+        EXPECT_GE(size.width, width);
+        EXPECT_LT(size.width, width + 8) << "the smallest of them";
+      }
+    }
+  }
+  EXPECT_EQ(size_for_width("mercator", 100).error().code, Errc::kUnsupported);
+}
+
+TEST(WidthForResolution, NeighbouringPixels_AreOneOverTheResolutionApartWhereTheyAreLargest) {
+  for (const std::string_view name : layout_names()) {
+    const RaymapSize size = size_for_width(name, width_for_resolution(name, 300).value()).value();
+    const auto layout = make_layout(name, size.width, size.height).value();
+    double largest = 0;
+    for (int j = 0; j < size.height; j += 7) {
+      for (int i = 0; i < size.width; i += 7) largest = std::max(largest, layout->solid_angle(i, j));
+    }
+    // Both layouts' pixels are square where they are largest.
+    EXPECT_LE(std::sqrt(largest) * 300, 1.0) << name;
+    EXPECT_GE(std::sqrt(largest) * 300, 0.99) << name;
+  }
 }
 
 TEST(LayoutNames, AllCanBeMade) {

@@ -1,0 +1,186 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/picture_file.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/input/stitch_input.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/gpano.h"
+#include "stitch/media/jpeg_writer.h"
+#include "stitch/offline/offline_blend.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  std::vector<std::string> inputs;
+  std::string out = "sphere.jpg";
+  std::string layout = "equirectangular";
+  int width = 0;
+  int bits = 8;
+  int quality = 92;
+  int threads = 0;
+};
+
+/// What every raymap of a run has in common.
+struct Job {
+  Args args;
+  RaymapFormat format = RaymapFormat::kJpg;
+  geometry::RaymapSize size;
+  StitchInput input;
+};
+
+PixelFormat raymap_format(PixelFormat pictures, int bits) {
+  if (bits == 8) return pictures;
+  return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
+}
+
+Result<Job> make_job(const Args& args) {
+  Job job;
+  job.args = args;
+  const Result<RaymapFormat> format = raymap_format_of_name(args.out);
+  if (!format) return fail(format.error().in("--out"));
+  job.format = *format;
+  if (args.bits == 16 && job.format == RaymapFormat::kJpg) {
+    return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png or .raw");
+  }
+  Result<StitchInput> input = read_stitch_input(args.inputs);
+  if (!input) return fail(input.error());
+  job.input = std::move(*input);
+  if (Result<std::string> name = numbered_name(args.out, 1); !name) return fail(name.error().in("--out"));
+  if (job.input.sets.size() > 1 && !has_number(args.out)) {
+    return fail(Errc::kBadValue,
+                fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
+                            "its own; put %04d into it",
+                            args.out, job.input.sets.size()));
+  }
+  const Result<double> resolution = offline::resolution_of(job.input.calibration);
+  if (!resolution) return fail(resolution.error().in(args.inputs.front()));
+  const Result<double> natural = geometry::width_for_resolution(args.layout, *resolution);
+  if (!natural) return fail(natural.error().in("--layout"));
+  const Result<geometry::RaymapSize> size =
+      geometry::size_for_width(args.layout, args.width > 0 ? args.width : *natural);
+  if (!size) return fail(size.error().in("--layout"));
+  job.size = *size;
+  return job;
+}
+
+Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& raymap) {
+  if (job.format == RaymapFormat::kJpg) {
+    const std::string xmp =
+        job.args.layout == "equirectangular" ? media::gpano_packet(raymap.width, raymap.height) : std::string();
+    media::JpegWriter writer({raymap.format, raymap.width, raymap.height, job.args.quality, xmp});
+    const std::string comment = fmt::format("nodal stitch heads={} calibration={}", job.input.calibration.heads.size(),
+                                            to_hex(calibration_id(job.input.calibration)));
+    std::vector<std::uint8_t> jpeg;
+    if (const Status written = writer.write(raymap.view(), comment, jpeg); !written) return fail(written.error());
+    return jpeg;
+  }
+  if (job.format == RaymapFormat::kRaw) return raymap.bytes;
+  ReceivedRaymap received;
+  received.header.set_coding(std::string(pixel_format_name(raymap.format)));
+  received.header.set_layout(job.args.layout);
+  received.header.set_width(static_cast<std::uint32_t>(raymap.width));
+  received.header.set_height(static_cast<std::uint32_t>(raymap.height));
+  received.bytes = raymap.bytes;
+  return encode_png(received);
+}
+
+Status run(Context& context, const Args& args) {
+  Console& console = context.console();
+  const auto begin = std::chrono::steady_clock::now();
+  const Result<Job> job = interruptible(console, [&] { return make_job(args); });
+  if (!job) return fail(job.error());
+  for (const std::string& note : job->input.notes) console.note("note: " + note);
+  const std::size_t count = job->input.sets.size();
+  std::optional<offline::OfflineBlend> blend;
+  PixelFormat format = PixelFormat::kRgb24;
+  std::string last;
+  {
+    Progress bar(console, "stitching", 1000 * (count + 1));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (interrupted()) return fail(Errc::kTimeout, fmt::format("ended after {} of {} raymaps", i, count));
+      auto pictures =
+          interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, args.bits == 16); });
+      if (!pictures) return fail(pictures.error());
+      if (!blend || pictures->front().format != format) {
+        format = pictures->front().format;
+        const table::RaymapSpec spec{args.layout, job->size.width, job->size.height, raymap_format(format, args.bits)};
+        auto made = interruptible(console, [&] {
+          return offline::OfflineBlend::make(job->input.calibration, spec, {}, format, args.threads, [&](double done) {
+            bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
+          });
+        });
+        if (!made) return fail(made.error().in(args.inputs.front()));
+        blend.emplace(std::move(*made));
+      }
+      const Result<std::string> name = numbered_name(args.out, i);
+      if (!name) return fail(name.error());
+      auto file = interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
+        std::vector<ImageView> views;
+        for (const DecodedImage& picture : *pictures) views.push_back(picture.view());
+        const Result<DecodedImage> raymap = blend->blend(views);
+        if (!raymap) return fail(raymap.error());
+        return encode(*job, *raymap);
+      });
+      if (!file) return fail(file.error());
+      if (const Status written = write_file(*name, *file); !written) return written;
+      last = *name;
+      bar.update(1000 * (i + 2), *name);
+    }
+  }
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  console.document({{"raymaps", count},
+                    {"out", last},
+                    {"layout", args.layout},
+                    {"width", job->size.width},
+                    {"height", job->size.height},
+                    {"calibration", to_hex(calibration_id(job->input.calibration))},
+                    {"seconds", seconds}});
+  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job->size.width,
+                           job->size.height, args.layout, job->input.calibration.heads.size(), seconds));
+  return {};
+}
+
+}  // namespace
+
+void add_stitch(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(
+      app, "stitch", "Make a picture of the whole sphere from pictures and a calibration; needs no rig",
+      "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg -o sphere.jpg\n"
+      "  nodal stitch project.pts                                 with the pictures that the project names\n"
+      "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures called as the heads are\n"
+      "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
+      "The calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
+      "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures.\n");
+  auto args = std::make_shared<Args>();
+  command
+      ->add_option("INPUT", args->inputs,
+                   "The calibration or project, then the pictures: one a head, in its order; or folders")
+      ->required()
+      ->type_name("");
+  command
+      ->add_option("-o,--out", args->out,
+                   "The picture, .jpg, .png or .raw (sphere.jpg when not given); %04d numbers it")
+      ->type_name("FILE");
+  command->add_option("--layout", args->layout, "equirectangular (when not given), or cube")->type_name("NAME");
+  command->add_option("--width", args->width, "Its width; as fine as the pictures when not given")
+      ->type_name("PX")
+      ->check(CLI::Range(16, geometry::kMaxRaymapSide));
+  command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
+      ->type_name("8|16")
+      ->check(CLI::IsMember({8, 16}));
+  command->add_option("--quality", args->quality, "Of a JPEG (92 when not given)")
+      ->type_name("1..100")
+      ->check(CLI::Range(1, 100));
+  command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,107 @@
+#include "host_tool/input/stitch_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <utility>
+
+#include "host_tool/console/files.h"
+#include "host_tool/input/registration_input.h"
+#include "stitch/interchange/import.h"
+#include "stitch/media/image_file.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Project {
+  Calibration calibration;
+  std::vector<std::string> pictures;  ///< that it names; empty when it does not name one for every head
+  std::vector<std::string> notes;
+};
+
+Result<Project> read_project(const std::string& file) {
+  const Result<std::string> text = read_file(file, std::max(kMaxCalibrationBytes, interchange::kMaxProjectBytes));
+  if (!text) return fail(text.error());
+  if (text->find("\"nodal_calibration\"") != std::string::npos) {
+    Result<Calibration> own = parse_calibration(*text);
+    if (!own) return fail(own.error().in(file));
+    return Project{std::move(*own), {}, {}};
+  }
+  Result<interchange::ImportResult> imported = interchange::import_project(*text, fs::path(file).stem().string());
+  if (!imported) return fail(imported.error().in(file));
+  Project project{std::move(imported->calibration), {}, std::move(imported->notes)};
+  const fs::path folder = fs::path(file).parent_path();
+  for (const std::string& image : imported->images) {
+    if (image.empty()) {
+      project.pictures.clear();
+      break;
+    }
+    project.pictures.push_back((folder / image).lexically_normal().string());
+  }
+  return project;
+}
+
+PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
+  const auto all = [&](PixelFormat format) {
+    return std::ranges::all_of(pictures, [format](const DecodedImage& picture) { return picture.format == format; });
+  };
+  if (rgb) return PixelFormat::kRgb24;
+  return all(PixelFormat::kI420)    ? PixelFormat::kI420
+         : all(PixelFormat::kGrey8) ? PixelFormat::kGrey8
+                                    : PixelFormat::kRgb24;
+}
+
+}  // namespace
+
+bool is_picture_or_folder(const std::string& argument) {
+  std::error_code error;
+  if (fs::is_directory(argument, error)) return true;
+  std::string ending = fs::path(argument).extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
+}
+
+Result<StitchInput> read_stitch_input(const std::vector<std::string>& arguments) {
+  const std::string& file = arguments.front();
+  Result<Project> project = read_project(file);
+  if (!project) return fail(project.error());
+  std::vector<std::string> pictures(arguments.begin() + 1, arguments.end());
+  if (pictures.empty()) pictures = project->pictures;
+  const std::size_t heads = project->calibration.heads.size();
+  if (pictures.empty()) {
+    return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}", heads, file));
+  }
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : project->calibration.heads) names.push_back(head.name);
+  auto sets = picture_files(pictures, names);
+  if (!sets) return fail(sets.error());
+  return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes)};
+}
+
+Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files, const Calibration& calibration,
+                                           bool rgb) {
+  std::vector<DecodedImage> pictures;
+  for (std::size_t h = 0; h < files.size(); ++h) {
+    Result<DecodedImage> picture = media::read_image(files[h]);
+    if (!picture) return fail(picture.error());
+    const HeadCalibration& head = calibration.heads[h];
+    if (picture->width != head.width || picture->height != head.height) {
+      return fail(Errc::kHeadMismatch,
+                  fmt::format("{}: the picture has {}x{} pixels, and the calibration of head '{}' is for {}x{}; give "
+                              "the pictures in the calibration's order and at the size they were calibrated at",
+                              files[h], picture->width, picture->height, head.name, head.width, head.height));
+    }
+    pictures.push_back(std::move(*picture));
+  }
+  const PixelFormat format = common_format(pictures, rgb);
+  for (DecodedImage& picture : pictures) {
+    if (picture.format != format) picture = media::convert_image(picture.view(), format);
+  }
+  return pictures;
+}
+
+}  // namespace nodal::host

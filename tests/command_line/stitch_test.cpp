@@ -1,0 +1,159 @@
+// `nodal stitch` as a user runs it, on pictures of a rendered rig; its pixels against those of nodald.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "rig_process.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
+#include "tests/support/pictures.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::command_line {
+namespace {
+
+constexpr int kSide = 160;
+
+class StitchCommand : public RigTest {
+ protected:
+  static const test::RenderedRig& town() {
+    static const test::RenderedRig rig =
+        test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 1.0, 5, 3});
+    return rig;
+  }
+  /// rig.json, and the pictures of the town in `folder`.
+  void write_pictures(const std::string& folder) {
+    write("rig.json", to_json(town().truth));
+    std::filesystem::create_directories(path(folder));
+    for (std::size_t h = 0; h < town().bytes.size(); ++h) {
+      test::write_bytes(path(folder + "/" + name_of(h) + ".png"), test::png_of(town().bytes[h], kSide, kSide, 3));
+    }
+  }
+  static std::string name_of(std::size_t head) { return town().truth.heads[head].name; }
+  void expect_refused(const Words& words, const std::string& says) const {
+    Words all{"stitch"};
+    all.insert(all.end(), words.begin(), words.end());
+    const Finished run = nodal(all);
+    EXPECT_NE(run.code, 0) << says;
+    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+    EXPECT_EQ(run.err.find("unexpected"), std::string::npos) << run.err;
+  }
+};
+
+/// Correlation of a whole sphere's green with the light of the town, over solid angle: exposure is a factor, so it does
+/// not count; noise, edges and people who walk about do. Places that clip the pictures are left out.
+double correlation_with_town(const DecodedImage& sphere) {
+  const auto layout = geometry::make_layout("equirectangular", sphere.width, sphere.height).value();
+  const auto scene = hal::sim::town_square_scene(3);
+  double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+  const std::uint8_t* green = sphere.bytes.data() + 1;
+  for (int y = 0; y < sphere.height; ++y) {
+    for (int x = 0; x < sphere.width; ++x, green += 3) {
+      const geometry::Ray ray = *layout->ray(x + 0.5, y + 0.5);
+      const double light = scene->light({ray.x(), ray.y(), ray.z()}, 2 * std::numbers::pi / sphere.width).g;
+      if (light > 0.9) continue;
+      const double level = *green;
+      const double weight = layout->solid_angle(x, y);
+      n += weight, a += weight * light, b += weight * level;
+      aa += weight * light * light, bb += weight * level * level, ab += weight * light * level;
+    }
+  }
+  EXPECT_GT(n, 0.9 * 4 * std::numbers::pi);
+  return (ab - a * b / n) / std::sqrt((aa - a * a / n) * (bb - b * b / n));
+}
+
+TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
+  write_pictures("pictures");
+  const Words words{"stitch", path("rig.json"), path("pictures"), "-o", path("sphere.png")};
+  const Finished run = nodal(words);
+  ASSERT_EQ(run.code, 0) << run.err;
+  const DecodedImage sphere = media::read_image(path("sphere.png"), PixelFormat::kRgb24).value();
+  // Equidistant: 160 px across 130 degrees are 70.5 px a radian, 443.1 px around.
+  EXPECT_EQ(sphere.width, 444);
+  EXPECT_EQ(sphere.height, 222);
+  EXPECT_GT(correlation_with_town(sphere), 0.95);
+
+  std::filesystem::rename(path("pictures/cam1.png"), path("other"));
+  std::filesystem::rename(path("pictures/cam3.png"), path("pictures/cam1.png"));
+  std::filesystem::rename(path("other"), path("pictures/cam3.png"));
+  ASSERT_EQ(nodal(words).code, 0);
+  EXPECT_LT(correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value()), 0.9)
+      << "two pictures are exchanged; a measure that does not see it is none";
+}
+
+TEST_F(StitchCommand, TheBoardAndTheCommand_MakeTheSameBytes) {
+  write_pictures("pictures");
+  std::string toml =
+      "[rig]\nname = \"six\"\nrate = \"25\"\n[raymap]\nwidth = 256\nheight = 128\nformat = \"RGB24\"\n"
+      "[links]\nunix = \"nodal.sock\"\n[store]\nfolder = \"store\"\n[trigger]\nstart = true\n";
+  for (std::size_t h = 0; h < town().bytes.size(); ++h) {
+    toml += "[[heads]]\nname = \"" + name_of(h) + "\"\nformat = \"RGB24\"\nport = \"replay:pictures/" + name_of(h) +
+            ".png\"\n";
+  }
+  write("rig.toml", toml);
+  start_nodald();
+  ASSERT_EQ(nodal({"calibration", "upload", path("rig.json")}).code, 0);
+  const Finished pulled = nodal({"raymap", "pull", "--out", path("board.raw")});
+  ASSERT_EQ(pulled.code, 0) << pulled.err;
+  for (const char* threads : {"1", "3"}) {
+    const Finished run = nodal(
+        {"stitch", path("rig.json"), path("pictures"), "--width", "256", "--threads", threads, "-o", path("here.raw")});
+    ASSERT_EQ(run.code, 0) << run.err;
+    EXPECT_EQ(read("here.raw").size(), 256U * 128 * 3);
+    EXPECT_TRUE(read("here.raw") == read("board.raw")) << threads << " threads";
+  }
+}
+
+TEST_F(StitchCommand, SeveralFolders_GiveARaymapEach) {
+  write_pictures("0001");
+  write_pictures("0002");
+  const Words words{"stitch", path("rig.json"), path("0001"), path("0002"), "--width", "64", "-o", path("s-%02d.jpg")};
+  ASSERT_EQ(nodal(words).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(path("s-00.jpg")));
+  EXPECT_EQ(read("s-00.jpg"), read("s-01.jpg")) << "the same pictures";
+  EXPECT_NE(read("s-00.jpg").find("GPano"), std::string::npos) << "viewers know it as a sphere by this";
+  expect_refused({path("rig.json"), path("0001"), path("0002"), "-o", path("one.jpg")}, "%04d");
+  EXPECT_FALSE(std::filesystem::exists(path("one.jpg")));
+}
+
+TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
+  write_pictures("pictures");
+  const auto size_of = [&](const Words& more) {
+    Words words{"stitch", path("rig.json"), path("pictures"), "-o", path("out.png")};
+    words.insert(words.end(), more.begin(), more.end());
+    const Json answer = nodal_json(words).at(0);
+    return std::pair(answer["width"].get<int>(), answer["height"].get<int>());
+  };
+  EXPECT_EQ(size_of({"--layout", "cube"}), std::pair(426, 284)) << "70.5 px a radian in the middle of a face 2 wide";
+  EXPECT_EQ(size_of({"--layout", "cube", "--width", "60"}), std::pair(60, 40));
+  EXPECT_EQ(size_of({"--width", "101"}), std::pair(104, 52)) << "the next that halved chroma fits into";
+  EXPECT_EQ(size_of({"--width", "100", "--bits", "16"}), std::pair(100, 50));
+}
+
+TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
+  write_pictures("pictures");
+  const std::string rig = path("rig.json");
+  const std::string pictures = path("pictures");
+  expect_refused({rig}, "give one for each of the 6 heads");
+  expect_refused({rig, pictures + "/cam0.png"}, "1 pictures for 6 heads");
+  expect_refused({path("gone.json"), pictures}, "gone.json");
+  expect_refused({rig, path("gone.png")}, "1 pictures for 6 heads");
+  expect_refused({rig, pictures, "-o", path("out.tga")}, "end it in .jpg, .png or .raw");
+  expect_refused({rig, pictures, "--bits", "16", "-o", path("out.jpg")}, "a JPEG has 8 bits");
+  expect_refused({rig, pictures, "--layout", "mercator"}, "equirectangular, cube");
+  expect_refused({rig, pictures, "--width", "40000"}, "--width");
+  expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
+  test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
+  expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");
+  write("pictures/cam3.png", "no picture");
+  expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png");
+  write("project.pto", "neither");
+  expect_refused({path("project.pto"), pictures}, "project.pto");
+  EXPECT_FALSE(std::filesystem::exists(path("out.jpg")));
+}
+
+}  // namespace
+}  // namespace nodal::command_line
