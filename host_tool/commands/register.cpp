@@ -7,6 +7,7 @@
 #include <ctime>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -25,8 +26,8 @@ using registration::Report;
 
 struct Args {
   std::vector<std::string> inputs;
-  std::string nominal, circle, pairs, report;
-  double roll = 0;
+  NominalWords nominal;
+  std::string pairs, report;
   std::string out = "calibration.json";
   std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "own", gauge;
   bool no_search = false;
@@ -62,26 +63,6 @@ CLI::IsMember one_of(const Choices<Value>& choices) {
 
 using Input = CalibratedPictures;
 
-Result<Input> input_from_nominal(const Args& args) {
-  Result<Nominal> nominal = parse_nominal(args.nominal);
-  if (!nominal) return fail(nominal.error().in("--nominal"));
-  nominal->roll_deg = args.roll;
-  if (!args.circle.empty()) {
-    const Result<Region::Circle> circle = parse_circle(args.circle);
-    if (!circle) return fail(circle.error().in("--circle"));
-    nominal->circle = *circle;
-  }
-  std::vector<std::string> names;
-  for (int h = 0; h < nominal->heads; ++h) names.push_back("cam" + std::to_string(h));
-  Result<PictureSets> pictures = read_pictures(args.inputs, names);
-  if (!pictures) return fail(pictures.error());
-  if (pictures->sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
-  const DecodedImage& first = pictures->sets.front().front();
-  Result<Calibration> prior = nominal_rig(*nominal, first.width, first.height);
-  if (!prior) return fail(prior.error());
-  return Input{std::move(*prior), std::move(*pictures)};
-}
-
 Result<Input> input_from_rig(Context& context, const Args& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
@@ -95,10 +76,12 @@ Result<Input> input_from_rig(Context& context, const Args& args) {
 }
 
 Result<Input> read_input(Context& context, const Args& args) {
-  if (args.inputs.empty() && !args.nominal.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  if (args.inputs.empty() && !args.nominal.rig.empty())
+    return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) return input_from_rig(context, args);
   return interruptible(context.console(), [&] {
-    return args.nominal.empty() ? read_calibrated_pictures(args.inputs) : input_from_nominal(args);
+    return args.nominal.rig.empty() ? read_calibrated_pictures(args.inputs)
+                                    : read_nominal_pictures(args.nominal, args.inputs);
   });
 }
 
@@ -196,7 +179,7 @@ Status run(Context& context, const Args& args) {
                   : args.inputs.empty() ? registration::Gauge::kMost
                                         : registration::Gauge::kFirstHead;
   options.search = !args.no_search;
-  options.lens_far_off = !args.nominal.empty();  // a data sheet knows a field of view, not a lens
+  options.lens_far_off = !args.nominal.rig.empty();  // a data sheet knows a field of view, not a lens
   Result<Report> report = fail(Errc::kInternal, "");
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();
@@ -298,16 +281,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));
-  CLI::Option* nominal = command
-                             ->add_option("--nominal", args->nominal,
-                                          "Start from fisheyes evenly round the horizon: heads x field of view")
-                             ->type_name("NxDEGREES")
-                             ->check(checked_by(parse_nominal));
-  command->add_option("--circle", args->circle, "Their picture circle, px; the largest in the middle when not given")
-      ->type_name("X,Y,RADIUS")
-      ->needs(nominal)
-      ->check(checked_by(parse_circle));
-  command->add_option("--roll", args->roll, "Their roll, degrees clockwise")->type_name("DEGREES")->needs(nominal);
+  add_nominal_options(*command, args->nominal);
   line.on(command, [args](Context& context) { return run(context, *args); });
 }
 

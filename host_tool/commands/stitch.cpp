@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -18,6 +19,7 @@ namespace {
 
 struct Args {
   std::vector<std::string> inputs;
+  NominalWords nominal;
   std::string out = "sphere.jpg";
   std::string layout = "equirectangular";
   int width = 0;
@@ -48,7 +50,7 @@ Result<Job> make_job(const Args& args) {
   if (args.bits == 16 && job.format == RaymapFormat::kJpg) {
     return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png or .raw");
   }
-  Result<StitchInput> input = read_stitch_input(args.inputs);
+  Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
   if (!input) return fail(input.error());
   job.input = std::move(*input);
   if (Result<std::string> name = numbered_name(args.out, 1); !name) return fail(name.error().in("--out"));
@@ -150,11 +152,12 @@ Status run(Context& context, const Args& args) {
 
 void add_stitch(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "stitch", "Make a picture of the whole sphere from pictures and a calibration; needs no rig",
+      app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
       "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg -o sphere.jpg\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures called as the heads are\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
+      "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
       "The calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
       "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures.\n");
   auto args = std::make_shared<Args>();
@@ -180,6 +183,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  add_nominal_options(*command, args->nominal);
   line.on(command, [args](Context& context) { return run(context, *args); });
 }
 

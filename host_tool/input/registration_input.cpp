@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "host_tool/console/files.h"
+#include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::host {
@@ -31,6 +32,17 @@ std::vector<double> numbers(std::string_view text, char between) {
     text.remove_prefix(1);
   }
   return all;
+}
+
+// The circle in which a fisheye's picture is not black, or the largest one in the middle of the picture.
+Region::Circle circle_in(const DecodedImage& picture) {
+  const DecodedImage grey = media::convert_image(picture.view(), PixelFormat::kGrey8);
+  calibration::GreyImage levels(grey.width, grey.height);
+  std::ranges::transform(grey.bytes, levels.values.begin(),
+                         [](std::uint8_t level) { return static_cast<float>(level) / 255; });
+  const Region region = calibration::find_region({&levels});
+  if (region.circle) return {region.circle->x, region.circle->y, region.circle->radius + calibration::kEdgeBlur};
+  return {grey.width / 2.0, grey.height / 2.0, std::min(grey.width, grey.height) / 2.0};
 }
 
 // The picture of a head in a folder: its file is called as the head is.
@@ -147,13 +159,24 @@ Result<Region::Circle> parse_circle(const std::string& text) {
   return Region::Circle{three[0], three[1], three[2]};
 }
 
-Result<Calibration> nominal_rig(const Nominal& nominal, int width, int height) {
+Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<DecodedImage>& pictures) {
+  const auto heads = static_cast<std::size_t>(nominal.heads);
+  if (pictures.size() != heads) {
+    return fail(Errc::kBadValue, fmt::format("--nominal: {} pictures for {} heads", pictures.size(), heads));
+  }
+  if (nominal.circles.size() > 1 && nominal.circles.size() != heads) {
+    return fail(Errc::kBadValue, fmt::format("--circle: {} circles for {} heads; give one for all, or one a head",
+                                             nominal.circles.size(), heads));
+  }
   Calibration rig;
   rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
   rig.comment = "From the data sheet: fisheyes evenly round the horizon.";
-  Region::Circle circle = nominal.circle;
-  if (circle.radius <= 0) circle = {width / 2.0, height / 2.0, std::min(width, height) / 2.0};
-  for (int h = 0; h < nominal.heads; ++h) {
+  for (std::size_t h = 0; h < heads; ++h) {
+    const int width = pictures[h].width;
+    const int height = pictures[h].height;
+    const Region::Circle circle = nominal.circles.empty()       ? circle_in(pictures[h])
+                                  : nominal.circles.size() == 1 ? nominal.circles.front()
+                                                                : nominal.circles[h];
     HeadCalibration head;
     head.name = "cam" + std::to_string(h);
     head.width = width;
@@ -162,7 +185,7 @@ Result<Calibration> nominal_rig(const Nominal& nominal, int width, int height) {
     head.center_y = circle.y;
     head.max_angle = nominal.view_deg / 2 * kRadians;
     head.lens = EquidistantLens{{circle.radius / head.max_angle}};
-    double yaw = 360.0 * h / nominal.heads;
+    double yaw = 360.0 * static_cast<double>(h) / nominal.heads;
     if (yaw > 180) yaw -= 360;
     head.R_head_rig = geometry::rows_of(geometry::to_R_head_rig({yaw, 0, nominal.roll_deg}));
     head.region = {0, 0, static_cast<double>(width), static_cast<double>(height), circle};
@@ -171,6 +194,25 @@ Result<Calibration> nominal_rig(const Nominal& nominal, int width, int height) {
   }
   if (Status good = check_calibration(rig); !good) return fail(good.error().in("--nominal"));
   return rig;
+}
+
+Result<CalibratedPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& arguments) {
+  Result<Nominal> nominal = parse_nominal(words.rig);
+  if (!nominal) return fail(nominal.error().in("--nominal"));
+  nominal->roll_deg = words.roll_deg;
+  for (const std::string& word : words.circles) {
+    const Result<Region::Circle> circle = parse_circle(word);
+    if (!circle) return fail(circle.error().in("--circle"));
+    nominal->circles.push_back(*circle);
+  }
+  std::vector<std::string> names;
+  for (int h = 0; h < nominal->heads; ++h) names.push_back("cam" + std::to_string(h));
+  Result<PictureSets> pictures = read_pictures(arguments, names);
+  if (!pictures) return fail(pictures.error());
+  if (pictures->sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  Result<Calibration> prior = nominal_rig(*nominal, pictures->sets.front());
+  if (!prior) return fail(prior.error());
+  return CalibratedPictures{std::move(*prior), std::move(*pictures)};
 }
 
 }  // namespace nodal::host

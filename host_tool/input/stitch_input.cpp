@@ -3,12 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <utility>
 
 #include "host_tool/console/files.h"
-#include "host_tool/input/registration_input.h"
 #include "stitch/interchange/import.h"
 #include "stitch/media/image_file.h"
 
@@ -45,6 +43,12 @@ Result<Project> read_project(const std::string& file) {
   return project;
 }
 
+std::vector<std::string> names_of(const Calibration& calibration) {
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : calibration.heads) names.push_back(head.name);
+  return names;
+}
+
 PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
   const auto all = [&](PixelFormat format) {
     return std::ranges::all_of(pictures, [format](const DecodedImage& picture) { return picture.format == format; });
@@ -57,15 +61,14 @@ PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
 
 }  // namespace
 
-bool is_picture_or_folder(const std::string& argument) {
-  std::error_code error;
-  if (fs::is_directory(argument, error)) return true;
-  std::string ending = fs::path(argument).extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
-}
-
-Result<StitchInput> read_stitch_input(const std::vector<std::string>& arguments) {
+Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments) {
+  if (!nominal.rig.empty()) {
+    Result<CalibratedPictures> rig = read_nominal_pictures(nominal, arguments);
+    if (!rig) return fail(rig.error());
+    auto sets = picture_files(arguments, names_of(rig->calibration));
+    if (!sets) return fail(sets.error());
+    return StitchInput{std::move(rig->calibration), std::move(*sets), {}};
+  }
   const std::string& file = arguments.front();
   Result<Project> project = read_project(file);
   if (!project) return fail(project.error());
@@ -75,9 +78,7 @@ Result<StitchInput> read_stitch_input(const std::vector<std::string>& arguments)
   if (pictures.empty()) {
     return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}", heads, file));
   }
-  std::vector<std::string> names;
-  for (const HeadCalibration& head : project->calibration.heads) names.push_back(head.name);
-  auto sets = picture_files(pictures, names);
+  auto sets = picture_files(pictures, names_of(project->calibration));
   if (!sets) return fail(sets.error());
   return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes)};
 }

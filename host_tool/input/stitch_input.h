@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tool/input/registration_input.h"
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
@@ -16,14 +17,12 @@ struct StitchInput {
   std::vector<std::string> notes;              ///< whole sentences for the user
 };
 
-/// Whether a command-line argument is a picture or a folder of pictures, by its name: all else is a calibration.
-bool is_picture_or_folder(const std::string& argument);
-
-/// `arguments`: a calibration of Nodal's or a project of another program, then pictures as picture_files() takes them.
+/// `arguments`: with `nominal` pictures of that rig; else a calibration of Nodal's or a project of another program, then
+/// pictures as picture_files() takes them.
 /// A project that names its pictures needs none: their paths count from the project's folder.
 /// Errors: those of parse_calibration(), of interchange::import_project() and of picture_files(), with the file;
 ///   kMissingField without pictures.
-Result<StitchInput> read_stitch_input(const std::vector<std::string>& arguments);
+Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments);
 
 /// One picture a head, all in one pixel format: I420 when every file holds 4:2:0, GREY when every one is grey, else RGB24.
 /// `rgb`: RGB24 in any case.

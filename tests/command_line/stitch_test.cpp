@@ -133,6 +133,56 @@ TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
   EXPECT_EQ(size_of({"--width", "100", "--bits", "16"}), std::pair(100, 50));
 }
 
+/// Two fisheyes of 190 degrees back to back, whose picture circles lie apart in their pictures.
+test::RenderedRig two_fisheyes() {
+  Calibration rig = test::six_fisheyes(kSide, 190);
+  rig.heads = {rig.heads[0], rig.heads[2]};
+  const Region::Circle circles[] = {{76, 83, 70}, {82, 79, 74}};
+  for (std::size_t h = 0; h < 2; ++h) {
+    HeadCalibration& head = rig.heads[h];
+    head.name = "cam" + std::to_string(h);
+    head.region.circle = circles[h];
+    head.center_x = circles[h].x;
+    head.center_y = circles[h].y;
+    head.max_angle = 95 * std::numbers::pi / 180;
+    head.lens = EquidistantLens{{circles[h].radius / head.max_angle}};
+  }
+  test::RenderedRig rendered = test::render_rig(rig, hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 0, 5, 3});
+  for (std::size_t h = 0; h < 2; ++h) {  // the lens leaves the sensor dark beyond its circle
+    for (int i = 0; i < kSide * kSide; ++i) {
+      const double from_middle = std::hypot(i % kSide + 0.5 - circles[h].x, i / kSide + 0.5 - circles[h].y);
+      if (from_middle < circles[h].radius) continue;
+      std::fill_n(rendered.bytes[h].begin() + std::ptrdiff_t{3} * i, 3, std::uint8_t{2});
+    }
+  }
+  return rendered;
+}
+
+TEST_F(StitchCommand, ARigByItsDataSheet_IsStitchedWithTheCirclesFoundInThePictures) {
+  const test::RenderedRig rig = two_fisheyes();
+  std::filesystem::create_directories(path("pictures"));
+  for (std::size_t h = 0; h < 2; ++h) {
+    test::write_bytes(path("pictures/cam" + std::to_string(h) + ".png"), test::png_of(rig.bytes[h], kSide, kSide, 3));
+  }
+  const auto stitched = [&](Words more) {
+    Words words{"stitch", "--nominal", "2x190", "-o", path("sphere.png"), path("pictures")};
+    words.insert(words.end(), more.begin(), more.end());
+    const Finished run = nodal(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+    return correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value());
+  };
+  const double found = stitched({});
+  const double given = stitched({"--circle", "76,83,70", "--circle", "82,79,74"});
+  EXPECT_GT(given, 0.9);
+  EXPECT_GT(found, given - 0.01);
+  EXPECT_LT(stitched({"--circle", "80,80,80"}), given - 0.02) << "one circle for both is wrong here";
+  expect_refused(
+      {"--nominal", "2x190", path("pictures"), "--circle", "1,1,5", "--circle", "1,1,5", "--circle", "1,1,5"},
+      "3 circles for 2 heads");
+  expect_refused({"--nominal", "3x190", path("pictures")}, "no picture of head 'cam2'");
+  expect_refused({"--circle", "1,1,5", path("pictures")}, "--nominal");
+}
+
 TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   write_pictures("pictures");
   const std::string rig = path("rig.json");

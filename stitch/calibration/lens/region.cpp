@@ -15,6 +15,7 @@ constexpr float kBlack = 0.06F;       // of the bright end, encoded
 constexpr double kBrightLine = 0.25;  // part of a row or column that must not be black
 constexpr int kSpokes = 360;
 constexpr double kCircleError = 2.0;  // px, rms of a true circle's edge
+constexpr double kEdgeError = 0.4;    // px, rms of an edge without outliers: spokes are read in steps of 0.5 px
 
 GreyImage brightest(const std::vector<const GreyImage*>& pictures) {
   GreyImage all = *pictures[0];
@@ -66,33 +67,49 @@ Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle)
   return edge;
 }
 
-/// The circle nearest to the points in least squares (linear in centre and power), outliers aside.
+/// Distances of the points from the circle, px; negative inside.
+std::vector<double> distances(const std::vector<Eigen::Vector2d>& points, const Region::Circle& circle) {
+  std::vector<double> all;
+  for (const Eigen::Vector2d& p : points) all.push_back(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius);
+  return all;
+}
+
+double rms_of(const std::vector<double>& errors) {
+  double square = 0;
+  for (const double error : errors) square += error * error;
+  return std::sqrt(square / static_cast<double>(errors.size()));
+}
+
+/// The circle nearest to the points in least squares; linear in its centre and power.
+Region::Circle fitted_circle(const std::vector<Eigen::Vector2d>& points) {
+  solve::NormalEquations sum(3);
+  for (const Eigen::Vector2d& p : points) {
+    const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
+    sum.add(row.data(), -p.squaredNorm(), 1);
+  }
+  const Eigen::Vector3d x = sum.step(0, {});
+  return {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
+}
+
+/// The circle through at least half of the points; nothing when there is none. Points far off are outliers: a spoke that ends at
+/// something dark in the scene ends inside the circle.
 std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points) {
-  Region::Circle circle;
-  for (int pass = 0; pass < 4; ++pass) {
-    if (points.size() < 40) return std::nullopt;
-    solve::NormalEquations sum(3);
-    for (const Eigen::Vector2d& p : points) {
-      const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
-      sum.add(row.data(), -p.squaredNorm(), 1);
-    }
-    const Eigen::Vector3d x = sum.step(0, {});
-    circle = {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
-    double square = 0;
-    std::vector<double> errors;
-    for (const Eigen::Vector2d& p : points) {
-      errors.push_back(std::abs(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius));
-      square += errors.back() * errors.back();
-    }
-    const double rms = std::sqrt(square / static_cast<double>(points.size()));
-    if (rms < kCircleError) return circle;
+  const std::size_t fewest = std::max<std::size_t>(40, points.size() / 2);
+  constexpr int kPasses = 8;
+  std::optional<Region::Circle> found;
+  for (int pass = 0; pass < kPasses && points.size() >= fewest; ++pass) {
+    const Region::Circle circle = fitted_circle(points);
+    const std::vector<double> errors = distances(points, circle);
+    const double rms = rms_of(errors);
+    if (rms < kCircleError) found = circle;
     std::vector<Eigen::Vector2d> kept;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (errors[i] < 1.5 * rms) kept.push_back(points[i]);
+      if (std::abs(errors[i]) < 1.5 * rms) kept.push_back(points[i]);
     }
+    if (rms < kEdgeError || kept.size() == points.size()) break;
     points = std::move(kept);
   }
-  return std::nullopt;
+  return found;
 }
 
 }  // namespace
@@ -113,7 +130,7 @@ Region find_region(const std::vector<const GreyImage*>& pictures) {
     // An edge seen from the middle bends away from a band's and follows a circle's.
     if (const auto circle = circle_through(edge.points)) {
       region.circle = circle;
-      region.circle->radius -= 1;  // the edge's own blur
+      region.circle->radius -= kEdgeBlur;
       return region;
     }
   }

@@ -1,0 +1,27 @@
+// The options that describe a rig by its data sheet, for every command that starts from one.
+#pragma once
+
+#include <CLI/App.hpp>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/input/registration_input.h"
+
+namespace nodal::host {
+
+/// --nominal, --circle and --roll. `words` must live as long as the command.
+inline void add_nominal_options(CLI::App& command, NominalWords& words) {
+  CLI::Option* const nominal =
+      command.add_option("--nominal", words.rig, "Start from fisheyes evenly round the horizon: heads x field of view")
+          ->type_name("NxDEGREES")
+          ->check(checked_by(parse_nominal));
+  command
+      .add_option("--circle", words.circles,
+                  "Their picture circle, px, once for all or once a head; found in the pictures when not given")
+      ->type_name("X,Y,RADIUS")
+      ->needs(nominal)
+      ->allow_extra_args(false)
+      ->check(checked_by(parse_circle));
+  command.add_option("--roll", words.roll_deg, "Their roll, degrees clockwise")->type_name("DEGREES")->needs(nominal);
+}
+
+}  // namespace nodal::host
