@@ -13,6 +13,9 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig&
   job.calibration_ = calibration;
   job.formats_ = std::move(formats);
   job.spec_ = {std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height, raymap.format};
+  job.options_.transition =
+      raymap.transition == RaymapTransition::kSeam ? table::Transition::kSeam : table::Transition::kFeather;
+  job.options_.seam_width_deg = raymap.seam_width_deg;
   job.options_.feather = raymap.feather;
   job.fields_ = {std::nullopt};
   if (raymap.fields == FieldUse::kSeparate) {

@@ -35,6 +35,23 @@ void read_rig(TomlReader reader, RigConfig& config) {
   }
 }
 
+/// Each kind of transition has one width; the key of the other one would have no effect.
+void read_transition(TomlReader& reader, RaymapConfig& raymap) {
+  raymap.transition = reader.choice<RaymapTransition>(
+      "transition", {{"seam", RaymapTransition::kSeam}, {"feather", RaymapTransition::kFeather}});
+  const bool seam = raymap.transition == RaymapTransition::kSeam;
+  if (seam && reader.has("feather")) {
+    reader.refuse("feather",
+                  "is used with transition = \"feather\" only; write that too for wide, soft transitions, or remove "
+                  "feather for sharp ones");
+  }
+  if (!seam && reader.has("seam_width")) {
+    reader.refuse("seam_width", "is used with transition = \"seam\" only; remove it, or write that");
+  }
+  raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);
+  raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
+}
+
 void read_raymap(TomlReader reader, RaymapConfig& raymap) {
   raymap.layout = reader.choice<RaymapLayout>(
       "layout", {{"equirectangular", RaymapLayout::kEquirectangular}, {"cube", RaymapLayout::kCube}});
@@ -55,7 +72,7 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
                                                         {"RGB48", PixelFormat::kRgb48},
                                                         {"GREY16", PixelFormat::kGrey16}});
   raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
-  raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
+  read_transition(reader, raymap);
   raymap.soft = reader.choice<bool>("tone", {{"soft", true}, {"clip", false}});
 }
 
@@ -240,8 +257,10 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   };
   if (!file.has("rig")) file.refuse("rig", "is missing; write a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
-  TomlReader raymap(section("raymap"), "raymap",
-                    {"layout", "width", "height", "format", "jpeg_quality", "feather", "tone", "fields"}, error);
+  TomlReader raymap(
+      section("raymap"), "raymap",
+      {"layout", "width", "height", "format", "jpeg_quality", "transition", "seam_width", "feather", "tone", "fields"},
+      error);
   read_raymap(raymap, config.raymap);
   read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
                config.trigger);

@@ -68,6 +68,8 @@ enum class FieldUse : std::uint8_t {
   kSeparate,  ///< one raymap per field, each with a table for the rows of that field
 };
 
+enum class RaymapTransition : std::uint8_t { kSeam, kFeather };
+
 /// [raymap]
 struct RaymapConfig {
   RaymapLayout layout = RaymapLayout::kEquirectangular;
@@ -75,8 +77,11 @@ struct RaymapConfig {
   int height = 1024;
   PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
   int jpeg_quality = 85;                    ///< 1 .. 100
-  double feather = 0.5;                     ///< 0.01 .. 1; see table::TableOptions
-  bool soft = true;                         ///< highlights beyond the sample range are compressed, not clipped
+  /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
+  RaymapTransition transition = RaymapTransition::kSeam;
+  double seam_width_deg = 1;  ///< kSeam: 0 .. 180
+  double feather = 0.5;       ///< kFeather: 0.01 .. 1
+  bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped
   FieldUse fields = FieldUse::kWeave;
 
   /// Raymaps that are made from one frame set.

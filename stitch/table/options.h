@@ -13,11 +13,23 @@ enum class Interpolation : std::uint8_t {
   kRay,    ///< bilinear in the rays of the four neighbours (§4.5), where that differs (RaySampler::kSamePlace)
 };
 
+/// How one head's picture passes into the next one's, where several see a ray.
+enum class Transition : std::uint8_t {
+  kSeam,     ///< the head with the largest weight alone, but for a ramp about the seam: sharp
+  kFeather,  ///< all of them, by their weights: soft, and double where heads have different nodal points
+};
+
+inline constexpr double kWidestSeamDeg = 180;
+
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
-  /// Width of the blend: the distance from the edge of its region at which a head's weight is full, relative to half the
-  /// region's shorter side. A wide blend hides differences between heads: parallax, light. A narrow one is sharper where
-  /// they agree: synthetic_10head, whose heads share their nodal point exactly, gains 0.15 dB from 0.05.
+  Transition transition = Transition::kSeam;
+  /// kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
+  /// head's region its weight is 0 however wide the seam is. In degrees, because it hides what is measured in degrees:
+  /// parallax, and errors of registration; and because it then is the same for every size of raymap.
+  double seam_width_deg = 1;
+  /// kFeather: the distance from the edge of its region at which a head's weight is full, relative to half the region's
+  /// shorter side.
   double feather = 0.5;
   /// Heads with less than this share of a sample are left out of it.
   double least_weight = 1.0 / 1024;

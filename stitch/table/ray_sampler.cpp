@@ -1,11 +1,15 @@
 #include "stitch/table/ray_sampler.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "stitch/blend/blend_table.h"
+#include "stitch/table/head_sight.h"
 #include "stitch/table/ray_interpolation.h"
+#include "stitch/table/seam.h"
 #include "stitch/table/tone_compiler.h"
 
 namespace nodal::table {
@@ -58,6 +62,19 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
   return {};
 }
 
+/// Written so that NaN is refused.
+Status check_transition(const TableOptions& options) {
+  if (!(options.seam_width_deg >= 0 && options.seam_width_deg <= kWidestSeamDeg)) {
+    return fail(Errc::kBadValue, "a seam of " + std::to_string(options.seam_width_deg) +
+                                     " degrees; its width must be 0 to " +
+                                     std::to_string(static_cast<int>(kWidestSeamDeg)) + " degrees");
+  }
+  if (!(options.feather > 0 && options.feather <= 1)) {
+    return fail(Errc::kBadValue, "a feather of " + std::to_string(options.feather) + "; it must be above 0, up to 1");
+  }
+  return {};
+}
+
 /// The largest distance from the lens's centre that anything inside the region has.
 double radius_of_region(const geometry::Head& head) {
   const HeadCalibration& c = head.calibration();
@@ -77,14 +94,9 @@ double reach_of(const geometry::Head& head) {
   return head.lens().angle(radius).value_or(head.lens().max_angle());
 }
 
-double feather_px(const Region& region, double part) {
-  double half = std::min(region.right - region.left, region.bottom - region.top) / 2;
-  if (region.circle) half = std::min(half, region.circle->radius);
-  return std::max(1e-3, half * part);
-}
-
 RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, double power,
                              const TableOptions& options) {
+  const double full = options.transition == Transition::kSeam ? 1 : options.feather;
   const double reach = reach_of(head);
   const Eigen::Matrix3d& R = head.R_head_rig();
   Response response = head.calibration().response;
@@ -94,7 +106,7 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
                             R.row(1),
                             R.row(2),
                             std::cos(reach) - 1e-9,
-                            1 / feather_px(head.calibration().region, options.feather),
+                            1 / std::max(1e-3, half_of_region(head.calibration().region) * full),
                             EncodedGain(response)};
   if (!options.undo_gain) return optics;
   const std::array<double, 3>& gain = head.calibration().gain;
@@ -108,40 +120,9 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   return optics;
 }
 
-/// Where a direction in the head's frame falls, how many original pixels a steradian has there, and how far inside the
-/// head's region it is: what Head::project, Head::density and Head::distance_to_edge say (a test holds them together), in
-/// one go and by tables.
-struct Projected {
-  geometry::Pixel pixel;
-  double density = 0;
-  double inside = 0;
-};
-
-std::optional<Projected> project(const geometry::Head& head, const TabledLens& lens, const Eigen::Vector3d& d) {
-  const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
-  const std::optional<TabledLens::Radius> r = lens.radius(sine, d.z());
-  if (!r) return std::nullopt;
-  const HeadCalibration& c = head.calibration();
-  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
-  const double x = across * d.x();
-  const double y = c.aspect * across * d.y();
-  const geometry::Pixel at{c.center_x + x, c.center_y + y};
-  const Region& region = c.region;
-  double inside =
-      std::min(std::min(at.x - region.left, region.right - at.x), std::min(at.y - region.top, region.bottom - at.y));
-  if (region.circle) {
-    const double dx = at.x - region.circle->x;
-    const double dy = at.y - region.circle->y;
-    inside = std::min(inside, region.circle->radius - std::sqrt(dx * dx + dy * dy));
-  }
-  const double stretch = c.aspect != 1 && r->radius > 0 ? std::sqrt(x * x + y * y) / r->radius : 1;
-  inside = std::min(inside, (head.lens().max_radius() - r->radius) * stretch);
-  return Projected{at, c.aspect * r->slope * across, inside};
-}
-
-double feather(double part) {
-  const double t = std::clamp(part, 0.0, 1.0);
-  return std::max(kLeastFeather, t * t * (3 - 2 * t));
+/// The part of the weight that falls towards the edges of the region.
+double fade(const HeadSight& seen, bool seams, double depth_per_px) {
+  return std::max(kLeastFeather, seams ? seen.depth : smoothstep(seen.inside * depth_per_px));
 }
 
 /// By how much ray interpolation moves a place between four samples around `at`, whose fractions are (x, y).
@@ -183,6 +164,7 @@ double same_radius(const geometry::Head& head, const PlaneGrid& plane_grid) {
 Result<RaySampler> RaySampler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                     PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                     const TableOptions& options) {
+  if (Status checked = check_transition(options); !checked) return fail(checked.error());
   if (Status checked = check_formats(calibration, raymap_format, head_formats, options.field.has_value()); !checked)
     return fail(checked.error());
   Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
@@ -264,34 +246,61 @@ void RowSampler::add(const std::optional<geometry::Ray>& ray) {
   ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
 }
 
-/// Fills in the heads that see the ray, weights summing to 1, and says how many they are.
+/// Fills in the heads that see the ray, weights summing to 1, and returns how many there are.
 int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const {
   const std::span<const geometry::Head> heads = rig_.heads();
+  const bool seams = rig_.options().transition == Transition::kSeam;
   std::size_t count = 0;
-  double sum = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const RaySampler::Optics& optics = rig_.optics()[h];
     const double ahead = optics.axis.dot(ray.direction());  // the cosine with the head's axis
     if (ahead < optics.cos_reach) continue;
     const Eigen::Vector3d in_head(optics.right.dot(ray.direction()), optics.down.dot(ray.direction()), ahead);
-    const std::optional<Projected> seen = project(heads[h], optics.lens, in_head);
+    const std::optional<HeadSight> seen = see(heads[h], optics.lens, in_head, optics.depth_per_px);
     if (!seen || seen->inside < kEdge) continue;
-    const double weight = seen->density * feather(seen->inside * optics.feathers_per_px);
+    const double weight = seen->density * fade(*seen, seams, optics.depth_per_px);
     if (!(weight > 0 && weight < kEndless)) continue;
     sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
-    sum += weight;
   }
+  if (seams && count > 1) choose_best(ray, std::span(sights).first(count));
+  double sum = 0;
+  for (std::size_t k = 0; k < count; ++k) sum += sights[k].weight;
   const double least = sum * rig_.options().least_weight;
   std::size_t kept = 0;
   double kept_sum = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    if (sights[k].weight < least) continue;
+    if (!(sights[k].weight > 0) || sights[k].weight < least) continue;
     kept_sum += sights[k].weight;
     sights[kept++] = sights[k];
   }
   const double share = 1 / kept_sum;
   for (std::size_t k = 0; k < kept; ++k) sights[k].weight *= share;
   return static_cast<int>(kept);
+}
+
+/// Turns the weights into those of apply_seam(). Scores are the roots of the weights, because a smoothstep rises with the
+/// square of the distance from the edge: so scores are about linear, and seams as wide as they should be.
+void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) const {
+  // One-sided differences. The relative error is about the step, and the rounding noise 1e-16 over the step.
+  constexpr double kStep = 1e-7;  // rad; vectors that are longer by its square are unit vectors
+  const Eigen::Vector3d across = ray.direction().unitOrthogonal();
+  const std::array<Eigen::Vector3d, 2> tangents{across, ray.direction().cross(across)};
+  std::array<SeamCandidate, kMaxHeads> candidates;
+  for (std::size_t k = 0; k < sights.size(); ++k) {
+    const RaySampler::Optics& optics = rig_.optics()[sights[k].head];
+    SeamCandidate& candidate = candidates[k];
+    candidate.score = std::sqrt(sights[k].weight);
+    for (std::size_t way = 0; way < 2; ++way) {
+      const Eigen::Vector3d d = ray.direction() + kStep * tangents[way];
+      const std::optional<HeadSight> seen =
+          see(rig_.heads()[sights[k].head], optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)},
+              optics.depth_per_px);
+      const double moved = seen ? std::sqrt(seen->density * fade(*seen, true, optics.depth_per_px)) : 0.0;
+      candidate.slope[static_cast<Eigen::Index>(way)] = (moved - candidate.score) / kStep;
+    }
+  }
+  apply_seam(std::span(candidates).first(sights.size()), rig_.options().seam_width_deg * std::numbers::pi / 180);
+  for (std::size_t k = 0; k < sights.size(); ++k) sights[k].weight = candidates[k].weight;
 }
 
 RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {

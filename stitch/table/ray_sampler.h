@@ -67,7 +67,7 @@ class RaySampler {
     TabledLens lens;
     Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
     double cos_reach = -1;              ///< no ray whose cosine with the axis is less is inside the region
-    double feathers_per_px = 1;
+    double depth_per_px = 1;  ///< 1 over the distance from an edge of the region where the weight has its full value
     EncodedGain undo;
     std::array<double, 3> gain{1, 1, 1};  ///< undoes the head's own gain, by ComponentRule::gain_row
   };
@@ -131,6 +131,7 @@ class RowSampler {
   void begin(int grid);
   void add(const std::optional<geometry::Ray>& ray);
   int find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const;
+  void choose_best(const geometry::Ray& ray, std::span<Sight> sights) const;
   RaySample place(const Sight& sight, const geometry::Ray& ray);
   const CachedRay& ray_of(HeadIndex head, std::int32_t x, std::int32_t y);
   std::optional<Eigen::Vector3d> unproject(HeadIndex head, geometry::Pixel pixel) const;

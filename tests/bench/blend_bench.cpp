@@ -55,6 +55,7 @@ class Course {
     add_peers();
     const geometry::RaymapLayout& own = *layout_;
     add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, own, false);
+    add_blends("seams of 1 degree", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, table::Transition::kSeam);
     add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
     add_blends("the same, sharpened", PixelFormat::kI420, PixelFormat::kI420, own, true, table::TableOptions().sharpen);
     add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
@@ -96,7 +97,8 @@ class Course {
   void add_peers();
   void add_list_peer(const geometry::RaymapLayout& layout);
   void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
-                  const geometry::RaymapLayout& layout, bool light, int sharpen = 0);
+                  const geometry::RaymapLayout& layout, bool light, int sharpen = 0,
+                  table::Transition transition = table::Transition::kFeather);
   void add_jpeg();
   std::shared_ptr<blend::BlendTable> compile(const std::string& name, const geometry::RaymapLayout& layout,
                                              PixelFormat format, std::span<const PixelFormat> formats,
@@ -202,10 +204,11 @@ void Course::add_list_peer(const geometry::RaymapLayout& layout) {
 }
 
 void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
-                        const geometry::RaymapLayout& layout, bool light, int sharpen) {
+                        const geometry::RaymapLayout& layout, bool light, int sharpen, table::Transition transition) {
   const int width = layout.width(), height = layout.height();
   table::TableOptions options = options_of(light);
   options.sharpen = sharpen;
+  options.transition = transition;
   const std::vector<PixelFormat> formats(heads_, head_format);
   const auto table = compile(name, layout, format, formats, options);
   auto tone = std::make_shared<blend::SetTone>(blend::calibrated_tone(*table));

@@ -67,9 +67,11 @@ class Levels {
   std::vector<ImageView> views_;
 };
 
-/// As speed is measured unless said otherwise: without sharpening, and `light` with tone curves and gains.
+/// As speed is measured unless said otherwise: with feathers, so that figures compare with older ones, without sharpening,
+/// and `light` with tone curves and gains.
 inline table::TableOptions options_of(bool light) {
   table::TableOptions options;
+  options.transition = table::Transition::kFeather;
   options.sharpen = 0;
   options.undo_vignetting = options.undo_gain = light;
   return options;

@@ -78,6 +78,7 @@ class GroundTruth : public testing::Test {
   /// These heads share their nodal point exactly and are known exactly: nothing has to be hidden by mixing widely.
   static table::TableOptions one_nodal_point() {
     table::TableOptions options;
+    options.transition = table::Transition::kFeather;
     options.feather = 0.05;
     return options;
   }

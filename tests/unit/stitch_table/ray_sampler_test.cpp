@@ -27,6 +27,7 @@ RC_GTEST_PROP(RaySampler, AnyRig_SamplesLieWhereTheHeadsProjectionSaysAndWeighDe
   TableOptions options;
   options.interpolation = Interpolation::kPixel;
   options.least_weight = 0;
+  options.transition = Transition::kFeather;
   options.feather = 0.5;
   const RaySampler sampler = RaySampler::make(rig, *layout, PixelFormat::kRgb24, formats, options).value();
   RowSampler row(sampler);
@@ -170,7 +171,7 @@ RC_GTEST_PROP(RaySampler, RigAndRaymapRotatedTogether_NothingChanges, (std::uint
           const RaySample& b = row_after.at(x)[k];
           RC_ASSERT(a.head == b.head);
           RC_ASSERT(std::abs(a.x - b.x) + std::abs(a.y - b.y) < 1e-7);
-          RC_ASSERT(std::abs(a.weight - b.weight) < 1e-6);
+          RC_ASSERT(std::abs(a.weight - b.weight) < 1e-5);  // seams use differences of tabled lenses
           RC_ASSERT(std::abs(a.gain - b.gain) < 1e-9);
         }
       }

@@ -49,8 +49,10 @@ TEST(TableCompiler, AnyPartitionOnAnyThreads_GivesTheSameTable) {
 TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   const std::vector<PixelFormat> formats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
                                          PixelFormat::kUyvy, PixelFormat::kI420, PixelFormat::kYuyv};
+  TableOptions options;
+  options.transition = Transition::kFeather;  // uses pictures up to their edges
   const Result<blend::BlendTable> table =
-      compile_blend_table(cube_rig(48), {"cube", 48, 32, PixelFormat::kI420}, formats);
+      compile_blend_table(cube_rig(48), {"cube", 48, 32, PixelFormat::kI420}, formats, options);
   ASSERT_TRUE(table) << table.error().text();
   ASSERT_EQ(table->grids.size(), 2U);
   EXPECT_EQ(table->grids[1].width, 24);

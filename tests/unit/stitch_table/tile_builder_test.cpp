@@ -72,6 +72,8 @@ RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFro
   const auto layout = geometry::make_layout("equirectangular", width, width / 2).value();
   const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kYuyv);
   TableOptions options;
+  options.transition = random() % 2 == 0 ? Transition::kSeam : Transition::kFeather;
+  options.seam_width_deg = std::array{0.0, 1.0, 20.0}[random() % 3];
   options.feather = random() % 2 == 0 ? 0.5 : 0.05;
   const auto table = compile_blend_table(rig, *layout, PixelFormat::kI420, formats, options);
   RC_PRE(table.has_value());

@@ -20,7 +20,9 @@ const BlendTable& good_table() {
     for (HeadCalibration& head : rig.heads) head.vignetting.coefficients = {-0.1, 0, 0};
     const std::vector<PixelFormat> formats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
                                            PixelFormat::kUyvy, PixelFormat::kI420};
-    return compile_blend_table(rig, {"equirectangular", 40, 20, PixelFormat::kI420}, formats).value();
+    TableOptions options;
+    options.transition = Transition::kFeather;  // tiles of several heads everywhere
+    return compile_blend_table(rig, {"equirectangular", 40, 20, PixelFormat::kI420}, formats, options).value();
   }();
   return table;
 }

@@ -176,11 +176,16 @@ TEST(WholeBlend, QuarterTurnOfTheRig_ShiftsTheRaymapByAQuarterOfItsWidth) {
   EXPECT_LE(off.differing, 64U * 3);
 }
 
-TEST(WholeBlend, HeadLost_OthersFillInAndOnlyItsOwnShareGoesBlack) {
+class HeadLost : public testing::TestWithParam<table::Transition> {};
+
+TEST_P(HeadLost, OthersFillInWhereTheyHaveWeightAndOnlyTheRestGoesBlack) {
   const Calibration rig = cube_rig(64);
   const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
   const table::RaymapSpec spec{"equirectangular", 128, 64, PixelFormat::kGrey8};
-  const auto table = table::compile_blend_table(rig, spec, formats).value();
+  table::TableOptions options;
+  options.transition = GetParam();
+  options.seam_width_deg = 10;
+  const auto table = table::compile_blend_table(rig, spec, formats, options).value();
   Heads heads(rig, formats, [] { return std::uint8_t{90}; });
   heads.views[0] = {};
   const Picture raymap = blended(table, heads.views);
@@ -193,9 +198,13 @@ TEST(WholeBlend, HeadLost_OthersFillInAndOnlyItsOwnShareGoesBlack) {
     black += validity.bytes[i] == 0 ? 1 : 0;
     shared += validity.bytes[i] > 0 && validity.bytes[i] < 255 ? 1 : 0;
   }
+  // A sixth of the sphere is 1365 pixels near the equator's row count of this raymap; a seam leaves all of it to the head
+  // but half of a ramp of 10 degrees.
   EXPECT_GT(black, 500);
   EXPECT_GT(shared, 300);
 }
+
+INSTANTIATE_TEST_SUITE_P(WholeBlend, HeadLost, testing::Values(table::Transition::kSeam, table::Transition::kFeather));
 
 }  // namespace
 }  // namespace nodal::test

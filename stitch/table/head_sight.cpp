@@ -1,0 +1,48 @@
+#include "stitch/table/head_sight.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nodal::table {
+
+double smoothstep(double t) {
+  t = std::clamp(t, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+double half_of_region(const Region& region) {
+  const double half = std::min(region.right - region.left, region.bottom - region.top) / 2;
+  return region.circle ? std::min(half, region.circle->radius) : half;
+}
+
+std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens, const Eigen::Vector3d& d,
+                             double depth_per_px) {
+  const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
+  const std::optional<TabledLens::Radius> r = lens.radius(sine, d.z());
+  if (!r) return std::nullopt;
+  const HeadCalibration& c = head.calibration();
+  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
+  const double x = across * d.x();
+  const double y = c.aspect * across * d.y();
+  HeadSight seen{{c.center_x + x, c.center_y + y}, c.aspect * r->slope * across, 1e30, 1};
+  const geometry::Pixel at = seen.pixel;
+  const auto edge = [&](double distance) {
+    seen.inside = std::min(seen.inside, distance);
+    seen.depth *= smoothstep(distance * depth_per_px);
+  };
+  const Region& region = c.region;
+  edge(at.x - region.left);
+  edge(region.right - at.x);
+  edge(at.y - region.top);
+  edge(region.bottom - at.y);
+  if (region.circle) {
+    const double dx = at.x - region.circle->x;
+    const double dy = at.y - region.circle->y;
+    edge(region.circle->radius - std::sqrt(dx * dx + dy * dy));
+  }
+  const double stretch = c.aspect != 1 && r->radius > 0 ? std::sqrt(x * x + y * y) / r->radius : 1;
+  edge((head.lens().max_radius() - r->radius) * stretch);
+  return seen;
+}
+
+}  // namespace nodal::table
