@@ -48,7 +48,7 @@ struct KannalaBrandtLens {
 
 using LensModel = std::variant<TsaiLens, RectilinearLens, EquidistantLens, KannalaBrandtLens>;
 
-/// Where a head's picture is good: a rectangle in pixel coordinates, a circle, or what both contain.
+/// Where a head's picture is good: what a rectangle and a circle both contain, without what masks hide.
 struct Region {
   double left = 0, top = 0, right = 0, bottom = 0;  ///< px; the whole picture is 0, 0, width, height
   struct Circle {
@@ -56,6 +56,13 @@ struct Region {
     friend bool operator==(const Circle&, const Circle&) = default;
   };
   std::optional<Circle> circle;
+  struct Point {
+    double x = 0, y = 0;  ///< px; may lie outside the picture
+    friend bool operator==(const Point&, const Point&) = default;
+  };
+  /// Closed polygons, at most kMaxMasks with kMaxMaskPoints corners together. What any of them goes around is not used: a
+  /// tripod, a hand, another head. Edges may cross each other; what is enclosed more than once is hidden too.
+  std::vector<std::vector<Point>> masks{};
   friend bool operator==(const Region&, const Region&) = default;
 };
 
@@ -102,7 +109,10 @@ struct Calibration {
   friend bool operator==(const Calibration&, const Calibration&) = default;
 };
 
-inline constexpr int kCalibrationVersion = 1;
+/// The newest version of the document: 2 has masks. A document without masks is of version 1.
+inline constexpr int kCalibrationVersion = 2;
+inline constexpr std::size_t kMaxMasks = 16;        ///< of a head
+inline constexpr std::size_t kMaxMaskPoints = 256;  ///< of all masks of a head
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
 
 /// Reads and checks a document: every field present and known, numbers finite and in range, rotations

@@ -110,6 +110,51 @@ Status check_rotation(const std::array<double, 9>& R) {
   return {};
 }
 
+/// A mask that has no effect is most likely not what its author wanted.
+Status check_mask(const HeadCalibration& head, const std::string& field, const std::vector<Region::Point>& mask) {
+  if (mask.size() < 3) {
+    return fail(Errc::kBadValue, field + " has " + std::to_string(mask.size()) + " corners; a polygon has 3 or more");
+  }
+  double left = kMaxPlace, right = -kMaxPlace, top = kMaxPlace, bottom = -kMaxPlace;
+  for (std::size_t k = 0; k < mask.size(); ++k) {
+    const std::string corner = field + "[" + std::to_string(k) + "]";
+    if (Status s = in_range(corner + "[0]", mask[k].x, -kMaxPlace, kMaxPlace); !s) return s;
+    if (Status s = in_range(corner + "[1]", mask[k].y, -kMaxPlace, kMaxPlace); !s) return s;
+    left = std::min(left, mask[k].x);
+    right = std::max(right, mask[k].x);
+    top = std::min(top, mask[k].y);
+    bottom = std::max(bottom, mask[k].y);
+  }
+  double area = 0;  // of the largest triangle with the first corner and two neighbours, doubled
+  for (std::size_t k = 1; k + 1 < mask.size(); ++k) {
+    area = std::max(area, std::abs((mask[k].x - mask[0].x) * (mask[k + 1].y - mask[0].y) -
+                                   (mask[k + 1].x - mask[0].x) * (mask[k].y - mask[0].y)));
+  }
+  if (!(area > 1e-3)) return fail(Errc::kBadValue, field + " has no area: its corners lie on a line");
+  if (!(right > 0 && left < head.width && bottom > 0 && top < head.height)) {
+    return fail(Errc::kBadValue, field + " lies outside the picture of " + std::to_string(head.width) + "x" +
+                                     std::to_string(head.height) + ": does it belong to another head?");
+  }
+  return {};
+}
+
+Status check_masks(const HeadCalibration& head) {
+  const auto& masks = head.region.masks;
+  if (masks.size() > kMaxMasks) {
+    return fail(Errc::kBadValue, "region.masks has more than " + std::to_string(kMaxMasks) + " polygons, the most");
+  }
+  std::size_t corners = 0;
+  for (const std::vector<Region::Point>& mask : masks) corners += mask.size();
+  if (corners > kMaxMaskPoints) {
+    return fail(Errc::kBadValue, "region.masks has more than " + std::to_string(kMaxMaskPoints) +
+                                     " corners, the most for all polygons of a head together; draw simpler ones");
+  }
+  for (std::size_t k = 0; k < masks.size(); ++k) {
+    if (Status s = check_mask(head, "region.masks[" + std::to_string(k) + "]", masks[k]); !s) return s;
+  }
+  return {};
+}
+
 Status check_region(const HeadCalibration& head) {
   const Region& region = head.region;
   if (!(region.left >= 0 && region.top >= 0 && region.right <= head.width && region.bottom <= head.height)) {
@@ -121,6 +166,7 @@ Status check_region(const HeadCalibration& head) {
   if (!(region.left < region.right && region.top < region.bottom)) {
     return fail(Errc::kBadValue, "region is empty: left must be less than right, and top less than bottom");
   }
+  if (Status s = check_masks(head); !s) return s;
   if (!region.circle) return {};
   if (Status s = in_range("region.circle.x", region.circle->x, -kMaxPlace, kMaxPlace); !s) return s;
   if (Status s = in_range("region.circle.y", region.circle->y, -kMaxPlace, kMaxPlace); !s) return s;

@@ -62,6 +62,23 @@ class Fields {
     return rows;
   }
 
+  /// Lists of points, [[[x, y], ...], ...]. Stops at the first list or point that is one too many.
+  std::vector<std::vector<Region::Point>> polygons(const char* key, std::size_t most, std::size_t most_points) {
+    std::vector<std::vector<Region::Point>> polygons;
+    const json* value = array(key);
+    std::size_t points = 0;
+    for (std::size_t k = 0; value && k < value->size() && polygons.size() <= most; ++k) {
+      const json& polygon = (*value)[k];
+      polygons.emplace_back();
+      if (!polygon.is_array()) refuse(key, "must be lists of points, [[[x, y], ...], ...]");
+      for (std::size_t p = 0; !error_ && p < polygon.size() && points <= most_points; ++p, ++points) {
+        const std::vector<double> at = list(&polygon[p], key, 2);
+        if (!error_) polygons.back().push_back({at[0], at[1]});
+      }
+    }
+    return polygons;
+  }
+
   Fields object(const char* key) { return Fields(take(key), where_ + ": " + key, error_); }
 
   bool has(const char* key) const { return object_ && object_->is_object() && object_->contains(key); }
@@ -169,6 +186,7 @@ Region parse_region(Fields fields) {
     region.circle->radius = circle.number("radius");
     circle.done();
   }
+  if (fields.has("masks")) region.masks = fields.polygons("masks", kMaxMasks, kMaxMaskPoints);
   fields.done();
   return region;
 }

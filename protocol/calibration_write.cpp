@@ -33,6 +33,15 @@ Json region_fields(const Region& region) {
   if (region.circle) {
     fields["circle"] = {{"x", region.circle->x}, {"y", region.circle->y}, {"radius", region.circle->radius}};
   }
+  if (!region.masks.empty()) {
+    Json masks = Json::array();
+    for (const std::vector<Region::Point>& mask : region.masks) {
+      Json points = Json::array();
+      for (const Region::Point& point : mask) points.push_back(Json::array({point.x, point.y}));
+      masks.push_back(std::move(points));
+    }
+    fields["masks"] = std::move(masks);
+  }
   return fields;
 }
 
@@ -71,8 +80,11 @@ Json head_fields(const HeadCalibration& head) {
 Json document(const Calibration& calibration) {
   Json heads = Json::array();
   for (const HeadCalibration& head : calibration.heads) heads.push_back(head_fields(head));
+  const bool masked =
+      std::ranges::any_of(calibration.heads, [](const HeadCalibration& head) { return !head.region.masks.empty(); });
   Json fields;
-  fields["nodal_calibration"] = kCalibrationVersion;
+  // Readers of version 1 refuse masks; what has none keeps the version, and so its id.
+  fields["nodal_calibration"] = masked ? kCalibrationVersion : 1;
   fields["name"] = calibration.name;
   fields["comment"] = calibration.comment;
   fields["heads"] = std::move(heads);

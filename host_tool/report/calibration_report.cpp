@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "stitch/geometry/head.h"
+#include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::host {
@@ -33,7 +34,7 @@ std::string lens_name(const LensModel& lens) {
 double reach(const Head& head, double step_x, double step_y) {
   Pixel pixel{head.calibration().center_x, head.calibration().center_y};
   double angle = 0;
-  for (; head.contains(pixel); pixel = {pixel.x + step_x, pixel.y + step_y}) {
+  for (; head.distance_to_edge_without_masks(pixel) >= 0; pixel = {pixel.x + step_x, pixel.y + step_y}) {
     if (const std::optional<Ray> ray = head.unproject(pixel)) angle = geometry::angle_between(*ray, head.axis());
   }
   return angle * kDegrees;
@@ -83,6 +84,11 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
       report.hole = CalibrationReport::Direction{ray.angles().theta * kDegrees, -ray.angles().phi * kDegrees};
     }
   }
+  const std::vector<geometry::MaskHole> holes = geometry::find_mask_holes(*heads);
+  for (const geometry::MaskHole& hole : holes) {
+    report.mask_holes.push_back({(*heads)[hole.head].name(), hole.solid_angle_sr});
+  }
+  report.mask_warnings = geometry::describe(holes, *heads);
   report.unseen = static_cast<double>(unseen) / kRays;
   report.seen_twice = static_cast<double>(twice) / kRays;
   report.heads_per_ray = static_cast<double>(seen_by) / kRays;
@@ -108,6 +114,10 @@ Json to_json(const CalibrationReport& report) {
             {"unseen", report.unseen},
             {"seen_twice", report.seen_twice},
             {"heads_per_ray", report.heads_per_ray}};
+  json["mask_holes"] = Json::array();
+  for (const CalibrationReport::MaskHole& hole : report.mask_holes) {
+    json["mask_holes"].push_back({{"head", hole.head}, {"solid_angle_sr", hole.solid_angle_sr}});
+  }
   json["hole"] = report.hole ? Json{{"yaw_deg", report.hole->yaw}, {"pitch_deg", report.hole->pitch}} : Json();
   return json;
 }
@@ -137,6 +147,7 @@ void show(Console& console, const CalibrationReport& report) {
   } else {
     console.line("  every ray of the sphere is seen");
   }
+  for (const std::string& warning : report.mask_warnings) console.line(console.paint(Colour::kWarning, "  " + warning));
 }
 
 }  // namespace nodal::host

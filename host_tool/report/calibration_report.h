@@ -32,6 +32,12 @@ struct CalibrationReport {
     double yaw = 0, pitch = 0;  ///< degrees
   };
   std::optional<Direction> hole;  ///< a ray that no head sees
+  struct MaskHole {
+    std::string head;
+    double solid_angle_sr = 0;  ///< hidden by this head's masks, and seen by no other head
+  };
+  std::vector<MaskHole> mask_holes;
+  std::vector<std::string> mask_warnings;  ///< the same as sentences
 };
 
 /// Errors: those of make_heads().

@@ -8,7 +8,10 @@
 namespace nodal::geometry {
 
 Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig)
-    : calibration_(std::move(calibration)), lens_(std::move(lens)), R_head_rig_(R_head_rig) {}
+    : calibration_(std::move(calibration)),
+      lens_(std::move(lens)),
+      masks_(calibration_.region),
+      R_head_rig_(R_head_rig) {}
 
 Result<Head> Head::make(const HeadCalibration& calibration) {
   if (Status checked = check_head(calibration); !checked) return fail(checked.error());
@@ -72,6 +75,11 @@ std::optional<Ray> Head::unproject(Pixel pixel) const {
 }
 
 double Head::distance_to_edge(Pixel pixel) const {
+  const double distance = distance_to_edge_without_masks(pixel);
+  return masks_.empty() ? distance : masks_.distance(pixel, distance);
+}
+
+double Head::distance_to_edge_without_masks(Pixel pixel) const {
   const Region& region = calibration_.region;
   double distance =
       std::min({pixel.x - region.left, region.right - pixel.x, pixel.y - region.top, region.bottom - pixel.y});

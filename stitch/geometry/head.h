@@ -9,6 +9,7 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/geometry/lens/lens.h"
+#include "stitch/geometry/masks.h"
 #include "stitch/geometry/ray.h"
 
 namespace nodal::geometry {
@@ -46,10 +47,12 @@ class Head {
   /// The ray of the rig that a place on the picture receives; nothing beyond the lens's max_radius.
   std::optional<Ray> unproject(Pixel pixel) const;
 
-  /// Whether the place may be used: inside the region and within the lens's max_angle.
+  /// Whether the place may be used: inside the region, not masked, and within the lens's max_angle.
   bool contains(Pixel pixel) const { return distance_to_edge(pixel) >= 0; }
   /// The distance of a place from the border of what contains() accepts, px; negative outside.
   double distance_to_edge(Pixel pixel) const;
+  double distance_to_edge_without_masks(Pixel pixel) const;
+  const Masks& masks() const { return masks_; }
 
   /// Original pixels per steradian there, a_y r r' / sin a: how precise the head is (§4.2, as meant).
   /// 0 beyond the lens's max_radius.
@@ -65,6 +68,7 @@ class Head {
 
   HeadCalibration calibration_;
   Lens lens_;
+  Masks masks_;
   Eigen::Matrix3d R_head_rig_;
 };
 

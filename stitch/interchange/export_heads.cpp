@@ -38,6 +38,9 @@ HeadCalibration resampled(const HeadCalibration& head, ExportResult& result) {
     square.region.circle->y *= sy;
     square.region.circle->radius *= std::min(sx, sy);
   }
+  for (auto& mask : square.region.masks) {
+    for (Region::Point& corner : mask) corner = {corner.x * sx, corner.y * sy};
+  }
   // Radii are along x: the lens grows with it; what rounding leaves of the aspect stays.
   square.aspect = head.aspect * sy / sx;
   square.vignetting.radius *= sx;
@@ -157,6 +160,18 @@ Result<ExportFormat> export_format_named(std::string_view name) {
                                    "kalibr");
 }
 
+namespace {
+
+/// Hugin's project is the only format here with polygons.
+void tell_masks(const Calibration& calibration, ExportResult& result) {
+  for (const HeadCalibration& head : calibration.heads) {
+    if (head.region.masks.empty()) continue;
+    result.notes.push_back("The masks of head '" + head.name + "' are left out: the format has none.");
+  }
+}
+
+}  // namespace
+
 Result<ExportResult> export_calibration(const Calibration& calibration, ExportFormat format,
                                         const ExportOptions& options) {
   if (Status checked = check_calibration(calibration); !checked) return fail(checked.error());
@@ -173,6 +188,7 @@ Result<ExportResult> export_calibration(const Calibration& calibration, ExportFo
     case ExportFormat::kKalibr: written = export_kalibr(calibration, *heads, result); break;
   }
   if (!written) return fail(written.error());
+  if (format != ExportFormat::kHugin) tell_masks(calibration, result);
   return result;
 }
 

@@ -6,6 +6,7 @@
 
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/export_heads.h"
+#include "stitch/interchange/panotools_masks.h"
 
 namespace nodal::interchange {
 namespace {
@@ -102,6 +103,7 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
     }
     text += " n\"" + head.image + "\"\n";
   }
+  for (std::size_t h = 0; h < heads.size(); ++h) text += mask_lines(heads[h].calibration().region, h);
   tell_aspect(heads, result);
   tell_radiometry(calibration, true, result);
   result.files.push_back({"", text + "\nv\n"});

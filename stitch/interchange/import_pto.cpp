@@ -8,6 +8,7 @@
 #include "protocol/base/units.h"
 #include "stitch/interchange/import.h"
 #include "stitch/interchange/panotools_head.h"
+#include "stitch/interchange/panotools_masks.h"
 #include "stitch/interchange/panotools_script.h"
 #include "stitch/interchange/project.h"
 
@@ -135,10 +136,10 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());
   ImageLines images;
-  bool masks = false;
+  std::vector<const ScriptLine*> masks;
   for (const ScriptLine& line : *lines) {
     if (line.kind == 'i') images.add(&line);
-    masks = masks || line.kind == 'k';
+    if (line.kind == 'k') masks.push_back(&line);
   }
   if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
   if (images.size() > kMaxHeads) {
@@ -163,7 +164,7 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
     photometry.push_back(*read);
   }
   set_photometry(photometry, result);
-  if (masks) result.notes.push_back("Masks (k lines) are left out: a head's region is a rectangle and a circle.");
+  if (Status s = add_masks(masks, result); !s) return fail(s.error());
   if (Status s = add_control_points(*lines, 0, result); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;

@@ -127,7 +127,8 @@ void note_what_is_left_out(const Project& project, std::vector<std::string>& not
   if (project.exposures) {
     notes.push_back("Exposure and white balance corrections (#-exposureparams) are left out: all gains are 1.");
   }
-  if (project.masks) notes.push_back("Masks are left out: a head's region is a rectangle and a circle.");
+  if (project.masks)
+    notes.push_back("Masks are left out: PTGui paints them, and Nodal's are polygons; draw them in region.masks.");
   if (project.viewpoints) notes.push_back("Viewpoint corrections are left out: all heads share the nodal point.");
 }
 

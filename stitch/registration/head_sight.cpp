@@ -35,6 +35,8 @@ HeadSight sight_of(const HeadState& head, const RadialTable& table, double used_
   sight.circle_x = static_cast<float>(circle.x);
   sight.circle_y = static_cast<float>(circle.y);
   sight.circle_radius2 = static_cast<float>(std::pow(std::max(0.0, circle.radius - margin_px), 2));
+  sight.masks = head.masks.get();
+  sight.mask_margin = static_cast<float>(std::max(margin_px, 0.0));
   sight.vignetting_x = static_cast<float>(head.center_x + head.vignetting_x);
   sight.vignetting_y = static_cast<float>(head.center_y + head.vignetting_y);
   sight.per_vignetting_radius2 = static_cast<float>(1 / (head.vignetting_radius * head.vignetting_radius));

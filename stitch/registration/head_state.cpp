@@ -67,6 +67,7 @@ Result<HeadState> HeadState::from(const HeadCalibration& head) {
   state.aspect = head.aspect;
   state.max_angle = head.max_angle;
   state.region = head.region;
+  if (!head.region.masks.empty()) state.masks = std::make_shared<MaskField>(head);
   state.edge_radius = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
   const Result<double> angle = state.used_angle();
   if (!angle) return fail(angle.error().in("head '" + head.name + "'"));

@@ -4,10 +4,12 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
+#include "stitch/registration/mask_field.h"
 #include "stitch/registration/radial_table.h"
 
 namespace nodal::registration {
@@ -49,6 +51,7 @@ struct HeadState {
   double vignetting_x = 0, vignetting_y = 0;  ///< from the lens's centre
   double vignetting_radius = 1;
   Region region;
+  std::shared_ptr<const MaskField> masks;  ///< null where nothing is masked
   double edge_radius = 1, edge_angle = 1;  ///< the farthest place of the region at the start
 
   /// Errors: kLensDomain.

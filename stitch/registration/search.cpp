@@ -56,6 +56,7 @@ std::optional<Vector3d> own_ray(const HeadState& head, const geometry::Lens& len
   if (region.circle && std::hypot(u - region.circle->x, v - region.circle->y) > region.circle->radius) {
     return std::nullopt;
   }
+  if (head.masks && head.masks->hides(static_cast<float>(u), static_cast<float>(v), 0)) return std::nullopt;
   const double x = u - head.center_x, y = (v - head.center_y) / head.aspect, r = std::hypot(x, y);
   const std::optional<double> angle = lens.angle(r);
   if (!angle) return std::nullopt;

@@ -79,6 +79,11 @@ NODAL_INLINE bool clip(const HeadSight& head, const float* __restrict t, TileHea
     inside = std::min(inside, circle_radius2 - (cx * cx + cy * cy));
     out.weight[i] = inside >= 0 ? out.weight[i] * aspect : 0.0F;
   }
+  if (head.masks != nullptr) {
+    for (int i = 0; i < kTile; ++i) {
+      if (out.weight[i] > 0 && head.masks->hides(out.u[i], out.v[i], head.mask_margin)) out.weight[i] = 0;
+    }
+  }
   return any(out.weight);
 }
 

@@ -31,6 +31,8 @@ struct HeadSight {
   float center_x, center_y, aspect;
   float left, top, right, bottom;  ///< of the region, drawn in so that every tap is good
   float circle_x, circle_y, circle_radius2;
+  const MaskField* masks = nullptr;  ///< null where nothing is masked
+  float mask_margin = 0;             ///< full-size px
   float vignetting_x, vignetting_y, per_vignetting_radius2, vignetting[3];
   float gain[3];
   float level_scale;             ///< full-size pixels a level pixel

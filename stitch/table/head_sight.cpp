@@ -4,6 +4,12 @@
 #include <cmath>
 
 namespace nodal::table {
+namespace {
+
+/// How much faster weights fall towards masks than towards the edges of a region, with seams.
+constexpr double kMaskSteepness = 10;
+
+}  // namespace
 
 double smoothstep(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -42,6 +48,13 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
   }
   const double stretch = c.aspect != 1 && r->radius > 0 ? std::sqrt(x * x + y * y) / r->radius : 1;
   edge((head.lens().max_radius() - r->radius) * stretch);
+  if (!head.masks().empty()) {
+    // A mask hides one object: the weight has its full value close to it, so that the seams elsewhere stay where they are.
+    const double steep = kMaskSteepness * depth_per_px;
+    const double distance = head.masks().distance(at, std::max(seen.inside, 1 / steep));
+    seen.inside = std::min(seen.inside, distance);
+    seen.depth *= smoothstep(distance * steep);
+  }
   return seen;
 }
 

@@ -18,6 +18,7 @@ namespace {
 constexpr int kSmallestHead = 4;  // px; so that chroma of half size still has two samples each way
 /// Keeps a head in the running where it is the only one, however near its edge.
 constexpr double kLeastFeather = 1e-6;
+constexpr double kLeastDepth = 1e-12;
 /// Rays nearer to a region's edge than this are outside, so that rounding never decides.
 constexpr double kEdge = 1e-6;
 /// The density of a lens at its turning point, which only its very last ray meets.
@@ -122,7 +123,9 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
 
 /// The part of the weight that falls towards the edges of the region.
 double fade(const HeadSight& seen, bool seams, double depth_per_px) {
-  return std::max(kLeastFeather, seams ? seen.depth : smoothstep(seen.inside * depth_per_px));
+  // Seams go by slopes: the least depth is added, because the slope jumps where a maximum changes over.
+  if (seams) return seen.depth + kLeastDepth;
+  return std::max(kLeastFeather, smoothstep(seen.inside * depth_per_px));
 }
 
 /// By how much ray interpolation moves a place between four samples around `at`, whose fractions are (x, y).

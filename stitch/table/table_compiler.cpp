@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
@@ -169,6 +170,14 @@ Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> 
   return table;
 }
 
+/// "; the masks of head ..." for those that leave a hole.
+std::string masks_that_hide(std::span<const geometry::Head> heads) {
+  const std::vector<geometry::Head> all(heads.begin(), heads.end());
+  std::string text;
+  for (const std::string& sentence : geometry::describe(geometry::find_mask_holes(all), all)) text += "; " + sentence;
+  return text;
+}
+
 int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile - 1) / blend::kTile; }
 
 }  // namespace
@@ -271,7 +280,8 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   }
   if (table.grids[0].records.empty()) {
     return fail(Errc::kNoCoverage, "no head sees any ray of the " + std::string(sampler.layout().name()) +
-                                       " raymap; check the heads' regions and rotations");
+                                       " raymap; check the heads' regions and rotations" +
+                                       masks_that_hide(sampler.heads()));
   }
   for (std::size_t h = 0; h < table.sources.size(); ++h) {
     if ((unshrunk >> h & 1) == 0) table.sources[h].sharpen = 0;

@@ -176,5 +176,29 @@ TEST(Export, UnknownFormat_IsRefusedWithThoseThereAre) {
   EXPECT_EQ(*export_format_named("ptv"), ExportFormat::kVideoStitch);
 }
 
+TEST(Export, Masks_GoThereAndBackByHuginAndAreNotedElsewhere) {
+  for (const double aspect : {1.0, 1.25}) {
+    Calibration rig = rig_of(RectilinearLens{{500}}, aspect);
+    rig.heads[1].region.masks = {{{10.25, 20}, {300, -5}, {200, 400.5}}, {{600, 5}, {700, 5}, {700, 90}, {600, 90}}};
+    const auto hugin = export_calibration(rig, ExportFormat::kHugin, {});
+    ASSERT_TRUE(hugin);
+    const auto back = import_project(hugin->files.at(0).text, "rig");
+    ASSERT_TRUE(back) << back.error().text();
+    EXPECT_TRUE(back->calibration.heads[0].region.masks.empty());
+    if (aspect == 1) {
+      EXPECT_EQ(back->calibration.heads[1].region.masks, rig.heads[1].region.masks);
+    }
+    EXPECT_EQ(back->calibration.heads[1].region.masks.size(), 2U);
+    for (const ExportFormat format : {ExportFormat::kPtgui, ExportFormat::kVideoStitch, ExportFormat::kOpenCv}) {
+      const auto other = export_calibration(rig, format, {});
+      ASSERT_TRUE(other);
+      const bool told = std::ranges::any_of(other->notes, [](const std::string& note) {
+        return note.find("masks of head 'right'") != std::string::npos;
+      });
+      EXPECT_TRUE(told);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nodal::interchange

@@ -120,12 +120,47 @@ TEST(ImportPto, VignettingThatGoesDark_IsLeftOutAndSaidSo) {
   EXPECT_NE(import.notes[0].find("goes dark"), std::string::npos);
 }
 
-TEST(ImportPto, ShearShiftAndMasks_AreNoted) {
-  const auto import = imported("i w800 h600 f0 v60 g3 TrX0.1 n\"a\"\nk i0 t0 p\"0 0 10 10\"\n");
-  ASSERT_EQ(import.notes.size(), 3u);
+TEST(ImportPto, Masks_HideThePixelsOfTheirImage) {
+  const auto import = imported(
+      "i w800 h600 f0 v60 n\"a\"\ni w800 h600 f0 v60 n\"b\"\n"
+      "k i1 t0 p\"-0.5 9.5 30 10 40.5 400\"\nk i1 t2 p\"700 1 790 1 790 90 700 90\"\n");
+  EXPECT_TRUE(import.notes.empty());
+  EXPECT_TRUE(import.calibration.heads[0].region.masks.empty());
+  ASSERT_EQ(import.calibration.heads[1].region.masks.size(), 2u);
+  using Point = Region::Point;  // pixel centres at + 1/2
+  EXPECT_EQ(import.calibration.heads[1].region.masks[0],
+            (std::vector{Point{0, 10}, Point{30.5, 10.5}, Point{41, 400.5}}));
+  EXPECT_EQ(import.calibration.heads[1].region.masks[1].size(), 4u);
+}
+
+TEST(ImportPto, MasksThatHaveNoCounterpart_AreNotedAndLeftOut) {
+  const std::string image = "i w800 h600 f0 v60 n\"a\"\n";
+  std::string long_one = "k i0 t0 p\"0 0";
+  for (int k = 0; k < 100'000; ++k) long_one += k % 2 == 0 ? " 300 1" : " 5 200";
+  for (const std::string& line :
+       {std::string("k i0 t1 p\"0 0 90 0 90 90\""), std::string("k i0 t3 p\"0 0 90 0 90 90\""),
+        std::string("k i0 t0 p\"0 0 90 0\""), std::string("k i0 t0 p\"\""), std::string("k i0 t0 p\"0 0 9 9 5 5\""),
+        std::string("k i0 t0 p\"900 1 990 1 990 90\""), std::string("k i0 t0 p\"0 0 90 0 9e300 90\""),
+        long_one + "\""}) {
+    const auto import = imported(image + line + "\n");
+    EXPECT_TRUE(import.calibration.heads.at(0).region.masks.empty()) << line.substr(0, 60);
+    ASSERT_EQ(import.notes.size(), 1u) << line.substr(0, 60);
+    EXPECT_NE(import.notes[0].find("Head 'a', line 2"), std::string::npos) << import.notes[0];
+  }
+  for (const char* line : {"k i1 t0 p\"0 0 90 0 90 90\"", "k i0.5 t0 p\"0 0 90 0 90 90\"", "k i-1 t0 p\"0 0 9 0 9 9\"",
+                           "k t0 p\"0 0 90 0 90 90\"", "k i0 p\"0 0 90 0 90 90\"", "k i0 t0 p\"0 0 90 0 90\"",
+                           "k i0 t0 p\"0 0 nan 0 90 90\"", "k i0 t0 p\"0 0 x 0 90 90\""}) {
+    const auto import = import_project(image + line + "\n", "rig");
+    ASSERT_FALSE(import) << line;
+    EXPECT_NE(import.error().message.find("line 2"), std::string::npos) << import.error().message;
+  }
+}
+
+TEST(ImportPto, ShearAndShift_AreNoted) {
+  const auto import = imported("i w800 h600 f0 v60 g3 TrX0.1 n\"a\"\n");
+  ASSERT_EQ(import.notes.size(), 2u);
   EXPECT_NE(import.notes[0].find("g = 3, a shear"), std::string::npos);
   EXPECT_NE(import.notes[1].find("TrX = 0.1, a shift of its viewpoint"), std::string::npos);
-  EXPECT_NE(import.notes[2].find("Masks"), std::string::npos);
 }
 
 TEST(ImportPto, LensThatTurnsBackInItsPicture_IsCappedAndSaidSo) {

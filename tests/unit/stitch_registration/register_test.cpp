@@ -51,6 +51,37 @@ TEST(Register, HeadsTurnedByDegrees_StandToAFractionOfAPixelAndTheirLightIsFound
   }
 }
 
+TEST(Register, AnObjectFixedToOneHead_TurnsItUnlessItIsMasked) {
+  // A striped board in the overlap of head 0 and its right neighbour: as sharp as the scene, and not in it.
+  Calibration truth = town().truth;
+  std::vector<std::uint8_t> painted;
+  std::vector<ImageView> frames = town().frames();
+  const ImageView clean = frames[0];
+  for (int y = 0; y < clean.height; ++y) {
+    const std::uint8_t* row = clean.planes[0].data + y * clean.planes[0].row_stride;
+    painted.insert(painted.end(), row, row + clean.width);
+  }
+  for (int y = 45; y < 115; ++y) {
+    for (int x = 104; x < 152; ++x)
+      painted[static_cast<std::size_t>(y * clean.width + x)] = (x / 3 + y / 5) % 2 == 0 ? 20 : 235;
+  }
+  frames[0] = packed_image(clean.format, clean.width, clean.height, std::as_const(painted).data());
+  const auto error_with = [&](const std::vector<std::vector<Region::Point>>& masks) {
+    Calibration prior = test::turned(plain_prior(truth), 1, 2, 1);
+    prior.heads[0].region.masks = masks;
+    const Result<Report> report = register_heads(prior, {frames}, {});
+    EXPECT_TRUE(report) << (report ? "" : report.error().text());
+    if (!report) return 1e9;
+    EXPECT_EQ(report->calibration.heads[0].region.masks, masks) << "the result keeps them";
+    return test::rotation_error(truth, report->calibration).rms_deg;
+  };
+  const double masked = error_with({{{103, 44}, {153, 44}, {153, 116}, {103, 116}}});
+  const double plain = error_with({});
+  std::printf("board in front of a head: rms %.4f degrees, masked %.4f\n", plain, masked);
+  EXPECT_LT(masked, 0.02 * kPixelDeg);
+  EXPECT_GT(plain, 2 * masked);
+}
+
 TEST(Register, OneThreadOrThree_TheSameBytes) {
   const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 2);
   std::vector<std::string> documents;

@@ -64,6 +64,10 @@ inline Calibration random_rig(std::mt19937& random) {
     if (!std::holds_alternative<TsaiLens>(head.lens)) head.max_angle = uniform(1.0, 1.5);
     if (head.lens.index() >= 2) head.max_angle *= 2;  // fisheyes look behind themselves
     if (random() % 3 == 0) head.region.circle = {head.center_x, head.center_y, uniform(0.3, 0.5) * width};
+    if (random() % 4 == 0) {
+      const auto corner = [&] { return Region::Point{uniform(-5, width + 5.0), uniform(-5, height + 5.0)}; };
+      head.region.masks.push_back({{1, 1}, corner(), corner(), {width / 3.0, height / 4.0}});
+    }
     rig.heads.push_back(std::move(head));
   }
   return rig;

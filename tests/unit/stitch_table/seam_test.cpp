@@ -231,6 +231,37 @@ TEST(Seam, AlongAnyPath_WeightsAreContinuous) {
   }
 }
 
+TEST(Seam, RoundAMask_TheOtherHeadTakesOverContinuouslyAndNothingElseMoves) {
+  const Calibration rig = back_to_back();
+  Calibration masked = rig;
+  // Of head 0, from 80 to 86 degrees right of its axis: head 1 sees all of it.
+  const double near = 400 + 200 * 80 * kDegree, far = 400 + 200 * 86 * kDegree;
+  masked.heads[0].region.masks = {{{near, 380}, {far, 380}, {far, 420}, {near, 420}}};
+  std::vector<Vector3d> along;
+  for (int k = 0; k <= 20000; ++k) {
+    const double a = (60 + k * 0.002) * kDegree;
+    along.emplace_back(std::sin(a), 0, std::cos(a));
+  }
+  for (const TableOptions& options : {seam_of(0.5), seam_of(4), TableOptions{.transition = Transition::kFeather}}) {
+    const auto before = weights_of(rig, along, options);
+    const auto after = weights_of(masked, along, options);
+    for (std::size_t k = 0; k < along.size(); ++k) {
+      const double angle = 60 + static_cast<double>(k) * 0.002;
+      EXPECT_NEAR(after[k][0] + after[k][1], 1, 1e-12);
+      if (angle > 80.001 && angle < 85.999) {
+        EXPECT_EQ(after[k][0], 0) << angle;
+      }
+      if (k > 0) {
+        EXPECT_LT(std::abs(after[k][0] - after[k - 1][0]), 0.02) << angle;
+      }
+      const bool far_off = angle < 66 && options.transition == Transition::kSeam;
+      if (far_off) {
+        EXPECT_NEAR(after[k][0], before[k][0], 1e-12) << angle;
+      }
+    }
+  }
+}
+
 TEST(Seam, WidthThatCannotBe_IsRefusedByNumberAndRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double endless = std::numeric_limits<double>::infinity();

@@ -64,6 +64,20 @@ TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   EXPECT_EQ(lowest, 23);  // of 24 rows: YUYV and UYVY have 48, of which every second is read
 }
 
+TEST(TableCompiler, MasksThatHideEverything_AreNamedWithTheirSolidAngle) {
+  Calibration rig = cube_rig(48);
+  for (HeadCalibration& head : rig.heads) head.region.masks = {{{-1, -1}, {49, -1}, {49, 49}, {-1, 49}}};
+  const auto table =
+      compile_blend_table(rig, {"equirectangular", 64, 32, PixelFormat::kGrey8}, std::vector(6, PixelFormat::kGrey8));
+  ASSERT_FALSE(table);
+  EXPECT_EQ(table.error().code, Errc::kNoCoverage);
+  EXPECT_NE(table.error().message.find("the masks of head 'c3' leave a hole"), std::string::npos)
+      << table.error().text();
+  rig.heads[2].region.masks.clear();
+  EXPECT_TRUE(
+      compile_blend_table(rig, {"equirectangular", 64, 32, PixelFormat::kGrey8}, std::vector(6, PixelFormat::kGrey8)));
+}
+
 TEST(TableCompiler, GapBetweenHeads_IsCoveredByNobody) {
   Calibration rig = cube_rig(48);
   rig.heads.resize(1);

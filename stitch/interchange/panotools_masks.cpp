@@ -1,0 +1,97 @@
+#include "stitch/interchange/panotools_masks.h"
+
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "stitch/interchange/export_heads.h"
+#include "stitch/interchange/project.h"
+
+namespace nodal::interchange {
+namespace {
+
+/// Hugin's pixel centres are at integers.
+constexpr double kCentre = 0.5;
+
+/// Types of masks: the inside is excluded from the image, from the images of its stack, or from all with its lens.
+constexpr double kExclude = 0, kExcludeFromStack = 2, kExcludeFromLens = 4;
+
+Result<double> number_of(const ScriptLine& line, const char* name) {
+  const std::string* value = line.find(name);
+  if (value == nullptr) {
+    return fail(Errc::kMissingField, "line " + std::to_string(line.number) + ": the mask has no '" + name + "'");
+  }
+  return to_number(line, name, *value);
+}
+
+/// More numbers than a head's masks may have are not read.
+Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
+  const std::string* value = line.find("p");
+  std::vector<Region::Point> corners;
+  std::optional<double> x;
+  std::string_view rest = value == nullptr ? std::string_view() : std::string_view(*value);
+  while (corners.size() <= kMaxMaskPoints) {
+    const std::size_t begin = rest.find_first_not_of(" \t,");
+    if (begin == std::string_view::npos) break;
+    const std::size_t end = std::min(rest.find_first_of(" \t,", begin), rest.size());
+    const Result<double> number = to_number(line, "p", rest.substr(begin, end - begin));
+    if (!number) return fail(number.error());
+    rest.remove_prefix(end);
+    if (x) corners.push_back({*x + kCentre, *number + kCentre});
+    x = x ? std::nullopt : std::optional<double>(*number);
+  }
+  if (x && corners.size() <= kMaxMaskPoints) {
+    return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the mask has an x without a y");
+  }
+  return corners;
+}
+
+}  // namespace
+
+Status add_masks(std::span<const ScriptLine* const> lines, ImportResult& result) {
+  for (const ScriptLine* line : lines) {
+    const std::string where = "line " + std::to_string(line->number);
+    const Result<double> image = number_of(*line, "i");
+    if (!image) return fail(image.error());
+    auto& heads = result.calibration.heads;
+    if (!(*image >= 0 && *image < static_cast<double>(heads.size())) || *image != std::floor(*image)) {
+      return fail(Errc::kBadValue, where + ": the mask is of image " + short_number(*image) + ", and there are " +
+                                       std::to_string(heads.size()));
+    }
+    const Result<double> type = number_of(*line, "t");
+    if (!type) return fail(type.error());
+    HeadCalibration& head = heads[static_cast<std::size_t>(*image)];
+    if (*type != kExclude && *type != kExcludeFromStack && *type != kExcludeFromLens) {
+      result.notes.push_back("Head '" + head.name + "', " + where +
+                             ": a mask that keeps what is inside it is left out: Nodal's masks hide.");
+      continue;
+    }
+    Result<std::vector<Region::Point>> corners = corners_of(*line);
+    if (!corners) return fail(corners.error());
+    head.region.masks.push_back(std::move(*corners));
+    if (const Status checked = check_head(head); !checked) {
+      head.region.masks.pop_back();
+      result.notes.push_back("Head '" + head.name + "', " + where +
+                             ": the mask is left out: " + checked.error().message + ".");
+    } else if (*type == kExcludeFromLens) {
+      result.notes.push_back(
+          "Head '" + head.name + "', " + where +
+          ": a mask for all images with this lens hides only this head's pixels; copy it to others.");
+    }
+  }
+  return {};
+}
+
+std::string mask_lines(const Region& region, std::size_t image) {
+  std::string text;
+  for (const std::vector<Region::Point>& mask : region.masks) {
+    std::string corners;
+    for (const Region::Point& corner : mask) {
+      corners += (corners.empty() ? "" : " ") + exact(corner.x - kCentre) + " " + exact(corner.y - kCentre);
+    }
+    text += "k i" + std::to_string(image) + " t0 p\"" + corners + "\"\n";
+  }
+  return text;
+}
+
+}  // namespace nodal::interchange

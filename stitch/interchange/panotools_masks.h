@@ -1,0 +1,22 @@
+// Masks as Hugin has them: k i0 t0 p"x y x y ...", a polygon of image 0 whose inside is left out.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/interchange/import.h"
+#include "stitch/interchange/panotools_script.h"
+
+namespace nodal::interchange {
+
+/// Adds the masks to the heads of `result`. What Nodal has no counterpart for is left out with a note: masks that keep
+/// what is inside them, and polygons that a calibration cannot have.
+/// Errors: kBadValue, with the line, for what is no list of numbers, or no image of the project.
+Status add_masks(std::span<const ScriptLine* const> lines, ImportResult& result);
+
+/// The k lines of a head's masks.
+std::string mask_lines(const Region& region, std::size_t image);
+
+}  // namespace nodal::interchange

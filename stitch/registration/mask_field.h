@@ -1,0 +1,35 @@
+// How far the places of a head's picture are from its masks, on a coarse grid: for loops over many places.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "protocol/calibration.h"
+
+namespace nodal::registration {
+
+/// Threading: immutable; any thread.
+/// Ownership: a value.
+class MaskField {
+ public:
+  /// Cells of one pixel, or larger ones in pictures of more than 512 px. 1 MiB at most.
+  explicit MaskField(const HeadCalibration& head);
+
+  /// Whether the place, px, is masked or within `margin` px of a mask. Up to a cell's diagonal farther away, too.
+  bool hides(float u, float v, float margin) const {
+    const auto cell = [](float at, float per_px, int count) {
+      const float place = at * per_px;  // NaN is in the first cell
+      return place > 0 ? static_cast<std::size_t>(std::min(place, static_cast<float>(count - 1))) : std::size_t{0};
+    };
+    return distance_[cell(v, per_px_, rows_) * static_cast<std::size_t>(columns_) + cell(u, per_px_, columns_)] <
+           margin;
+  }
+
+ private:
+  int columns_ = 0, rows_ = 0;
+  float per_px_ = 1;
+  std::vector<float> distance_;  ///< px, of a cell's nearest place
+};
+
+}  // namespace nodal::registration
