@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 
+#include "firmware/config/gpio_entry.h"
 #include "firmware/config/head_entry.h"
 #include "firmware/config/toml_reader.h"
 #include "protocol/base/limits.h"
@@ -118,6 +119,8 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
   trigger.active_high = reader.choice<bool>("polarity", {{"high", true}, {"low", false}});
   trigger.source = reader.choice<SyncSource>(
       "source", {{"own", SyncSource::kOwn}, {"external", SyncSource::kExternal}, {"none", SyncSource::kNone}});
+  trigger.port = read_line(reader, "port", {false, true});
+  trigger.readback = read_line(reader, "readback", {});
 }
 
 Stops stops_from(double stops) { return static_cast<Stops>(std::lround(stops * kStop)); }
@@ -168,14 +171,16 @@ void read_links(TomlReader reader, LinksConfig& links) {
   }
 }
 
-/// The text after the colon is parsed by daemon/panel_ports.
+/// What follows "sim:" is parsed by daemon/panel_ports.
 void read_panel(TomlReader reader, PanelConfig& panel) {
-  for (const auto& [key, pin] :
-       {std::pair{"button", &panel.button}, std::pair{"status", &panel.status}, std::pair{"tally", &panel.tally}}) {
-    *pin = reader.text(key, "");
-    if (reader.has(key) && !pin->starts_with("sim:"))
-      reader.refuse(key, "must be sim:…; other pins are not supported yet");
-  }
+  const auto read = [&](const char* key, std::string& pin, std::optional<GpioLine>& line, const LineOptions& allowed) {
+    pin = reader.text(key, "");
+    if (!reader.has(key) || pin.starts_with("sim:")) return;
+    line = read_line(reader, key, allowed);
+  };
+  read("button", panel.button, panel.button_line, {true, true, "sim:TIME+LENGTH,... or "});
+  read("status", panel.status, panel.status_line, {true, false, "sim: or "});
+  read("tally", panel.tally, panel.tally_line, {true, false, "sim: or "});
 }
 
 void read_constant(TomlReader& reader, SimConfig& sim) {
@@ -234,7 +239,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     }
     TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
                       {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
-                       "trigger_delay_us", "size", "input", "standard", "gain_step_mdb", "readout_us"},
+                       "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us"},
                       error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second)
@@ -262,8 +267,9 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
       {"layout", "width", "height", "format", "jpeg_quality", "transition", "seam_width", "feather", "tone", "fields"},
       error);
   read_raymap(raymap, config.raymap);
-  read_trigger({section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source"}, error}, config.rate,
-               config.trigger);
+  read_trigger(
+      {section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source", "port", "readback"}, error},
+      config.rate, config.trigger);
   read_links({section("links"),
               "links",
               {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"},
@@ -305,6 +311,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   } else if (wants_sim) {
     file.refuse("sim", "is missing; heads on sim: ports need it", Errc::kMissingField);
   }
+  check_lines(file, config);
   return config;
 }
 

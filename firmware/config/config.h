@@ -31,6 +31,19 @@ struct PortAddress {
   friend bool operator==(const PortAddress&, const PortAddress&) = default;
 };
 
+enum class GpioPull : std::uint8_t { kNone, kUp, kDown };
+
+/// "gpio:gpiochip0:17,low": a line of a GPIO chip.
+struct GpioLine {
+  std::string chip;  ///< its name or label
+  std::uint32_t offset = 0;
+  bool low = false;  ///< the low level is on, or pressed
+  GpioPull pull = GpioPull::kNone;
+  /// "gpio:gpiochip0:17".
+  std::string text() const;
+  friend bool operator==(const GpioLine&, const GpioLine&) = default;
+};
+
 /// What is requested from a V4L2 device when it is opened, besides format, fields and rate.
 struct DeviceConfig {
   int width = 0;  ///< with height; 0: as the device comes
@@ -54,6 +67,7 @@ struct HeadConfig {
   std::optional<hal::Gamma> gamma;
   Fields fields = Fields::kProgressive;  ///< the field order that it delivers
   Duration trigger_delay;                ///< from the trigger to this head's pulse
+  std::optional<GpioLine> trigger;       ///< the line that its pulses leave by; empty: TriggerConfig::port
   DeviceConfig device;                   ///< of a v4l2: port
   int line = 0;                          ///< line number in rig.toml, for error messages
 };
@@ -101,6 +115,8 @@ struct TriggerConfig {
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   SyncSource source = SyncSource::kOwn;
+  std::optional<GpioLine> port;      ///< kOwn: the line of heads without one of their own; kExternal: the input
+  std::optional<GpioLine> readback;  ///< an input that is wired to `port` and measures its pulses
 };
 
 /// [sim]: the simulated scene of the "sim:" heads.
@@ -138,6 +154,8 @@ struct PanelConfig {
   std::string button;
   std::string status;
   std::string tally;
+  /// Of those that are "gpio:" ports.
+  std::optional<GpioLine> button_line, status_line, tally_line;
 };
 
 /// A complete, checked rig.toml.

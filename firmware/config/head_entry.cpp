@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "firmware/config/gpio_entry.h"
 #include "protocol/base/limits.h"
 
 namespace nodal::firmware {
@@ -111,6 +112,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2) {
     reader.refuse("trigger_delay_us", "is not allowed for v4l2: ports; V4L2 heads are not triggered");
   }
+  head.trigger = read_line(reader, "trigger", {});
   read_device(reader, head.port.kind, rate, head.device);
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
                                                  {"top-first", Fields::kTopFirst},

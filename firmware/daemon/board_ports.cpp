@@ -8,6 +8,7 @@
 #include <future>
 #include <thread>
 
+#include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/panel_ports.h"
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
@@ -69,7 +70,8 @@ class Enumerators final : public hal::HeadEnumerator {
   }
 };
 
-/// The trigger of a rig with simulated and replayed heads: triggers both, and reports the edges of the first.
+/// The trigger of a rig with simulated and replayed heads, or with them and a line: starts both, and reports the edges of
+/// the first.
 class BothTriggers final : public hal::TriggerPort {
  public:
   BothTriggers(hal::TriggerPort& first, hal::TriggerPort& second) : first_(first), second_(second) {}
@@ -85,6 +87,7 @@ class BothTriggers final : public hal::TriggerPort {
     (void)second_.take_edge();  // discarded, because its queue is bounded
     return first_.take_edge();
   }
+  hal::TriggerCounts counts() const override { return first_.counts(); }
 
   void make_safe() noexcept override {
     first_.make_safe();
@@ -207,7 +210,8 @@ struct BoardPorts::State {
   std::unique_ptr<hal::replay::Deck> deck;
   std::unique_ptr<hal::v4l2::V4l2Enumerator> v4l2;
   Enumerators enumerators;
-  std::unique_ptr<BothTriggers> both;
+  std::unique_ptr<LinePorts> lines;
+  std::unique_ptr<BothTriggers> both, with_lines;
   hal::TriggerPort* trigger = nullptr;
   std::unique_ptr<hal::linux_os::LinuxDisk> disk;
   struct OpenListener {
@@ -281,6 +285,22 @@ Status BoardPorts::check_devices(const RigConfig& config) {
   return {};
 }
 
+std::vector<Error> BoardPorts::claim_lines(const RigConfig& config) {
+  State& state = *state_;
+  state.lines = std::make_unique<LinePorts>(config, hal::gpio::kernel());
+  if (hal::TriggerPort* const trigger = state.lines->trigger()) {
+    // Simulated and replayed heads are exposed by pulses of their own, which begin together with the line's.
+    if (state.trigger != nullptr) state.with_lines = std::make_unique<BothTriggers>(*trigger, *state.trigger);
+    state.trigger = state.trigger != nullptr ? state.with_lines.get() : trigger;
+  }
+  return state.lines->problems();
+}
+
+std::vector<std::string> BoardPorts::notices() const {
+  if (!state_->lines || state_->lines->notice().empty()) return {};
+  return {state_->lines->notice()};
+}
+
 void BoardPorts::prepare() {
   if (!state_->sim) return;
   std::atomic<int> next{0};
@@ -318,6 +338,7 @@ firmware::RigPorts BoardPorts::ports() {
   NODAL_ASSERT(state_->disk);
   firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,       *state_->disk, {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
+  if (state_->lines) state_->lines->add_to(ports.panel);
   for (const auto& [port, access] : state_->listeners) ports.listeners.push_back({port.get(), access});
   return ports;
 }
@@ -325,6 +346,7 @@ firmware::RigPorts BoardPorts::ports() {
 void BoardPorts::make_safe() noexcept {
   if (state_->trigger != nullptr) state_->trigger->make_safe();
   state_->panel->make_safe();
+  if (state_->lines) state_->lines->make_safe();
 }
 
 bool BoardPorts::has_virtual_time() const { return state_->sim && state_->sim->clock().is_virtual(); }

@@ -20,13 +20,18 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file);
 /// Errors: make() returns one that names the file, head or socket.
 class BoardPorts {
  public:
-  /// `base` is rig.toml's folder; relative paths start there. Reads the files that rig.toml names, and opens no port.
+  /// `base` is rig.toml's folder; relative paths start there. Reads the files that rig.toml names, and opens no device.
   static Result<std::unique_ptr<BoardPorts>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~BoardPorts();
 
   /// Opens every device that rig.toml names and closes it again, which may take seconds. Errors: the first that cannot be
   /// opened as rig.toml asks, naming its head and line.
   Status check_devices(const firmware::RigConfig& config);
+  /// Claims the GPIO lines that rig.toml names, which may take long. Returns what could not be claimed, naming the key: a rig
+  /// runs without it. Call it before ports().
+  std::vector<Error> claim_lines(const firmware::RigConfig& config);
+  /// What works less well than it could: sentences for the log.
+  std::vector<std::string> notices() const;
   /// Does slow work before the first frame: renders the scene of simulated heads.
   void prepare();
   /// Opens the store and the sockets.

@@ -15,11 +15,13 @@
 #include "firmware/daemon/board_ports.h"
 #include "firmware/daemon/bridge.h"
 #include "firmware/daemon/end_deadline.h"
+#include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/log.h"
 #include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
+#include "hal/linux/gpio/system.h"
 #include "hal/linux/link/standard_descriptors.h"
 
 namespace nodal::daemon {
@@ -126,12 +128,22 @@ void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfi
   close(rig);
 }
 
+int make_lines_safe(const firmware::RigConfig& config) {
+  const SafeLevels done = set_safe_levels(config, hal::gpio::kernel());
+  for (const std::string& line : done.lines) log_line(LogLevel::kInfo, line);
+  for (const Error& problem : done.problems) log_line(LogLevel::kError, problem.text());
+  return done.problems.empty() ? kExitFine : kExitCannotStart;
+}
+
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
         EndDeadline& deadline) {
   auto ports = BoardPorts::make(config, base);
   if (!ports) return give_up(ports.error(), kExitBadInput);
   if (options.check) {
     if (const Status there = (*ports)->check_devices(config); !there) return give_up(there.error(), kExitBadInput);
+    const std::vector<Error> problems = (*ports)->claim_lines(config);
+    for (const Error& problem : problems) log_line(LogLevel::kError, problem.text());
+    if (!problems.empty()) return kExitBadInput;
     std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
     return kExitFine;
   }
@@ -143,6 +155,10 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   if (const Status listening = (*ports)->listen(config.links); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
+  for (const Error& problem : (*ports)->claim_lines(config)) {
+    log_line(LogLevel::kError, problem.text() + "; the rig runs without it until nodald is restarted");
+  }
+  for (const std::string& notice : (*ports)->notices()) log_line(LogLevel::kError, notice);
   // From here on outputs are driven, and wait_for_signal() takes the signals.
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
@@ -179,6 +195,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     std::signal(SIGINT, SIG_DFL);
     return run_bridge(options.socket.empty() ? config.links.unix_path : options.socket);
   }
+  if (options.safe_levels) return make_lines_safe(config);
   return run(options, config, base, deadline);
 }
 

@@ -42,6 +42,10 @@ Parsed parse_options(int argc, char** argv) {
       app.add_flag("--check", options.check, "Check rig.toml and the files and devices it names, and stop");
   app.add_flag("--bridge", options.bridge, "Connect standard input and output to the running nodald's socket")
       ->excludes(check);
+  app.add_flag("--safe-levels", options.safe_levels,
+               "Put the GPIO outputs of rig.toml to their safe levels, and stop; for after a crash")
+      ->excludes(check)
+      ->excludes("--bridge");
   app.add_option("--socket", options.socket, "Socket for --bridge, instead of rig.toml's")->type_name("PATH");
   try {
     app.parse(argc, argv);

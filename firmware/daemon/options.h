@@ -14,15 +14,17 @@ struct Options {
   std::string socket;  ///< for --bridge; empty: rig.toml's
   bool check = false;
   bool bridge = false;
+  bool safe_levels = false;
   int blend_threads = 0;  ///< 0: one per core
   std::string log_level = "info";
 };
 
 inline constexpr int kExitFine = 0;
-inline constexpr int kExitFailed = 1;       ///< it failed while running
-inline constexpr int kExitBadInput = 2;     ///< the command line or rig.toml is wrong
-inline constexpr int kExitCannotStart = 3;  ///< the store or a socket cannot be opened, or no daemon answers the bridge
-inline constexpr int kExitStageHung = 4;    ///< a stage hung at the end; outputs were made safe, the end was by force
+inline constexpr int kExitFailed = 1;    ///< it failed while running
+inline constexpr int kExitBadInput = 2;  ///< the command line or rig.toml is wrong
+inline constexpr int kExitCannotStart =
+    3;  ///< the store, a socket or a line cannot be opened, or no daemon answers the bridge
+inline constexpr int kExitStageHung = 4;  ///< a stage hung at the end; outputs were made safe, the end was by force
 
 /// The options; or the exit code when there is nothing more to do: help was printed, or an error of the command line was
 /// printed.

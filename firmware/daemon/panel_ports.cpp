@@ -44,7 +44,7 @@ bool script(std::string_view presses, hal::sim::SimInputPin& button, Instant sta
 
 Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig& config, hal::ClockPort& clock) {
   auto ports = std::make_unique<PanelPorts>();
-  if (!config.button.empty()) {
+  if (config.button.starts_with(kSim)) {
     ports->presses_ = config.button.substr(kSim.size());
     ports->clock_ = &clock;
     hal::sim::SimInputPin trial(clock);
@@ -53,8 +53,8 @@ Result<std::unique_ptr<PanelPorts>> PanelPorts::make(const firmware::PanelConfig
     }
   }
   constexpr bool kLampOff = false;  // level of a lamp whose lease has expired
-  if (!config.status.empty()) ports->status_.emplace(kLampOff);
-  if (!config.tally.empty()) ports->tally_.emplace(kLampOff);
+  if (config.status.starts_with(kSim)) ports->status_.emplace(kLampOff);
+  if (config.tally.starts_with(kSim)) ports->tally_.emplace(kLampOff);
   return ports;
 }
 

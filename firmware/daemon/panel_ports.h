@@ -12,7 +12,8 @@
 
 namespace nodal::daemon {
 
-/// Simulated pins: a button with scripted presses, and lamps whose levels exist only in memory.
+/// The simulated ones: a button with scripted presses, and lamps whose levels exist only in memory. GPIO lines are in
+/// line_ports.h.
 ///
 /// Threading: make() on main; the pins are thread-bound to control.
 /// Ownership: owns the pins; the clock outlives it.

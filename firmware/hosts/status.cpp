@@ -1,6 +1,7 @@
 #include "firmware/hosts/status.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "firmware/hosts/publisher.h"
 #include "protocol/base/text.h"
@@ -98,6 +99,18 @@ wire::Error to_wire(const Error& error) {
   return message;
 }
 
+void fill_pulse_losses(const hal::TriggerCounts& counts, wire::Genlock& into) {
+  for (const auto& [reason, pulses] :
+       {std::pair{"late", counts.late}, std::pair{"refused", counts.refused}, std::pair{"unseen", counts.unseen},
+        std::pair{"lost", counts.lost}, std::pair{"overrun", counts.overrun}, std::pair{"doubled", counts.doubled},
+        std::pair{"jumped", counts.jumps}}) {
+    if (pulses == 0) continue;
+    wire::PulseCount& count = *into.add_pulse_losses();
+    count.set_reason(reason);
+    count.set_pulses(pulses);
+  }
+}
+
 void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into) {
   into.set_state(std::string(genlock_state_name(genlock.state)));
   into.set_rate_numerator(genlock.rate.numerator);
@@ -110,6 +123,7 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
   into.set_holdovers(genlock.holdovers);
   if (genlock.drift_ppb) into.set_drift_ppb(*genlock.drift_ppb);
   into.set_aligned(genlock.aligned);
+  fill_pulse_losses(genlock.losses_of_port, into);
   for (std::size_t i = 0; i < config.heads.size(); ++i) {
     const std::string head = "head '" + config.heads[i].name + "' ";
     if ((genlock.fixed & head_bit(i)) != 0) {

@@ -236,6 +236,7 @@ GenlockReport Genlock::report() const {
   report.state = state_;
   report.aligned = aligning();
   report.rate = settings_.rate;
+  if (port_) report.losses_of_port = port_->counts();
   return report;
 }
 

@@ -70,6 +70,7 @@ struct GenlockReport {
   FrameRate rate;
   std::uint64_t triggers = 0;             ///< pulses seen since start
   std::uint64_t missing = 0;              ///< pulses whose number never came
+  hal::TriggerCounts losses_of_port;      ///< since the port was made
   Duration spread;                        ///< of mid-exposures, of the newest set with every present head in it
   Duration spread_worst;                  ///< likewise, of the sets while locked, since the genlock was started
   std::uint64_t losses = 0;               ///< times it was lost, since start

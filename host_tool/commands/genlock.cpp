@@ -38,6 +38,13 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   for (const std::string& why : now.unaligned()) {
     context.console().line(context.console().paint(Colour::kWarning, why));
   }
+  std::string losses;
+  for (const wire::PulseCount& count : now.pulse_losses()) {
+    losses += (losses.empty() ? "" : ", ") + fmt::format("{} {}", count.pulses(), count.reason());
+  }
+  if (!losses.empty()) {
+    context.console().line(context.console().paint(Colour::kWarning, "pulses since nodald started: " + losses));
+  }
   std::string drift = "not known yet";
   if (now.has_drift_ppb()) drift = fmt::format("{:+.2f} ppm", now.drift_ppb() / 1000.0);
   context.console().line(fmt::format("lost {}, in holdover {}; {} missing; drift {}", counted(now.losses(), "time"),

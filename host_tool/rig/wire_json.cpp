@@ -33,12 +33,15 @@ std::string hex_of(const std::string& bytes) {
 }
 
 Json to_json(const wire::Genlock& genlock) {
+  Json pulse_losses = Json::object();
+  for (const wire::PulseCount& count : genlock.pulse_losses()) pulse_losses[count.reason()] = count.pulses();
   return {{"state", genlock.state()},
           {"rate", rate_to_json(genlock.rate_numerator(), genlock.rate_denominator())},
           {"triggers", genlock.triggers()},
           {"spread_ns", genlock.spread_ns()},
           {"spread_worst_ns", genlock.spread_worst_ns()},
           {"missing_triggers", genlock.missing_triggers()},
+          {"pulse_losses", pulse_losses},
           {"losses", genlock.losses()},
           {"holdovers", genlock.holdovers()},
           {"drift_ppb", genlock.has_drift_ppb() ? Json(genlock.drift_ppb()) : Json()},

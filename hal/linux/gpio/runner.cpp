@@ -10,6 +10,7 @@
 
 #include <atomic>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <ctime>
 #include <system_error>
@@ -23,6 +24,22 @@ namespace {
 constexpr int kPriority = 40;
 
 timespec timespec_of(std::int64_t ns) { return {static_cast<time_t>(ns / 1'000'000'000), ns % 1'000'000'000}; }
+
+/// While it exists, threads are created with all signals blocked, so that none of them takes a signal meant for main.
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before_);
+  }
+  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
+
+ private:
+  sigset_t before_;
+};
 
 /// Sleeps to absolute times of CLOCK_MONOTONIC. FUTEX_WAIT_BITSET uses the same timer of the kernel as
 /// clock_nanosleep(TIMER_ABSTIME), and ring() can end it early.
@@ -122,6 +139,7 @@ Instant monotonic_now() {
 }
 
 Running run_on_thread(const RunOptions& options, Step step) {
+  const SignalsBlocked blocked;
   if (!options.realtime) return {std::make_unique<PollRunner>(options, std::move(step)), {}};
   auto runner = std::make_unique<TimedRunner>(options.name, std::move(step));
   std::string notice;

@@ -25,7 +25,7 @@ std::optional<TriggerEdge> SyncInput::add(Instant at, bool after_overrun) {
   const std::int64_t steps = since.ns() <= 0 ? 0 : (since.ns() + period.ns() / 2) / period.ns();
   const Instant predicted = newest_ + rate_.start_of(static_cast<std::uint64_t>(steps));
   const Duration off = at - predicted;
-  if (steps >= 1 && std::max(off, -off) <= period / 4) {
+  if (steps >= 1 && std::max(off, -off) <= period / kWindow) {
     (after_overrun ? counts_.overrun : counts_.lost) += static_cast<std::uint64_t>(steps) - 1;
     return accept(at, static_cast<std::uint64_t>(steps), predicted);
   }
@@ -48,7 +48,7 @@ TriggerEdge SyncInput::accept(Instant at, std::uint64_t steps, Instant predicted
 bool SyncInput::jumped(Instant at) {
   const Duration period = rate_.period();
   const Duration off = at - discarded_ - period;
-  regular_ = regular_ > 0 && std::max(off, -off) <= period / 8 ? regular_ + 1 : 1;
+  regular_ = regular_ > 0 && std::max(off, -off) <= period / kWindow ? regular_ + 1 : 1;
   discarded_ = at;
   return regular_ >= kJump;
 }

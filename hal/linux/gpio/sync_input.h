@@ -8,7 +8,7 @@
 
 namespace nodal::hal::gpio {
 
-/// Predicts every pulse from those before it. An edge within a quarter of a period of a predicted one is that pulse, and
+/// Predicts every pulse from those before it. An edge within 1/kWindow of a period of a predicted one is that pulse, and
 /// predicted ones in between were lost. Any other edge is doubled (noise, ringing) and is discarded. After kJump
 /// discarded edges in a row that are one period apart, the source has a new phase, and they are pulses.
 ///
@@ -17,6 +17,7 @@ namespace nodal::hal::gpio {
 class SyncInput {
  public:
   static constexpr int kJump = 3;
+  static constexpr int kWindow = 8;
   /// A prediction moves by 1/kFilter of its error, so that one bad edge does not lead it.
   static constexpr int kFilter = 4;
 

@@ -70,7 +70,7 @@ TEST_F(GpioInputTest, DoubledPulse_IsDiscardedWhereverItIsInThePeriod) {
   }
   period();
   take();
-  // One that comes up to a quarter of a period early takes the place of the true one, which is discarded then.
+  // One that comes up to an eighth of a period early takes the place of the true one, which is discarded then.
   EXPECT_EQ(all.back().number, all.size() - 1);
   EXPECT_EQ(all.size(), 2 * 8 + 1U);
   EXPECT_EQ(trigger_->counts().doubled, 8U);

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <csignal>
 #include <future>
+#include <utility>
 
 namespace nodal::hal::gpio {
 namespace {
@@ -43,6 +45,21 @@ TEST_P(RunnerTest, RungWhileItSleepsForEver_StepIsCalledAgain) {
 
 TEST_P(RunnerTest, DestroyedWhileItSleeps_EndsAtOnce) {
   for (int i = 0; i < 50; ++i) run_on_thread({"test", GetParam()}, [](Instant) { return kNever; });
+}
+
+TEST_P(RunnerTest, Thread_TakesNoSignalsOfMain) {
+  std::promise<bool> blocked;
+  const Running running = run_on_thread({"test", GetParam()}, [&, told = false](Instant) mutable {
+    sigset_t mask;
+    pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+    if (!std::exchange(told, true))
+      blocked.set_value(sigismember(&mask, SIGTERM) == 1 && sigismember(&mask, SIGINT) == 1);
+    return kNever;
+  });
+  EXPECT_TRUE(blocked.get_future().get());
+  sigset_t mask;
+  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+  EXPECT_EQ(sigismember(&mask, SIGTERM), 0) << "this thread's mask is as it was";
 }
 
 INSTANTIATE_TEST_SUITE_P(Both, RunnerTest, testing::Bool(),
