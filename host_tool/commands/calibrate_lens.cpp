@@ -206,7 +206,7 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
   auto args = std::make_shared<Args>();
   lens->add_option("PHOTOS", args->photos, "Photographs of the pattern, PNG or JPEG")->required()->type_name("");
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")
-      ->type_name("MODEL")
+      ->type_name("tsai|equidistant|kannala_brandt")
       ->check(checked_by([](std::string_view name) { return cal::lens_kind_named(name); }));
   lens->add_option("-o,--out", args->out, "A calibration of this one head (head.json when not given)")
       ->type_name("FILE");

@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 
+#include "host_tool/commands/completion.h"
 #include "host_tool/commands/usage.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
@@ -79,11 +80,26 @@ CLI::App* add_command(CLI::App& parent, const std::string& name, const std::stri
   return command;
 }
 
-/// CLI11 keeps what an option excludes in the order of its pointers, which differs from run to run; here by name.
+/// " (1 to 256)" of an option's type "N:INT in [1 - 256]"; empty without a range.
+std::string range_of(const std::string& type) {
+  const std::size_t begin = type.find(" in [");
+  const std::size_t between = type.find(" - ", begin);
+  const std::size_t end = type.find(']', between);
+  if (begin == std::string::npos || between == std::string::npos || end == std::string::npos) return "";
+  return " (" + type.substr(begin + 5, between - begin - 5) + " to " + type.substr(between + 3, end - between - 3) +
+         ")";
+}
+
+/// CLI11's help, with types as commands name them and with excluded options in the order of their names: CLI11 keeps them in
+/// the order of pointers, which differs from run to run.
 class OrderedHelp final : public CLI::Formatter {
  public:
   std::string make_option_opts(const CLI::Option* option) const override {
     std::string text = CLI::Formatter::make_option_opts(option);
+    const std::string whole = option->get_type_name();
+    if (const std::size_t at = whole.empty() ? std::string::npos : text.find(whole); at != std::string::npos) {
+      text.replace(at, whole.size(), type_of(*option) + range_of(whole));
+    }
     const std::string heading = " " + get_label("Excludes") + ":";
     const std::size_t at = text.rfind(heading);
     if (option->get_excludes().empty() || at == std::string::npos) return text;

@@ -4,11 +4,49 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 
 #include "host_tool/commands/command.h"
 
 namespace nodal::host {
 namespace {
+
+using Value = CommandWords::Value;
+
+/// From an option's type ("FILE", "jpg|png|raw") or an argument's name ("PICTURES").
+Value value_of(const std::string& type) {
+  constexpr std::array<std::string_view, 9> kFiles{"FILE",   "HTML",        "PATTERN", "INPUT", "PICTURES",
+                                                   "PHOTOS", "CALIBRATION", "A",       "B"};
+  Value value;
+  value.file = std::ranges::find(kFiles, type) != kFiles.end();
+  if (type.find('|') == std::string::npos) return value;
+  for (std::size_t start = 0; start <= type.size();) {
+    const std::size_t bar = std::min(type.find('|', start), type.size());
+    value.choices.push_back(type.substr(start, bar - start));
+    start = bar + 1;
+  }
+  return value;
+}
+
+void add_option(CommandWords& words, const CLI::Option& option) {
+  if (option.get_positional()) {
+    const std::string type = type_of(option);
+    const Value value = value_of(type.empty() ? option.get_name(true) : type);
+    words.positional.file = words.positional.file || value.file;
+    words.positional.choices.insert(words.positional.choices.end(), value.choices.begin(), value.choices.end());
+    return;
+  }
+  CommandWords::Option entry;
+  for (const std::string& name : option.get_snames()) entry.names.push_back(fmt::format("-{}", name));
+  for (const std::string& name : option.get_lnames()) entry.names.push_back(fmt::format("--{}", name));
+  entry.description = option.get_description();
+  if (option.get_expected_max() > 0) entry.type = type_of(option);
+  entry.value = value_of(entry.type);
+  const bool known =
+      std::ranges::any_of(words.options, [&](const CommandWords::Option& other) { return other.names == entry.names; });
+  if (!known) words.options.push_back(std::move(entry));
+}
 
 void collect(const CLI::App& app, std::vector<std::string> path, std::vector<CommandWords::Option> inherited,
              std::vector<CommandWords>& all) {
@@ -16,27 +54,11 @@ void collect(const CLI::App& app, std::vector<std::string> path, std::vector<Com
   words.path = path;
   words.description = app.get_description();
   words.options = std::move(inherited);
-  const auto add_options = [&words](const CLI::App& from) {
-    for (const CLI::Option* option : from.get_options()) {
-      if (option->get_positional()) {
-        words.positionals.push_back(option->get_name(true));
-        continue;
-      }
-      CommandWords::Option entry;
-      for (const std::string& name : option->get_snames()) entry.names.push_back(fmt::format("-{}", name));
-      for (const std::string& name : option->get_lnames()) entry.names.push_back(fmt::format("--{}", name));
-      entry.description = option->get_description();
-      if (option->get_expected_max() > 0) entry.value = option->get_type_name();
-      const bool known = std::ranges::any_of(
-          words.options, [&](const CommandWords::Option& other) { return other.names == entry.names; });
-      if (!known) words.options.push_back(std::move(entry));
-    }
-  };
-  add_options(app);
+  for (const CLI::Option* option : app.get_options()) add_option(words, *option);
   std::vector<const CLI::App*> children;
   for (const CLI::App* child : app.get_subcommands([](const CLI::App*) { return true; })) {
     if (child->get_name().empty()) {  // an option group
-      add_options(*child);
+      for (const CLI::Option* option : child->get_options()) add_option(words, *option);
     } else {
       words.subcommands.push_back(child->get_name());
       children.push_back(child);
@@ -55,16 +77,8 @@ void collect(const CLI::App& app, std::vector<std::string> path, std::vector<Com
   }
 }
 
-std::vector<std::string> values_of(const std::string& value) {
-  std::vector<std::string> values;
-  if (value.find('|') == std::string::npos) return values;
-  for (std::size_t start = 0; start <= value.size();) {
-    const std::size_t bar = std::min(value.find('|', start), value.size());
-    values.push_back(value.substr(start, bar - start));
-    start = bar + 1;
-  }
-  return values;
-}
+/// "raymap pull"; empty for `nodal` itself.
+std::string path_of(const CommandWords& command) { return fmt::format("{}", fmt::join(command.path, " ")); }
 
 /// In single quotes for every shell: a quote inside becomes the end of one string and the start of the next.
 std::string shell_quoted(const std::string& text) {
@@ -82,6 +96,11 @@ std::string shell_quoted(const std::string& text) {
 
 }  // namespace
 
+std::string type_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  return type.substr(0, type.find(':'));
+}
+
 std::vector<CommandWords> command_words(const CLI::App& app) {
   std::vector<CommandWords> all;
   collect(app, {}, {}, all);
@@ -89,40 +108,44 @@ std::vector<CommandWords> command_words(const CLI::App& app) {
 }
 
 std::string bash_completion(const std::vector<CommandWords>& commands) {
-  std::string cases;
+  std::string names;
   std::string values;
+  std::string cases;
   for (const CommandWords& command : commands) {
+    const std::string path = path_of(command);
+    if (!path.empty()) names += fmt::format("      \"{}\") path=\"$try\" ;;\n", path);
     std::vector<std::string> words = command.subcommands;
     for (const CommandWords::Option& option : command.options) {
       words.insert(words.end(), option.names.begin(), option.names.end());
-      if (const auto choices = values_of(option.value); !choices.empty()) {
-        values += fmt::format("    {}) COMPREPLY=($(compgen -W \"{}\" -- \"$current\")); return ;;\n",
-                              fmt::join(option.names, "|"), fmt::join(choices, " "));
-      }
+      if (option.type.empty()) continue;
+      std::vector<std::string> patterns;
+      for (const std::string& name : option.names) patterns.push_back(fmt::format("\"{} {}\"", path, name));
+      const std::string offer =
+          option.value.file ? "-f" : fmt::format("-W \"{}\"", fmt::join(option.value.choices, " "));
+      values += fmt::format("    {}) COMPREPLY=($(compgen {} -- \"$current\")); return ;;\n", fmt::join(patterns, "|"),
+                            offer);
     }
-    cases += fmt::format("    \"{}\") words=\"{}\" ;;\n", fmt::join(command.path, " "), fmt::join(words, " "));
-  }
-  std::string names;
-  for (const CommandWords& command : commands) {
-    if (!command.path.empty()) names += fmt::format("      \"{}\") path=\"$try\" ;;\n", fmt::join(command.path, " "));
+    words.insert(words.end(), command.positional.choices.begin(), command.positional.choices.end());
+    cases += fmt::format("    \"{}\") words=\"{}\" files={} ;;\n", path, fmt::join(words, " "),
+                         command.positional.file ? "1" : "");
   }
   return "# bash completion for nodal:  source <(nodal completion bash)\n"
          "_nodal() {\n"
-         "  local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} path= try word words=\n"
+         "  local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} path= try word words= files=\n"
          "  for word in \"${COMP_WORDS[@]:1:COMP_CWORD-1}\"; do\n"
          "    try=\"${path:+$path }$word\"\n"
          "    case $try in\n" +
          names +
          "    esac\n"
          "  done\n"
-         "  case $before in\n" +
+         "  case \"$path $before\" in\n" +
          values +
          "  esac\n"
          "  case $path in\n" +
          cases +
          "  esac\n"
          "  COMPREPLY=($(compgen -W \"$words\" -- \"$current\"))\n"
-         "  [[ $current == -* ]] || COMPREPLY+=($(compgen -f -- \"$current\"))\n"
+         "  [[ -z $files || $current == -* ]] || COMPREPLY+=($(compgen -f -- \"$current\"))\n"
          "}\n"
          "complete -o filenames -F _nodal nodal\n";
 }
@@ -130,10 +153,13 @@ std::string bash_completion(const std::vector<CommandWords>& commands) {
 std::string zsh_completion(const std::vector<CommandWords>& commands) {
   std::string names;
   std::string cases;
+  const auto offered = [](const Value& value) {
+    if (value.file) return std::string("_files");
+    return value.choices.empty() ? std::string(" ") : fmt::format("({})", fmt::join(value.choices, " "));
+  };
   for (const CommandWords& command : commands) {
-    if (!command.path.empty())
-      names +=
-          fmt::format("      ({}) where=\"$try\" ;;\n", shell_quoted(fmt::format("{}", fmt::join(command.path, " "))));
+    const std::string path = shell_quoted(path_of(command));
+    if (!command.path.empty()) names += fmt::format("      ({}) where=\"$try\" ;;\n", path);
     std::string arguments;
     for (const CommandWords::Option& option : command.options) {
       for (const std::string& name : option.names) {
@@ -141,19 +167,14 @@ std::string zsh_completion(const std::vector<CommandWords>& commands) {
         std::ranges::replace_if(
             description, [](char c) { return c == ':' || c == '[' || c == ']'; }, ' ');
         std::string spec = fmt::format("{}[{}]", name, description);
-        if (const auto choices = values_of(option.value); !choices.empty()) {
-          spec += fmt::format(":value:({})", fmt::join(choices, " "));
-        } else if (!option.value.empty()) {
-          spec += fmt::format(":{}:_files", option.value);
-        }
+        if (!option.type.empty()) spec += fmt::format(":value:{}", offered(option.value));
         arguments += fmt::format(" {}", shell_quoted(spec));
       }
     }
     const std::string rest = command.subcommands.empty()
-                                 ? shell_quoted("*:file:_files")
-                                 : shell_quoted(fmt::format("*:command:({})", fmt::join(command.subcommands, " ")));
-    cases += fmt::format("    ({}) _arguments{} {} ;;\n", shell_quoted(fmt::format("{}", fmt::join(command.path, " "))),
-                         arguments, rest);
+                                 ? fmt::format("*:argument:{}", offered(command.positional))
+                                 : fmt::format("*:command:({})", fmt::join(command.subcommands, " "));
+    cases += fmt::format("    ({}) _arguments{} {} ;;\n", path, arguments, shell_quoted(rest));
   }
   return "#compdef nodal\n"
          "# zsh completion for nodal:  nodal completion zsh > ~/.zfunc/_nodal\n"
@@ -173,34 +194,45 @@ std::string zsh_completion(const std::vector<CommandWords>& commands) {
 }
 
 std::string fish_completion(const std::vector<CommandWords>& commands) {
+  std::vector<std::string> paths;
+  for (const CommandWords& command : commands) {
+    if (!command.path.empty()) paths.push_back(shell_quoted(path_of(command)));
+  }
   std::string text =
       "# fish completion for nodal:  nodal completion fish > ~/.config/fish/completions/nodal.fish\n"
       "function __nodal_at\n"
-      "  set -l words\n"
+      "  set -l path ''\n"
       "  for word in (commandline -opc)[2..-1]\n"
-      "    string match -q -- '-*' $word; or set words $words $word\n"
+      "    set -l try (string trim -- \"$path $word\")\n"
+      "    contains -- \"$try\" " +
+      fmt::format("{}", fmt::join(paths, " ")) +
+      "; and set path \"$try\"\n"
       "  end\n"
-      "  test \"$words\" = \"$argv\"; or test (count $argv) -gt 0 -a \"$words[1..(count $argv)]\" = \"$argv\"\n"
-      "end\n";
+      "  test \"$path\" = \"$argv\"\n"
+      "end\n"
+      "complete -c nodal -f\n";
+  const auto offered = [](const Value& value) {
+    if (value.file) return std::string(" -F");
+    return value.choices.empty() ? std::string() : fmt::format(" -a '{}'", fmt::join(value.choices, " "));
+  };
   for (const CommandWords& command : commands) {
-    const std::string at = shell_quoted(fmt::format("__nodal_at {}", fmt::join(command.path, " ")));
+    const std::string at = shell_quoted(fmt::format("__nodal_at {}", path_of(command)));
     for (const std::string& name : command.subcommands) {
       const auto child = std::ranges::find_if(commands, [&](const CommandWords& other) {
         return other.path.size() == command.path.size() + 1 && other.path.back() == name &&
                std::equal(command.path.begin(), command.path.end(), other.path.begin());
       });
-      text += fmt::format("complete -c nodal -n {} -f -a {} -d {}\n", at, name, shell_quoted(child->description));
+      text += fmt::format("complete -c nodal -n {} -a {} -d {}\n", at, name, shell_quoted(child->description));
+    }
+    if (const std::string more = offered(command.positional); !more.empty()) {
+      text += fmt::format("complete -c nodal -n {}{}\n", at, more);
     }
     for (const CommandWords::Option& option : command.options) {
       text += fmt::format("complete -c nodal -n {}", at);
       for (const std::string& name : option.names) {
         text += name.starts_with("--") ? fmt::format(" -l {}", name.substr(2)) : fmt::format(" -s {}", name.substr(1));
       }
-      if (const auto choices = values_of(option.value); !choices.empty()) {
-        text += fmt::format(" -x -a '{}'", fmt::join(choices, " "));
-      } else if (!option.value.empty()) {
-        text += " -r";
-      }
+      if (!option.type.empty()) text += (option.value.file ? " -r" : " -x") + offered(option.value);
       text += fmt::format(" -d {}\n", shell_quoted(option.description));
     }
   }
@@ -215,7 +247,7 @@ void add_completion(CLI::App& app, CommandLine& line) {
   auto shell = std::make_shared<std::string>();
   command->add_option("SHELL", *shell, "bash, zsh or fish")
       ->required()
-      ->type_name("")
+      ->type_name("bash|zsh|fish")
       ->check(CLI::IsMember({"bash", "zsh", "fish"}, CLI::ignore_case));
   line.on(command, [shell, &app](Context& context) -> Status {
     const std::vector<CommandWords> words = command_words(app);

@@ -9,17 +9,26 @@ namespace nodal::host {
 
 /// A command of the tree below an app: its words and its options.
 struct CommandWords {
+  /// What may follow as a value.
+  struct Value {
+    std::vector<std::string> choices;  ///< all of them; empty when they cannot be listed
+    bool file = false;                 ///< the name of a file or folder
+  };
   std::vector<std::string> path;  ///< {"calibration", "upload"}; empty for `nodal` itself
   std::string description;
   std::vector<std::string> subcommands;
   struct Option {
     std::vector<std::string> names;  ///< {"-o", "--out"}
     std::string description;
-    std::string value;  ///< "FILE", "jpg|png|raw"; empty for a flag
+    std::string type;  ///< "FILE", "jpg|png|raw"; empty for a flag
+    Value value;
   };
   std::vector<Option> options;  ///< its own and those of all above it
-  std::vector<std::string> positionals;
+  Value positional;             ///< of its arguments
 };
+
+/// An option's type as commands name it ("sum|max", "PX"), without what CLI11 adds of its checks (":{max,sum}").
+std::string type_of(const CLI::Option& option);
 
 /// Every command, parents before children.
 std::vector<CommandWords> command_words(const CLI::App& app);

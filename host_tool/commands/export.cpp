@@ -84,7 +84,7 @@ void add_export(CLI::App& app, CommandLine& line) {
   command->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")
       ->required()
-      ->type_name("FORMAT")
+      ->type_name("pto|pts|ptv|surround360|opencv|kalibr")
       ->check(checked_by([](std::string_view name) { return interchange::export_format_named(name); }));
   command->add_option("-o,--out", args->out, "Where to; by the calibration's name when not given")->type_name("FILE");
   command->add_option("--images", args->images, "The heads' pictures, in order, as the file should name them")

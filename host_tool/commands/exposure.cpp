@@ -141,7 +141,7 @@ void add_exposure(CLI::App& app, CommandLine& line) {
                               "  nodal exposure set --target 3 --longest 1/100\n"
                               "  nodal exposure set manual\n");
   set->add_option("PROGRAM", args->program, "manual, each or joint")
-      ->type_name("")
+      ->type_name("manual|each|joint")
       ->check(CLI::IsMember({"manual", "each", "joint"}));
   set->add_option("--anchor", args->anchor, "joint: a head that is exposed for what it sees; none")->type_name("HEAD");
   const auto stops_option = [&](const char* name, std::string& into, const char* help) {

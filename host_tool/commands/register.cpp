@@ -246,7 +246,8 @@ void add_register(CLI::App& app, CommandLine& line) {
                    "Fall-off: each head's own (when not given), shared by all, or fixed")
       ->type_name("own|shared|fixed")
       ->check(one_of(kVignetting));
-  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")->type_name("NAME");
+  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")
+      ->type_name("equirectangular|cube");
   command
       ->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
       ->type_name("PX")

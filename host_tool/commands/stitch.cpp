@@ -170,7 +170,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->add_option("-o,--out", args->out,
                    "The picture, .jpg, .png or .raw (sphere.jpg when not given); %04d numbers it")
       ->type_name("FILE");
-  command->add_option("--layout", args->layout, "equirectangular (when not given), or cube")->type_name("NAME");
+  command->add_option("--layout", args->layout, "equirectangular when not given")->type_name("equirectangular|cube");
   command->add_option("--width", args->width, "Its width; as fine as the pictures when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
@@ -178,7 +178,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("8|16")
       ->check(CLI::IsMember({8, 16}));
   command->add_option("--quality", args->quality, "Of a JPEG (92 when not given)")
-      ->type_name("1..100")
+      ->type_name("N")
       ->check(CLI::Range(1, 100));
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")

@@ -289,7 +289,56 @@ TEST_F(Commands, BashCompletion_OffersWhatMayFollow) {
   EXPECT_NE(offered("nodal cal", "1").find(" calibration"), std::string::npos);
   EXPECT_NE(offered("nodal --json calibration ''", "3").find(" rollback"), std::string::npos);
   EXPECT_NE(offered("nodal raymap pull --fo", "3").find(" --format"), std::string::npos);
-  EXPECT_NE(offered("nodal raymap pull --format ''", "4").find(" jpg png raw"), std::string::npos);
+  EXPECT_EQ(offered("nodal raymap pull --format ''", "4"), " jpg png raw\n");
+  EXPECT_EQ(offered("nodal export --format ''", "3"), " pto pts ptv surround360 opencv kalibr\n");
+  EXPECT_EQ(offered("nodal register --free l", "3"), " light lens\n");
+  EXPECT_EQ(offered("nodal raymap pull -n ''", "4"), " \n") << "a number: no files";
+  EXPECT_EQ(offered("nodal genlock s", "2"), " start stop show\n") << "no files where commands belong";
+  write("rig-of-mine.json", "");
+  EXPECT_EQ(offered("nodal stitch " + path("rig-of"), "2"), " " + path("rig-of-mine.json") + "\n");
+}
+
+bool installed(const std::string& program) { return Process({"which", program}).wait().code == 0; }
+
+TEST_F(Commands, FishCompletion_OffersWhatMayFollow) {
+  if (!installed("fish")) GTEST_SKIP() << "fish is not installed";
+  const auto offered = [this](const std::string& line) {
+    const Finished fish =
+        Process({"fish", "--no-config", "-c",
+                 "cd " + path("") + "; " NODAL_BIN_DIR "/nodal completion fish | source; complete -C '" + line +
+                     "' | string split -f1 \\t | string join ' '"})
+            .wait();
+    EXPECT_EQ(fish.err, "");  // the code is that of `string`, which says whether it changed anything
+    return fish.out;
+  };
+  EXPECT_EQ(offered("nodal cal"), "calibrate calibration\n");
+  EXPECT_EQ(offered("nodal --rig unix:x calibration ro"), "rollback\n");
+  EXPECT_EQ(offered("nodal raymap pull --format "), "jpg png raw\n");
+  EXPECT_EQ(offered("nodal export --format p"), "pto pts ptv\n");
+  EXPECT_EQ(offered("nodal completion "), "bash fish zsh\n");
+  EXPECT_EQ(offered("nodal raymap pull -n "), "");
+  write("rig-of-mine.json", "");
+  EXPECT_EQ(offered("nodal stitch rig-of"), "rig-of-mine.json\n");
+}
+
+TEST_F(Commands, ZshCompletion_HandsOverWhatMayFollow) {
+  if (!installed("zsh")) GTEST_SKIP() << "zsh is not installed";
+  const auto offered = [](const std::string& words, const std::string& current) {
+    const Finished zsh = Process({"zsh", "-f", "-c",
+                                  "_arguments() { print -rl -- \"$@\" }; compdef() { }; "
+                                  "source <(" NODAL_BIN_DIR "/nodal completion zsh); words=(" +
+                                      words + "); CURRENT=" + current + "; _nodal"})
+                             .wait();
+    EXPECT_EQ(zsh.code, 0) << zsh.err;
+    EXPECT_EQ(zsh.err, "");
+    return zsh.out;
+  };
+  EXPECT_NE(offered("nodal --json calib", "3").find("*:command:(status heads "), std::string::npos);
+  EXPECT_NE(offered("nodal export --fo", "3").find(":value:(pto pts ptv surround360 opencv kalibr)\n"),
+            std::string::npos);
+  EXPECT_NE(offered("nodal raymap pull ''", "4").find(":value:(jpg png raw)\n"), std::string::npos);
+  EXPECT_NE(offered("nodal stitch ''", "3").find("*:argument:_files\n"), std::string::npos);
+  EXPECT_NE(offered("nodal calibration use ''", "4").find("*:argument: \n"), std::string::npos) << "an id is no file";
 }
 
 TEST_F(Commands, Hosts_ListsAPullAndEndsIt) {

@@ -30,6 +30,22 @@ TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
   }
 }
 
+TEST(CommandLine, HelpOfEveryOption_ListsItsChoicesOnceAndItsRangeInWords) {
+  const std::string help = Outcome({"register", "--help"}).out;
+  EXPECT_NE(help.find("--norm sum|max "), std::string::npos) << help;
+  EXPECT_NE(help.find("--threads N (1 to 256)"), std::string::npos) << help;
+  Console console(stdout, stderr);
+  CommandLine line(console);
+  for (const CommandWords& command : command_words(line.app())) {
+    std::vector<std::string> words = command.path;
+    words.push_back("--help");
+    const std::string text = Outcome(words).out;
+    EXPECT_EQ(text.find(":{"), std::string::npos) << text;
+    EXPECT_EQ(text.find("INT in"), std::string::npos) << text;
+    EXPECT_EQ(text.find("FLOAT in"), std::string::npos) << text;
+  }
+}
+
 TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
   const std::vector<std::vector<std::string>> wrong{{},
                                                     {"stauts"},
