@@ -26,7 +26,7 @@ struct Kernels {
   }
 };
 
-/// The rows of a tile that are asked for, as validity.
+/// Writes the validity of one tile's pixels, for the rows in [row_begin, row_end).
 void validity_of_tile(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int column, int row,
                       int row_begin, int row_end) {
   const GridTable& grid = table.grids[0];
@@ -60,7 +60,7 @@ void validity_of_tile(const BlendTable& table, Pictures pictures, const MutableP
   }
 }
 
-/// Chroma in rows [row_begin, row_end) of the raymap.
+/// Fades the chroma of rows [row_begin, row_end) of the raymap.
 void fade_chroma(const ChromaFade& fade, const MutableImageView& raymap, int row_begin, int row_end) {
   const MutablePlaneView& luma = raymap.planes[0];
   for (int y = row_begin; y < row_end; y += 2) {

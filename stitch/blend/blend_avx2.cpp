@@ -1,7 +1,7 @@
-// The blend by AVX2: the rows of a patch that a quarter of a tile needs are gone through one by one, beside those of
-// the quarter on its right, and every row gives, by a shuffle of its 16 bytes, the samples of the pixels that lie in
-// it. A quarter is as wide as it is high, so that seven rows nearly always do, however the head is turned. One of the
-// two rows that a pixel mixes is even, one odd: kept by that, no row is shuffled both as an upper and as a lower one.
+// The blend for AVX2. A tile is processed in quarters, two side by side: the patch rows that a quarter needs are loaded
+// one after the other, and a byte shuffle of each row picks the samples of the pixels that use it. A quarter is as wide
+// as it is high, so seven rows nearly always suffice, whatever the head's rotation. Of the two rows that a pixel
+// interpolates, one is even and one is odd; samples are kept by that parity, so that each row is shuffled only once.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -21,18 +21,18 @@ NODAL_TARGET_BEGIN("avx2")
 namespace nodal::blend {
 namespace {
 
-/// Samples that lie side by side, by pixel.
+/// For every pixel, two horizontally adjacent samples.
 struct Pair {
   V left, right;
 };
-/// The four samples of each pixel of half a tile: of its even row and of its odd one, counted from where its quarter's
-/// pixels begin. Either may be the upper one.
+/// For every pixel of half a tile, its four samples: those of its even row and those of its odd row, counted from the
+/// first row of its quarter. Either may be the upper row.
 struct Samples {
   Pair even, odd;
 };
 
-/// Takes up what lies in `span` rows of the patch and the one after them. A row is taken for the pixels whose lower row
-/// it is and for all beyond, whose own come later.
+/// Picks the samples from `span` patch rows and the row below them. Row y is taken for every pixel whose upper row is y
+/// - 1 or below; for pixels further down, later rows overwrite it.
 template <class Span>
 [[gnu::always_inline]] inline Samples picked(const Constants& k, const Patch& patch, const Places& at,
                                              const PatchRecord& record, std::size_t half, Span span) {
@@ -59,14 +59,14 @@ template <class Span>
   return samples;
 }
 
-/// base - sample, base 128 times black, of half a tile.
+/// base - sample for half a tile; base is 128 times black.
 [[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at,
                                        const PatchRecord& record, std::size_t half, V base) {
   using Least = std::integral_constant<int, kLeastSpan>;
   const Samples s = record.span() == kLeastSpan ? picked(k, patch, at, record, half, Least())
                                                 : picked(k, patch, at, record, half, record.span());
-  // Always from the even row on: where that is the lower one, the other's share is one less the lower row's, and what
-  // comes of it is the same to the bit. `share` is then negative, see Places, and the difference's sign changes, too.
+  // Interpolates from the even row to the odd row. If the even row is the lower one, the odd row's share is one minus
+  // the lower row's; `share` holds its negative (Places::down), so the difference is negated too. Same bits.
   const auto down = [&](V even, V odd, V share) {  // both negative
     return add(_mm256_mulhrs_epi16(_mm256_sign_epi16(_mm256_sub_epi16(odd, even), share), share), add(base, even));
   };
@@ -76,7 +76,7 @@ template <class Span>
                _mm256_maddubs_epi16(_mm256_unpackhi_epi8(s.odd.left, s.odd.right), at.across.lower), at.down.lower)};
 }
 
-/// Bytes of a table, by bytes that are less than its length.
+/// Looks up bytes in a table of kLength bytes; every index is below kLength.
 template <std::size_t kLength>
 inline V look_up(const std::uint8_t* of, V index) {
   if constexpr (kLength == 16) {
@@ -84,12 +84,12 @@ inline V look_up(const std::uint8_t* of, V index) {
   } else {
     constexpr std::size_t kHalf = kLength / 2;
     const V upper =
-        _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // the bit that tells the halves apart is its byte's top
+        _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // moves the bit that selects the half to the top of its byte
     return _mm256_blendv_epi8(look_up<kHalf>(of, index), look_up<kHalf>(of + kHalf, index), upper);
   }
 }
 
-/// curve(at), see curve_at.
+/// The curve's values, see curve_at.
 template <int kBits, std::size_t kPieces>
 inline Rows on_curve(Rows at, const Pieces<kPieces>& curve) {
   const V piece = _mm256_packus_epi16(_mm256_srli_epi16(at.upper, kBits), _mm256_srli_epi16(at.lower, kBits));
@@ -107,12 +107,12 @@ inline Rows negated(Rows rows, V base) {
 }
 
 struct Avx2 {
-  /// By component, and half. To be used where it lies: GCC copies Rows by halves of registers, and loads of whole ones
-  /// then wait until both have been stored.
+  /// By component and half. Passed by reference and modified in place: GCC copies Rows in halves of registers, and a
+  /// load of a whole register then stalls until both halves are stored.
   template <int N>
   using Light = std::array<std::array<Rows, 2>, N>;
 
-  /// Puts what was mixed for a record through its head's curves and gains.
+  /// Applies the head's curves and gains to the interpolated samples of a record.
   template <int N>
   [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
     const HeadIndex head = job.grid->records[r].head();
@@ -139,7 +139,7 @@ struct Avx2 {
     }
   }
 
-  /// What a record gives to a tile, negative.
+  /// The light that a record contributes to a tile, negative.
   template <int N>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r,
                                                               Light<N>& negative_light) {
@@ -148,9 +148,9 @@ struct Avx2 {
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
-#pragma GCC unroll 2  // what the second half goes on from is then kept in registers
+#pragma GCC unroll 2  // keeps the state that half 0 leaves for half 1 in registers
     for (std::size_t half = 0; half < 2; ++half) {
-      const Constants& k = out_of_sight(kConstants);  // of each half: what both use would be kept on the stack
+      const Constants& k = out_of_sight(kConstants);  // per half: common values would be spilled to the stack
       const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
         negative_light[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
@@ -188,7 +188,7 @@ struct Avx2 {
     }
   }
 
-  /// Light as it is.
+  /// For 16-bit raymaps: light is stored as it is.
   template <int N>
   [[gnu::always_inline]] static inline void finish(const BlendJob&, const Light<N>& light, bool negative,
                                                    std::int16_t* out) {
@@ -261,7 +261,7 @@ struct Avx2 {
     }
   }
 
-  /// Past the caches, where a whole line will come of it.
+  /// Bypasses the caches if `to` is aligned, because the stores then fill whole cache lines.
   static inline void put(std::uint8_t* to, V bytes) {
     if ((reinterpret_cast<std::uintptr_t>(to) & 31) == 0) {
       _mm256_stream_si256(reinterpret_cast<V*>(to), bytes);
@@ -274,7 +274,7 @@ struct Avx2 {
     std::memcpy(to, from, bytes);
   }
 
-  /// Four rows of four tiles of a strip, side by side.
+  /// Four rows of four adjacent tiles of a strip.
   static inline void rows_of(const std::uint8_t* tiles, V rows[4]) {
     const V a = load(tiles), b = load(tiles + kTilePixels);
     const V c = load(tiles + 2 * kTilePixels), d = load(tiles + 3 * kTilePixels);

@@ -1,6 +1,6 @@
-// The blend by AVX-512 with VBMI: a patch of 16x16 samples fills four registers, and the four samples that each of a
-// tile's 64 pixels mixes are picked out of them by their place, two registers at a time. All that a tile takes is inlined
-// by force: what a compiler leaves apart is handed its registers through memory, a sixth of the time.
+// The blend for AVX-512 with VBMI. A patch of 16x16 samples fills four registers; the four samples that each of a
+// tile's 64 pixels interpolates are picked from two registers at a time by their index. All code for a tile is
+// force-inlined: a function call passes registers through memory, which costs a sixth of the time.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -31,17 +31,17 @@ template <class Number>
 [[gnu::always_inline]] inline __m256i load_half(const std::array<Number, 32 / sizeof(Number)>& numbers) {
   return _mm256_load_si256(reinterpret_cast<const __m256i*>(numbers.data()));
 }
-/// All over a register.
+/// One number in every lane of a register.
 [[gnu::always_inline]] inline V all(const RepeatedInt16& number) { return _mm512_set1_epi32(number.both()); }
 
-/// Where a tile's pixels lie in a patch, ready for use.
+/// The patch coordinates of a tile's pixels, in the form that interpolation needs.
 struct Places {
-  Rows index;   ///< pairs of bytes: row * 16 + column of the upper left sample, and of the one on its right
-  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
-  Rows down;    ///< the lower row's share, of 2^15
+  Rows index;   ///< byte pairs: row * 16 + column of the upper left sample, and of its right neighbour
+  Rows across;  ///< byte pairs: the shares of the left and the right sample, in -1/128, because -128 fits a byte
+  Rows down;    ///< the lower row's share, in 1/2^15
 };
 
-/// In every 64 bits, twice the eight bits of each number that begin at a bit.
+/// For each 16-bit number, the eight bits that start at a given bit, in both of its bytes.
 [[gnu::always_inline]] inline V twice_from(const Constants::Bytes& bit, V numbers) {
   return _mm512_multishift_epi64_epi8(load(bit), numbers);
 }
@@ -51,7 +51,7 @@ struct Places {
   const V both = _mm512_ternarylogic_epi32(rows, twice_from(k.nibble, x), load(k.upper_nibbles), 0xe4);  // c ? a : b
   return _mm512_add_epi8(both, load(k.pair_of));
 }
-[[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128, -f
+[[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128 and -f, see Places::across
   const V flipped =
       _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
   return _mm512_add_epi8(flipped, load(k.across));
@@ -66,7 +66,7 @@ struct Places {
           {down_of(k, y.upper), down_of(k, y.lower)}};
 }
 
-/// In all four lanes.
+/// The lower (or upper) 128 bits, repeated in all four lanes.
 [[gnu::always_inline]] inline V lower_half(__m256i v) { return _mm512_broadcast_i32x4(_mm256_castsi256_si128(v)); }
 [[gnu::always_inline]] inline V upper_half(__m256i v) {
   const V wide = _mm512_castsi256_si512(v);
@@ -79,7 +79,7 @@ struct Places {
     return places(k, {_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
                   {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)});
   }
-  const __m256i both = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&record));  // x below, y above
+  const __m256i both = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&record));  // x in the low half, y above it
   const auto term = [&](std::size_t t) { return _mm256_shuffle_epi8(both, load_half(k.term[t])); };
   const __m256i a = _mm256_add_epi16(_mm256_add_epi16(term(0), _mm256_mullo_epi16(term(1), load_half(k.i))),
                                      _mm256_mullo_epi16(term(4), load_half(k.ii)));
@@ -95,7 +95,7 @@ struct Places {
                 rows(upper_half(a), upper_half(b), upper_half(c)));
 }
 
-/// Four coefficients of 1, i, j, ij over a tile.
+/// A bilinear polynomial over a tile: coefficients of 1, i, j, ij.
 [[gnu::always_inline]] inline Rows bilinear(const Constants& k, const std::int16_t* q) {
   const __m256i terms = _mm256_broadcastq_epi64(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(q)));
   const auto halves = [&](std::size_t t) { return _mm256_shuffle_epi8(terms, load_half(k.pair[t])); };
@@ -105,14 +105,14 @@ struct Places {
   return {upper, _mm512_add_epi16(upper, _mm512_slli_epi16(b, 2))};
 }
 
-/// The bytes of a patch at 64 places; those with the top bit set lie in rows 8 .. 15.
+/// The bytes of a patch at 64 indices; an index with its top bit set is in rows 8 .. 15.
 [[gnu::always_inline]] inline V pick(const Patch& patch, V index) {
   return _mm512_mask_blend_epi8(_mm512_movepi8_mask(index),
                                 _mm512_permutex2var_epi8(patch.rows[0], index, patch.rows[1]),
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
-/// base - sample, base 128 times black.
+/// base - sample; base is 128 times black.
 [[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at, V base) {
   const auto mixed = [&](V index, V across, V share) {
     const V below = _mm512_add_epi8(index, load(k.row));
@@ -144,7 +144,7 @@ struct Places {
   return _mm512_srai_epi16(_mm512_add_epi16(shown, load(k.half_level)), kSampleBits);
 }
 
-/// Bytes 64 k .. 64 k + 63 of R G B R G B ..: of R, and of G in the register after it.
+/// Indices for bytes 64 k .. 64 k + 63 of R G B R G B ..: into R's register and, for G, into the register after it.
 constexpr Picks triple_bytes() {
   Picks picks;
   for (std::size_t m = 0; m < 192; ++m)
@@ -152,10 +152,10 @@ constexpr Picks triple_bytes() {
   return picks;
 }
 constexpr Picks kTripleBytes = triple_bytes();
-/// Which of them are B's.
+/// Which of those bytes are B's, as masks.
 constexpr std::array<__mmask64, 3> kThirds{0x4924924924924924, 0x2492492492492492, 0x9249249249249249};
 
-/// The same of U V U V ..: V in the register after U's.
+/// The same for U V U V ..: indices into U's register and, for V, into the register after it.
 constexpr Picks pair_bytes() {
   Picks picks;
   for (std::size_t m = 0; m < 128; ++m) picks.of[m / 64][m % 64] = static_cast<std::uint8_t>(m / 2 + m % 2 * 64);
@@ -164,7 +164,7 @@ constexpr Picks pair_bytes() {
 constexpr Picks kPairBytes = pair_bytes();
 
 struct Avx512 {
-  /// Light of all components by one record, negative.
+  /// The light that a record contributes to all components, negative.
   template <int N>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
                                                               std::array<Rows, N>& negative_light) {
@@ -228,7 +228,7 @@ struct Avx512 {
     }
   }
 
-  /// Light as it is.
+  /// For 16-bit raymaps: light is stored as it is.
   template <int N>
   [[gnu::always_inline]] static inline void finish(const BlendJob&, const std::array<Rows, N>& light, bool negative,
                                                    std::int16_t* out) {
@@ -290,7 +290,7 @@ struct Avx512 {
     }
   }
 
-  /// The eight rows of a strip: an 8x8 transposition of 64-bit numbers, for eight bytes of every tile make a row.
+  /// The eight rows of a strip. A row is eight bytes of every tile, so this is an 8x8 transposition of 64-bit numbers.
   [[gnu::always_inline]] static inline void rows_of(const std::uint8_t* strip, V rows[8]) {
     V pairs[8];
     for (std::size_t k = 0; k < 8; k += 2) {
@@ -311,7 +311,7 @@ struct Avx512 {
     }
   }
 
-  /// Past the caches, where the line is whole.
+  /// Bypasses the caches if `to` is aligned, because the store then fills a whole cache line.
   [[gnu::always_inline]] static inline void put(std::uint8_t* to, V bytes) {
     if ((reinterpret_cast<std::uintptr_t>(to) & 63) == 0) {
       _mm512_stream_si512(reinterpret_cast<V*>(to), bytes);

@@ -5,7 +5,7 @@
 namespace nodal::blend {
 namespace {
 
-/// How the components in views[0 .. count) lie; `format` tells on which side of a luma sample its chroma is.
+/// How the components in views[0 .. count) are stored; `format` gives the byte order of packed luma and chroma.
 PatchPlane patch_plane(const std::array<PlaneView, kMaxPlanes>& views, std::size_t count, PixelFormat format) {
   PatchPlane plane{{}, {}, views[0].row_stride, views[0].pixel_stride, SampleLayout::kGeneral, views};
   bool alike = true;

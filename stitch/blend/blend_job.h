@@ -9,21 +9,21 @@
 
 namespace nodal::blend {
 
-/// How the samples of a grid's components are stored in a head's picture. In groups, one load brings all components.
+/// How the samples of a grid's components are stored in a picture. Groups: one load fetches all components of a sample.
 enum class SampleLayout : std::uint8_t {
-  kPlanar,   ///< each component in a plane of its own, samples side by side
-  kPairs,    ///< a sample of every component in 2 bytes: luma of YUYV and UYVY, chroma of NV12
-  kTriples,  ///< in 3: RGB24
-  kQuads,    ///< in 4: chroma of YUYV and UYVY
-  kGeneral,  ///< by PlaneView; also pictures smaller than a patch
+  kPlanar,   ///< each component in its own plane, samples contiguous
+  kPairs,    ///< groups of 2 bytes: luma of YUYV and UYVY, chroma of NV12
+  kTriples,  ///< groups of 3 bytes: RGB24
+  kQuads,    ///< groups of 4 bytes: chroma of YUYV and UYVY
+  kGeneral,  ///< read by PlaneView, sample by sample; also pictures smaller than a patch
 };
 
-/// A head's picture at one level, as one grid's patches are read from it.
+/// A head's picture at one pyramid level, as one grid's patches are read from it.
 struct PatchPlane {
   std::array<const std::uint8_t*, kMaxPlanes> data{};  ///< by component of the grid; for groups [0] is the first group
-  std::array<std::uint8_t, kMaxPlanes> offset{};       ///< of the component in its group
+  std::array<std::uint8_t, kMaxPlanes> offset{};       ///< byte offset of the component in its group
   std::ptrdiff_t row_stride = 0;
-  int group = 1;  ///< bytes from sample to sample
+  int group = 1;  ///< bytes from one sample to the next
   SampleLayout layout = SampleLayout::kPlanar;
   std::array<PlaneView, kMaxPlanes> views{};  ///< by component of the grid
 };
@@ -46,8 +46,8 @@ template <std::size_t kPieces>
 struct Pieces {
   alignas(64) std::array<std::int16_t, kPieces> knot;
   alignas(64) std::array<std::int16_t, kPieces> rise;
-  alignas(64) std::array<std::int16_t, kPieces> negative_knot;  ///< black less the knot
-  /// The same for kernels that look up bytes: lower and upper bytes of knot, then of rise.
+  alignas(64) std::array<std::int16_t, kPieces> negative_knot;  ///< black minus the knot
+  /// The same for kernels that look up bytes: low and high bytes of knot, then of rise.
   alignas(64) std::array<std::array<std::uint8_t, kPieces>, 4> bytes;
 
   void set(std::size_t i, std::int16_t start, std::int16_t rise_i, std::int16_t black) {
@@ -62,13 +62,13 @@ struct Pieces {
   }
 };
 
-/// Of a component of the grid.
+/// Constants of one component of the grid.
 struct JobComponent {
-  int component = 0;    ///< of the raymap's format
+  int component = 0;    ///< index in the raymap's format
   RepeatedInt16 black;  ///< 128 * ComponentRule::black
   RepeatedInt16 black_level;
   std::uint8_t tone = 0;
-  RepeatedInt16 scale;           ///< of light
+  RepeatedInt16 scale;           ///< of light; OutputTone::scale
   RepeatedInt16 negative_scale;  ///< -scale
   bool output_curve = false;
 };
@@ -78,21 +78,21 @@ struct BlendJob {
   const BlendTable* table = nullptr;
   const GridTable* grid = nullptr;
   const SetTone* tone = nullptr;
-  bool gains = false;         ///< any at all
-  bool curves = false;        ///< of any head
-  bool careful = false;       ///< confidence is asked for
-  std::uint32_t missing = 0;  ///< heads, by bit
+  bool gains = false;         ///< whether any gain is applied
+  bool curves = false;        ///< whether any head has a curve
+  bool careful = false;       ///< whether confidence is used
+  std::uint32_t missing = 0;  ///< missing heads, one bit each
   int components = 0;
   std::array<JobComponent, kMaxPlanes> component{};
   std::array<std::array<PatchPlane, kMaxHeads>, kMaxLevels> planes{};
   std::array<std::array<PlaneView, kMaxHeads>, kMaxLevels> luma{};  ///< for confidence
-  /// Chroma samples to luma samples, per head: a chroma sample (x, y) has luma (x << right, y << down).
+  /// Per head, shifts from chroma to luma coordinates: a chroma sample (x, y) has luma (x << right, y << down).
   std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
   std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;
   std::array<std::array<RepeatedInt16, kToneClasses>, kMaxHeads> gain_of{};
   std::array<Pieces<64>, kToneClasses> output;
   std::array<MutablePlaneView, kMaxPlanes> out{};  ///< by component of the grid
-  int row_begin = 0;                               ///< of the grid
+  int row_begin = 0;                               ///< in rows of the grid
   int row_end = 0;
 
   const PatchPlane& plane(const PatchRecord& record) const {

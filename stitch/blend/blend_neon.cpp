@@ -1,5 +1,5 @@
-// The blend by NEON: two rows of a tile at a time, whose samples are picked by `tbl` out of four rows of the patch, as many
-// times as it takes.
+// The blend for NEON: two rows of a tile at a time. `tbl` picks their samples from four rows of the patch at a time,
+// until all the rows that they need have been covered.
 #include <arm_neon.h>
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace nodal::blend {
 namespace {
 
-using Row = int16x8_t;  ///< of a tile
+using Row = int16x8_t;  ///< one row of a tile
 
-/// Row j of a tile, of a list by pixel.
+/// Row j of a tile, from a list of 64 values, one per pixel.
 template <class Number>
 inline Row listed_row(const Number* values, std::size_t j) {
   return vld1q_s16(reinterpret_cast<const std::int16_t*>(values) + j * kTile);
@@ -25,7 +25,7 @@ inline Row columns() {
 
 using TileRows = std::array<Row, kTile>;
 
-/// A quadratic over a tile, row by row by its differences.
+/// A quadratic over a tile; each row is the row above plus a difference.
 inline TileRows over_tile(const Quadratic& q) {
   const Row i = columns();
   TileRows rows;
@@ -40,7 +40,7 @@ inline TileRows over_tile(const Quadratic& q) {
   return rows;
 }
 
-/// Coefficients of 1, i, j, ij.
+/// A bilinear polynomial: coefficients of 1, i, j, ij.
 inline TileRows bilinear_over_tile(const std::int16_t* q) { return over_tile({q[0], q[1], q[2], q[3], 0, 0}); }
 
 struct Coordinates {
@@ -58,7 +58,7 @@ inline Coordinates coordinates_of(const GridTable& grid, const PatchRecord& reco
   return at;
 }
 
-/// A patch: its first row, and how far apart its rows are.
+/// A patch: its first row, and the distance between its rows in bytes.
 struct Patch {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t stride = 0;
@@ -66,12 +66,12 @@ struct Patch {
 template <int N>
 using Staged = std::array<std::array<std::uint8_t, kPatch * kPatch>, N>;
 
-/// Brings every component's samples side by side.
+/// Copies every component's samples to contiguous rows.
 template <int N>
 inline void stage(const PatchPlane& plane, const PatchRecord& record, int rows, Staged<N>& staged) {
   const std::uint8_t* from = plane.data[0] + record.top * plane.row_stride + std::ptrdiff_t{record.left} * plane.group;
   for (int y = 0; y < rows; ++y, from += plane.row_stride) {
-    std::array<uint8x16_t, 4> apart{};  // by place in the group
+    std::array<uint8x16_t, 4> apart{};  // by offset in the group
     switch (plane.layout) {
       case SampleLayout::kPairs: {
         const uint8x16x2_t row = vld2q_u8(from);
@@ -94,7 +94,7 @@ inline void stage(const PatchPlane& plane, const PatchRecord& record, int rows, 
   }
 }
 
-/// By PlaneView, sample by sample.
+/// The same for any layout, sample by sample.
 template <int N>
 inline void stage_anyhow(const PatchPlane& plane, const PatchRecord& record, int rows, Staged<N>& staged) {
   for (std::size_t c = 0; c < N; ++c) {
@@ -126,15 +126,15 @@ inline void find_patch(const PatchPlane& plane, const PatchRecord& record, Stage
   }
 }
 
-/// Where two rows of a tile lie in a patch, ready for use.
+/// The patch coordinates of two rows of a tile, in the form that interpolation needs.
 struct Places {
   uint8x16_t place;         ///< row * 16 + column of the upper left sample
-  uint8x16_t right;         ///< the right sample's share, of 128
-  std::array<Row, 2> down;  ///< the lower sample's share, of 2^15
-  int first = 0;            ///< of the patch's rows in which pixels begin
+  uint8x16_t right;         ///< the right sample's share, in 1/128
+  std::array<Row, 2> down;  ///< the lower sample's share, in 1/2^15
+  int first = 0;            ///< first and last patch row that is an upper sample row
   int last = 0;
 };
-/// Rows first .. last of the patch hold what has weight; other pixels may lie anywhere.
+/// Pixels with weight use patch rows first .. last; pixels without weight can have any coordinates.
 inline Places places_of(const Coordinates& at, std::size_t j, int first, int last) {
   const auto pack = [](uint16x8_t a, uint16x8_t b) { return vcombine_u8(vmovn_u16(a), vmovn_u16(b)); };
   std::array<uint16x8_t, 2> x, y;
@@ -157,18 +157,18 @@ inline Places places_of(const Coordinates& at, std::size_t j, int first, int las
   return places;
 }
 
-/// The samples of two rows of a tile.
+/// Interpolates the samples of two rows of a tile.
 inline std::array<Row, 2> mix(const Patch& patch, const Places& at) {
   uint8x16_t p00 = vdupq_n_u8(0), p10 = p00, p01 = p00, p11 = p00;
   for (int y = at.first; y <= at.last; y += 4) {
-    // Rows y .. y + 4, none of which is after the last one's next: that may be the picture's last.
+    // Loads rows y .. y + 4, but none below row last + 1: that may be the last row of the picture.
     std::array<uint8x16_t, 5> rows;
     const std::uint8_t* from = patch.data + y * patch.stride;
     for (int k = 0; k < 5; ++k) {
       rows[static_cast<std::size_t>(k)] = vld1q_u8(from);
       if (y + k <= at.last) from += patch.stride;
     }
-    // Places in other rows are beyond the table, and leave what is there.
+    // Indices of other rows are out of the range of tbx, which then leaves the byte unchanged.
     const uint8x16_t left = vsubq_u8(at.place, vdupq_n_u8(static_cast<std::uint8_t>(y << 4)));
     const uint8x16_t right = vaddq_u8(left, vdupq_n_u8(1));
     const uint8x16x4_t upper{{rows[0], rows[1], rows[2], rows[3]}};
@@ -192,7 +192,7 @@ inline std::array<Row, 2> mix(const Patch& patch, const Places& at) {
   return sample;
 }
 
-/// Bytes of a table, by bytes that are less than its length.
+/// Looks up bytes in a table; every index is less than its length.
 inline uint8x16_t look_up(const std::array<std::uint8_t, 32>& of, uint8x16_t index) {
   return vqtbl2q_u8({{vld1q_u8(of.data()), vld1q_u8(of.data() + 16)}}, index);
 }
@@ -201,7 +201,7 @@ inline uint8x16_t look_up(const std::array<std::uint8_t, 64>& of, uint8x16_t ind
       {{vld1q_u8(of.data()), vld1q_u8(of.data() + 16), vld1q_u8(of.data() + 32), vld1q_u8(of.data() + 48)}}, index);
 }
 
-/// curve(at), see curve_at, of two rows.
+/// The curve's values for two rows, see curve_at.
 template <int kBits, std::size_t kPieces>
 inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kPieces>& curve) {
   const auto piece_of = [](Row of) { return vmovn_u16(vshrq_n_u16(vreinterpretq_u16_s16(of), kBits)); };
@@ -220,7 +220,7 @@ inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kP
 }
 
 struct Neon {
-  /// Light of all components by one record, negative.
+  /// The light that a record contributes to all components, negative.
   template <int N>
   static inline void negative_light_of(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
@@ -268,7 +268,7 @@ struct Neon {
     }
   }
 
-  /// Light as it is.
+  /// For 16-bit raymaps: light is stored as it is.
   template <int N>
   static inline void finish(const BlendJob&, const std::array<TileRows, N>& light, bool negative, std::int16_t* out) {
     for (std::size_t c = 0; c < N; ++c) {

@@ -1,4 +1,4 @@
-// The specification of the blend, one pixel after the other. See blend.h for the arithmetic in words.
+// The specification of the blend, one pixel at a time. See blend.h for the formulas.
 #include "stitch/blend/tile_driver.h"
 
 namespace nodal::blend {

@@ -1,6 +1,6 @@
-// The blend table: for every 8x8 tile of the raymap and every head that looks there, which 16x16 samples of the head
-// hold what the tile needs, where in them each pixel lies, and how much of it to take. Made by stitch/table from a
-// calibration and a layout, proven there, and only then run. Integers only.
+// The blend table. For every 8x8 tile of the raymap and every head that sees it: which 16x16 samples of the head the
+// tile reads, each pixel's coordinates within them, and its weight. stitch/table makes it from a calibration and a
+// layout, and validates it before use. Integers only.
 #pragma once
 
 #include <algorithm>
@@ -16,40 +16,40 @@
 
 namespace nodal::blend {
 
-inline constexpr int kTile = 8;  ///< pixels a side of a tile
+inline constexpr int kTile = 8;  ///< pixels per side of a tile
 inline constexpr int kTilePixels = kTile * kTile;
-inline constexpr int kPatch = 16;         ///< samples a side of a patch
-inline constexpr int kQuarter = 4;        ///< pixels a side of a quarter of a tile
-inline constexpr int kLeastSpan = 6;      ///< patch rows that nearly every quarter finds its pixels in
-inline constexpr int kFractionBits = 12;  ///< of a coordinate in a patch, which has four bits before the point
+inline constexpr int kPatch = 16;         ///< samples per side of a patch
+inline constexpr int kQuarter = 4;        ///< pixels per side of a quarter of a tile
+inline constexpr int kLeastSpan = 6;      ///< patch rows that suffice for nearly every quarter
+inline constexpr int kFractionBits = 12;  ///< fraction bits of a coordinate in a patch; it has four integer bits
 inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
-inline constexpr int kGainBits = 12;      ///< of Source::gain
-inline constexpr int kMaxGain = 32767;    ///< of Source::gain: just below 8
+inline constexpr int kGainBits = 12;      ///< fraction bits of Source::gain
+inline constexpr int kMaxGain = 32767;    ///< largest Source::gain: just below 8
 inline constexpr int kSharpenBits = 6;    ///< Source::sharpen is in 1 / (1 << kSharpenBits)
 inline constexpr int kMaxSharpen = 16;
-inline constexpr int kSharpenReach = 2;  ///< samples to the neighbours that Source::sharpen takes away from
-inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< of BlendTable::linear
-inline constexpr int kMaxLevels = 5;                  ///< of a head's pyramid: 1, 1/2, .. 1/16
+inline constexpr int kSharpenReach = 2;  ///< distance in samples of the neighbours that Source::sharpen subtracts
+inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< entries of BlendTable::linear
+inline constexpr int kMaxLevels = 5;                  ///< levels of a head's pyramid: 1, 1/2, .. 1/16
 
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
 
-/// What one head gives to one tile. Pixel (i, j) lies at x(i, j), y(i, j) in the patch, modulo 2^16, in
-/// 1 / (1 << kFractionBits) samples; of pixels with weight both are below 15, so that the next sample is there too.
-/// Two halves of 16 bytes, alike for x and y.
+/// What one head contributes to one tile. Pixel (i, j) has the patch coordinates x(i, j), y(i, j), modulo 2^16, in 1 /
+/// (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch too.
+/// The record is two halves of 16 bytes with the same layout, one for x and one for y.
 struct PatchRecord {
   Quadratic x{};
-  std::uint16_t left = 0;  ///< of the patch in the plane of the record's level
+  std::uint16_t left = 0;  ///< first column and row of the patch in the plane of the record's level
   std::uint16_t top = 0;
   Quadratic y{};
-  /// The head, 0 .. 15, and above it the pyramid's level, 0 .. kMaxLevels - 1. With kListed the pixels' coordinates are
-  /// listed in GridTable::coordinates and x[0], x[1] are the list's number, low half first.
+  /// Bits 0-3: the head. Bits 4-6: the pyramid level, 0 .. kMaxLevels - 1. Bit 7, kListed: the pixels' coordinates are
+  /// in GridTable::coordinates, and x[0], x[1] are the number of their list, low half first.
   std::uint8_t source = 0;
-  /// Of the patch's rows in which pixels with weight begin: the last one of all, and above it how many in a row those of
-  /// any quarter of the tile are, at least kLeastSpan.
+  /// Bits 0-3: the last patch row that is the upper sample row of a pixel with weight. Bits 4-7: how many consecutive
+  /// such rows a quarter of the tile needs at most, at least kLeastSpan.
   std::uint8_t rows = 14 | 15 << 4;
-  /// Where those of each quarter start, by upper and lower half of the tile: the left quarter's row, and above it the
-  /// right one's. Each pixel also needs the row after the one it begins in; with that all are in the patch.
+  /// The first such row of each quarter, for the upper and the lower half of the tile. Bits 0-3: left quarter; bits
+  /// 4-7: right quarter. A pixel also reads the row below its upper sample row; that row is in the patch too.
   std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;
@@ -61,7 +61,7 @@ struct PatchRecord {
   HeadIndex head() const { return source & 15; }
   int last_row() const { return rows & 15; }
   int span() const { return rows >> 4; }
-  /// Of quarter `side`, 0 the left one, of half 0 or 1.
+  /// For quarter `side` (0: left, 1: right) of half 0 (upper) or 1 (lower).
   int first_row(std::size_t half, std::size_t side) const { return first[half] >> (4 * side) & 15; }
   int first_row(std::size_t half) const { return std::min(first_row(half, 0), first_row(half, 1)); }
   std::size_t list() const {
@@ -71,19 +71,19 @@ struct PatchRecord {
 };
 static_assert(sizeof(PatchRecord) == 32);
 
-/// How a tile's records share its pixels. Weights are kept negative, for one is then a 16-bit number: -(1 << 15).
+/// How a tile's records share its pixels. Weights are stored negative: a weight of one, -(1 << 15), then fits 16 bits.
 enum class Sharing : std::uint8_t {
-  kAlone,     ///< at most one record; with one, every pixel is all its
-  kBilinear,  ///< four coefficients (1, i, j, ij) a record; the last has none, and gets what the others leave of one
-  kListed,    ///< 64 weights a record, row by row; the last has none, and gets what the others leave of one
-  kOpen,      ///< 64 weights for every record; they sum to one, or to nothing where nobody looks
+  kAlone,     ///< at most one record; if there is one, its weight is one at every pixel
+  kBilinear,  ///< coefficients of 1, i, j, ij per record; the last record has none and gets one minus the others
+  kListed,    ///< 64 weights per record, row by row; the last record has none and gets one minus the others
+  kOpen,      ///< 64 weights for every record; they sum to one, or to zero where no head sees the pixel
 };
 
-/// Records of a tile: from `record` up to the next tile's. Tiles are kept in the order they are made, see
-/// GridTable::tile_index.
+/// The tile's records are those from `record` up to the next tile's `record`. Tiles are stored in the order in which
+/// they are blended, see GridTable::tile_index.
 struct Tile {
   std::uint32_t record = 0;
-  std::uint32_t sharing = 0;  ///< Sharing in the upper two bits; below, a quarter of the index into GridTable::weights
+  std::uint32_t sharing = 0;  ///< Sharing in bits 30-31; below, a quarter of the index into GridTable::weights
 
   Sharing how() const { return static_cast<Sharing>(sharing >> 30); }
   std::size_t weights() const { return std::size_t{sharing & 0x3fffffffU} * 4; }
@@ -92,37 +92,37 @@ struct Tile {
 
 /// The tiles of one sample grid of the raymap.
 struct GridTable {
-  static constexpr int kBlockTiles = 8;  ///< tiles are made in blocks of this many by block_rows
+  static constexpr int kBlockTiles = 8;  ///< tiles are blended in blocks of this many columns and block_rows() rows
 
   int width = 0;
   int height = 0;
-  int row_step = 1;         ///< raymap rows to a row of this grid: 1, or 2 for I420 chroma
-  std::vector<Tile> tiles;  ///< tile_count() of them, and one for the end of the last
+  int row_step = 1;         ///< raymap rows per row of this grid: 1, or 2 for I420 chroma
+  std::vector<Tile> tiles;  ///< tile_count() tiles, and one more that ends the last tile's records
   std::vector<PatchRecord> records;
   std::vector<std::int16_t> weights;
   std::vector<std::uint16_t> coordinates;  ///< lists of 64 x, then 64 y, row by row
-  /// By record, coefficients of 1, i, j, ij: undoes the vignetting, in 1 / (1 << 15) of BlendTable::vignetting_scale,
-  /// 1 .. 32767 for pixels with weight. Empty where there is none to undo.
+  /// Per record, coefficients of 1, i, j, ij: the gain that undoes vignetting, in 1 / (1 << 15) of
+  /// BlendTable::vignetting_scale, 1 .. 32767 for pixels with weight. Empty if there is no vignetting to undo.
   std::vector<std::array<std::int16_t, 4>> gains;
 
-  /// Of raymaps whose rays were sorted into tiles: where in the component's plane each pixel of a tile is written, see
-  /// place(), 64 a tile, row by row; kNowhere beyond the grid. Empty where pixels lie where their tiles do.
+  /// Only for raymaps whose rays were sorted into tiles: each pixel's position in the component's plane, see place();
+  /// 64 per tile, row by row; kNowhere outside the grid. Empty if pixels are where their tiles are.
   std::vector<std::uint32_t> places;
   static constexpr std::uint32_t kNowhere = 0xffffffff;
   static constexpr std::uint32_t place(int x, int y) {
     return static_cast<std::uint32_t>(y) << 16 | static_cast<std::uint32_t>(x);
   }
 
-  /// Whole blocks, which may reach beyond the grid; tiles outside it have no records.
+  /// Rounded up to whole blocks, which may extend beyond the grid; tiles outside the grid have no records.
   int tiles_across() const { return (width + 8 * kTile - 1) / (8 * kTile) * 8; }
-  /// Of a block: as many as 64 raymap rows hold.
+  /// Height of a block in tiles: as many as cover 64 raymap rows.
   int block_rows() const { return 8 / row_step; }
   int tiles_down() const { return (height + block_rows() * kTile - 1) / (block_rows() * kTile) * block_rows(); }
   std::size_t tile_count() const {
     return static_cast<std::size_t>(tiles_across()) * static_cast<std::size_t>(tiles_down());
   }
-  /// Of the tile whose first pixel is (8 column, 8 row): block by block, in rows within the block, so that what
-  /// neighbouring tiles read is still at hand.
+  /// The index of the tile whose first pixel is (8 column, 8 row). Tiles are ordered block by block, and row by row
+  /// within a block, so that the samples that neighbouring tiles share are still in the cache.
   std::size_t tile_index(int column, int row) const {
     const int block = row / block_rows() * (tiles_across() / kBlockTiles) + column / kBlockTiles;
     return (static_cast<std::size_t>(block) * static_cast<std::size_t>(block_rows()) +
@@ -132,7 +132,7 @@ struct GridTable {
   }
 };
 
-/// What a component is made of, so that gains act on light and uncovered pixels are black.
+/// How to blend one component: gains scale its distance from `black`, and pixels that no head covers are black.
 struct ComponentRule {
   std::uint8_t grid = 0;   ///< index into BlendTable::grids
   std::uint8_t black = 0;  ///< the value that means no light: 0 for R G B Y (full range), 128 for U V
@@ -140,7 +140,7 @@ struct ComponentRule {
   friend bool operator==(const ComponentRule&, const ComponentRule&) = default;
 };
 
-/// A raymap's blend, whole. Immutable once validated.
+/// Everything that the blend of one raymap needs. Immutable once validated.
 struct BlendTable {
   PixelFormat format = PixelFormat::kI420;  ///< of the raymap: I420, NV12, RGB24, GREY, RGB48 or GREY16
   int width = 0;                            ///< of the raymap, px
@@ -149,24 +149,24 @@ struct BlendTable {
     PixelFormat format = PixelFormat::kI420;
     int width = 0;
     int height = 0;
-    /// Undoes the head's own gain when it is exposed as it was calibrated, by tone class, 1 .. kMaxGain.
+    /// Undoes the head's own gain when its exposure is the calibrated one; by tone class, 1 .. kMaxGain.
     std::array<std::uint16_t, 3> gain{1 << kGainBits, 1 << kGainBits, 1 << kGainBits};
-    /// How much of a sample's difference from each of four others, kSharpenReach to its sides, is added to it before it is mixed, 0 ..
-    /// kMaxSharpen: gives back what mixing four samples takes from fine detail. 0 leaves samples as they are, as does
-    /// whoever makes smaller levels of them; so it is 0 where records name only those.
+    /// The share, in 1 / (1 << kSharpenBits), of a sample's difference from each of its four neighbours kSharpenReach
+    /// away that is added to it; restores the detail that bilinear interpolation loses. 0 .. kMaxSharpen. Levels above
+    /// 0 are made of unsharpened samples, so it is 0 where records use only those.
     std::uint8_t sharpen = 0;
-    /// Pyramid levels that records of this head name: 1 where the picture itself is all.
+    /// Pyramid levels that this head's records use; 1: only the picture itself.
     std::uint8_t levels = 1;
-    /// Which field of the head's frames the picture is; `height` is then the field's. Nothing: a whole frame.
+    /// Which field of the head's frames the picture is; `height` is then the field's height. Nothing: a whole frame.
     std::optional<FieldParity> field = std::nullopt;
   };
-  std::vector<Source> sources;   ///< what the blend must be given of each head, by head index
-  std::vector<GridTable> grids;  ///< full resolution first, then chroma where it has its own
+  std::vector<Source> sources;   ///< format, size and preparation of each head's picture, by head index
+  std::vector<GridTable> grids;  ///< full resolution first, then chroma if it is subsampled
   std::array<ComponentRule, kMaxPlanes> components{};
-  /// What GridTable::gains are relative to, in 1/256, 256 .. 2048.
+  /// What a GridTable::gains value of one (1 << 15) stands for, in 1/256; 256 .. 2048.
   std::uint16_t vignetting_scale = 256;
-  /// Of raymaps of 16 bits, the number that each light 0 .. 2^15 - 1 is written as, rising from 0 for no light to 65535
-  /// for kMaxSample; empty for others.
+  /// Only for 16-bit raymaps: the number that is written for each light 0 .. 2^15 - 1, rising from 0 for no light to
+  /// 65535 for kMaxSample.
   std::vector<std::uint16_t> linear;
 };
 

@@ -1,4 +1,4 @@
-// The constants of the AVX-512 kernel, as it loads them. Internal to blend_avx512.cpp.
+// The constants of the AVX-512 kernel, in the form in which it loads them. Internal to blend_avx512.cpp.
 #pragma once
 
 #include <array>
@@ -8,21 +8,21 @@
 namespace nodal::blend {
 namespace {
 
-/// What is constant, in memory: the compiler would make it anew for every tile out of one number, by a shuffle each; as an
-/// instruction's operand it costs nothing.
+/// Kept in memory on purpose: otherwise the compiler rebuilds each constant for every tile from one number, with a
+/// shuffle each. As a memory operand of an instruction a constant costs nothing.
 struct Constants {
   using Shorts = std::array<std::int16_t, 32>;
   using Bytes = std::array<std::uint8_t, 64>;
   alignas(64) Shorts j, jj, next;   ///< of the upper rows, by lane: j, jj, 8j + 16
-  alignas(64) Bytes pair_of;        ///< what makes an index of a byte the pair of it and the next
-  alignas(64) Bytes nibble, seven;  ///< see twice_from: the bits 12 .. 15, and 5 .. 12
-  alignas(64) Bytes tops;           ///< picks the upper byte of each number, twice
-  alignas(64) Bytes order;          ///< picks rows by their numbers out of 0 4 1 5 2 6 3 7; of 64 bits each
+  alignas(64) Bytes pair_of;        ///< added to a byte index in both bytes of a number: it and its successor
+  alignas(64) Bytes nibble, seven;  ///< bit positions for twice_from: bits 12 .. 15, and 5 .. 12
+  alignas(64) Bytes tops;           ///< picks the high byte of each number, twice
+  alignas(64) Bytes order;          ///< reorders rows of 64 bits from 0 4 1 5 2 6 3 7 to 0 .. 7
   alignas(64) Shorts upper_nibbles, low_bits, flips, across, share, row, half_level;
   alignas(32) std::array<std::int16_t, 16> i, ii;
-  alignas(32) std::array<std::uint8_t, 32> term[6];  ///< picks number k of both halves
+  alignas(32) std::array<std::uint8_t, 32> term[6];  ///< picks coefficient k in both halves
   alignas(
-      32) std::array<std::uint8_t, 32> pair[2];  ///< picks number k for the lower half, and number k + 2 for the upper
+      32) std::array<std::uint8_t, 32> pair[2];  ///< picks coefficient k for the lower half, and k + 2 for the upper
 };
 constexpr Constants constants() {
   Constants c{};

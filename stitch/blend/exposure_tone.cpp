@@ -5,8 +5,8 @@
 namespace nodal::blend {
 namespace {
 
-/// How a head's samples are trusted: full between black and `full`, little beyond. What every head that looks there has
-/// clipped is at least as bright as the darkest of them says, and what is black to all at most what the brightest says.
+/// A head's confidence by level: full between black and `full`, low outside. Where all heads clip, the shortest
+/// exposure gives the best lower bound; where all are black, the longest exposure gives the best upper bound.
 void trust(int full, int clipped, Stops above_darkest, Stops below_brightest, std::array<std::uint8_t, 256>& of_level) {
   const int floor = std::max(1, 64 >> std::min(6, 2 * above_darkest / kStop));
   for (int level = 0; level < 256; ++level) {
@@ -17,7 +17,7 @@ void trust(int full, int clipped, Stops above_darkest, Stops below_brightest, st
   }
 }
 
-/// What a sample of light^(1 / 2.2), 1 / 256 of it, is shown as.
+/// The sample that is shown for a sample of light^(1 / 2.2), given in 1/256 of a sample.
 std::int64_t shown_at(const ToneTable& tones, std::int64_t sample) {
   if (tones.shown.empty()) return std::min<std::int64_t>(sample / 256, kMaxSample);
   const auto last = static_cast<std::int64_t>(tones.shown.size()) - 1;
@@ -28,7 +28,7 @@ std::int64_t shown_at(const ToneTable& tones, std::int64_t sample) {
   return from + (to - from) * (at % 256) / 256;
 }
 
-/// What light is shown as, once lifted by `scale`; nothing of it is above `top`.
+/// The curve from light to shown samples; light is first multiplied by `scale`, and then never exceeds `top`.
 OutputCurve output_curve(const ToneTable& tones, std::uint16_t scale, std::int64_t top) {
   OutputCurve curve;
   for (std::size_t i = 0; i < curve.knots.size(); ++i) {
@@ -39,7 +39,7 @@ OutputCurve output_curve(const ToneTable& tones, std::uint16_t scale, std::int64
   return curve;
 }
 
-/// How much chroma is left where luma is shown as each level.
+/// How much chroma remains at each shown level of luma.
 ChromaFade fade_of(const ToneTable& tones, std::int64_t top) {
   ChromaFade fade;
   std::int64_t lifted = 0;
@@ -57,12 +57,12 @@ bool has_black(const BlendTable& table, std::size_t tone_class) {
                      [&](const ComponentRule& rule) { return rule.tone == tone_class && rule.black != 0; });
 }
 
-/// `top`: the most that a sample can be lifted to.
+/// `top`: the largest value to which a sample can be raised.
 void add_curves(const BlendTable& table, const ToneTable& tones, std::int64_t top, SetTone& tone) {
   const bool bent = tones.soft && top > kMaxSample;
   if (tones.shown.empty() && !bent) return;
   for (std::size_t k = 0; k < kToneClasses; ++k) {
-    if (has_black(table, k)) {  // of U and V gains are all there is
+    if (has_black(table, k)) {  // U and V have gains, but no curves
       if (bent) tone.fade = fade_of(tones, top);
       continue;
     }
@@ -79,8 +79,8 @@ std::optional<Confidence> confidence_of(std::span<const ExposedHead> heads, bool
   std::optional<Confidence> confidence(std::in_place);
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const Stops exposure = heads[h].exposure;
-    // By luma alone it cannot be seen that red or blue is clipped: it is, by a luma of 168, in a light that has half as
-    // much again of one of them. Else: mixed with a clipped neighbour, a sample is not yet full itself.
+    // Luma alone does not show that red or blue is clipped: at a luma of 168, a component that is half as strong again
+    // clips. With colours, the limit is below 255 because interpolation mixes clipped samples with darker neighbours.
     trust(by_luma ? 168 : 232, by_luma ? 240 : 250, exposure - least.exposure, most.exposure - exposure,
           confidence->of_level[h]);
   }
@@ -93,7 +93,7 @@ std::int64_t soften(std::int64_t value, std::int64_t top, std::int64_t full) {
   const std::int64_t width = full - from;
   const std::int64_t above = std::min(value, top) - from;
   const std::int64_t most = top - from;
-  // t (1 + t / T^2) / (1 + t) of t = above / width, T = most / width; in steps that stay within 64 bits.
+  // t (1 + t / T^2) / (1 + t) with t = above / width, T = most / width; ordered so that every step fits 64 bits.
   const std::int64_t bent = above + above * width / most * above / most;
   return from + bent * width / (width + above);
 }

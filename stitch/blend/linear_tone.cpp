@@ -5,7 +5,7 @@
 namespace nodal::blend {
 namespace {
 
-/// `stops` of light as stops of numbers that are light^(exponent / 2^15), and back.
+/// Converts stops of light to stops of values that are light^(exponent / 2^15), and back.
 Stops in_numbers(Stops stops, std::uint16_t exponent) {
   return static_cast<Stops>((std::int64_t{stops} * exponent + (1 << 14)) >> 15);
 }
@@ -23,7 +23,7 @@ Stops mean_of(std::span<const ExposedHead> heads) {
   return static_cast<Stops>(sum / static_cast<std::int64_t>(heads.size()));
 }
 
-/// Numbers that a head has made light^(1000 / gamma) become light^(exponent / 2^15).
+/// The curve that converts values of light^(1000 / gamma) to light^(exponent / 2^15).
 ToneCurve from_gamma(std::int32_t gamma, std::uint16_t exponent) {
   ToneCurve curve;
   const Stops full = log2_stops(kMaxSample);
@@ -39,7 +39,7 @@ bool is_gamma(std::int32_t gamma, std::uint16_t exponent) {
   return std::abs(std::int64_t{gamma} * exponent - std::int64_t{1000} * (1 << 15)) < exponent;  // within a thousandth
 }
 
-/// The light that is shown as a sample, in 1 / kWhite of white.
+/// The light that is shown as `sample`, in 1 / kWhite of white.
 std::uint64_t light_shown_as(const ToneTable& tones, std::int64_t sample) {
   const auto level = static_cast<std::size_t>(sample >> kSampleBits);
   if (level + 1 >= tones.shown_light.size()) return tones.shown_light.back();
@@ -48,7 +48,7 @@ std::uint64_t light_shown_as(const ToneTable& tones, std::int64_t sample) {
   return from + (rise * static_cast<std::uint64_t>(sample & ((1 << kSampleBits) - 1)) >> kSampleBits);
 }
 
-/// The least sample that soften() brings up to `held`.
+/// The smallest sample that soften() maps to at least `held`.
 std::int64_t before_softening(std::int64_t held, std::int64_t top) {
   if (soften(held, top, kMaxSample) == held) return held;
   std::int64_t low = held;
@@ -72,7 +72,7 @@ SetTone linear_tone(const BlendTable& table, const ToneTable& tones, std::span<c
   const Stops least = least_of(heads.first(count));
   std::array<std::array<std::uint32_t, kToneClasses>, kMaxHeads> gains{};
   for (std::size_t h = 0; h < count; ++h) {
-    const Stops lift = in_numbers(least - heads[h].exposure, tones.heads[h].exponent);  // nothing, or less
+    const Stops lift = in_numbers(least - heads[h].exposure, tones.heads[h].exponent);  // zero or negative
     for (std::size_t k = 0; k < kToneClasses; ++k) {
       const std::uint64_t one = std::uint64_t{table.sources[h].gain[k]} << (kFineGainBits - kGainBits);
       gains[h][k] = static_cast<std::uint32_t>(std::max<std::uint64_t>(1, exp2_stops(lift, one)));
@@ -104,9 +104,9 @@ LinearScale linear_scale(const ToneTable& tones, const SetTone& tone, std::span<
   const Stops mean = mean_of(heads.first(count));
   const Stops full =
       least - in_light(log2_stops(tone.output[0].scale) - log2_stops(kScaleOne), tones.heads[0].exponent);
-  const std::uint64_t white = exp2_stops(full - mean, std::uint64_t{65535} << 8);  // the number of it, in 1 / 256
+  const std::uint64_t white = exp2_stops(full - mean, std::uint64_t{65535} << 8);  // the number for white, in 1 / 256
   scale.full = full;
-  // Highlights are compressed as numbers of gamma 2.2, as in 8-bit raymaps.
+  // Highlights are compressed in values of gamma 2.2, as in 8-bit raymaps.
   const Stops above = std::min<Stops>((mean - least) * 10 / 22, 3 * kStop);
   const auto top = static_cast<std::int64_t>(exp2_stops(above, kMaxSample));
   for (std::size_t level = 1; level < 256; ++level) {

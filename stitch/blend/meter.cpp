@@ -7,7 +7,7 @@ namespace {
 
 struct Level {
   int luma = 0;
-  int brightest = 0;  ///< of the colours, where there are any
+  int brightest = 0;  ///< of the colours, if there are any
 };
 
 int mean_of_four(const PlaneView& plane, int x, int y) {
@@ -46,7 +46,7 @@ struct Sum {
   }
 };
 
-/// What the heads say of one cell.
+/// The heads' measurements of one cell.
 struct Verdict {
   std::int64_t sum = 0;
   int good = 0, clipped = 0, black = 0;
@@ -80,7 +80,7 @@ SphereLight meter(const MeterTable& table, std::span<const ImageView> heads, std
       const ExposedHead& setting = settings[sample.head];
       const Level level = level_at(heads[sample.head], sample);
       const bool black = level.luma <= kBlackLevel;
-      const auto at = static_cast<std::size_t>(level.luma + (black ? 1 : 0));  // it may have been rounded down
+      const auto at = static_cast<std::size_t>(level.luma + (black ? 1 : 0));  // black may have been rounded down
       const Stops shown = setting.gamma == 0 ? table.heads[sample.head].stops[at]
                                              : static_cast<Stops>(kLevelStops[at] * setting.gamma / 1000);
       const Stops light = shown - sample.lost - setting.exposure;

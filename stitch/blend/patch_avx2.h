@@ -1,5 +1,5 @@
-// Patches for AVX2, which reads them row by row: samples that do not lie side by side are brought so first. Internal to
-// blend_avx2.cpp, which includes it where it compiles for those instructions.
+// Loads patches for AVX2, row by row; samples that are not contiguous are first packed into contiguous rows. Internal
+// to blend_avx2.cpp, which includes it inside NODAL_TARGET_BEGIN.
 #pragma once
 
 #include <immintrin.h>
@@ -24,7 +24,7 @@ inline V row(const std::uint8_t* at) {
 }
 inline V load(const void* at) { return _mm256_loadu_si256(static_cast<const V*>(at)); }
 
-/// A patch: its first row, and how far apart its rows are.
+/// A patch: its first row, and the distance between its rows in bytes.
 struct Patch {
   const std::uint8_t* data = nullptr;
   std::ptrdiff_t stride = 0;
@@ -37,7 +37,7 @@ struct Picks {
 inline __m128i shuffled(__m128i bytes, const Picks& picks) {
   return _mm_shuffle_epi8(bytes, _mm_load_si128(reinterpret_cast<const __m128i*>(picks.of.data())));
 }
-/// Where the bytes of R G B R G B .. of 16 pixels come from: by 16 of them, and component.
+/// Shuffles that interleave 16 pixels as R G B R G B ..: [16 output bytes][component].
 constexpr auto triple_picks() {
   std::array<std::array<Picks, 3>, 3> picks{};
   for (std::size_t m = 0; m < 48; ++m) {
@@ -48,7 +48,7 @@ constexpr auto triple_picks() {
   return picks;
 }
 constexpr auto kTriplePicks = triple_picks();
-/// Where the 16 bytes of a component are in them: by component, and 16 bytes.
+/// The inverse: shuffles that extract 16 samples of a component: [component][16 input bytes].
 constexpr auto component_picks() {
   std::array<std::array<Picks, 3>, 3> picks{};
   for (std::size_t m = 0; m < 48; ++m) {
@@ -60,7 +60,7 @@ constexpr auto component_picks() {
 }
 constexpr auto kComponentPicks = component_picks();
 
-/// Brings a component's samples side by side.
+/// Copies a component's samples to contiguous rows.
 inline void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t c, int rows, Staged& staged) {
   const PlaneView& view = plane.views[c];
   const int height = std::min(rows, view.height - record.top);

@@ -1,5 +1,5 @@
-// Patches of 16x16 samples in four AVX-512 registers, however a picture's samples lie. Internal to blend_avx512.cpp, which
-// includes it where it compiles for those instructions.
+// Loads patches of 16x16 samples into four AVX-512 registers, for every SampleLayout. Internal to blend_avx512.cpp,
+// which includes it inside NODAL_TARGET_BEGIN.
 #pragma once
 
 #include <immintrin.h>
@@ -16,12 +16,12 @@ namespace {
 
 using V = __m512i;
 
-/// Of a patch, one component: rows 0 .. 3, 4 .. 7, and so on.
+/// One component of a patch: rows 0 .. 3, 4 .. 7, and so on.
 struct Patch {
   V rows[4];
 };
 
-/// Four rows of 16 bytes, `stride` apart. Loads that repeat 16 bytes over 32 need no shuffle, over 64 they do.
+/// Four rows of 16 bytes, `stride` apart. A load that repeats 16 bytes over 32 needs no shuffle; over 64 it does.
 [[gnu::always_inline]] inline V four_rows(const std::uint8_t* at, std::ptrdiff_t stride) {
   const auto row = [&](int k) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(at + k * stride)); };
   const auto two = [&](int k) {
@@ -36,18 +36,18 @@ struct Patch {
   return _mm512_inserti64x4(v, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(at + stride)), 1);
 }
 
-/// 0, step, 2 step, .. + first: byte k of component `first` in groups of `step`, over two registers.
+/// Byte indices into two registers, which pick component `first` of groups of `step` bytes: first, first + step, ..
 struct Picks {
   alignas(64) std::array<std::array<std::uint8_t, 64>, 3> of{};
 };
-constexpr Picks pair_picks() {  // 16 of each of four rows of 32 bytes; by component's offset
+constexpr Picks pair_picks() {  // 16 samples from each of four rows of 32 bytes; by offset
   Picks picks;
   for (std::size_t k = 0; k < 64; ++k) {
     for (std::size_t c = 0; c < 2; ++c) picks.of[c][k] = static_cast<std::uint8_t>(2 * k + c);
   }
   return picks;
 }
-constexpr Picks quad_picks() {  // 16 of each of two rows of 64 bytes, of components c and c + 2
+constexpr Picks quad_picks() {  // 16 samples from each of two rows of 64 bytes, for components c, c + 2
   Picks picks;
   for (std::size_t k = 0; k < 64; ++k) {
     for (std::size_t c = 0; c < 2; ++c) {
@@ -56,7 +56,7 @@ constexpr Picks quad_picks() {  // 16 of each of two rows of 64 bytes, of compon
   }
   return picks;
 }
-constexpr Picks triple_picks() {  // 16 of each of two rows of 48 bytes in 64: components 0 and 1, then 2 twice
+constexpr Picks triple_picks() {  // 16 samples from each of two rows of 48 bytes: components 0 and 1; 2 twice
   Picks picks;
   for (std::size_t k = 0; k < 64; ++k) {
     const std::size_t from = k / 16 % 2 * 64 + k % 16 * 3;
@@ -73,11 +73,11 @@ constexpr Picks kTriplePicks = triple_picks();
   return _mm512_load_si512(bytes.data());
 }
 
-/// A patch in memory, one component after the other.
+/// A patch in memory, one component after another.
 template <int N>
 using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
 
-/// By PlaneView, sample by sample.
+/// Copies a patch of any layout to memory, sample by sample.
 [[gnu::noinline]] void stage(const PatchPlane& plane, const PatchRecord& record, std::size_t components,
                              std::uint8_t* staged) {
   std::fill_n(staged, components * kPatch * kPatch, std::uint8_t{0});
@@ -92,7 +92,7 @@ using Staged = std::array<std::uint8_t, N * kPatch * kPatch>;
   }
 }
 
-/// rows[k] of the patches of all components, from `down` bytes after where the patch begins: from[c], or in groups from[0].
+/// Loads rows[k] of all components' patches, `down` bytes after the patch's start. Groups are loaded from from[0].
 template <int N, SampleLayout kLayout>
 [[gnu::always_inline]] inline void load_rows(const PatchPlane& plane, const std::array<const std::uint8_t*, N>& from,
                                              std::ptrdiff_t stride, std::ptrdiff_t down, std::size_t k,
@@ -143,15 +143,15 @@ template <int N, SampleLayout kLayout>
     for (std::size_t c = 0; c < (kLayout == SampleLayout::kPlanar ? N : 1); ++c) from[c] = plane.data[c] + at;
   }
   for (std::size_t k = 0; k < 4; ++k) {
-    // A tile seldom needs the last four of a patch's rows, and then nobody has asked for them. Not to guess, the four
-    // before are read in their place.
+    // A tile seldom needs the last four rows of a patch, and then they have not been prefetched. Rows 8 .. 11 are
+    // loaded again in that case: reading rows that are in the cache is cheaper than a branch that mispredicts.
     const int row = k == 3 ? 8 + (record.last_row() + 5) / 16 * 4 : static_cast<int>(4 * k);
     load_rows<N, kLayout>(plane, from, stride, row * stride, k, patch);
   }
 }
 
-/// Calls use(std::integral_constant<SampleLayout, layout>): the code behind it is compiled once a layout, so that patches
-/// stay in registers.
+/// Calls use(std::integral_constant<SampleLayout, layout>): that code is compiled once per layout, so that patches stay
+/// in registers.
 template <int N, class Use>
 [[gnu::always_inline]] inline void by_layout(SampleLayout layout, Use use) {
   if (layout == SampleLayout::kPlanar) return use(std::integral_constant<SampleLayout, SampleLayout::kPlanar>());

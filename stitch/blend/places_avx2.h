@@ -1,6 +1,6 @@
-// Where half a tile's pixels lie in a patch, and what else is a polynomial over a tile, for AVX2: two rows at a time,
-// and the next two by how much they are more. Internal to blend_avx2.cpp, which includes it where it compiles for those
-// instructions.
+// The patch coordinates of half a tile's pixels, and other polynomials over a tile, for AVX2. Two rows are computed at
+// a time; the next two follow by adding differences. Internal to blend_avx2.cpp, which includes it inside
+// NODAL_TARGET_BEGIN.
 #pragma once
 
 #include <immintrin.h>
@@ -15,19 +15,19 @@
 namespace nodal::blend {
 namespace {
 
-/// What is constant, in memory: the compiler would make it anew wherever it is used, by three instructions out of one
-/// number; as an instruction's operand it costs nothing.
+/// Kept in memory on purpose: otherwise the compiler rebuilds each constant at every use from one number, with three
+/// instructions. As a memory operand of an instruction a constant costs nothing.
 struct Constants {
   using Shorts = std::array<std::int16_t, 16>;
   using Bytes = std::array<std::uint8_t, 32>;
-  alignas(32) std::array<Bytes, 6> term;     ///< picks number t of a record's x, and of its y
-  alignas(32) Shorts i, ii;                  ///< of a row, for x and for y
-  alignas(32) Shorts quarters_i;             ///< of two rows by quarters
-  alignas(32) Shorts lower_row;              ///< all bits where they are the lower of the two
-  alignas(32) std::array<Shorts, 2> shifts;  ///< by half: brings the quarters' first rows up to where y has its row
+  alignas(32) std::array<Bytes, 6> term;     ///< picks coefficient t of a record's x, and of its y
+  alignas(32) Shorts i, ii;                  ///< i and i * i for the columns of a row, twice: for x and for y
+  alignas(32) Shorts quarters_i;             ///< i for two rows, ordered by quarters
+  alignas(32) Shorts lower_row;              ///< all bits set for the lower of the two rows
+  alignas(32) std::array<Shorts, 2> shifts;  ///< by half: shifts the quarters' first rows to the row bits of y
   alignas(32) Shorts row_bits, share_bits, share_by, one_across, half_level;
   alignas(32) Bytes one;
-  alignas(32) std::array<Bytes, kPatch> before;  ///< by row, just less than the row above it, as Places::row counts
+  alignas(32) std::array<Bytes, kPatch> before;  ///< by row y: Places::row is larger for pixels with upper row >= y - 1
 };
 constexpr Constants constants() {
   Constants c{};
@@ -54,13 +54,13 @@ constexpr Constants constants() {
 }
 constexpr Constants kConstants = constants();
 
-/// Half a tile in two registers: its upper two rows, and its lower two. A 128-bit lane is a quarter's part of them.
+/// Half a tile in two registers: its upper two rows, its lower two rows. Each 128-bit lane holds one quarter's part.
 struct Rows {
   V upper;
   V lower;
 };
 
-/// A quadratic over a tile: two rows, how much more the next two are, and how much more than so much those after them.
+/// A quadratic over a tile: two rows, their difference to the next two rows, and the increment of that difference.
 struct Rising {
   V at, by, more;
 
@@ -74,7 +74,7 @@ struct Rising {
   }
 };
 
-/// Four coefficients of 1, i, j, ij over a tile.
+/// A bilinear polynomial over a tile: coefficients of 1, i, j, ij.
 struct Bilinear {
   V at, by;
 
@@ -91,9 +91,9 @@ struct Bilinear {
   }
 };
 
-/// Two rows of a tile, by what their quarters have of them. Back again by the same way.
+/// Reorders two rows so that each 128-bit lane holds one quarter's part of them. It is its own inverse.
 inline V by_quarters(V rows) { return _mm256_permute4x64_epi64(rows, 0xd8); }
-/// 64 values by pixel, of half a tile.
+/// Loads half a tile from 64 values, one per pixel.
 template <class Number>
 [[gnu::always_inline]] inline Rows listed_half(const Number* values, std::size_t half) {
   const Number* from = values + half * kTilePixels / 2;
@@ -105,12 +105,12 @@ inline void list_half(Rows rows, std::size_t half, std::int16_t* values) {
   _mm256_storeu_si256(reinterpret_cast<V*>(to + 2 * kTile), by_quarters(rows.lower));
 }
 
-/// Where half a tile's pixels lie in a patch, ready for use.
+/// The patch coordinates of half a tile's pixels, in the form that interpolation needs.
 struct Places {
-  V column;     ///< bytes, by pixel: of the left samples
-  V row;        ///< bytes: 8 times that of the upper samples, from their quarter's first on, and a fraction
-  Rows across;  ///< pairs of bytes: the shares of the left and the right sample, of -128: one is then a byte
-  Rows down;    ///< the lower row's share, of 2^15; less one where the upper row is odd, from the first on
+  V column;     ///< bytes, by pixel: column of the left samples
+  V row;        ///< bytes: 8 times the row of the upper samples, relative to the quarter's first row, plus a fraction
+  Rows across;  ///< byte pairs: the shares of the left and the right sample, in -1/128, because -128 fits a byte
+  Rows down;    ///< the lower row's share, in 1/2^15; minus one if the upper row, relative to the first, is odd
 };
 
 [[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y, V first_row) {
@@ -125,7 +125,7 @@ struct Places {
           {_mm256_slli_epi16(y.upper, 3), _mm256_slli_epi16(y.lower, 3)}};
 }
 
-/// Both coordinates of a record's pixels.
+/// Computes the coordinates of a record's pixels; call half() for half 0, then for half 1.
 class Coordinates {
  public:
   [[gnu::always_inline]] Coordinates(const Constants& k, const GridTable& grid, const PatchRecord& record) {
@@ -136,7 +136,7 @@ class Coordinates {
       list_ = grid.coordinates.data() + record.list() * 2 * kTilePixels;
       return;
     }
-    const V both = load(&record);  // x below, y above, as in all that follows
+    const V both = load(&record);  // x in the lower 128 bits, y in the upper, as in the terms below
     const auto term = [&](std::size_t t) { return _mm256_shuffle_epi8(both, load(&k.term[t])); };
     const V by_j = add(term(2), mul(term(3), load(&k.i)));
     const V row = add(add(term(0), mul(term(1), load(&k.i))), mul(term(4), load(&k.ii)));

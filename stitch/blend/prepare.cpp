@@ -7,7 +7,7 @@
 namespace nodal::blend {
 namespace {
 
-/// Compiled for AVX2, too, and chosen when the program is loaded: whole numbers, so the bytes are the same.
+/// Also compiled for AVX2; the loader selects the version. The arithmetic is integer, so both give the same bytes.
 #ifdef __x86_64__
 #define NODAL_CLONES [[gnu::target_clones("default", "avx2")]]
 #else
@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kOne = 1 << kSharpenBits;
 
-/// In 16 bits throughout, which no step leaves: (64 + 4 * 16) * 255 + 32 < 2^15.
+/// All steps fit 16 bits: (64 + 4 * 16) * 255 + 32 < 2^15.
 [[gnu::always_inline]] inline std::uint8_t sharper(std::int16_t own, std::int16_t around, std::int16_t own_share,
                                                    std::int16_t sharpen) {
   const auto sum = static_cast<std::int16_t>(own * own_share - around * sharpen + kOne / 2);
@@ -63,7 +63,7 @@ NODAL_CLONES void sharpen_plane(const PlaneView& in, std::uint8_t* to, std::ptrd
   }
 }
 
-/// The sum of samples 2 x and 2 x + 1. Side by side they are one number of 16 bits, whichever way round.
+/// The sum of samples 2 x and 2 x + 1. If contiguous, they are read as one 16-bit number; their order does not matter.
 template <int kStride>
 [[gnu::always_inline]] inline std::uint16_t pair_at(const std::uint8_t* row, int x) {
   if constexpr (kStride == 1) {
@@ -75,8 +75,8 @@ template <int kStride>
   return static_cast<std::uint16_t>(at[0] + at[kStride]);
 }
 
-/// One row after the other: pictures come from memory, which is twice as quick at giving bytes in the order in which
-/// they lie as from two rows in turn.
+/// Reads one row completely, then the other: memory delivers bytes in address order twice as fast as from two rows
+/// alternately.
 template <int kStride>
 [[gnu::always_inline]] inline void halve_row(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_t* to,
                                              int width) {
@@ -112,7 +112,7 @@ NODAL_CLONES void halve_plane(const PlaneView& in, std::uint8_t* to, std::ptrdif
   }
 }
 
-/// Rows begin with a line of the cache, so that patches seldom lie across two.
+/// Rows begin at a cache line, so that patch rows seldom span two lines.
 constexpr std::size_t kLine = 64;
 std::ptrdiff_t stride_of(const PlaneView& plane) {
   return static_cast<std::ptrdiff_t>((static_cast<std::size_t>(plane.width) + kLine - 1) / kLine * kLine);
@@ -126,7 +126,7 @@ std::size_t size_apart(const ImageView& shape) {
   return bytes;
 }
 
-/// The components of `shape`, each in rows of its own from `memory` on.
+/// The components of `shape`, each in its own plane, stored one after another from `memory` on.
 ImageView apart(const ImageView& shape, std::uint8_t* memory) {
   ImageView image{shape.format, shape.width, shape.height, {}, size_apart(shape)};
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(shape.format)); ++c) {
@@ -147,7 +147,7 @@ ImageView half(ImageView shape) {
   return shape;
 }
 
-/// A picture as it is taken apart: of YUYV and UYVY the rows of chroma that the blend reads, which makes it an I420.
+/// A picture as prepare_picture reads it: YUYV and UYVY with only the chroma rows that the blend uses, hence as I420.
 ImageView as_read(ImageView picture) {
   picture = halved_chroma(picture);
   if (picture.format == PixelFormat::kYuyv || picture.format == PixelFormat::kUyvy) picture.format = PixelFormat::kI420;

@@ -1,4 +1,4 @@
-// Before the blend, for heads that ask for it: sharpened pictures, and smaller ones.
+// Prepares pictures before the blend, for heads that need it: sharpens and downscales them.
 #pragma once
 
 #include <cstddef>
@@ -13,19 +13,19 @@ namespace nodal::blend {
 /// Bytes that prepare_picture needs for a head; 0 when the blend takes its picture as it is.
 std::size_t prepared_size(const BlendTable::Source& source);
 
-/// Leaves in views[0 .. source.levels) what the blend is given of a head (Pictures), made in `memory` where the picture
-/// itself will not do; each component in rows of its own, which begin at multiples of 64 bytes:
+/// Fills views[0 .. source.levels) with the pictures of a head that the blend reads (Pictures): the picture itself, or
+/// pictures made in `memory`, each component in its own plane, with rows that begin at multiples of 64 bytes:
 ///
-///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - the four kSharpenReach to its sides) / 64
-///   level l + 1:                               the mean of the 2x2 samples of level l, not sharpened; what is left over
-///                                              of odd sizes falls away
+///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - its four neighbours kSharpenReach away) / 64
+///   level l + 1:                               the mean of 2x2 samples of level l, not sharpened; an odd last row
+///                                              or column is dropped
 ///
-/// all rounded, halves up, and clamped to 0 .. 255, in every component's own grid (YUYV and UYVY as halved_chroma has
-/// them, and from there on I420); beyond the picture's edge the edge is repeated.
+/// all rounded half up and clamped to 0 .. 255, in every component's own grid (YUYV and UYVY as by halved_chroma, and
+/// stored as I420); beyond the picture's edge the edge sample is repeated.
 ///
-/// Threading: thread-safe; one head a thread.
-/// Ownership: the views are of `picture` and `memory`. Allocates nothing.
-/// Errors: none; the picture is what `source` says.
+/// Threading: thread-safe for different heads.
+/// Ownership: the views refer to `picture` and `memory`. Allocates nothing.
+/// Errors: none; the picture must match `source`.
 void prepare_picture(const BlendTable::Source& source, const ImageView& picture, std::uint8_t* memory,
                      std::span<ImageView> views);
 

@@ -1,6 +1,6 @@
-// Compiles what lies between NODAL_TARGET_BEGIN("avx2") and NODAL_TARGET_END for other instructions than the rest of
-// the program, whose headers must all have been included before: what they define stays as it is. And what such kernels
-// share.
+// Compiles the code between NODAL_TARGET_BEGIN("avx2") and NODAL_TARGET_END for another instruction set than the rest
+// of the program. All headers that other files share must be included before, so that their code is not compiled for
+// it. Also a helper that such kernels share.
 #pragma once
 
 #define NODAL_PRAGMA(text) _Pragma(#text)
@@ -15,7 +15,7 @@
 
 namespace nodal::blend {
 
-/// What is constant, in such a way that the compiler does not look into it, and so leaves it in memory.
+/// Hides from the optimizer that `constants` is constant, so that its values are loaded from memory.
 template <class Constants>
 [[gnu::always_inline]] inline const Constants& out_of_sight(const Constants& constants) {
   const Constants* at = &constants;

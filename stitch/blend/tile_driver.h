@@ -1,15 +1,15 @@
-// How a call of blend_rows goes through its tiles, for any kernel. Internal to stitch/blend; in an unnamed namespace for
-// the reason that tile_math.h gives. A kernel is a type with
+// The loop of blend_rows over its tiles, the same for every kernel. Internal to stitch/blend; in an unnamed namespace
+// for the reason given in tile_math.h. A kernel is a type with
 //
 //   template <int N, class Number> static void tile(const BlendJob&, const Tile&, std::size_t records, Number* out);
-//     N components of a tile none of whose heads is missing, each kStrip after the other: levels (std::uint8_t) row by
-//     row; light (std::int16_t), for raymaps of 16 bits, alike;
+//     blends N components of a tile that has no missing head, component c at out + c * kStrip, row by row: levels
+//     (std::uint8_t), or, for 16-bit raymaps, light (std::int16_t);
 //   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<TileValues, N>&);
-//     the samples of a record's pixels with weight, before curve and gain;
+//     computes the samples of a record's pixels with weight, before curve and gain;
 //   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
-//     writes a whole strip to the raymap at (x, y), or leaves that to others;
+//     writes a whole strip to the raymap at (x, y), or returns false and leaves that to write_strip;
 //   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes);
-//     copies what will not be read soon.
+//     copies bytes that will not be read again soon.
 #pragma once
 
 #include <cstring>
@@ -19,21 +19,21 @@
 namespace nodal::blend {
 namespace {
 
-/// Eight tiles side by side, 64 bytes each.
+/// Bytes of one component of a strip: eight tiles side by side, 64 pixels each.
 constexpr std::size_t kStrip = 8 * kTilePixels;
 
-/// Whether the raymap is R G B R G B ..
+/// Whether the raymap is interleaved R G B R G B ..
 inline bool interleaved(const BlendJob& job) {
   const auto& out = job.out;
   return out[0].pixel_stride == 3 && out[1].data == out[0].data + 1 && out[2].data == out[0].data + 2;
 }
 
-/// Whether it is U V U V ..
+/// Whether the raymap is interleaved U V U V ..
 inline bool paired(const BlendJob& job) {
   return job.out[0].pixel_stride == 2 && job.out[1].pixel_stride == 2 && job.out[1].data == job.out[0].data + 1;
 }
 
-/// A component's light of a tile as what strips hold.
+/// Converts one component's light of a tile to what the strip stores: levels, or the light itself.
 inline void finish_tile(const BlendJob& job, std::size_t c, const TileValues& light, std::uint8_t* out) {
   for (std::size_t j = 0; j < kTile; ++j) {
     for (std::size_t i = 0; i < kTile; ++i) out[j * kTile + i] = level_of(job, c, light[j * kTile + i]);
@@ -43,8 +43,8 @@ inline void finish_tile(const BlendJob&, std::size_t, const TileValues& light, s
   std::copy(light.begin(), light.end(), out);
 }
 
-/// The general way: some head of the tile is missing, or heads are trusted by what they saw. Goes over the records
-/// twice, first for the sum of the weights.
+/// The general case: a head of the tile is missing, or weights depend on confidence. Iterates over the records twice:
+/// the first pass sums the weights, the second blends.
 template <class Kernel, int N, class Number>
 void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
   std::array<std::uint32_t, kTilePixels> sum{};
@@ -98,7 +98,7 @@ void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
   }
 }
 
-/// Writes what of a strip lies inside the grid and the rows of the call.
+/// Writes the part of a strip that is inside the grid and within the rows of the call.
 template <class Kernel, int N>
 void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* strip) {
   const int x = column * kTile;
@@ -121,19 +121,19 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
   }
 }
 
-/// The number of 16 bits that light is written as.
+/// The 16-bit number that is written for `light`.
 inline std::uint16_t linear_of(const BlendJob& job, std::int16_t light) {
   return job.table->linear[static_cast<std::size_t>(std::max<std::int16_t>(light, 0))];
 }
 
-/// Writes what the strip of a component holds of a tile's pixel p.
+/// Writes a tile's pixel p, as stored in a component's strip.
 inline void put_pixel(const BlendJob&, const std::uint8_t* strip, std::size_t p, std::uint8_t* to) { *to = strip[p]; }
 inline void put_pixel(const BlendJob& job, const std::int16_t* strip, std::size_t p, std::uint8_t* to) {
   const std::uint16_t number = linear_of(job, strip[p]);
   std::memcpy(to, &number, sizeof number);
 }
 
-/// Where the pixels of a tile that lie anywhere (GridTable::places) are in a plane; of those beyond the grid, not.
+/// The byte offsets of a tile's pixels in a plane, by GridTable::places; meaningless for pixels outside the grid.
 inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView& plane, const std::uint32_t* places) {
   std::array<std::ptrdiff_t, kTilePixels> to;
   for (std::size_t p = 0; p < kTilePixels; ++p) {
@@ -143,7 +143,7 @@ inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView&
   return to;
 }
 
-/// Writes a strip of pixels that lie anywhere; t: its first tile.
+/// Writes a strip whose pixels have positions of their own (GridTable::places); t: the strip's first tile.
 template <int N, class Number>
 void scatter_strip(const BlendJob& job, std::size_t t, int row, const Number* strip) {
   const auto begin = static_cast<std::size_t>(std::max(0, job.row_begin - row * kTile) * kTile);
@@ -166,7 +166,7 @@ void scatter_strip(const BlendJob& job, std::size_t t, int row, const Number* st
   }
 }
 
-/// write_strip of light, as numbers of 16 bits.
+/// write_strip for 16-bit raymaps: converts light to numbers.
 template <class Kernel, int N>
 void write_strip(const BlendJob& job, int column, int row, const std::int16_t* strip) {
   const int x = column * kTile;

@@ -1,6 +1,6 @@
-// The blend's arithmetic, one number at a time: the specification, and what is not worth a vector. Internal to
-// stitch/blend. Everything here is in an unnamed namespace on purpose: each kernel's file compiles its own copy for its
-// own instructions.
+// The blend's arithmetic, one number at a time: the specification, and the parts that are not worth vectorizing.
+// Internal to stitch/blend. Everything is in an unnamed namespace on purpose: the file of each kernel compiles its own
+// copy for its own instruction set.
 #pragma once
 
 #include <algorithm>
@@ -13,13 +13,13 @@
 namespace nodal::blend {
 namespace {
 
-/// One component of a tile's pixels, row by row.
+/// One component of a tile's 64 pixels, row by row.
 using TileValues = std::array<std::int16_t, kTilePixels>;
 using Weights = std::array<std::uint16_t, kTilePixels>;
 
 inline std::int16_t wrap(int value) { return static_cast<std::int16_t>(static_cast<std::uint16_t>(value)); }
 
-/// (a * b + 2^14) >> 15: what pmulhrsw and sqrdmulh do.
+/// (a * b + 2^14) >> 15: the result of pmulhrsw and sqrdmulh.
 inline std::int16_t mulr(std::int16_t a, std::int16_t b) { return wrap((a * b + (1 << 14)) >> 15); }
 
 inline std::uint16_t quadratic_at(const Quadratic& q, int i, int j) {
@@ -29,14 +29,14 @@ inline std::int16_t bilinear_at(const std::int16_t* q, int i, int j) {
   return wrap(q[0] + q[1] * i + q[2] * j + q[3] * i * j);
 }
 
-/// A curve at `at`, of which the low kBits are the fraction of a piece. See Pieces.
+/// The curve's value at `at`; the low kBits of `at` are the fraction within a piece. See Pieces.
 template <int kBits, std::size_t kPieces>
 inline std::int16_t curve_at(const Pieces<kPieces>& curve, int at) {
   const auto i = static_cast<std::size_t>(at >> kBits) & (kPieces - 1);
   return wrap(curve.knot[i] + mulr(curve.rise[i], wrap(at << (15 - kBits))));
 }
 
-/// The place of a tile's pixel, in the patch.
+/// A pixel's coordinates in the patch, see PatchRecord.
 struct Place {
   std::uint16_t x = 0;
   std::uint16_t y = 0;
@@ -48,8 +48,8 @@ inline Place place_of(const GridTable& grid, const PatchRecord& record, int i, i
   return {list[p], list[kTilePixels + p]};
 }
 
-/// The samples (x, y) and its neighbours to the right and below, bilinearly. Pixels without weight may lie anywhere;
-/// they are kept inside.
+/// Bilinear interpolation of sample (x, y) and its neighbours to the right and below. Pixels without weight can have
+/// any coordinates; they are clamped to the picture.
 inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at) {
   const int x = std::clamp(record.left + (at.x >> kFractionBits), 0, plane.width - 2);
   const int y = std::clamp(record.top + (at.y >> kFractionBits), 0, plane.height - 2);
@@ -62,7 +62,7 @@ inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at
   return top - mulr(wrap(top - bottom), wrap(g << (15 - kFractionBits)));
 }
 
-/// The pixel's light of component c by a head, negative.
+/// The light that a head contributes to component c of a pixel, negative.
 inline std::int16_t negative_light_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
   const HeadIndex head = job.grid->records[r].head();
   const JobComponent& component = job.component[c];
@@ -83,7 +83,7 @@ inline std::uint8_t level_of(const BlendJob& job, std::size_t c, int light) {
   return static_cast<std::uint8_t>(std::clamp((shown + 64) >> kSampleBits, 0, 255));
 }
 
-/// The weights of a tile's records, one after the other.
+/// Reads the weights of a tile's records, one record after the other.
 class WeightReader {
  public:
   WeightReader(const GridTable& grid, const Tile& tile, std::size_t records)
@@ -91,7 +91,7 @@ class WeightReader {
     rest_.fill(1 << kWeightBits);
   }
 
-  /// Of the next record, row by row, 0 .. 1 << kWeightBits.
+  /// The weights of the next record, row by row, 0 .. 1 << kWeightBits.
   void next(Weights& weights) {
     --left_;
     if (how_ == Sharing::kAlone || (left_ == 0 && how_ != Sharing::kOpen)) {
@@ -117,7 +117,7 @@ class WeightReader {
 /// Prefetches the patch `kAhead` records after r. Always kRows rows: a row count per record mispredicts and costs more
 /// than the rows it saves. A row may span two cache lines; the patch to its left has nearly always fetched the first, so
 /// only the second is fetched. Rows of samples in threes or fours are nearly a line long, so both lines are fetched.
-/// Always inlined: GCC 12 takes a function of prefetches for one without effect, and drops its calls.
+/// Always inlined: GCC 12 assumes that a function of prefetches only has no effect, and drops the calls.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {
   constexpr std::size_t kAhead = 224;  // about 300 KiB; more is evicted from a level-2 cache of 1 MiB
@@ -138,7 +138,7 @@ template <int N>
   }
 }
 
-/// How far a head is to be trusted at each pixel of a record. `samples` are the pixels' own, by component, before any
+/// The confidence in a head at each pixel of a record. `samples` are the pixels' own samples, by component, before any
 /// curve.
 inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const TileValues> samples,
                   std::array<std::uint8_t, kTilePixels>& trusted) {

@@ -15,7 +15,7 @@ SetTone tone_of_fine_gains(const BlendTable& table, std::span<const std::array<s
       any = any || gain != kOne;
     }
   }
-  // The scale is whole 1/256, so it is rounded up first and gains are divided by what it then stands for.
+  // The scale is a multiple of 1/256. It is rounded up first; gains are then divided by the rounded scale.
   const auto lift = static_cast<std::uint32_t>((std::uint64_t{largest} * 256 + kOne - 1) / kOne);
   const std::uint32_t scale = std::min<std::uint32_t>(32767, (lift * table.vignetting_scale + 255) / 256);
   for (OutputTone& output : tone.output) output.scale = static_cast<std::uint16_t>(scale);
