@@ -87,7 +87,7 @@ double Head::distance_to_edge_without_masks(Pixel pixel) const {
     const double r = std::hypot(pixel.x - region.circle->x, pixel.y - region.circle->y);
     distance = std::min(distance, region.circle->radius - r);
   }
-  // Where the lens ends is an ellipse when the aspect is not 1; its distance is taken along the radius.
+  // The lens's limit is an ellipse if the aspect is not 1; the distance to it is measured along the radius.
   const Eigen::Vector2d p = from_center(pixel);
   const double r = p.norm();
   const double stretch =
@@ -100,7 +100,7 @@ double Head::density(Pixel pixel) const {
   const std::optional<double> a = lens_.angle(r);
   if (!a) return 0;
   const double slope = lens_.slope(*a, r);
-  // r / sin a tends to the slope on the axis.
+  // On the axis r / sin a tends to the slope.
   const double across = *a > 1e-9 ? r / std::sin(*a) : slope;
   return calibration_.aspect * slope * across;
 }

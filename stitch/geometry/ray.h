@@ -6,7 +6,7 @@
 
 namespace nodal::geometry {
 
-/// A place on a picture, px. Pixel (i, j) covers [i, i+1) x [j, j+1); its centre is at (i + 1/2, j + 1/2).
+/// A point of a picture, px. Pixel (i, j) covers [i, i+1) x [j, j+1); its centre is at (i + 1/2, j + 1/2).
 struct Pixel {
   double x = 0;
   double y = 0;
@@ -21,7 +21,7 @@ struct Angles {
   friend bool operator==(const Angles&, const Angles&) = default;
 };
 
-/// An angle by its sine and cosine.
+/// An angle's sine and cosine.
 struct SinCos {
   double sin = 0;
   double cos = 1;
@@ -32,7 +32,7 @@ struct SinCos {
 class Ray {
  public:
   Ray() : direction_(0, 0, 1) {}
-  /// The ray along `v`, of any length but 0.
+  /// The ray along `v`, which may have any length but 0.
   static Ray towards(const Eigen::Vector3d& v);
   static Ray towards(double x, double y, double z) { return towards(Eigen::Vector3d(x, y, z)); }
   static Ray at(Angles angles) { return at(SinCos::of(angles.theta), SinCos::of(angles.phi)); }
@@ -46,7 +46,7 @@ class Ray {
   double z() const { return direction_.z(); }
   Angles angles() const;
 
-  /// R_to_from times a ray of `from`. R must be a rotation.
+  /// The product R_to_from * ray, where `ray` is in the frame `from`. R must be a rotation.
   friend Ray operator*(const Eigen::Matrix3d& R, const Ray& ray) { return towards(R * ray.direction_); }
 
  private:
@@ -54,7 +54,7 @@ class Ray {
   Eigen::Vector3d direction_;
 };
 
-/// The angle between two rays, rad, exact for small angles too.
+/// The angle between two rays, rad; accurate for small angles too.
 double angle_between(const Ray& a, const Ray& b);
 
 }  // namespace nodal::geometry

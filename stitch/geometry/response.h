@@ -5,10 +5,10 @@
 
 namespace nodal::geometry {
 
-/// The light that gave the encoded value; both are clamped to 0..1.
+/// The light that gives the encoded value; both are clamped to 0..1.
 double decode(const Response& response, double encoded);
 
-/// The value that light is encoded as; the inverse of decode.
+/// The encoded value of `light`; the inverse of decode.
 double encode(const Response& response, double light);
 
 }  // namespace nodal::geometry

@@ -15,7 +15,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 }  // namespace
 
 Eigen::Matrix3d to_R_head_rig(const YawPitchRoll& degrees) {
-  // Right-handed turns about y (down) swing right, about x (right) swing up, about z (forward) clockwise.
+  // Positive rotations about y (down) turn right, about x (right) tilt up, about z (forward) roll clockwise.
   const Eigen::Matrix3d R_rig_head = (Eigen::AngleAxisd(degrees.yaw * kDegree, Eigen::Vector3d::UnitY()) *
                                       Eigen::AngleAxisd(degrees.pitch * kDegree, Eigen::Vector3d::UnitX()) *
                                       Eigen::AngleAxisd(degrees.roll * kDegree, Eigen::Vector3d::UnitZ()))

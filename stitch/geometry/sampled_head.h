@@ -9,13 +9,13 @@
 
 namespace nodal::geometry {
 
-/// A ray in the head's frame and where it falls, px with corners at integers.
+/// A ray in the head's frame and its position in the picture, px with corners at integers.
 struct RayPixel {
   Eigen::Vector3d ray{0, 0, 1};
   Pixel pixel;
 };
 
-/// Pairs at some thousand places spread evenly over the head's region.
+/// Pairs at some thousand points spread evenly over the head's region.
 std::vector<RayPixel> sample_head(const Head& head);
 
 }  // namespace nodal::geometry

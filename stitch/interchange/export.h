@@ -1,4 +1,4 @@
-// Calibrations for other programs. What a program's file cannot hold is fitted, and the residual told in
+// Exports calibrations to other programs' formats. What a format cannot hold is fitted, and the residual is reported in
 // pixels.
 #pragma once
 
@@ -13,18 +13,18 @@ namespace nodal::interchange {
 
 enum class ExportFormat { kHugin, kPtgui, kVideoStitch, kSurround360, kOpenCv, kKalibr };
 
-/// "pto", "pts", "ptv", "surround360", "opencv", "kalibr". Errors: kBadValue, with the names there are.
+/// "pto", "pts", "ptv", "surround360", "opencv", "kalibr". Errors: kBadValue; the message lists these names.
 Result<ExportFormat> export_format_named(std::string_view name);
 
 struct ExportOptions {
-  /// Each head's picture as the file should name it; a made-up name where there is none.
+  /// The file name of each head's picture, as written into the file; a generated name where there is none.
   std::vector<std::string> images;
-  /// For formats without a pixel aspect: numbers for pictures made `aspect` times wider, or higher, so that
-  /// pixels are square. Otherwise the aspect is squeezed into the fit.
+  /// For formats without a pixel aspect: writes numbers for pictures that are resampled to square pixels (`aspect`
+  /// times wider or higher). Otherwise the fit absorbs the aspect.
   bool square_pixels = false;
 };
 
-/// How far the file's lens is from the calibration's, over the head's region.
+/// The distance of the file's lens from the calibration's, over the head's region.
 struct ExportedHead {
   std::string name;
   double rms_px = 0;
@@ -32,14 +32,14 @@ struct ExportedHead {
 };
 
 struct ExportedFile {
-  std::string head;  ///< of a format that holds one camera a file; empty otherwise
+  std::string head;  ///< for formats with one camera per file; empty otherwise
   std::string text;
 };
 
 struct ExportResult {
   std::vector<ExportedFile> files;
   std::vector<ExportedHead> heads;
-  std::vector<std::string> notes;  ///< whole sentences: what was lost
+  std::vector<std::string> notes;  ///< whole sentences: what the file does not hold
 };
 
 /// Errors: those of check_calibration; kUnsupported, naming the head, for a lens that the format cannot hold at

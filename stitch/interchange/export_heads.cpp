@@ -15,7 +15,7 @@ constexpr double kTellPx = 0.01;
 constexpr double kSquare = 1e-6;
 constexpr double kTangentEnds = 85 * std::numbers::pi / 180;
 
-/// The head of the same picture with pixels made square: wider for aspects above 1, higher below.
+/// The same head for a picture resampled to square pixels: wider for aspects above 1, higher below.
 HeadCalibration resampled(const HeadCalibration& head, ExportResult& result) {
   HeadCalibration square = head;
   const bool wider = head.aspect > 1;

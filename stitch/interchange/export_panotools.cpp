@@ -1,4 +1,4 @@
-// Hugin's .pto, PTGui's text .pts and VideoStitch's .ptv: all three have the Panorama Tools polynomial
+// Hugin's .pto, PTGui's text .pts and VideoStitch's .ptv: all three use the Panorama Tools polynomial
 //   r = N (a p^4 + b p^3 + c p^2 + (1 - a - b - c) p),  p = ideal radius / N.
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -14,12 +14,12 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr const char* kNoAspect = "its lens, or pixels that are not square, fit the format's polynomial only nearly";
 
-/// A fourth-degree polynomial in the basis as focal length and a, b, c about the radius N.
+/// A fourth-degree polynomial in the basis, written as focal length and a, b, c for the radius N.
 struct Panotools {
   double f = 0, a = 0, b = 0, c = 0;
 };
 
-/// The focal length is the one that leaves radius N where it is: r(N / f) = N.
+/// The focal length is the one for which the polynomial maps N to itself: r(N / f) = N.
 Panotools panotools_of(const PolynomialHead& fit, double N) {
   const auto radius = [&](double t) {
     double r = 0;
@@ -42,7 +42,7 @@ struct Written {
   geometry::YawPitchRoll turn;
 };
 
-/// What .pto and .pts say of a head, about a rectangle of `width` x `height` px.
+/// The numbers that .pto and .pts hold for a head, for a rectangle of `width` x `height` px.
 Result<Written> written_head(const SampledHead& head, double width, double height) {
   Result<PolynomialHead> fit =
       best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, false, false});
@@ -86,7 +86,7 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
                             : "3") +
             lens_numbers(*w) + " d" + exact(w->fit.cx - width / 2) + " e" + exact(w->fit.cy - height / 2) + " g0 t0" +
             pose_numbers(*w);
-    // V of ours is over radius^2 from its own centre; Hugin's over half the diagonal.
+    // Our V is a function of radius^2 in units of its own radius; Hugin's, in units of half the diagonal.
     const double scale = std::pow(std::hypot(width, height) / 2 / c.vignetting.radius, 2);
     const auto& v = c.vignetting.coefficients;
     text += " Va1 Vb" + exact(v[0] * scale) + " Vc" + exact(v[1] * scale * scale) + " Vd" +
@@ -118,7 +118,7 @@ Status export_ptgui(const Calibration& calibration, std::vector<SampledHead>& he
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
     const Region& region = c.region;
-    // The crop is a square about the circle, or the region; lens and centre refer to it, in whole pixels.
+    // The crop is a square around the circle, or the region, in whole pixels; lens and centre refer to it.
     double left = std::round(region.left), right = std::round(region.right);
     double top = std::round(region.top), bottom = std::round(region.bottom);
     if (region.circle) {
@@ -153,7 +153,7 @@ Status export_videostitch(const Calibration& calibration, std::vector<SampledHea
         best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, true, false});
     if (!fit) return fail(fit.error());
     tell_fit(head, *fit, "its lens fits the format's polynomial only nearly", result);
-    // With "useMeterDistortion" the polynomial is about 1 (a radian, a tangent), and pixels may be oblong.
+    // With "useMeterDistortion" the polynomial's unit is 1 (a radian, a tangent of 1); pixels need not be square.
     const Panotools n = [&] {
       double f = 0;
       for (const double k : fit->coefficients) f += k;

@@ -12,7 +12,7 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr double kFisheyeFrom = 75 * std::numbers::pi / 180;  // from the axis; a pinhole's numbers explode beyond
+constexpr double kFisheyeFrom = 75 * std::numbers::pi / 180;  // from the axis; a pinhole's numbers diverge beyond
 
 std::string list(const std::vector<double>& values) {
   std::string text = "[";
@@ -20,7 +20,7 @@ std::string list(const std::vector<double>& values) {
   return text + "]";
 }
 
-/// YAML takes "1e-05" for a number only with a dot in it, or OpenCV's reader does.
+/// OpenCV's reader accepts "1e-05" as a number only if it contains a dot.
 std::string yaml_real(double value) {
   std::string text = exact(value);
   if (text.find('.') != std::string::npos) return text;
@@ -30,11 +30,11 @@ std::string yaml_real(double value) {
 
 struct Rational {
   double f = 0;
-  std::vector<double> k;  // OpenCV's eight, tangential ones zero
+  std::vector<double> k;  // OpenCV's eight; the tangential ones are zero
 };
 
-/// OpenCV's rational model over the head's radii: f t (1 + k1 s + k2 s^2 + k3 s^3) = r (1 + k4 s + k5 s^2 + k6 s^3),
-/// s = t^2, linear when both sides are divided by the denominator found before (Sanathanan and Koerner).
+/// OpenCV's rational model over the head's radii: f t (1 + k1 s + k2 s^2 + k3 s^3) = r (1 + k4 s + k5 s^2 + k6 s^3), s
+/// = t^2; made linear by dividing both sides by the previous iteration's denominator (Sanathanan and Koerner).
 Rational fit_rational(const SampledHead& head) {
   const geometry::Lens& lens = head.head.lens();
   Eigen::Matrix<double, 7, 1> x = Eigen::Matrix<double, 7, 1>::Zero();
@@ -49,16 +49,16 @@ Rational fit_rational(const SampledHead& head) {
       Eigen::Matrix<double, 7, 1> row;
       row << t, t * s, t * s * s, t * s * s * s, -r * s, -r * s * s, -r * s * s * s;
       row /= under;
-      // Farther out there are more pixels.
+      // The weight grows with the radius, because there are more pixels farther out.
       sum.add(row.data(), -r / under, r);
     }
-    constexpr double kDamping = 1e-13;  // powers of a tangent are nearly dependent: keeps the smallest pivots positive
+    constexpr double kDamping = 1e-13;  // powers of a tangent are nearly dependent: keeps pivots positive
     x = sum.step(kDamping, {});
   }
   return {x[0], {x[1] / x[0], x[2] / x[0], 0, 0, x[3] / x[0], x[4], x[5], x[6]}};
 }
 
-/// What a rational lens leaves over, as a fit that tell_fit() can tell.
+/// The residual of a rational lens, as a fit that tell_fit() can report.
 PolynomialHead rational_residual(const SampledHead& head, const Rational& rational) {
   PolynomialHead told;
   const PlumbBob bob{rational.k};
@@ -82,7 +82,7 @@ std::string matrix_text(const std::string& name, int rows, int columns, const st
          "\n   dt: d\n   data: [" + data + " ]\n";
 }
 
-/// A direction of the rig (x right, y down, z forward) in a world of x forward, y left, z up.
+/// Converts a direction of the rig (x right, y down, z forward) to a world with x forward, y left, z up.
 std::vector<double> to_world(const Eigen::Vector3d& v) { return {v.z(), -v.x(), -v.y()}; }
 
 }  // namespace

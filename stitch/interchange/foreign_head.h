@@ -1,5 +1,5 @@
-// The common part of the importers of other programs' lenses: a head from pixel pairs or exact numbers, its region, its
-// end.
+// Common to the importers of other programs' lenses: a head from pairs of ray and pixel or from exact numbers, its
+// region, and its max_angle.
 #pragma once
 
 #include <string>
@@ -11,25 +11,25 @@
 
 namespace nodal::interchange {
 
-/// A head whose picture, vignetting and region are set to the whole picture, all else as it stands.
+/// A head with its picture size, and with vignetting and region set for the whole picture; all else has default values.
 HeadCalibration blank_head(const std::string& name, int width, int height);
 
-/// Where a lens ends or turns back inside the region it is used up to a little before that, with a note; then
-/// the head is checked. Errors: those of check_head.
+/// If the lens ends or turns back inside the region, limits it to slightly less than that, with a note; then checks the
+/// head. Errors: those of check_head.
 Status finish_head(HeadCalibration& head, std::vector<std::string>& notes);
 
-/// Sets lens, centre, aspect and, turned by what the fit turned, rotation; notes the residual.
+/// Sets lens, centre and aspect, and corrects the rotation by the one that the fit found; notes the residual.
 void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadCalibration& head,
               std::vector<std::string>& notes);
-/// A note with the residual of a fitted lens, unless it is negligible.
+/// Adds a note with the residual of a fitted lens, unless it is negligible.
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
 
-/// A picture's width or height from what a field holds; `field` calls it in the error.
-/// Errors: those of `value`; kBadValue outside 1..32768.
+/// A picture's width or height from a field's value; `field` is its name in errors. Errors: those of `value`; kBadValue
+/// outside 1..32768.
 Result<int> picture_side(const Result<double>& value, const std::string& field);
 
-/// Errors: kUnsupported when there are none or more than a rig has.
+/// Errors: kUnsupported if there is no head, or more than a rig may have.
 Status check_head_count(std::size_t heads);
 
 }  // namespace nodal::interchange

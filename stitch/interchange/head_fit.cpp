@@ -11,11 +11,11 @@ namespace nodal::interchange {
 namespace {
 
 constexpr int kSteps = 25;
-constexpr int kMostRefusals = 3;    // steps are nearly exact: when some fail, only rounding is left
-constexpr double kEnough = 1e-14;   // of the cost
-constexpr double kDamping = 1e-13;  // powers of an angle are nearly dependent: keeps the smallest pivots positive
+constexpr int kMostRefusals = 3;    // steps are nearly exact; repeated refusals mean only rounding is left
+constexpr double kEnough = 1e-14;   // share of the cost
+constexpr double kDamping = 1e-13;  // powers of an angle are nearly dependent: keeps pivots positive
 constexpr double kMostTangent = 89.5 * std::numbers::pi / 180;
-constexpr int kPlace = 6;  // cx, cy, aspect and three of the turn come before the coefficients
+constexpr int kPlace = 6;  // cx, cy, aspect and three rotation angles precede the coefficients
 
 bool reaches(RadialBasis basis, double angle) {
   if (basis == RadialBasis::kTangent) return angle < kMostTangent;
@@ -37,7 +37,7 @@ double radius_at(const PolynomialHead& head, double angle) {
   return r;
 }
 
-/// Derivatives of (u, v) by everything, in px; by the turn only when it is asked for.
+/// Derivatives of (u, v) by all unknowns, px; by the rotation only if requested.
 Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head, const Eigen::Vector3d& given,
                                                      bool by_turn) {
   const auto n = static_cast<Eigen::Index>(kPlace + head.exponents.size());
@@ -67,7 +67,7 @@ Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head,
   return J;
 }
 
-/// Which of the unknowns stay.
+/// Which unknowns are held.
 std::vector<bool> fixed_columns(const PolynomialHead& head, const FitFreedom& freedom) {
   std::vector<bool> fixed{!freedom.center, !freedom.center, !freedom.aspect,
                           !freedom.turn,   !freedom.turn,   !freedom.turn};
@@ -87,7 +87,7 @@ PolynomialHead moved(const PolynomialHead& from, const Eigen::VectorXd& step) {
   return head;
 }
 
-/// The best head by at most `steps` steps from `start`.
+/// The best head after at most `steps` steps from `start`.
 PolynomialHead improved(const std::vector<geometry::RayPixel>& samples, const PolynomialHead& start,
                         const FitFreedom& freedom, int steps) {
   const auto evaluate = [&](const PolynomialHead& head) {
@@ -138,7 +138,7 @@ Result<PolynomialHead> fit_polynomial_head(const std::vector<geometry::RayPixel>
   if (held.size() < 10) return fail(Errc::kBadValue, "its lens sees next to nothing that this form can hold");
   PolynomialHead head = start;
   head.coefficients.assign(head.exponents.size(), 0.0);
-  // Linear in the coefficients: they alone first, then everything.
+  // The problem is linear in the coefficients: they are fitted first and alone, then all unknowns.
   head = improved(held, head, {false, false, false}, 1);
   head = improved(held, head, freedom, kSteps);
   double square = 0;

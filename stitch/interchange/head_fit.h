@@ -1,5 +1,5 @@
-// Fits a head to pairs of ray and pixel, in a form that a program's format can hold; the residual is
-// reported in pixels. All conversions between lens models use it.
+// Fits a head to pairs of ray and pixel, in a form that another program's format can hold; the residual is in pixels.
+// All conversions between lens models use it.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,7 +13,7 @@
 
 namespace nodal::interchange {
 
-/// What a radius is a polynomial of; a is the angle from the axis.
+/// The variable of the radius polynomial; a is the angle from the axis.
 enum class RadialBasis { kAngle, kTangent, kHalfTangent };  ///< a, tan a, tan(a/2)
 double radial_basis(RadialBasis basis, double angle);
 
@@ -23,28 +23,28 @@ struct PolynomialHead {
   std::vector<int> exponents{1};
   std::vector<double> coefficients;
   double cx = 0, cy = 0, aspect = 1;
-  Eigen::Matrix3d R_fitted_given = Eigen::Matrix3d::Identity();  ///< the turn from the given rays to the fitted head's
+  Eigen::Matrix3d R_fitted_given = Eigen::Matrix3d::Identity();  ///< from the given rays' frame to the fitted head's
   double rms_px = 0;
   double max_px = 0;
 
   geometry::Pixel project(const Eigen::Vector3d& ray) const;
 };
 
-/// The unknowns of the fit.
+/// The unknowns of the fit besides the coefficients.
 struct FitFreedom {
   bool center = true;
   bool aspect = true;
-  bool turn = false;  ///< the head's frame; for lenses whose shift is half a turn
+  bool turn = false;  ///< the head's frame; for lenses with a shift that is partly a rotation
 };
 
-/// Least squares over the pixels, from `start`'s centre and aspect. Rays that the basis cannot hold (90 degrees
-/// from the axis and more, for tangents) are left out.
-/// Errors: kBadValue when fewer than ten rays remain.
+/// Least squares over the pixels, starting from `start`'s centre and aspect. Rays that the basis cannot represent
+/// (for tangents: 90 degrees or more from the axis) are left out. Errors: kBadValue if fewer than ten rays
+/// remain.
 Result<PolynomialHead> fit_polynomial_head(const std::vector<geometry::RayPixel>& samples, const PolynomialHead& start,
                                            const FitFreedom& freedom);
 
-/// The fitted numbers as a lens of the document. Bases of angles give EquidistantLens, or KannalaBrandtLens
-/// when the exponents are odd and at most 9; tangents give RectilinearLens. Not for half tangents.
+/// The fit as a lens of the document: for the basis of angles EquidistantLens, or KannalaBrandtLens if the exponents
+/// are odd and at most 9; for tangents RectilinearLens. Not for half tangents.
 LensModel lens_of(const PolynomialHead& fit);
 
 }  // namespace nodal::interchange

@@ -13,7 +13,7 @@
 
 namespace nodal::interchange {
 
-/// One point of the scene in the pictures of two heads; pixels as Nodal counts them (a centre is at + 1/2).
+/// One point of the scene in the pictures of two heads; pixels in Nodal's convention (a centre is at + 1/2).
 struct ControlPoint {
   std::size_t head_a = 0;
   geometry::Pixel pixel_a;
@@ -21,20 +21,20 @@ struct ControlPoint {
   geometry::Pixel pixel_b;
 };
 
-/// An imported project. The calibration has passed check_calibration; `notes` are whole sentences for the user
-/// about what did not fit or had to be guessed.
+/// An imported project. The calibration has passed check_calibration; `notes` are whole sentences for the user: what
+/// could not be imported exactly, and what was assumed.
 struct ImportResult {
   Calibration calibration;
   std::vector<std::string> notes;
   std::vector<ControlPoint> control_points;
-  std::vector<std::string> images;  ///< each head's picture, as the project names it; empty when it names none
+  std::vector<std::string> images;  ///< each head's picture as named in the project; empty if not named
 };
 
-inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // masks inside a .pts are long
+inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // a .pts contains masks, which are long
 
-/// Pure functions of the text; `name` becomes the calibration's name.
-/// Errors: kTooLarge, kTruncated, kBadFormat, kBadValue, kMissingField with the line's number or the field;
-/// kUnsupported for a projection that Nodal has no lens for; those of check_calibration with the head's name.
+/// Pure functions of the text; `name` becomes the calibration's name. Errors: kTooLarge, kTruncated, kBadFormat,
+/// kBadValue, kMissingField, with the line number or the field; kUnsupported for a projection for which Nodal has no
+/// lens; those of check_calibration with the head's name.
 Result<ImportResult> import_pto(std::string_view text, std::string_view name);
 Result<ImportResult> import_pts(std::string_view text, std::string_view name);
 Result<ImportResult> import_videostitch(std::string_view text, std::string_view name);
@@ -46,11 +46,11 @@ struct CameraFile {
   std::string path;
   std::string text;
 };
-/// A rig of OpenCV cameras, one a file, in the order given. Their files do not say how they stand: all look forward, which
-/// a note says. Errors: those above with the file's path; kUnsupported for fewer or more files than a rig has heads.
+/// A rig of OpenCV cameras, one per file, in the given order. The files hold no orientations: all cameras look forward,
+/// with a note. Errors: as above, with the file's path; kUnsupported for too few or too many files.
 Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name);
 
-/// Recognizes the format by the text.
+/// Imports a project whose format is recognized from the text.
 Result<ImportResult> import_project(std::string_view text, std::string_view name);
 
 }  // namespace nodal::interchange

@@ -1,4 +1,4 @@
-// Kalibr's camchain.yaml: cameras in a chain, each placed by T_cn_cnm1 against the one before.
+// Kalibr's camchain.yaml: a chain of cameras; T_cn_cnm1 gives each camera's pose relative to the previous one.
 #include <Eigen/Core>
 #include <cmath>
 #include <numbers>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// A projection that is no pinhole: r(a) in units of the focal length before distortion.
+/// A projection that is not a pinhole: r(a) in units of the focal length, before distortion.
 struct Projection {
   std::string model;
   double first = 0, second = 0;  ///< xi | alpha, beta | xi, alpha
@@ -100,7 +100,7 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
                                       *model + "' here; there are radtan, equidistant, fov and none");
 }
 
-/// The rotation of T_cn_cnm1; `shift` grows to the farthest that any camera stands from the first.
+/// The rotation of T_cn_cnm1; `shift` becomes the largest distance of a camera from the first.
 Result<Eigen::Matrix3d> read_step(const YamlFields& camera, double& shift) {
   if (!camera.has("T_cn_cnm1")) return Eigen::Matrix3d(Eigen::Matrix3d::Identity());
   const Result<std::vector<double>> T = camera.matrix("T_cn_cnm1", 4, 4);
@@ -116,7 +116,7 @@ Result<Eigen::Matrix3d> read_step(const YamlFields& camera, double& shift) {
   return *rotation;
 }
 
-/// The camera's name in the topic it was recorded from (/NAME/image_raw); its number in the chain without one.
+/// The camera's name from its topic (/NAME/image_raw); without a topic, its number in the chain.
 std::string name_of(const YamlFields& camera, const std::string& number, const ImportResult& result) {
   std::vector<std::string> taken;
   for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);

@@ -1,4 +1,4 @@
-// OpenCV's FileStorage YAML, as its calibration programs and ROS write it: one camera a file, no place in a rig.
+// OpenCV's FileStorage YAML, as written by its calibration programs and by ROS: one camera per file, no orientation.
 #include <algorithm>
 
 #include "stitch/interchange/foreign_head.h"
@@ -11,7 +11,7 @@
 namespace nodal::interchange {
 namespace {
 
-/// rows, cols and data of an !!opencv-matrix, or ROS's map of the same.
+/// Reads rows, cols and data of an !!opencv-matrix, or of ROS's equivalent map.
 Result<std::vector<double>> read_matrix(const YamlFields& file, const std::string& key) {
   if (!file.has(key)) {
     return fail(Errc::kMissingField, "there is no '" + key +
@@ -29,8 +29,8 @@ bool is_fisheye(const YamlFields& file) {
   return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
 }
 
-/// Adds the camera of a file to a rig: called by its own name or, where it has none or another head has it, as the file
-/// at `path`.
+/// Adds a file's camera to a rig. Its name is the file's own camera name; if there is none, or it is taken, the name of
+/// the file at `path`.
 Status add_camera(std::string_view text, std::string_view path, ImportResult& result) {
   const Result<YAML::Node> root = parse_foreign_yaml(text);
   if (!root) return fail(root.error());

@@ -1,4 +1,4 @@
-// Hugin's project file. Its pixel centres are at integers, its angles are people's degrees.
+// Hugin's project file. Its pixel centres are at integers, its angles are in degrees (yaw, pitch, roll).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,8 +15,8 @@
 namespace nodal::interchange {
 namespace {
 
-/// Light from encoded value as Hugin has it for Ra..Re = 0, which is EMoR's mean of many cameras: a polynomial
-/// fitted to what nona 2022 makes of a ramp at eight exposures from -2 to 4 stops, to 0.08 levels of 255 rms.
+/// Light from encoded value in Hugin's response for Ra..Re = 0, EMoR's mean over many cameras: a polynomial fitted to
+/// nona 2022's output for a ramp at eight exposures from -2 to 4 stops, to 0.08 levels of 255 rms.
 constexpr std::array kMeanResponse{0.104165639,   2.518528026,    -12.713087053, 45.847686835, -107.436831174,
                                    161.911780617, -147.637115033, 74.004003159,  -15.599131016};
 
@@ -98,7 +98,7 @@ Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image, c
   return to_head(read, notes);
 }
 
-/// Gains against the rig's mean exposure, vignetting, and what can be said of the response.
+/// Sets gains relative to the rig's mean exposure, vignetting, and the response as far as it is known.
 void set_photometry(const std::vector<Photometry>& all, ImportResult& result) {
   double mean = 0;
   for (const Photometry& p : all) mean += p.Eev / static_cast<double>(all.size());
@@ -119,7 +119,7 @@ void set_photometry(const std::vector<Photometry>& all, ImportResult& result) {
     any = any || p.falls_off() || std::abs(gain - 1) > 1e-9 || p.Er != 1 || p.Eb != 1;
     bent = bent || std::ranges::any_of(p.R, [](double r) { return r != 0; });
   }
-  // Without exposures and vignetting to make up for, the response plays no part.
+  // The response matters only if there are exposures or vignetting to compensate.
   if (!any && !bent) return;
   for (HeadCalibration& head : result.calibration.heads) {
     head.response = {Response::Curve::kPolynomial, 1, {kMeanResponse.begin(), kMeanResponse.end()}};

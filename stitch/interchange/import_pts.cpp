@@ -1,5 +1,5 @@
-// PTGui's text project, of version 9 and older. Image lines begin with o; the first may be a dummy that only
-// holds what the others are linked to.
+// PTGui's text project, version 9 and older. Image lines begin with o; the first may be a dummy that only holds the
+// variables to which the others link.
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -13,14 +13,14 @@
 namespace nodal::interchange {
 namespace {
 
-/// What stands in comments before an image line.
+/// The data in the comments before an image line.
 struct ImageFile {
   int width = 0;
   int height = 0;
   std::string path;
 };
 
-/// #-imgfile 3840 2160 "input-00.jpg"
+/// Parses e.g. #-imgfile 3840 2160 "input-00.jpg"
 Result<ImageFile> read_image_file(const ScriptLine& line) {
   const auto bad = [&] {
     return fail(Errc::kBadFormat, "line " + std::to_string(line.number) +
@@ -40,15 +40,15 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
   return file;
 }
 
-/// Whether a comment says more than its keyword and zeros.
+/// Whether a comment holds anything besides its keyword and zeros.
 bool says_something(const std::string& comment, std::size_t keyword) {
   return comment.find_first_not_of(" 0.\t-", keyword) != std::string::npos;
 }
 
-/// The lines of a project as they belong together.
+/// The lines of a project, sorted by meaning.
 struct Project {
-  ImageLines lines;              // the dummy too: links count it
-  std::vector<ImageFile> files;  // of every image but the dummy
+  ImageLines lines;              // includes the dummy, because links count it
+  std::vector<ImageFile> files;  // for every image except the dummy
   bool has_dummy = false;
   bool masks = false, vignetting = false, curve = false, exposures = false, viewpoints = false;
 };
@@ -101,7 +101,7 @@ Result<HeadCalibration> read_head(const Project& project, std::size_t image, con
   if (const std::string* kept = project.lines[o].find("C")) {
     const Result<std::array<double, 4>> crop = to_four_numbers(project.lines[o], "C", *kept);
     if (!crop) return fail(crop.error());
-    // With a crop, the field of view, the polynomial and the centre all refer to it.
+    // If there is a crop, the field of view, the polynomial and the centre all refer to it.
     read.lens = {(*crop)[0], (*crop)[1], (*crop)[2], (*crop)[3]};
     read.region = read.lens;
   }

@@ -1,5 +1,5 @@
-// Facebook's Surround360 and facebook360_dep rigs. Their pixels have corners at integers, as Nodal's; a camera looks
-// along its forward, the world is x forward, y left, z up.
+// Facebook's Surround360 and facebook360_dep rigs. Pixel corners are at integers, as in Nodal; a camera looks along its
+// `forward`; the world has x forward, y left, z up.
 #include <Eigen/Core>
 #include <cmath>
 #include <numbers>
@@ -17,10 +17,10 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// A direction of their world in the rig's axes: x right, y down, z forward.
+/// Converts a direction of that world to the rig's axes: x right, y down, z forward.
 Eigen::Vector3d to_rig(const std::vector<double>& v) { return {-v[1], -v[2], v[0]}; }
 
-/// The rotation from the three axes they write down.
+/// The rotation from the three axes in the file.
 Status read_rotation(const JsonFields& camera, HeadCalibration& head) {
   std::array<Eigen::Vector3d, 3> axes;  // right, up, forward
   constexpr std::array kNames{"right", "up", "forward"};
@@ -38,7 +38,7 @@ Status read_rotation(const JsonFields& camera, HeadCalibration& head) {
   return {};
 }
 
-/// distort(s) = s + d0 s^3 + d1 s^5 (+ d2 s^7), s by type; radius = focal times that.
+/// distort(s) = s + d0 s^3 + d1 s^5 (+ d2 s^7), with s by the camera's type; radius = focal * distort(s).
 Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<std::string>& notes) {
   const Result<std::vector<double>> focal = camera.numbers("focal", 2, 2);
   if (!focal) return fail(focal.error());
@@ -73,7 +73,7 @@ Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<st
     const double s = equisolid ? 2 * std::sin(a / 2) : std::sin(a);
     return f * s * (1 + s * s * (d[0] + s * s * (d[1] + s * s * d[2])));
   };
-  // As far as the rig says, or as the picture's farthest corner is.
+  // Up to the angle that the rig states, else up to the picture's farthest corner.
   double end = head.max_angle > 0 ? head.max_angle : kPi / 2;
   const double corner = std::hypot(std::max(head.center_x, head.width - head.center_x),
                                    std::max(head.center_y, head.height - head.center_y) / head.aspect);
@@ -120,7 +120,7 @@ Result<HeadCalibration> read_camera(const nlohmann::json& json, std::size_t inde
   if (Status s = read_rotation(camera, head); !s) return fail(s.error());
   if (Status s = read_lens(camera, head, result.notes); !s) return fail(s.error());
   const LensRange range = lens_range(head.lens);
-  if (head.max_angle >= range.max_angle) head.max_angle = 0;  // the lens ends earlier than they say
+  if (head.max_angle >= range.max_angle) head.max_angle = 0;  // the lens ends at a smaller angle than the file states
   if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
   return head;
 }

@@ -1,4 +1,4 @@
-// VideoStitch's project (.ptv), as stitchEm reads it: JSON, focal lengths in px, the Panorama Tools polynomial.
+// VideoStitch's project (.ptv), interpreted as by stitchEm: JSON, focal lengths in px, the Panorama Tools polynomial.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,14 +19,14 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// One input's lens as the file has it.
+/// One input's lens with the file's numbers.
 struct Lens {
   RadialBasis basis = RadialBasis::kAngle;
   double scale = 1;  ///< of the basis: tan(a/2) is a pinhole's tangent of half the angle
   bool circle = false;
   double fx = 0, fy = 0;
   double a = 0, b = 0, c = 0;
-  bool meters = false;  ///< the polynomial works before the focal length does, not after
+  bool meters = false;  ///< the polynomial is applied before the focal length, not after
   double unit = 1;      ///< px; half the shorter side
 };
 
@@ -46,7 +46,7 @@ Result<Lens> read_projection(const JsonFields& input) {
   return lens;
 }
 
-/// A curve over time holds its first value in front of the last element: [frame, 0, {...}] or {...}.
+/// A curve over time holds its first value before the last element: [frame, 0, {...}] or {...}.
 const nlohmann::json* find_geometry(const JsonFields& input) {
   if (!input.has("geometries")) return nullptr;
   const nlohmann::json& geometries = input["geometries"];
@@ -99,7 +99,7 @@ Result<Numbers> read_numbers(const JsonFields& geometry, Lens& lens) {
   return n;
 }
 
-/// Where a ray of the head falls, relative to the lens's centre.
+/// The point where a ray of the head falls, relative to the lens's centre.
 Eigen::Vector2d project(const Lens& lens, const Eigen::Vector3d& ray) {
   const double s = std::hypot(ray.x(), ray.y());
   if (s == 0) return {0, 0};
@@ -115,7 +115,7 @@ Eigen::Vector2d project(const Lens& lens, const Eigen::Vector3d& ray) {
   return p;
 }
 
-/// The angle up to which the projection rises and stays within `radius_px` along the x axis.
+/// The angle up to which the projection rises and stays within `radius_px` on the x axis.
 double end_of(const Lens& lens, double radius_px) {
   const double most = lens.basis == RadialBasis::kTangent ? 89 * kPi / 180 : 170 * kPi / 180;
   double last = 0;
@@ -139,7 +139,7 @@ Status set_lens(const Lens& lens, HeadCalibration& head, std::vector<std::string
       samples.push_back({ray, {head.center_x + p.x(), head.center_y + p.y()}});
     }
   }
-  // Panorama Tools' polynomial is one of the document's; of half tangents it is not, and takes a longer one.
+  // The Panorama Tools polynomial of an angle or tangent is a lens of the document; of half tangents it is fitted.
   PolynomialHead start;
   start.basis = lens.basis == RadialBasis::kTangent ? RadialBasis::kTangent : RadialBasis::kAngle;
   start.exponents = lens.basis == RadialBasis::kHalfTangent ? std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8, 9}
@@ -227,7 +227,7 @@ Eigen::Matrix3d read_orientation(const JsonFields& pano) {
   return Eigen::Quaterniond(v[0], v[1], v[2], v[3]).toRotationMatrix();
 }
 
-/// Points its calibration matched; `head_of` says which head an input became.
+/// Adds the points that VideoStitch's calibration matched; `head_of` maps an input to its head.
 Status add_points(const JsonFields& pano, const std::vector<int>& head_of, ImportResult& result) {
   if (!pano.has("calibration_control_points")) return {};
   const JsonFields points(pano["calibration_control_points"], "calibration_control_points");
@@ -258,7 +258,7 @@ Status add_points(const JsonFields& pano, const std::vector<int>& head_of, Impor
 Result<ImportResult> import_videostitch(std::string_view text, std::string_view name) {
   const Result<nlohmann::json> json = parse_foreign_json(text);
   if (!json) return fail(json.error());
-  // A whole project holds a "pano"; a panorama by itself is one.
+  // A whole project contains a "pano"; a file can also be the panorama itself.
   const JsonFields file(*json, "the project");
   const JsonFields pano(file.has("pano") ? file["pano"] : *json, "the panorama");
   if (!pano.has("inputs") || !pano["inputs"].is_array()) {

@@ -1,4 +1,4 @@
-// Fields of another program's JSON, with errors that name the field's place.
+// Fields of another program's JSON; errors name the field's position.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -13,7 +13,7 @@ namespace nodal::interchange {
 /// Errors: kTooLarge, kBadFormat.
 Result<nlohmann::json> parse_foreign_json(std::string_view text);
 
-/// An object and how to call it in errors. Keeps nothing alive.
+/// A JSON object and its name in errors. Keeps references only.
 class JsonFields {
  public:
   JsonFields(const nlohmann::json& object, std::string where) : object_(object), where_(std::move(where)) {}
@@ -22,14 +22,14 @@ class JsonFields {
   bool has(const char* key) const { return object_.is_object() && object_.contains(key); }
   const nlohmann::json& operator[](const char* key) const { return object_.at(key); }
 
-  /// Errors: kMissingField, kBadValue when it is no finite number.
+  /// Errors: kMissingField; kBadValue if it is not a finite number.
   Result<double> number(const char* key) const;
   Result<double> number_or(const char* key, double otherwise) const;
-  /// Between `least` and `most` numbers in a list.
+  /// Reads a list of `least` to `most` numbers.
   Result<std::vector<double>> numbers(const char* key, std::size_t least, std::size_t most) const;
   /// Errors: kMissingField, kBadValue.
   Result<std::string> text(const char* key) const;
-  /// A picture's side. Errors: kMissingField, kBadValue outside 1..32768.
+  /// The width or height of a picture. Errors: kMissingField, kBadValue outside 1..32768.
   Result<int> side(const char* key) const;
 
  private:

@@ -33,7 +33,7 @@ Result<LensModel> to_lens(const PanotoolsImage& image) {
   const double v = image.hfov * kDegree;
   const double f = rectilinear ? width / 2 / std::tan(v / 2) : width / v;
   const double n = std::min(width, height) / 2;
-  const double p = f / n;  // p of an angle or tangent of 1
+  const double p = f / n;  // p for an angle or tangent of 1
   std::vector<double> coefficients{n * p * (1 - image.a - image.b - image.c), n * p * p * image.c,
                                    n * p * p * p * image.b, n * p * p * p * p * image.a};
   while (coefficients.size() > 1 && coefficients.back() == 0) coefficients.pop_back();
@@ -62,7 +62,7 @@ Status set_region(const PanotoolsImage& image, HeadCalibration& head, std::vecto
   return {};
 }
 
-/// Where the polynomial turns back inside the region, the lens is used only up to a little before that.
+/// If the polynomial turns back inside the region, the lens is limited to slightly less than that angle.
 void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
   const LensRange range = lens_range(head.lens);
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);

@@ -13,7 +13,7 @@ namespace nodal::interchange {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kMostTangent = 60;  // beyond 89 degrees a pinhole's picture is nowhere
+constexpr double kMostTangent = 60;  // beyond 89 degrees a pinhole has no picture
 
 Status check_pinhole(const PinholeNumbers& p, const std::string& name) {
   if (p.fx >= 1 && p.fx <= 1e6 && p.fy >= 1 && p.fy <= 1e6 && std::abs(p.cx) <= 1e6 && std::abs(p.cy) <= 1e6) return {};
@@ -28,7 +28,7 @@ void set_pinhole(const PinholeNumbers& p, HeadCalibration& head) {
   head.aspect = p.fy / p.fx;
 }
 
-/// Up to which tangent the radial part rises.
+/// The tangent up to which the radial part rises.
 double turning_tangent(const PlumbBob& bob) {
   double last = 0;
   for (double t = 0.002; t < kMostTangent; t *= 1.002) {
@@ -39,7 +39,7 @@ double turning_tangent(const PlumbBob& bob) {
   return kMostTangent;
 }
 
-/// Ideal points whose pictures spread evenly over the picture: one a cell, the outermost, so that corners take part.
+/// Ideal points whose images cover the picture evenly: one per cell, and the outermost ones, to include the corners.
 std::vector<geometry::RayPixel> samples_of(const PinholeNumbers& p, const PlumbBob& bob, const HeadCalibration& head) {
   constexpr int kCells = 48;
   constexpr int kRings = 300, kSpokes = 180;
@@ -111,7 +111,7 @@ Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCal
   start.aspect = head.aspect;
   start.exponents = {1, 3, 5, 7, 9};
   const std::vector<geometry::RayPixel> samples = samples_of(pinhole, bob, head);
-  // Tangential terms are most of them a shift of the centre and a turn of the head.
+  // Tangential terms are mostly a shift of the centre and a rotation of the head.
   const FitFreedom freedom{any(k, 2, 4) || any(k, 8, 12), any(k, 8, 12), any(k, 2, 4) || any(k, 8, 12)};
   Result<PolynomialHead> best = fit_polynomial_head(samples, start, freedom);
   const auto try_other = [&] {

@@ -1,4 +1,4 @@
-// The distortion models of OpenCV and Kalibr, and the nearest head.
+// The distortion models of OpenCV and Kalibr, converted to the nearest head.
 #pragma once
 
 #include <functional>
@@ -11,7 +11,7 @@
 
 namespace nodal::interchange {
 
-/// Focal lengths and principal point as those programs have them: px, pixel centres at integers.
+/// Focal lengths and principal point in those programs' convention: px, pixel centres at integers.
 struct PinholeNumbers {
   double fx = 0, fy = 0, cx = 0, cy = 0;
 };
@@ -23,16 +23,16 @@ struct PlumbBob {
   Eigen::Vector2d bend(const Eigen::Vector2d& ideal) const;
 };
 
-/// Sets head.lens, centre and aspect. Radial polynomials are exact; rational and tangential terms are fitted
-/// over the picture, up to where the distortion turns back, and the residual noted.
-/// Errors: kBadValue for numbers that make no lens, kUnsupported for another count of numbers.
+/// Sets head.lens, centre and aspect. Radial polynomials are converted exactly. Rational and tangential terms are
+/// fitted over the picture, up to where the distortion turns back, and the residual is noted. Errors: kBadValue for
+/// invalid numbers, kUnsupported for another number of coefficients.
 Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCalibration& head,
                      std::vector<std::string>& notes);
 
-/// OpenCV's fisheye model and Kalibr's "equidistant": exact.
+/// OpenCV's fisheye model and Kalibr's "equidistant"; exact.
 Status set_kannala_brandt(const PinholeNumbers& pinhole, const std::vector<double>& k, HeadCalibration& head);
 
-/// Any radial projection, r = f(a) in units of fx, up to `end` rad, fitted by a Kannala-Brandt lens.
+/// Any radial projection r = f(a), in units of fx, up to `end` rad; fitted by a Kannala-Brandt lens.
 Status set_radial(const PinholeNumbers& pinhole, const std::function<double(double)>& radius, double end,
                   const std::string& what, HeadCalibration& head, std::vector<std::string>& notes);
 

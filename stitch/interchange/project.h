@@ -1,4 +1,4 @@
-// The common part of both importers after the lines are read.
+// Parts that the importers share once the lines are parsed.
 #pragma once
 
 #include <string>
@@ -11,15 +11,15 @@
 
 namespace nodal::interchange {
 
-/// Four digits: enough for a note.
+/// The number with four digits, for a note.
 std::string short_number(double value);
 
-/// The c lines of type t0. Images are counted from `first_image`; a pixel's centre is at integers in both
-/// programs.
-/// Errors: kBadValue for a point that names an image that is not there.
+/// Adds the c lines of type t0. Images are counted from `first_image`; in both programs
+/// pixel centres are at integers. Errors: kBadValue for a point that names a missing
+/// image.
 Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result);
 
-/// Whether a file is a camera as OpenCV writes it.
+/// Whether a file holds one camera in OpenCV's format.
 bool is_opencv(std::string_view text);
 
 }  // namespace nodal::interchange

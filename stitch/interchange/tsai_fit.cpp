@@ -29,7 +29,7 @@ std::optional<TsaiFit> fit_tsai(const std::vector<geometry::RayPixel>& samples, 
     radii.push_back({r, std::hypot(sample.ray.x(), sample.ray.y()) / sample.ray.z()});
     unit = std::max(unit, r);
   }
-  // f t - k1 r^3 - k2 r^5 = r is linear; divided by the slope it is px of the picture. Radii in units of the largest.
+  // f t - k1 r^3 - k2 r^5 = r is linear; dividing by the slope gives px in the picture. Radii in units of the largest.
   Eigen::Vector3d x(0, 0, 0);
   for (int pass = 0; pass < kPasses; ++pass) {
     solve::NormalEquations sum(3);

@@ -1,5 +1,5 @@
-// The Tsai lens nearest to pairs of ray and pixel: its polynomial goes from the picture to the ideal one, so that what
-// other programs write of such a lens fits it better than any polynomial the other way.
+// Fits a Tsai lens to pairs of ray and pixel. Its polynomial maps the picture to the ideal picture, so it fits other
+// programs' lenses of this kind better than any polynomial in the other direction.
 #pragma once
 
 #include <optional>
@@ -16,8 +16,8 @@ struct TsaiFit {
   double max_px = 0;
 };
 
-/// About the given centre, which is not sought. Nothing when the lens that comes out does not rise over the samples, or
-/// when a ray is 90 degrees or more from the axis.
+/// The centre is given and not fitted. Nothing if the fitted lens does not rise over the samples, or if a ray is 90
+/// degrees or more from the axis.
 std::optional<TsaiFit> fit_tsai(const std::vector<geometry::RayPixel>& samples, double cx, double cy, double aspect);
 
 }  // namespace nodal::interchange

@@ -13,7 +13,7 @@ Result<YAML::Node> parse_foreign_yaml(std::string_view text) {
     return fail(Errc::kTooLarge, "it has " + std::to_string(text.size()) + " bytes; a calibration has at most " +
                                      std::to_string(kMaxProjectBytes));
   }
-  // OpenCV opens its files with %YAML:1.0, which no YAML reader but its own accepts.
+  // OpenCV begins its files with %YAML:1.0, which only its own reader accepts.
   if (text.starts_with("%YAML")) text.remove_prefix(std::min(text.find('\n'), text.size()));
   try {
     return YAML::Load(std::string(text));
@@ -27,7 +27,7 @@ bool yaml_number(const YAML::Node& node, double& value) {
   std::string text = node.Scalar();
   if (text.starts_with('+')) text.erase(0, 1);
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  // OpenCV writes whole numbers as "3."
+  // OpenCV writes integers as "3."
   const std::string_view rest(end, static_cast<std::size_t>(text.data() + text.size() - end));
   return error == std::errc() && (rest.empty() || rest == ".") && std::isfinite(value);
 }

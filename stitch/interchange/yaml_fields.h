@@ -1,4 +1,4 @@
-// Fields of another program's YAML, with errors that name the field's place. Catches the library's exceptions.
+// Fields of another program's YAML; errors name the field's position. Catches the library's exceptions.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
@@ -14,14 +14,14 @@ namespace nodal::interchange {
 /// Errors: kTooLarge, kBadFormat with the line.
 Result<YAML::Node> parse_foreign_yaml(std::string_view text);
 
-/// A mapping and how to call it in errors.
+/// A mapping and its name in errors.
 class YamlFields {
  public:
   YamlFields(YAML::Node node, std::string where) : node_(std::move(node)), where_(std::move(where)) {}
 
   const std::string& where() const { return where_; }
   bool has(const std::string& key) const;
-  /// The node at a key that has() said is there.
+  /// The node at `key`, which has() must have confirmed.
   YAML::Node at(const std::string& key) const;
 
   /// Errors: kMissingField, kBadValue.
@@ -29,9 +29,9 @@ class YamlFields {
   Result<double> number_or(const std::string& key, double otherwise) const;
   Result<std::string> text(const std::string& key) const;
   Result<int> side(const std::string& key) const;
-  /// A list of numbers, flat.
+  /// A flat list of numbers.
   Result<std::vector<double>> numbers(const std::string& key) const;
-  /// A list of lists of numbers, row after row, of rows x columns.
+  /// A list of `rows` lists of `columns` numbers each, row by row.
   Result<std::vector<double>> matrix(const std::string& key, std::size_t rows, std::size_t columns) const;
 
  private:
@@ -41,7 +41,7 @@ class YamlFields {
   std::string where_;
 };
 
-/// A scalar as a number; nothing when it is none, or not finite.
+/// A scalar as a number; false if it is not a finite number.
 bool yaml_number(const YAML::Node& node, double& value);
 
 }  // namespace nodal::interchange

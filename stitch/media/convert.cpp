@@ -11,14 +11,14 @@ bool is_yuv(PixelFormat f) { return component_count(f) == 3 && f != PixelFormat:
 
 std::uint8_t rounded(float v) { return static_cast<std::uint8_t>(std::clamp(v + 0.5F, 0.0F, 255.0F)); }
 
-/// A component as numbers, with where its samples lie on the picture.
+/// The samples of one component, and their positions in the picture.
 struct Component {
   int width = 0;
   int height = 0;
   PlaneGrid grid;
   std::vector<float> values;
 
-  /// Bilinear at a point of the full picture, corners at integers.
+  /// Bilinear interpolation at a point of the full picture; pixel corners are at integers.
   float at(double u, double v) const {
     const double x = std::clamp(u / grid.step_x + grid.offset_x - 0.5, 0.0, width - 1.0);
     const double y = std::clamp(v / grid.step_y + grid.offset_y - 0.5, 0.0, height - 1.0);
@@ -50,7 +50,7 @@ std::array<Component, 3> components_of(const ImageView& image) {
   std::array<Component, 3> all;
   for (int c = 0; c < component_count(image.format); ++c) all[static_cast<std::size_t>(c)] = component_of(image, c);
   if (component_count(image.format) == 1) {
-    // Grey is R = G = B, or Y with neutral colour; which of the two the caller's matrix makes no difference to.
+    // Grey is R = G = B, or Y with neutral chroma; in both cases the other components are copies.
     all[1] = all[2] = all[0];
   }
   return all;
@@ -97,8 +97,8 @@ void write_yuv(const std::array<Component, 3>& from, const MutableImageView& int
   for (int c = 0; c < component_count(into.format); ++c) {
     const PlaneGrid grid = component_grid(into.format, c);
     const Component& source = from[static_cast<std::size_t>(c)];
-    // A coarser sample is the mean of the points half a pixel about its centre: two by two where it lies between
-    // pixels, (1 2 1) / 4 where it lies on one.
+    // A sample of a coarser grid is the mean over half a pixel around its centre: of 2x2 pixels if it is between
+    // pixels, weighted (1 2 1) / 4 if it is on one.
     const bool finer = !same_grid(grid, source.grid);
     const double dx = finer && grid.step_x > 1 ? 0.5 : 0;
     const double dy = finer && grid.step_y > 1 ? 0.5 : 0;

@@ -1,4 +1,4 @@
-// Metadata by which viewers know a picture of the whole sphere.
+// Metadata that marks a picture as a picture of the whole sphere, for viewers.
 #pragma once
 
 #include <string>

@@ -98,7 +98,7 @@ Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional
 }
 
 Result<ImageHeader> read_image_header(const std::filesystem::path& file) {
-  // Most headers lie in the first bytes; a JPEG may have megabytes of metadata before its own.
+  // Most headers are within these first bytes, but a JPEG may have megabytes of metadata before its header.
   constexpr std::size_t kFirst = 64 * 1024;
   auto bytes = read_file(file, kFirst);
   if (!bytes) return fail(bytes.error());

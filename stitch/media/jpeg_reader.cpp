@@ -15,7 +15,7 @@ struct Close {
 };
 using Decoder = std::unique_ptr<void, Close>;
 
-/// An end marker is somewhere in the last bytes; files may have padding behind it.
+/// Whether the last bytes contain an end marker; files may have padding after it.
 bool has_end(std::span<const std::uint8_t> bytes) {
   constexpr std::array<std::uint8_t, 2> kEnd{0xFF, 0xD9};
   const auto tail = bytes.last(std::min<std::size_t>(bytes.size(), 4096));
@@ -42,7 +42,7 @@ Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const 
                           &h.colours) != 0) {
     return fail(broken(decoder, bytes, name));
   }
-  if (h.image.width <= 0 || h.image.height <= 0) {  // the data end before the picture's size, and it says nothing
+  if (h.image.width <= 0 || h.image.height <= 0) {  // the data end before the picture's size, with no error
     return fail(Errc::kTruncated, "picture '" + name + "': the JPEG ends in its header; fetch or export it again");
   }
   if (h.colours == TJCS_CMYK || h.colours == TJCS_YCCK) {
@@ -71,8 +71,8 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
   if (!h) return fail(h.error());
   DecodedImage image{h->image.natural, h->image.width, h->image.height, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
-  // Where data end or break, libjpeg warns and paints grey; here that is an error.
-  // A progressive JPEG may have any number of scans, each of which costs time for every pixel; 500 are taken.
+  // If data are truncated or corrupt, libjpeg only warns and fills with grey; here that is an error. TJFLAG_LIMITSCANS:
+  // every scan of a progressive JPEG costs time for every pixel, so at most 500 scans are decoded.
   constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS;
   int status = 0;
   if (image.format == PixelFormat::kI420) {

@@ -17,7 +17,7 @@ int subsampling(PixelFormat format) {
   return format == PixelFormat::kGrey8 ? TJSAMP_GRAY : TJSAMP_444;
 }
 
-/// A JPEG segment: marker, length of what follows with itself, body (ITU T.81, B.1.1.4).
+/// A JPEG segment: marker, length (including its own two bytes), body (ITU T.81, B.1.1.4).
 void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::initializer_list<std::string_view> body) {
   std::size_t length = 2;
   for (const std::string_view part : body) length += part.size();
@@ -26,7 +26,7 @@ void append_segment(std::vector<std::uint8_t>& to, std::uint8_t marker, std::ini
   for (const std::string_view part : body) to.insert(to.end(), part.begin(), part.end());
 }
 
-/// Bytes of SOI and, where it is there, JFIF's APP0, which must come first.
+/// The number of bytes of SOI and, if present, JFIF's APP0, which must come first.
 std::size_t lead_bytes(const std::uint8_t* jpeg, std::size_t size) {
   if (size < 6 || jpeg[2] != 0xff || jpeg[3] != kApp0) return 2;
   const std::size_t end = 4 + (static_cast<std::size_t>(jpeg[4]) << 8 | jpeg[5]);

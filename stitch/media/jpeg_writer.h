@@ -23,8 +23,8 @@ struct JpegSpec {
 /// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0, RGB as 4:4:4.
 ///
 /// Threading: thread-bound.
-/// Ownership: keeps a scratch buffer of the largest JPEG that such a picture can become.
-/// Errors: kInternal with TurboJPEG's words.
+/// Ownership: keeps a scratch buffer for the largest JPEG that such a picture can give.
+/// Errors: kInternal with TurboJPEG's message.
 class JpegWriter {
  public:
   explicit JpegWriter(const JpegSpec& spec);
@@ -32,12 +32,12 @@ class JpegWriter {
   JpegWriter(const JpegWriter&) = delete;
   JpegWriter& operator=(const JpegWriter&) = delete;
 
-  /// A whole file with `comment` (at most 65533 bytes) in its comment segment. Replaces what is in `into`, which keeps
-  /// its capacity: once it has held the largest file nothing is allocated.
+  /// Writes a whole file with `comment` (at most 65533 bytes) in its comment segment. Replaces the content of `into`
+  /// but keeps its capacity, so that nothing is allocated once it has held the largest file.
   Status write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into);
 
  private:
-  /// NV12's chroma in planes of its own; other pictures as they are.
+  /// NV12 with its chroma copied to separate planes; other pictures unchanged.
   ImageView with_planes(const ImageView& picture);
   Result<std::size_t> compress(const ImageView& picture);
 
@@ -45,8 +45,8 @@ class JpegWriter {
   const int width_, height_, quality_;
   void* handle_;
   std::vector<std::uint8_t> xmp_;            ///< the whole APP1 segment, or empty
-  std::vector<std::uint8_t> chroma_;         ///< of NV12
-  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared: pages that no JPEG reaches stay unused
+  std::vector<std::uint8_t> chroma_;         ///< for NV12
+  std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so pages that no JPEG reaches stay unmapped
   std::size_t scratch_bytes_ = 0;
 };
 

@@ -20,7 +20,7 @@ Result<std::string> deflated(std::span<const std::uint8_t> bytes) {
   return out;
 }
 
-/// Objects one after another, their offsets remembered for the table at the end (ISO 32000-1, 7.5).
+/// Writes objects one after another and records their offsets for the cross-reference table (ISO 32000-1, 7.5).
 class Pdf {
  public:
   void object(const std::string& body) {
@@ -81,7 +81,7 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
                   ">> >> >>",
                   page_width_mm * kPointsPerMm, page_height_mm * kPointsPerMm));
   pdf.stream("", drawing);
-  // Printers treat sRGB grey as grey of gamma 2.2.
+  // Printers treat sRGB grey like grey with gamma 2.2.
   pdf.stream(fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace [/CalGray << /WhitePoint "
                          "[0.9505 1 1.089] /Gamma 2.2 >>] /BitsPerComponent 8 /Interpolate false /Filter /FlateDecode",
                          raster.width, raster.height),

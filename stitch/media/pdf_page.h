@@ -1,4 +1,4 @@
-// A grey picture as a page of PDF.
+// A grey picture as a PDF page.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ struct GreyRaster {
   std::span<const std::uint8_t> values;
 };
 
-/// A page of width x height millimetres with the raster in its middle, as large as `margin_mm` around it
-/// allows, in sRGB, without interpolation; `footer` stands below it in small type (ASCII).
+/// A page of width x height millimetres with the raster in its middle, as large as the margin `margin_mm` allows, in
+/// sRGB, without interpolation; `footer` (ASCII) is printed below it in small type.
 /// Errors: kBadValue when the margins leave no room; kInternal.
 Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page_width_mm, double page_height_mm,
                                            double margin_mm, std::string_view footer);

@@ -9,7 +9,7 @@ namespace nodal::media {
 
 namespace {
 
-/// libpng reports errors by longjmp, so everything that a jump leaves behind is owned outside of it.
+/// libpng reports errors by longjmp, which skips destructors, so every resource is owned outside the code that jumps.
 struct Reader {
   std::span<const std::uint8_t> bytes;
   std::size_t at = 0;
@@ -41,7 +41,7 @@ void on_warning(png_structp /*png*/, png_const_charp /*message*/) {}
 
 bool is_grey(const Reader& reader) { return (png_get_color_type(reader.png, reader.info) & PNG_COLOR_MASK_COLOR) == 0; }
 
-/// Reads up to the first row. False: reader.why says what is wrong.
+/// Reads up to the first row. On failure returns false and sets reader.why.
 bool read_header(Reader& reader) {
   if (setjmp(png_jmpbuf(reader.png)) != 0) return false;
   png_read_info(reader.png, reader.info);
@@ -58,7 +58,7 @@ bool read_rows(Reader& reader) {
   png_set_strip_alpha(reader.png);
   png_set_interlace_handling(reader.png);
   png_read_update_info(reader.png, reader.info);
-  // Rows of another length would be written past their ends.
+  // Longer rows would be written past the end of their buffers.
   const std::size_t expected = reader.image.bytes.size() / reader.rows.size();
   if (png_get_rowbytes(reader.png, reader.info) != expected) png_error(reader.png, "rows of unexpected length");
   png_read_image(reader.png, reader.rows.data());

@@ -33,7 +33,7 @@ void set_notes(png_structp png, png_infop info, const PngNotes& notes) {
   add(PNG_ITXT_COMPRESSION_NONE, "XML:com.adobe.xmp", notes.xmp);
 }
 
-/// libpng ends errors by longjmp: nothing here may own memory while it can.
+/// libpng reports errors by longjmp, which skips destructors: no local here may own memory.
 bool write(png_structp png, png_infop info, const PngPicture& picture, const PngNotes& notes,
            std::vector<std::uint8_t>* out) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
@@ -45,7 +45,7 @@ bool write(png_structp png, png_infop info, const PngPicture& picture, const Png
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   set_notes(png, info, notes);
   png_write_info(png, info);
-  if (picture.bits == 16) png_set_swap(png);  // a PNG's upper byte is first
+  if (picture.bits == 16) png_set_swap(png);  // PNG stores the high byte first
   const std::size_t stride = static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.channels) *
                              static_cast<std::size_t>(picture.bits / 8);
   const std::uint8_t* row = picture.samples.data();

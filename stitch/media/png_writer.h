@@ -10,7 +10,7 @@
 
 namespace nodal::media {
 
-/// Rows packed, channels side by side.
+/// Rows packed, channels interleaved.
 struct PngPicture {
   int width = 0;
   int height = 0;
@@ -22,11 +22,11 @@ struct PngPicture {
 /// Metadata of the file.
 struct PngNotes {
   enum class Numbers : std::uint8_t { kUnsaid, kSrgb, kLinear };
-  Numbers numbers = Numbers::kUnsaid;  ///< kLinear: proportional to light
-  int pixels_per_meter = 0;            ///< for printers; 0: unsaid
+  Numbers numbers = Numbers::kUnsaid;  ///< kLinear: proportional to light; kUnsaid: not recorded
+  int pixels_per_meter = 0;            ///< for printers; 0: not recorded
   std::string comment;                 ///< for people who find the file later
   std::string xmp;                     ///< an XMP packet
-  int effort = 6;                      ///< 1 .. 9 of zlib's
+  int effort = 6;                      ///< zlib's compression level, 1 .. 9
 };
 
 /// Errors: kInternal.

@@ -12,52 +12,52 @@
 namespace nodal::solve {
 
 struct DescentOptions {
-  int most_steps = 50;      ///< steps tried, refused ones included
-  int most_refusals = 100;  ///< in a row
-  double enough = 1e-6;     ///< ends when a step lowers the cost, or promises to, by less than this share of it
-  double sure = 0;          ///< a step that promises less than this share is taken without an evaluation, as the last
-  double first_damping = 1e-4;  ///< the paper's lambda
-  double least_damping = 0;     ///< accepted steps divide the damping by ten down to this
-  double most_damping = 1e4;    ///< refused steps multiply it by ten; beyond this the descent ends
+  int most_steps = 50;          ///< steps tried, including refused ones
+  int most_refusals = 100;      ///< refused steps in a row
+  double enough = 1e-6;         ///< ends when a step lowers, or is predicted to lower, the cost by a smaller share
+  double sure = 0;              ///< a step with a smaller predicted share is taken without evaluation, and is the last
+  double first_damping = 1e-4;  ///< lambda in the paper
+  double least_damping = 0;     ///< accepted steps divide the damping by ten, but not below this
+  double most_damping = 1e4;    ///< refused steps multiply it by ten; above this the descent ends
 };
 
 template <class State, class Evaluation>
 struct Descent {
   State state;
-  Evaluation at;         ///< the evaluation of `state`, or of the one before when a step was taken without one
+  Evaluation at;         ///< the evaluation of `state`; of the previous state if the last step was not evaluated
   int tried = 0;         ///< steps evaluated
   int steps = 0;         ///< steps accepted
-  bool settled = false;  ///< ended because the cost no longer decreases
+  bool settled = false;  ///< whether it ended because the cost no longer decreases
 };
 
-/// The interface of a problem. An Evaluation has the cost of a state and its derivatives; a cost that is
-/// infinite or NaN marks an invalid state. evaluate() must not depend on earlier states, except
-/// through reweigh().
+/// The interface of a problem. An Evaluation holds the cost of a state and its derivatives; an infinite or
+/// NaN cost marks an invalid state. evaluate() must not depend on earlier states, except through
+/// reweigh().
 template <class P, class State, class Evaluation>
 concept Problem = requires(P& problem, const State& state, const Evaluation& at, const Eigen::VectorXd& step) {
   { problem.evaluate(state) } -> std::same_as<Evaluation>;
   { problem.cost(at) } -> std::convertible_to<double>;
   { problem.step(state, at, 0.1) } -> std::convertible_to<Eigen::VectorXd>;
-  { problem.promised(at, step) } -> std::convertible_to<double>;  // share of the cost
+  { problem.promised(at, step) } -> std::convertible_to<double>;  // predicted share of the cost
   { problem.moved(state, step) } -> std::same_as<State>;
 };
 
-/// A step as a problem with rules of its own judges it.
+/// One step, for a problem with its own rules of acceptance.
 template <class State, class Evaluation>
 struct Trial {
-  const State& state;       ///< where it leads
-  const Evaluation& there;  ///< evaluated
+  const State& state;       ///< the state after the step
+  const Evaluation& there;  ///< its evaluation
   const Evaluation& here;
   const Eigen::VectorXd& step;
-  double promised = 0;      ///< share of the cost
-  double next_damping = 0;  ///< of the step after it, if it is accepted
+  double promised = 0;      ///< predicted share of the cost
+  double next_damping = 0;  ///< of the next step, if this one is accepted
 };
 
-/// From `start`, which `at` evaluates, to a state of least cost; the best state so far is kept. A problem may add:
-///   accepts(Trial)            instead of "the cost is lower"
+/// Descends from `start`, whose evaluation is `at`, to a state of least cost; the best state so far is kept. A problem
+/// may also define:
+///   accepts(Trial)            replaces the rule "the cost is lower"
 ///   ends(Trial, accepted)     a further reason to end after a step
-///   reweigh(state)            new weights or a new scale for the residuals after an accepted step: the cost there is
-///                             then evaluated anew, and costs are compared under one set of weights only
+///   reweigh(state)            new weights or a new scale after an accepted step; the cost is then evaluated again
 template <class State, class Evaluation, class P>
 requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(State start, Evaluation at, P& problem,
                                                                                const DescentOptions& options) {
@@ -85,7 +85,7 @@ requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(S
     else accepted = problem.cost(there) < problem.cost(best.at);
     if constexpr (requires { problem.ends(trial, accepted); }) ends = problem.ends(trial, accepted);
     if (!accepted) {
-      constexpr double kLeastAfterRefusal = 1e-9;  // a damping near nothing would take many refusals to matter
+      constexpr double kLeastAfterRefusal = 1e-9;  // from almost zero, raising the damping would take many refusals
       damping = std::max(10 * damping, kLeastAfterRefusal);
       best.settled = ends || ++refusals >= options.most_refusals || damping > options.most_damping;
       if (best.settled) break;
@@ -107,7 +107,7 @@ requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(S
   return best;
 }
 
-/// Normal equations with the cost they belong to, which a robust norm makes another than their weighted sum of squares.
+/// Normal equations and their cost; with a robust norm the cost differs from the weighted sum of squares.
 struct Evaluation {
   NormalEquations equations;
   double cost = 0;
@@ -121,8 +121,8 @@ struct Evaluation {
 /// The cost of an invalid state.
 inline constexpr double kImpossible = std::numeric_limits<double>::infinity();
 
-/// A problem of normal equations: evaluate(state) -> Evaluation, moved(state, step) -> State. `fixed` marks unknowns
-/// that stay (empty: none).
+/// A problem of normal equations: evaluate(state) -> Evaluation, moved(state, step) -> State. `fixed` marks the
+/// unknowns that are held (empty: none).
 template <class State, class Evaluate, class Move>
 struct NormalProblem {
   Evaluate evaluate;
@@ -136,7 +136,7 @@ struct NormalProblem {
   double promised(const Evaluation& at, const Eigen::VectorXd& step) const { return at.equations.promised_by(step); }
 };
 
-/// The same with weights that follow the state: reweigh(state) is called at the start and after every accepted step.
+/// The same with weights that depend on the state: reweigh(state) is called at the start and after every accepted step.
 template <class State, class Evaluate, class Move, class Reweigh>
 struct ReweightedProblem : NormalProblem<State, Evaluate, Move> {
   Reweigh reweigh;

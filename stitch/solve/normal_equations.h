@@ -1,4 +1,4 @@
-// The normal equations of a least-squares problem: unknowns that all views share, and unknowns that are one view's own.
+// The normal equations of a least-squares problem with unknowns common to all views and unknowns of a single view.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,26 +7,26 @@
 
 namespace nodal::solve {
 
-/// Gathers J^T W J and J^T W r for `shared` unknowns and `own` unknowns of each of `views` views. A problem whose
-/// unknowns are all shared has no views.
+/// Accumulates J^T W J and J^T W r for `shared` unknowns, and for `own` unknowns of each of `views` views. A problem
+/// with shared unknowns only has no views.
 class NormalEquations {
  public:
   explicit NormalEquations(int shared, int own = 0, int views = 0);
   int size() const { return static_cast<int>(gradient_.size()); }
   int first_of(int view) const { return shared_ + view * own_; }
 
-  /// One residual: its derivatives by the shared and by the view's own unknowns.
+  /// Adds a residual: its derivatives with respect to the shared and to the view's own unknowns.
   void add(int view, const double* by_shared, const double* by_own, double residual, double weight);
-  /// One residual that depends on shared unknowns only.
+  /// Adds a residual that depends on shared unknowns only.
   void add(const double* by_shared, double residual, double weight);
-  /// One residual that depends on a few shared unknowns: unknown at[k] by slope[k]. None may come twice.
+  /// Adds a residual that depends on a few shared unknowns: slope[k] is its derivative by unknown at[k]. No duplicates.
   void add(std::span<const Eigen::Index> at, std::span<const double> slope, double residual, double weight);
   void add(const NormalEquations& other);
 
-  /// The step that lowers the sum, with Marquardt's damping; an unknown that `fixed` marks (empty: none) or that
-  /// nothing depends on does not move.
+  /// The step that lowers the cost, with Marquardt's damping. An unknown that `fixed` marks (empty: none), or that no
+  /// residual depends on, does not move.
   Eigen::VectorXd step(double damping, const std::vector<bool>& fixed) const;
-  /// The share of the cost that a step would take away if the residuals were linear.
+  /// The share of the cost that a step would remove if the residuals were linear.
   double promised_by(const Eigen::VectorXd& step) const;
   /// The inverse of J^T W J over the unknowns that are not fixed (rows and columns of the others are zero).
   Eigen::MatrixXd covariance(const std::vector<bool>& fixed) const;
@@ -41,7 +41,7 @@ class NormalEquations {
   void count_residual(double residual, double weight);
   int shared_;
   int own_;
-  // Rows one after the other: shared x shared; then for each view own x shared and own x own.
+  // Row-major: shared x shared; then, for each view, own x shared and own x own.
   std::vector<double> shared_block_;
   std::vector<double> cross_;
   std::vector<double> own_blocks_;

@@ -8,15 +8,15 @@ namespace nodal::solve {
 /// Huber's norm: quadratic up to `limit`, linear beyond.
 struct Huber {
   double limit;
-  /// Of a residual's square in a least-squares problem with the same gradient.
+  /// The weight of the squared residual for which a least-squares problem has the same gradient.
   double weight(double size) const { return size <= limit ? 1.0 : limit / size; }
   double cost(double size) const { return size <= limit ? size * size : limit * (2 * size - limit); }
 };
 
-/// The middle one of `values`, which it reorders; the upper one of two. 0 when there are none.
+/// The median of `values`, the upper one for an even count; reorders them. 0 if empty.
 double median(std::vector<double>& values);
 
-/// For a normal distribution, the standard deviation is this many medians of the absolute value.
+/// For a normal distribution: standard deviation / median of the absolute value.
 inline constexpr double kSigmaPerMedian = 1.4826;
 
 }  // namespace nodal::solve

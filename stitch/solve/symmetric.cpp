@@ -8,20 +8,20 @@
 namespace nodal::solve {
 namespace {
 
-constexpr double kLeastEigenvalue = 1e-14;  // of a unit-diagonal matrix: some tens of units in the last place
+constexpr double kLeastEigenvalue = 1e-14;  // for a unit-diagonal matrix: some tens of units in the last place
 
 Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g, double least_pivot) {
   const Eigen::LDLT<Eigen::MatrixXd> cholesky(A);
   if (cholesky.info() == Eigen::Success && cholesky.vectorD().minCoeff() > least_pivot) return cholesky.solve(g);
-  // Symmetric, so its eigenvalues are its singular values up to sign; a negative one is noise and is left out too.
+  // A is symmetric: its eigenvalues are its singular values up to sign. Negative ones are noise and are left out too.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);
   Eigen::VectorXd inverse = eigen.eigenvalues();
   for (double& each : inverse) each = each > std::max(least_pivot, kLeastEigenvalue) ? 1 / each : 0.0;
   return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * g));
 }
 
-/// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's sweeps: each in turn to where its own bound is
-/// met.
+/// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's method: sweeps over the multipliers and sets
+/// each so that its own bound is just met.
 Eigen::VectorXd multipliers_of(const Eigen::MatrixXd& gram, const Eigen::VectorXd& crossed) {
   constexpr int kMostSweeps = 2000;
   Eigen::VectorXd multipliers = Eigen::VectorXd::Zero(crossed.size());
@@ -74,7 +74,7 @@ Eigen::VectorXd solve_bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g
                               const SymmetricOptions& options) {
   const Eigen::VectorXd unbounded = solve_symmetric(H, g, {}, options);
   Eigen::VectorXd x = unbounded;
-  Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // of the bounds met so far
+  Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // for the bounds violated so far
   Eigen::VectorXd crossed(0);
   while (true) {
     constexpr double kTouched = 1e-8;

@@ -1,4 +1,4 @@
-// Equidistant fisheye with a polynomial (§6); may see behind itself.
+// Equidistant fisheye with a polynomial (§6); may see rays behind the head.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// Kannala-Brandt fisheye, as OpenCV's fisheye module and Kalibr's "equidistant" have it; may see behind itself.
+// Kannala-Brandt fisheye, like OpenCV's fisheye module and Kalibr's "equidistant"; may see rays behind the head.
 #pragma once
 
 #include <optional>

@@ -21,7 +21,7 @@ std::array<double, 9> kannala_brandt_coefficients(const KannalaBrandtLens& lens)
 
 bool within(double value, double end) { return value >= 0 && value <= end; }
 
-/// What rounding may have carried past the end is the end; farther out is outside.
+/// A value past `end` by rounding only becomes `end`; farther out the result is nothing.
 std::optional<double> up_to(double value, double end) {
   constexpr double kRounding = 1e-12;
   if (!within(value, end * (1 + kRounding))) return std::nullopt;
@@ -37,7 +37,7 @@ Tsai::Tsai(const TsaiLens& lens)
 
 std::optional<double> Tsai::radius(double angle) const {
   if (!within(angle, max_angle_)) return std::nullopt;
-  // At the very end rounding must not push tan past the last value.
+  // At the very end, rounding must not raise tan above the last value.
   return ideal_of_original_.inverse(std::min(focal_ * std::tan(angle), ideal_of_original_.max_value()));
 }
 

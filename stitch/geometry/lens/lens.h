@@ -1,4 +1,4 @@
-// A head's lens, whatever its model: angle from the axis to radius on the picture, and back.
+// A head's lens of any model: angle from the axis to radius in the picture, and back.
 #pragma once
 
 #include <optional>
@@ -13,26 +13,26 @@
 
 namespace nodal::geometry {
 
-/// Radial, rising from 0 at the axis to max_radius at max_angle. Angles in rad from the axis (more than pi/2
-/// is behind the head); radii in px from the lens's centre, the aspect taken out. A value: copy it freely.
+/// Radial, rising from 0 at the axis to max_radius at max_angle. Angles in rad from the axis (above pi/2: behind the
+/// head); radii in px from the lens's centre, with the aspect divided out. A value: copy it freely.
 ///
 /// Threading: immutable.
 class Lens {
  public:
-  /// `max_angle` caps the lens; 0 takes it as far as its model rises.
-  /// Errors: kBadValue for numbers that make no lens, kLensDomain for a max_angle past the turning point.
+  /// `max_angle` limits the lens; 0: up to the end of the model's rising part. Errors: kBadValue for invalid numbers,
+  /// kLensDomain for a max_angle beyond the turning point.
   static Result<Lens> make(const LensModel& model, double max_angle = 0);
 
   double max_angle() const { return max_angle_; }
   double max_radius() const { return max_radius_; }
 
-  /// Nothing beyond max_angle (by more than rounding: 1e-12 of it).
+  /// Nothing beyond max_angle (by more than rounding: a relative 1e-12).
   std::optional<double> radius(double angle) const;
-  /// Nothing beyond max_radius, in the same way.
+  /// Nothing beyond max_radius, with the same tolerance.
   std::optional<double> angle(double radius) const;
   /// dr/da in px per radian at an angle within max_angle.
   double slope(double angle) const;
-  /// The same where radius(angle) is already known; spares an inverse.
+  /// The same if radius(angle) is already known; saves computing an inverse.
   double slope(double angle, double radius) const;
 
  private:

@@ -1,4 +1,4 @@
-// Rectilinear lens with a radial polynomial, given from the ideal picture to the original one.
+// Rectilinear lens with a radial polynomial from the ideal picture to the original one.
 #pragma once
 
 #include <optional>

@@ -41,11 +41,11 @@ std::optional<double> RisingPolynomial::inverse(double y) const {
     (error < 0 ? low : high) = x;
     const double steepness = slope(x);
     double next = x - error / steepness;
-    // Newton's steps square the error, so that after one this small nothing is left that a double could tell.
+    // Newton's steps square the error, so after one this small the rest is below a double's precision.
     if (steepness > 0 && std::abs(next - x) <= 1e-10 * x) return std::clamp(next, low, high);
     if (!(steepness > 0 && next >= low && next <= high)) next = low + (high - low) / 2;
     const double move = std::abs(next - x);
-    // At a turning point steps only shrink to half each; when they no longer do, what moves is rounding.
+    // At a turning point each step is about half the one before; when that stops, the steps are rounding noise.
     if (move <= 2e-16 * next || (step > 2 && move > 0.9 * last)) return next;
     last = move;
     x = next;

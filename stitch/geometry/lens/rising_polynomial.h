@@ -1,4 +1,4 @@
-// A polynomial through zero that rises over all of its domain, and its inverse: what every lens here is made of.
+// A polynomial through zero that rises over its whole domain, and its inverse; all lens models here use it.
 #pragma once
 
 #include <optional>
@@ -16,13 +16,13 @@ class RisingPolynomial {
   double max_x() const { return max_x_; }
   double max_value() const { return max_value_; }
 
-  /// For x in the domain. Never more than max_value(), which rounding near a turning point would pass.
+  /// For x in the domain. At most max_value(), even where rounding near a turning point would exceed it.
   double value(double x) const;
   /// For x in the domain.
   double slope(double x) const;
 
-  /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's steps from a table's guess,
-  /// each kept inside a bracket that bisection halves, so that it also ends at a turning point, where the slope is 0.
+  /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's method from a table's estimate;
+  /// every step stays inside a bisection bracket, so it also converges at a turning point (slope 0).
   std::optional<double> inverse(double y) const;
 
  private:

@@ -1,4 +1,4 @@
-// Simplified Tsai lens (§4.3): radial distortion given from the original picture to the ideal one.
+// Simplified Tsai lens (§4.3): a radial polynomial from the original picture to the ideal one.
 #pragma once
 
 #include <optional>

@@ -26,7 +26,7 @@ double along(const std::array<int, 3>& axis, const Ray& ray) {
   return axis[0] * ray.x() + axis[1] * ray.y() + axis[2] * ray.z();
 }
 
-/// The solid angle of the rectangle from the face's middle to (x, y).
+/// The solid angle of the rectangle from the face's centre to (x, y).
 double corner(double x, double y) { return std::atan(x * y / std::sqrt(1 + x * x + y * y)); }
 
 }  // namespace

@@ -5,11 +5,11 @@
 
 namespace nodal::geometry {
 
-/// Three by two faces of n x n pixels, as players of `cbmp` boxes take them:
+/// Three by two faces of n x n pixels, in the order that players of `cbmp` boxes expect:
 ///   right left up
 ///   down front back
-/// Each face is what a 90-degree pinhole looking that way sees, upright; up and down have their front-facing
-/// edge at the bottom and at the top. On the face z = 1 a pixel [x0,x1] x [y0,y1] spans
+/// Each face is the upright picture of a 90-degree pinhole that looks that way; `up` has its front edge at the bottom
+/// and `down` at the top. On the face z = 1 a pixel [x0,x1] x [y0,y1] spans
 /// A(x1,y1) - A(x0,y1) - A(x1,y0) + A(x0,y0), A(x,y) = atan(x y / sqrt(1 + x^2 + y^2)).
 class Cube final : public RaymapLayout {
  public:

@@ -11,7 +11,7 @@ constexpr double kPi = std::numbers::pi;
 double theta_at(double x, int width) { return 2 * kPi * (x / width - 0.5); }
 double phi_at(double y, int height) { return kPi * (y / height - 0.5); }
 
-/// Of a place on an axis, by the table of its half pixels where it is one.
+/// The angle of a coordinate: from the table if it is a multiple of half a pixel, computed otherwise.
 template <class Angle>
 SinCos look_up(const std::vector<SinCos>& halves, double at, const Angle& angle) {
   const auto half = static_cast<std::size_t>(2 * at);

@@ -5,8 +5,8 @@
 
 namespace nodal::geometry {
 
-/// theta = 2 pi (x / W - 1/2), phi = pi (y / H - 1/2): forward in the middle, the left and right edges behind,
-/// the zenith along the top. A pixel of row j spans (2 pi / W) (sin phi_bottom - sin phi_top).
+/// theta = 2 pi (x / W - 1/2), phi = pi (y / H - 1/2): forward is in the middle, behind is at the left and right edges,
+/// the zenith is the top edge. A pixel of row j spans (2 pi / W) (sin phi_bottom - sin phi_top).
 class Equirectangular final : public RaymapLayout {
  public:
   static Result<std::unique_ptr<RaymapLayout>> make(int width, int height);
@@ -19,10 +19,10 @@ class Equirectangular final : public RaymapLayout {
  private:
   Equirectangular(int width, int height);
 
-  /// Every half pixel's angle: what is asked for are nearly always centres of pixels, or of pairs of them.
+  /// Sine and cosine at every half pixel: nearly all queries are for pixel centres or the middle of two pixels.
   std::vector<SinCos> theta_;
   std::vector<SinCos> phi_;
-  double at_horizon_;  ///< a pixel's solid angle if its middle were there, sr
+  double at_horizon_;  ///< solid angle of a pixel if its centre were on the horizon, sr
 };
 
 }  // namespace nodal::geometry

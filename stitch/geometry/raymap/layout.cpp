@@ -18,7 +18,7 @@ struct Known {
   RaymapSize step;        ///< the smallest size with halved chroma; sizes are multiples of it
 };
 
-/// To add a layout: its header and source beside these, and a line here.
+/// To add a layout: add its header and source to this folder, and a line here.
 constexpr std::array kKnown{
     Known{"equirectangular", &Equirectangular::make, 2 * std::numbers::pi, {4, 2}},
     Known{"cube", &Cube::make, 6, {6, 4}},  // a face is 2 wide at distance 1

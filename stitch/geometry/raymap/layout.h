@@ -20,25 +20,25 @@ class RaymapLayout {
  public:
   virtual ~RaymapLayout() = default;
 
-  /// As make_layout() takes it.
+  /// The name for make_layout().
   virtual std::string_view name() const = 0;
   int width() const { return width_; }
   int height() const { return height_; }
 
-  /// True when neighbouring pixels do not hold neighbouring rays (random, Hammersley): then nothing may be
-  /// interpolated between pixels, ray(x, y) is that of the pixel around (x, y), and pixel() gives the nearest
-  /// ray's pixel centre.
+  /// True if neighbouring pixels do not hold neighbouring rays (random, Hammersley). Then never interpolate between
+  /// pixels; ray(x, y) is the ray of the pixel that contains (x, y), and pixel() gives the centre of the pixel with the
+  /// nearest ray.
   virtual bool scattered() const = 0;
 
-  /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5).
-  /// Nothing where the layout holds no ray.
+  /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5). Nothing
+  /// where the layout holds no ray.
   virtual std::optional<Ray> ray(double x, double y) const = 0;
 
-  /// The solid angle pixel (i, j) stands for, exact, sr; 0 for a pixel that holds no ray. All sum to what the
-  /// layout covers: 4 pi for a whole sphere.
+  /// The exact solid angle that pixel (i, j) represents, sr; 0 for a pixel that holds no ray. The sum over all pixels
+  /// is the solid angle that the layout covers: 4 pi for a whole sphere.
   virtual double solid_angle(int i, int j) const = 0;
 
-  /// Where a ray is in the raymap; nothing when the layout does not hold it.
+  /// The position of a ray in the raymap; nothing if the layout does not hold it.
   virtual std::optional<Pixel> pixel(const Ray& ray) const = 0;
 
  protected:
@@ -69,8 +69,8 @@ Result<RaymapSize> size_for_width(std::string_view name, double width);
 /// Names that make_layout() knows.
 std::vector<std::string_view> layout_names();
 
-/// Errors: kUnsupported for an unknown name (lists the known ones), kBadValue for a size the layout cannot have
-/// (names the nearest possible one).
+/// Errors: kUnsupported for an unknown name (the message lists the known ones), kBadValue for a size that the layout
+/// cannot have (the message gives the nearest possible one).
 Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view name, int width, int height);
 
 }  // namespace nodal::geometry
