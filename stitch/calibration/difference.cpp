@@ -51,12 +51,12 @@ Result<Pairs> pair_heads(const Calibration& a, const Calibration& b, std::vector
 }
 
 double angle_of(const Eigen::Matrix3d& R) {
-  // From sine and cosine: exact for small turns too.
+  // By sine and cosine, which is accurate for small angles too.
   const Eigen::Vector3d axis(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
   return std::atan2(axis.norm() / 2, (R.trace() - 1) / 2) / kDegree;
 }
 
-/// R_b_a of the rigs that brings R_head_b R_b_a nearest to R_head_a, all heads alike.
+/// The rotation R_b_a of the rig for which R_head_b R_b_a is nearest to R_head_a; all heads have equal weight.
 Eigen::Matrix3d best_turn(const std::vector<Eigen::Matrix3d>& a, const std::vector<Eigen::Matrix3d>& b) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < a.size(); ++i) sum += b[i].transpose() * a[i];
@@ -76,7 +76,7 @@ struct Spread {
   double rms() const { return count == 0 ? 0 : std::sqrt(square / count); }
 };
 
-/// Distances between where `a` and `b` put rays: those of a's samples, turned into b's head frame.
+/// The distances between the pixels that `a` and `b` give to the same rays: a's samples, rotated into b's head frame.
 Spread distances(const std::vector<geometry::RayPixel>& samples, const geometry::Head& b,
                  const Eigen::Matrix3d& R_b_a) {
   Spread spread;
@@ -105,7 +105,7 @@ void compare_light(const geometry::Head& a, const geometry::Head& b, const std::
   }
 }
 
-/// A gain that all heads share is an exposure, not a difference.
+/// A gain common to all heads is an exposure, not a difference.
 void take_out_mean_gain(std::vector<HeadDifference>& heads) {
   double mean = 0;
   for (const HeadDifference& d : heads) {

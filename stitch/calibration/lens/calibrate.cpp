@@ -15,15 +15,15 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kLeastExplained = 0.6;  // of a photograph's variance
+constexpr double kLeastExplained = 0.6;  // share of a photograph's variance
 constexpr double kLeastTilt = 4 * kDegree;
 constexpr double kMostFocalDeviation = 0.003;
-constexpr double kHopeless = 0.03;  // from a few pixels; all of them make it five times surer, not ten times
+constexpr double kHopeless = 0.03;  // deviation after kQuick; kThorough divides it by five, not by ten
 constexpr std::size_t kLeastViews = 2;
-constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less are one view
-constexpr double kAlikeMove = 0.03;         // of the pattern's distance
+constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less count as one view
+constexpr double kAlikeMove = 0.03;         // share of the pattern's distance
 constexpr double kWellCovered = 0.95;
-constexpr std::size_t kLightSamples = 8'000;  // a photograph, at least
+constexpr std::size_t kLightSamples = 8'000;  // per photograph, at least
 
 std::string text(double value, const char* format = "%.3g") {
   char buffer[48];
@@ -33,7 +33,7 @@ std::string text(double value, const char* format = "%.3g") {
 
 double light_of(double e) { return e <= 0.04045 ? e / 12.92 : std::pow((e + 0.055) / 1.055, 2.4); }
 
-/// Blur mixes light, not encoded values, so the pattern is compared as light.
+/// The pattern as light: blur mixes light, not encoded values.
 GreyImage pattern_light(const PatternRaster& raster) {
   std::array<float, 256> light;
   for (std::size_t v = 0; v < 256; ++v) light[v] = static_cast<float>(light_of(static_cast<double>(v) / 255));
@@ -65,7 +65,7 @@ Status check_photographs(const std::vector<LensPhotograph>& photographs) {
   return {};
 }
 
-/// Points first: poses and focal length with centre and aspect held, then all.
+/// Fits on points: first poses and focal length with centre and aspect held, then all unknowns.
 void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arrangement& arrangement) {
   std::vector<std::vector<PointPair>> pairs;
   for (const RadialPose& pose : radial) pairs.push_back(pose.inliers);
@@ -80,7 +80,7 @@ void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arra
 
 double tilt_of(const Pose& pose) { return std::acos(std::clamp(pose.R(2, 2), -1.0, 1.0)); }
 
-/// Photographs from one place are one view, however many there are: they would only look surer than they are.
+/// Photographs from one place count as one view: more of them reduce the computed deviation, but not the true error.
 Status check_views_differ(const std::vector<Pose>& poses) {
   const Pose& first = poses[0];
   double turn = 0, move = 0;
@@ -97,7 +97,7 @@ Status check_views_differ(const std::vector<Pose>& poses) {
                   "different sides");
 }
 
-/// How far the unknowns' covariance lets a ray's place on the picture wander, px rms over the region.
+/// The standard deviation of a ray's pixel that follows from the unknowns' covariance, px rms over the region.
 double mapping_deviation(const LensParameters& lens, const Eigen::MatrixXd& covariance, const Region& region) {
   const SightFinder finder(lens);
   const Eigen::MatrixXd C = covariance.topLeftCorner(lens.count, lens.count);
@@ -171,12 +171,12 @@ void fill_photometry(const std::vector<std::vector<LightSample>>& calm, LensCali
   head.vignetting = {head.center_x, head.center_y, radius, photometry.vignetting};
   for (std::size_t v = 0; v < calm.size(); ++v) out.report.views[v].gain = photometry.gains[v];
   if (check_head(head)) return;
-  // A fall-off that turns over where no pixel of the pattern was seen is no fall-off to ship.
+  // A fall-off that turns back where no pixel of the pattern was seen is an extrapolation error and is dropped.
   head.vignetting.coefficients = {};
   out.report.notes.push_back("the light's fall-off came out impossible and is left out; light the pattern more evenly");
 }
 
-/// A lens that turns back inside its picture, where nothing was seen, is cut there.
+/// A lens that turns back inside its picture, in an area without measurements, is limited at the turning point.
 Status cut_at_turning_point(const LensParameters& lens, LensCalibration& out) {
   const Status checked = check_head(out.head);
   if (checked || checked.error().code != Errc::kLensDomain) return checked;

@@ -14,7 +14,7 @@
 
 namespace nodal::calibration {
 
-/// A photograph of the pattern: its encoded luma, 0..1. All of one head have one size.
+/// A photograph of the pattern: its encoded luma, 0..1. All photographs of one head have the same size.
 struct LensPhotograph {
   std::string name;
   GreyImage luma;
@@ -23,11 +23,11 @@ struct LensPhotograph {
 struct LensOptions {
   LensKind kind = LensKind::kTsai;
   std::string head_name = "head0";
-  /// f_y / f_x to start from, and whether it is known.
+  /// Start value of f_y / f_x, and whether it is known exactly.
   double aspect = 1;
   bool aspect_known = false;
   solve::ForEach for_each = solve::one_by_one;
-  /// Called after each stage with its name and the progress, 0..1.
+  /// Called after each stage with the stage's name and the progress, 0..1.
   std::function<void(const std::string& what, double done)> progress;
 };
 
@@ -37,27 +37,27 @@ struct Measured {
   double deviation = 0;
 };
 
-/// The result of one photograph.
+/// What the calibration found for one photograph.
 struct ViewReport {
   std::string name;
-  int pairs = 0;         ///< points found and agreed on at the start
+  int pairs = 0;         ///< matches that agree with the first estimate
   double tilt_deg = 0;   ///< between the pattern's normal and the lens's axis
   double distance = 0;   ///< of the pattern's plane, in pattern widths
   double blur_px = 0;    ///< sigma
-  double covered = 0;    ///< part of the region that shows the pattern
-  double explained = 0;  ///< part of its variance
-  double rms = 0;        ///< what is left, in 1/255 of the range
-  double gain = 1;       ///< of its light, against the brightest photograph's
+  double covered = 0;    ///< share of the region that shows the pattern
+  double explained = 0;  ///< share of the photograph's variance that the fit explains
+  double rms = 0;        ///< rms of the residuals, in 1/255 of the range
+  double gain = 1;       ///< of its light, relative to the brightest photograph
 };
 
 struct LensReport {
   std::vector<ViewReport> views;
   Measured center_x, center_y, aspect;  ///< px
   Measured focal;                       ///< px; px per rad for fisheyes
-  double mapping_deviation_px = 0;      ///< standard deviation of where a ray falls, rms over the region
-  double covered = 0;                   ///< part of the region that at least one photograph covers
+  double mapping_deviation_px = 0;      ///< standard deviation of a ray's pixel, rms over the region
+  double covered = 0;                   ///< share of the region that at least one photograph covers
   std::vector<std::string> notes;       ///< remarks for the user, one sentence each
-  std::vector<GreyImage> residuals;     ///< the residuals of each photograph, of a range of 1; 0 off the pattern
+  std::vector<GreyImage> residuals;     ///< of each photograph, for a range of 1; 0 outside the pattern
 };
 
 struct LensCalibration {
@@ -65,9 +65,9 @@ struct LensCalibration {
   LensReport report;
 };
 
-/// Errors, all naming the photograph where there is one: kBadValue for photographs of different sizes,
-/// kNotDetermined for fewer than two photographs, when the pattern is not in one, when all are taken head on or
-/// from one place, or when they do not agree.
+/// Errors, which name the photograph if there is one: kBadValue for photographs of different sizes; kNotDetermined for
+/// fewer than two photographs, if one does not show the pattern, if all are taken head on or from one place, or if they
+/// are inconsistent.
 Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
                                        const LensOptions& options);
 

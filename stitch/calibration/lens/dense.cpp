@@ -10,13 +10,13 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr int kBands = 24;           // pieces of work; fixed, so that sums do not depend on the threads
-constexpr solve::Huber kHuber{2.0};  // scatters
+constexpr int kBands = 24;           // bands of rows; fixed, so that sums do not depend on the threads
+constexpr solve::Huber kHuber{2.0};  // in standard deviations of the residuals
 constexpr int kShadeStride = 3;      // shading is smooth: every third pixel of a row suffices
 constexpr double kPixelVariance = 1.0 / 12;
-constexpr int kSmallestSide = 90;  // px, of the coarsest photograph
+constexpr int kSmallestSide = 90;  // px, of the coarsest pyramid level
 constexpr int kMostTaps = 9;
-constexpr double kCalm = 0.05;  // of the pattern's light, for a doubling of the blur
+constexpr double kCalm = 0.05;  // share of the pattern's range, per doubling of the blur
 constexpr int kRounds = 12;
 
 double binomial(int n, int k) {
@@ -25,15 +25,15 @@ double binomial(int n, int k) {
   return value;
 }
 
-/// The longer axis of the ellipse with covariance S, whose larger eigenvalue is `larger`.
+/// The longer axis of the ellipse with covariance S; `larger` is S's larger eigenvalue.
 Eigen::Vector2d long_axis(const Eigen::Matrix2d& S, double larger) {
   const Eigen::Vector2d axis(S(0, 1), larger - S(0, 0));
   if (axis.squaredNorm() > 0) return axis.normalized();
   return S(0, 0) >= S(1, 1) ? Eigen::Vector2d::UnitX() : Eigen::Vector2d::UnitY();
 }
 
-/// The pattern as a pixel sees it: a Gaussian on the photograph is an ellipse on the pattern, sampled along its
-/// longer axis with binomial weights, whose variance over n places a step apart is (n - 1) / 4 steps squared.
+/// The pattern's value in one pixel. A Gaussian in the photograph is an ellipse on the pattern; it is sampled along its
+/// longer axis with binomial weights, whose variance for n samples one step apart is (n - 1) / 4 steps squared.
 ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vector2d& at,
                                      const Eigen::Matrix2d& footprint, double sigma) {
   const Eigen::Matrix2d S = footprint * footprint.transpose();
@@ -63,14 +63,14 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
 
 }  // namespace
 
-/// A photograph's pose and blur, frozen for many pixels.
+/// The constants of one photograph's pose and blur, computed once for many pixels.
 struct DenseAlignment::Look {
   PlaneFinder plane;
-  double sigma;        // of all blur there is, px of the level
-  double by_log_blur;  // d(doublings of it) / d(log_blur)
+  double sigma;        // of the total blur, px of the level
+  double by_log_blur;  // d(log2 of sigma) / d(log_blur)
 
   Look(const Pose& pose, double log_blur, int level) : plane(pose) {
-    // Halving blurs too: s^2 of a level, in its own pixels.
+    // Halving a picture blurs it too; `variance` is that of a level, in its own pixels.
     double own = std::exp(2 * log_blur);
     double variance = own + kPixelVariance;
     for (int l = 0; l < level; ++l) {
@@ -82,12 +82,12 @@ struct DenseAlignment::Look {
   }
 };
 
-/// One pixel of one photograph with the pattern behind it.
+/// One pixel of one photograph, with the pattern's value there.
 struct DenseAlignment::Seen {
   geometry::Pixel pixel;       // of the full photograph
-  double x = 0, y = 0;         // the same in -1..1
-  double value = 0;            // of the photograph
-  ScaleSpace::Sample pattern;  // per px of the pattern
+  double x = 0, y = 0;         // the same, scaled to -1..1
+  double value = 0;            // the photograph's value
+  ScaleSpace::Sample pattern;  // derivatives are per px of the pattern
   PlanePoint point;
   const Sight* sight = nullptr;
   double dlog_blur = 0;  // d(pattern's value) / d(log_blur)
@@ -117,7 +117,7 @@ bool DenseAlignment::see(const Look& look, const Sight& sight, Seen& seen) const
   if (!point) return false;
   const GreyImage& base = pattern_.level(0);
   const double width = base.width;
-  const double px = std::ldexp(1.0, level_);  // of the full photograph in a pixel of this level
+  const double px = std::ldexp(1.0, level_);  // px of the full photograph per pixel of this level
   const Eigen::Matrix2d footprint = width * px * point->distance * point->by_move * sight.by_pixel;
   const Eigen::Vector2d at(point->at.x() * width + width / 2, point->at.y() * width + base.height / 2.0);
   const Eigen::Vector2d reach = 2.5 * look.sigma * footprint.rowwise().norm();
@@ -155,7 +155,7 @@ void DenseAlignment::gather(const DenseState& state, int band,
   Seen seen;
   for (int n = band * rows / kBands; n < (band + 1) * rows / kBands; ++n) {
     const int j = n * stride_;
-    // Rows start at different columns, so that a stride does not leave whole columns out.
+    // Rows start at different columns, so that the stride does not leave out whole columns.
     for (int i = (n * 7) % (stride_ * every); i < first.width; i += stride_ * every) {
       seen.pixel = {(i + 0.5) * px, (j + 0.5) * px};
       if (!in_region(seen.pixel, margin)) continue;
@@ -205,8 +205,8 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
           s.point.distance * g.transpose() * s.sight->by_parameter;
       Eigen::Matrix<double, 1, kOwn> by_own;
       by_own << g.cross(s.point.in_head).transpose(), -g.transpose(), shown.slope * s.dlog_blur;
-      // Dividing by the scatter makes photographs of different noise comparable; Huber's norm limits the effect of
-      // outliers.
+      // Dividing by the standard deviation of its residuals makes photographs with different noise comparable; Huber's
+      // norm limits the effect of outliers.
       const double scale = 1 / shadings_.scatter(v);
       const double size = std::abs(residual) * scale;
       const double weight = kHuber.weight(size);
@@ -214,7 +214,7 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
       sum.cost += kHuber.cost(size);
     });
   });
-  // The cost is a mean, so that it does not fall when a photograph leaves the pattern and has fewer pixels.
+  // The cost is a mean: a sum would fall when a photograph moves off the pattern and has fewer pixels.
   if (total.equations.count() > 0) total.cost /= static_cast<double>(total.equations.count());
   else total.cost = solve::kImpossible;
   return total;
@@ -242,8 +242,8 @@ solve::Evaluation DenseAlignment::run(int level, const Care& care, const std::ve
     const double before = state.arrangement.lens[kFirstCoefficient];
     const double cx = state.arrangement.lens[kCenterX];
     state = descent.state;
-    // The focal length is px at 45 degrees or at one radian: its change and the centre's are a picture's
-    // movement.
+    // The focal length is in px at 45 degrees or at one radian, so its change is a movement in the picture, like the
+    // centre's.
     const double movement = std::max(std::abs(state.arrangement.lens[kFirstCoefficient] - before),
                                      std::abs(state.arrangement.lens[kCenterX] - cx));
     const bool still = round > 1 && movement < std::ldexp(care.still_px, level);
@@ -283,7 +283,7 @@ DenseSurvey DenseAlignment::survey(const DenseState& state) const {
       sum.square += s.value * s.value;
       sum.left += left * left;
       band.cells[cell(s.pixel)] = true;
-      // Each band has rows of its own.
+      // Bands have disjoint rows, so no lock is needed.
       survey.residuals[v].row(static_cast<int>(s.pixel.y / px))[static_cast<int>(s.pixel.x / px)] =
           static_cast<float>(left);
       if (std::abs(s.pattern.dscale) > kCalm * (s.pattern.value + kCalm)) return;
@@ -325,8 +325,8 @@ DenseSurvey DenseAlignment::survey(const DenseState& state) const {
 
 Eigen::MatrixXd covariance(const solve::Evaluation& end, std::vector<bool> fixed_lens) {
   fixed_lens.resize(static_cast<std::size_t>(end.equations.size()), false);
-  // Residuals are in scatters already; what the model does not know (print, blur) is alike over a few
-  // neighbours.
+  // Residuals are in units of their standard deviation. Model errors (print, blur) are correlated over a few
+  // neighbouring pixels, so the number of independent residuals is smaller.
   constexpr double kAlike = 9;
   const double unit = end.equations.cost() / static_cast<double>(std::max(end.equations.count(), 1L));
   return end.equations.covariance(fixed_lens) * unit * kAlike;

@@ -1,4 +1,4 @@
-// Dense registration of photographs with the known pattern (§4.3): lens and poses are fitted so that the pattern, seen
+// Dense registration of photographs with the known pattern (§4.3): fits lens and poses so that the pattern, projected
 // through them, matches every pixel of the photographs.
 #pragma once
 
@@ -19,52 +19,52 @@ namespace nodal::calibration {
 /// The unknowns: lens, poses, and the blur of each photograph.
 struct DenseState {
   Arrangement arrangement;
-  std::vector<double> log_blur;  ///< ln of the Gaussian's sigma, px of the photograph
+  std::vector<double> log_blur;  ///< ln of the Gaussian's sigma in px of the photograph
 };
 
-/// The effort of a descent.
+/// How much work a descent does.
 struct Care {
-  long most_pixels;  ///< of all photographs together, spread evenly
-  double sure;       ///< a step that lowers the cost by a smaller part is taken without evaluation, as the round's last
-  double still_px;   ///< a round that moves the picture less is the last, px of the pyramid's level
+  long most_pixels;  ///< over all photographs, evenly spread
+  double sure;       ///< a step that lowers the cost by a smaller share is taken without evaluation, and is the last
+  double still_px;   ///< a round that moves the picture by less is the last, px of the pyramid's level
 };
-inline constexpr Care kQuick{40'000, 2e-3, 0.02};      // comes within a few hundredths of a pixel
-inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not make it better
+inline constexpr Care kQuick{40'000, 2e-3, 0.02};      // accurate to a few hundredths of a pixel
+inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not improve the result
 
 /// The quality of a photograph's fit.
 struct DenseFit {
-  double explained = 0;  ///< part of the photograph's variance, where it shows the pattern
-  double rms = 0;        ///< rms of the residuals, of a range of 1
-  double covered = 0;    ///< part of the region's pixels that show the pattern
+  double explained = 0;  ///< share of the photograph's variance that the fit explains, where it shows the pattern
+  double rms = 0;        ///< of the residuals, for a range of 1
+  double covered = 0;    ///< share of the region's pixels that show the pattern
 };
 
-/// The residuals and light of the photographs under a state.
+/// Residuals and light of the photographs for one state.
 struct DenseSurvey {
   std::vector<DenseFit> fits;
   std::vector<GreyImage> residuals;  ///< residuals by pixel; 0 where the pattern is not seen
-  /// Light samples of the photographs, only where the pattern is smooth over a pixel or two, so that the blur model does
-  /// not affect them.
+  /// Light samples of the photographs, only where the pattern is smooth over a pixel or two, so that errors of the blur
+  /// model do not affect them.
   std::vector<std::vector<LightSample>> calm;
-  double covered = 0;  ///< the part of the region that at least one photograph shows the pattern in
+  double covered = 0;  ///< share of the region in which at least one photograph shows the pattern
 };
 
-/// Threading: thread-bound; `for_each` may spread the work.
-/// Ownership: keeps the photographs' pyramids; the pattern must outlive it.
+/// Threading: thread-bound; `for_each` may distribute the work. Ownership: keeps the photographs' pyramids; refers to
+/// the pattern, which must outlive it.
 class DenseAlignment {
  public:
   DenseAlignment(const ScaleSpace& pattern, const std::vector<GreyImage>& photos, Region region,
                  solve::ForEach for_each);
 
-  /// Descends at one pyramid level (0: full size), refitting the shading after each round; returns the result.
-  /// `fixed_lens` marks lens parameters that stay.
+  /// Descends at one pyramid level (0: full size) and refits the shading after each round; returns the last evaluation.
+  /// `fixed_lens` marks lens parameters that are held.
   solve::Evaluation run(int level, const Care& care, const std::vector<bool>& fixed_lens, DenseState& state);
-  /// Coarsest level worth using.
+  /// The coarsest pyramid level.
   int coarsest() const { return static_cast<int>(pyramids_[0].size()) - 1; }
 
-  /// Of the last run's pixels and shading.
+  /// Residuals for the pixels and the shading of the last run.
   DenseSurvey survey(const DenseState& state) const;
 
-  static constexpr int kOwn = 7;  // six of the pose, one of the blur
+  static constexpr int kOwn = 7;  // unknowns of one photograph: six of the pose, one of the blur
 
  private:
   struct Look;
@@ -72,8 +72,8 @@ class DenseAlignment {
   bool see(const Look& look, const Sight& sight, Seen& seen) const;
   void fit_shading(const DenseState& state);
   solve::Evaluation evaluate(const DenseState& state) const;
-  /// Calls back with every pixel of a band that shows the pattern (of a row only `every` so many-th), photograph by
-  /// photograph.
+  /// Calls `take` for every pixel of a band that shows the pattern (in a row only every `every`-th), one photograph
+  /// after the other.
   void gather(const DenseState& state, int band, const std::function<void(std::size_t view, const Seen&)>& take,
               int every = 1) const;
   void set_level(int level, long most_pixels);
@@ -88,7 +88,7 @@ class DenseAlignment {
   int stride_ = 1;
 };
 
-/// The covariance of the unknowns at the end of a run, from the residuals; lens parameters first.
+/// The covariance of the unknowns at the end of a run, from the residuals; lens parameters come first.
 Eigen::MatrixXd covariance(const solve::Evaluation& end, std::vector<bool> fixed_lens);
 
 }  // namespace nodal::calibration

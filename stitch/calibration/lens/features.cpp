@@ -12,17 +12,17 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr int kScales = 3;           // an octave
+constexpr int kScales = 3;           // per octave
 constexpr double kFirstSigma = 1.6;  // px of the octave
 constexpr float kLeastContrast = 0.006F;
-constexpr int kBorder = 8;  // px of the octave
-constexpr int kBins = 36;   // of directions
+constexpr int kBorder = 8;  // px of the octave; no features closer to the edge
+constexpr int kBins = 36;   // of the histogram of gradient directions
 constexpr int kCells = 4;
 constexpr std::size_t kCellBins = 8;
-constexpr double kCellSide = 3.0;  // sigmas
+constexpr double kCellSide = 3.0;  // in sigmas
 constexpr int kProbes = 3 * (kCells + 1);
 constexpr float kLargestEntry = 0.2F;
-constexpr float kRatio = 0.85F;  // best distance over second best, squared below
+constexpr float kRatio = 0.85F;  // limit of best distance / second-best distance
 
 struct Octave {
   std::vector<GreyImage> blurs;        // kScales + 3
@@ -59,7 +59,7 @@ bool is_extremum(const Octave& octave, std::size_t s, int i, int j) {
   return true;
 }
 
-/// The extremum of the parabola through the neighbours, per axis; nothing along a mere edge.
+/// The extremum of the parabola through the neighbours, per axis; nothing on an edge without a corner.
 std::optional<Eigen::Vector2d> refine(const GreyImage& d, int i, int j) {
   const auto at = [&](int x, int y) { return static_cast<double>(d.row(y)[x]); };
   const double gx = (at(i + 1, j) - at(i - 1, j)) / 2;
@@ -68,7 +68,7 @@ std::optional<Eigen::Vector2d> refine(const GreyImage& d, int i, int j) {
   const double yy = at(i, j + 1) + at(i, j - 1) - 2 * at(i, j);
   const double xy = (at(i + 1, j + 1) + at(i - 1, j - 1) - at(i + 1, j - 1) - at(i - 1, j + 1)) / 4;
   const double det = xx * yy - xy * xy;
-  constexpr double kEdge = 10;  // ratio of curvatures
+  constexpr double kEdge = 10;  // largest ratio of curvatures
   if (det <= 0 || (xx + yy) * (xx + yy) * kEdge > (kEdge + 1) * (kEdge + 1) * det) return std::nullopt;
   const Eigen::Vector2d offset(-(yy * gx - xy * gy) / det, -(xx * gy - xy * gx) / det);
   if (offset.cwiseAbs().maxCoeff() > 1) return std::nullopt;
@@ -85,7 +85,7 @@ Gradient gradient(const GreyImage& image, int x, int y) {
   return {std::sqrt(gx * gx + gy * gy), std::atan2(gy, gx)};
 }
 
-/// The directions most gradients about a place point to: the strongest, and others nearly as strong.
+/// The main gradient directions around a point: the strongest, and others nearly as strong.
 std::vector<double> directions(const GreyImage& image, double x, double y, double sigma) {
   std::array<double, kBins> bins{};
   const double reach = 1.5 * sigma;
@@ -123,7 +123,7 @@ std::vector<double> directions(const GreyImage& image, double x, double y, doubl
   return found;
 }
 
-/// A place a descriptor looks at, in cells from its middle, and what of a gradient there belongs to which cell.
+/// A sampling point of a descriptor, in cells from its centre, and the weights of its gradient in the cells around it.
 struct Probe {
   double u, v;
   struct Share {
@@ -133,7 +133,7 @@ struct Probe {
   std::vector<Share> shares;
 };
 
-/// Places a third of a cell apart: that is how much a blob is blurred, and between them is little new.
+/// Sampling points a third of a cell apart: blobs are blurred by that much, so denser points add little.
 std::vector<Probe> make_probes() {
   std::vector<Probe> probes;
   const auto share = [](double place, int cell) {
@@ -176,7 +176,7 @@ std::array<float, kDescriptorSize> describe(const GreyImage& image, double x, do
   }
   Eigen::Map<Eigen::Matrix<float, kDescriptorSize, 1>> vector(bins.data());
   vector.normalize();
-  vector = vector.cwiseMin(kLargestEntry);  // so that one strong edge, or a glare, does not decide
+  vector = vector.cwiseMin(kLargestEntry);  // limits the effect of one strong edge or a reflection
   vector.normalize();
   return bins;
 }
@@ -184,7 +184,7 @@ std::array<float, kDescriptorSize> describe(const GreyImage& image, double x, do
 struct Candidate {
   std::size_t octave;
   std::size_t scale;
-  double x, y;  // px of the octave, corners at integers
+  double x, y;  // px of the octave, pixel corners at integers
   float contrast;
 };
 
@@ -209,10 +209,10 @@ void collect(const Octave& octave, std::size_t index, std::vector<Candidate>& ca
 
 Features find_features(const GreyImage& image, int most) {
   std::vector<Octave> octaves;
-  GreyImage base = blurred(image, std::sqrt(kFirstSigma * kFirstSigma - 0.25));  // a photograph has 0.5 px of its own
+  GreyImage base = blurred(image, std::sqrt(kFirstSigma * kFirstSigma - 0.25));  // a photograph has its own 0.5 px
   while (std::min(base.width, base.height) >= 4 * kBorder) {
     octaves.push_back(make_octave(std::move(base)));
-    const GreyImage& twice = octaves.back().blurs[kScales];  // its blur is kFirstSigma of the next octave
+    const GreyImage& twice = octaves.back().blurs[kScales];  // its blur is kFirstSigma in the next octave's pixels
     base = GreyImage(twice.width / 2, twice.height / 2);
     for (int j = 0; j < base.height; ++j) {
       for (int i = 0; i < base.width; ++i) {
@@ -260,7 +260,7 @@ std::vector<Match> match_features(const Features& photo, const Features& pattern
       for (Eigen::Index n = 0; n < likeness.rows(); ++n) {
         if (likeness(n, k) <= second) continue;
         const Feature& other = pattern.points[static_cast<std::size_t>(n)];
-        // The same blob with another direction, or at the next scale, is no rival.
+        // The same blob with another direction, or at the next scale, does not count as second best.
         if (std::hypot(other.x - found.x, other.y - found.y) < 2 * std::max(found.sigma, other.sigma)) continue;
         second = likeness(n, k);
       }

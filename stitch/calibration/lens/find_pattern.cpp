@@ -9,9 +9,9 @@ namespace {
 
 constexpr int kPhotoFeatures = 3000;
 constexpr int kPatternFeatures = 6000;
-constexpr int kPhotoSide = 1600;  // px; larger pictures are halved before points are looked for
+constexpr int kPhotoSide = 1600;  // px; larger pictures are halved before the search
 constexpr int kPatternSide = 2048;
-constexpr double kTolerance = 0.008;  // of the photograph's width, since centre and aspect are only guessed
+constexpr double kTolerance = 0.008;  // share of the photograph's width, because centre and aspect are only estimates
 
 struct Small {
   GreyImage image;

@@ -17,14 +17,14 @@ class PatternFinder {
  public:
   explicit PatternFinder(const PatternRaster& pattern);
 
-  /// The matches of photograph and pattern, and the radial pose that most of them fit.
-  /// Errors: kNotDetermined, naming the photograph.
+  /// Matches photograph and pattern, and finds the radial pose that most matches fit. Errors: kNotDetermined, naming
+  /// the photograph.
   Result<RadialPose> find(const GreyImage& photo, const std::string& name, const Eigen::Vector2d& center,
                           double aspect) const;
 
  private:
   Features features_;
-  double px_ = 1;  // of the pattern in one pixel of the picture that features_ were found in
+  double px_ = 1;  // px of the pattern per pixel of the picture in which features_ were found
   int width_;
   int height_;
 };

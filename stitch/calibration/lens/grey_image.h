@@ -1,4 +1,4 @@
-// Pictures as the calibration computes with them: one plane of floats.
+// The calibration's picture type: one plane of floats.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 namespace nodal::calibration {
 
-/// Values are 0..1. Sample (i, j) is the value at (i + 1/2, j + 1/2).
+/// Values are 0..1. Sample (i, j) is the value at point (i + 1/2, j + 1/2).
 struct GreyImage {
   int width = 0;
   int height = 0;

@@ -11,9 +11,9 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr double kMostTilted = 0.05;  // cosine between a ray and the plane's normal below which detail is smeared
+constexpr double kMostTilted = 0.05;  // cosine between ray and plane normal; below it detail is smeared
 
-/// r_ideal of r for Tsai; r of the angle for fisheyes.
+/// For Tsai, r_ideal as a function of r; for fisheyes, r as a function of the angle.
 geometry::RisingPolynomial polynomial_of(const LensParameters& lens) {
   std::vector<double> c;
   if (lens.kind == LensKind::kTsai) {

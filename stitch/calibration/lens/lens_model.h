@@ -1,5 +1,5 @@
-// Lens and poses as the calibration's unknowns: the point of the pattern's plane that a pixel sees, and
-// its derivatives by every parameter.
+// Lens and poses as the calibration's unknowns: the point of the pattern's plane that a pixel shows, and its
+// derivatives by every parameter.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,8 @@ namespace nodal::calibration {
 
 enum class LensKind : std::uint8_t { kTsai, kEquidistant, kKannalaBrandt };
 
-/// "tsai", "equidistant" or "kannala_brandt".
-/// Errors: kBadValue, with the names there are.
+/// "tsai", "equidistant" or "kannala_brandt". Errors: kBadValue; the message lists these
+/// names.
 Result<LensKind> lens_kind_named(std::string_view name);
 
 inline constexpr int kCenterX = 0, kCenterY = 1, kAspect = 2, kFirstCoefficient = 3;
@@ -40,7 +40,7 @@ struct LensParameters {
   LensModel model() const;
 };
 
-/// The number of parameters a kind has, centre and aspect included.
+/// The number of parameters of a lens kind, including centre and aspect.
 int parameter_count(LensKind kind);
 
 using ByParameter = Eigen::Matrix<double, 3, kMaxLensParameters>;
@@ -52,7 +52,7 @@ struct Sight {
   ByParameter by_parameter;
 };
 
-/// A lens frozen at some parameters.
+/// Computes rays for one lens; its constants are computed once.
 class SightFinder {
  public:
   explicit SightFinder(const LensParameters& lens);
@@ -72,33 +72,33 @@ class SightFinder {
   geometry::RisingPolynomial polynomial_;
 };
 
-/// The pattern's pose in one photograph: point (X, Y) of the pattern's plane, in pattern
-/// widths from its middle, x right and y down as printed, is at R (X, Y, 0) + t in the head's frame.
+/// The pattern's pose in one photograph: point (X, Y) of the pattern's plane, in pattern widths from its centre, x
+/// right and y down as printed, is at R (X, Y, 0) + t in the head's frame.
 struct Pose {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d t{0, 0, 1};
 
-  /// The pose rotated by w about the head and shifted by d; the derivatives below are by w and d.
+  /// The pose rotated by w about the head's origin and shifted by d; derivatives below are by w and d.
   Pose moved(const Eigen::Vector3d& w, const Eigen::Vector3d& d) const;
 };
 
-/// The point of the plane a ray meets.
+/// The point where a ray meets the plane.
 struct PlanePoint {
   Eigen::Vector2d at;                   ///< pattern widths
   Eigen::Vector3d in_head;              ///< the same point in the head's frame
   double distance;                      ///< along the ray
-  Eigen::Matrix<double, 2, 3> by_move;  ///< d at / d(a move of the ray's end in the head's frame)
+  Eigen::Matrix<double, 2, 3> by_move;  ///< d at / d(shift of the ray's end point in the head's frame)
 };
 
-/// A pose frozen for many rays.
+/// Intersects rays with one pose's plane; its constants are computed once.
 class PlaneFinder {
  public:
   explicit PlaneFinder(const Pose& pose);
-  /// Nothing when the ray misses, or meets the plane from behind or at a grazing angle.
+  /// Nothing if the ray misses the plane, or meets it from behind or at a grazing angle.
   std::optional<PlanePoint> at(const Eigen::Vector3d& ray) const;
 
  private:
-  Eigen::Matrix3d inverse_;  // of (r1 r2 t)
+  Eigen::Matrix3d inverse_;  // the inverse of (r1 r2 t)
   Eigen::Vector3d normal_;
 };
 

@@ -25,10 +25,10 @@ class Random {
   std::uint64_t state_;
 };
 
-constexpr double kLargestRadius = 1.0 / 18;  // of the longer side
+constexpr double kLargestRadius = 1.0 / 18;  // share of the longer side
 constexpr double kSmallestRadius = 2.0;      // px
-constexpr double kCoverage = 0.5;            // of the area, by the discs of one octave
-constexpr float kStep = 0.62F;               // of grey, before the values are squeezed into 0..1
+constexpr double kCoverage = 0.5;            // share of the area that the discs of one octave cover
+constexpr float kStep = 0.62F;               // of grey, before the values are compressed to 0..1
 
 struct Disc {
   double x, y, radius;
@@ -65,7 +65,7 @@ Result<PatternRaster> make_pattern(const PatternSpec& spec) {
   Random random(spec.seed);
   std::vector<float> sum(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height), 0.0F);
   for (double radius = kLargestRadius * std::max(spec.width, spec.height); radius >= kSmallestRadius; radius /= 2) {
-    // Radii are even over [1, 2) times the octave's, so their mean square is 7/3 of its square.
+    // Radii are uniform over [1, 2) times the octave's radius, so their mean square is 7/3 of its square.
     const auto count = static_cast<int>(kCoverage * area / (3.141592653589793 * radius * radius * 7 / 3));
     for (int n = 0; n < count; ++n) {
       Disc disc{};
@@ -80,7 +80,7 @@ Result<PatternRaster> make_pattern(const PatternSpec& spec) {
   PatternRaster raster{spec.width, spec.height, {}};
   raster.values.reserve(sum.size());
   for (const float s : sum) {
-    // Squeezes any sum into 0..1 without a flat end, and without a function whose last bit differs by library.
+    // Maps any sum to 0..1 without clipping, using only operations that give the same bits with every library.
     const float grey = 0.5F + 0.5F * s / (0.6F + std::abs(s));
     raster.values.push_back(static_cast<std::uint8_t>(std::clamp(grey, 0.0F, 1.0F) * 255.0F + 0.5F));
   }

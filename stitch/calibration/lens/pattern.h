@@ -1,5 +1,5 @@
-// The pattern that lenses are calibrated against (§4.3): no fiducials, but detail at every scale that
-// never repeats, known by construction.
+// The lens calibration's pattern (§4.3): no fiducials, but detail at every scale, no repetition, and known exactly
+// because it is generated.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace nodal::calibration {
 
-/// What a pattern is made from. The same spec gives the same bytes on every machine; all paper of the A series
-/// has the same shape, so that one raster serves A5 to A0.
+/// The parameters of a pattern. The same spec gives the same bytes on every machine. All A-series paper has the same
+/// shape, so one raster serves A5 to A0.
 struct PatternSpec {
   int width = 4096;  ///< px
   int height = 2896;
@@ -21,15 +21,15 @@ struct PatternSpec {
 inline constexpr int kMinPatternSide = 64;
 inline constexpr int kMaxPatternSide = 16384;
 
-/// 8-bit grey, rows packed. Values are sRGB-encoded reflectance, as printers and screens take them.
+/// 8-bit grey, rows packed. Values are sRGB-encoded reflectance, as printers and screens expect.
 struct PatternRaster {
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> values;
 };
 
-/// Discs of seven or so octaves of size, each adding or taking a random step of grey: edges in every direction,
-/// some forty thousand of them at the default size, and light and dark patches as large as a tenth of the
+/// Draws discs of about seven octaves of size; each adds a random positive or negative step of grey. This gives edges
+/// in every direction, about forty thousand at the default size, and light and dark patches up to a tenth of the
 /// width.
 ///
 /// Errors: kBadValue for sides outside kMinPatternSide..kMaxPatternSide.

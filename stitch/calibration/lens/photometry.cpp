@@ -13,27 +13,27 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr int kFlare = 0, kVignetting = 1, kCurve = 4;  // places of the shared unknowns
+constexpr int kFlare = 0, kVignetting = 1, kCurve = 4;  // indices of the shared unknowns
 constexpr int kMostCurve = 3;
 constexpr int kShared = kCurve + kMostCurve;
 constexpr int kOwn = 5;                            // gain, slope x, slope y, x^2 - y^2, x y
-constexpr double kLowest = 0.02, kHighest = 0.98;  // recorded values in between are neither crushed nor saturated
-constexpr double kFoot = 0.002;                    // of full light
+constexpr double kLowest = 0.02, kHighest = 0.98;  // outside, recorded values are crushed or saturated
+constexpr double kFoot = 0.002;                    // share of full light
 constexpr solve::Huber kHuber{0.03};
-constexpr double kClearly = 0.9;  // of a gamma curve's rms
+constexpr double kClearly = 0.9;  // of a gamma curve's rms: a polynomial must be below
 
 struct State {
   std::array<double, kShared> shared{};
   std::vector<std::array<double, kOwn>> own;
 };
 
-/// Samples with places in -1..1 and the squared radius over `radius`.
+/// Samples with positions in -1..1 and the squared radius relative to `radius`.
 struct Placed {
   int view;
   double x, y, s, light, value;
 };
 
-/// Light of an encoded value under the curve being fitted, its slope, and its derivatives by the curve's
+/// The light of an encoded value under the curve being fitted, its slope, and its derivatives by the curve's
 /// unknowns.
 struct Decoded {
   double encoded, slope;
@@ -60,7 +60,7 @@ bool rises(const Response& response) {
   return geometry::RisingPolynomial(response.coefficients, 1.0).max_x() >= 1.0;
 }
 
-/// A curve made ready for many values: `polynomial` when it is no gamma curve.
+/// A curve prepared for many evaluations; `polynomial` is used if it is not a gamma curve.
 struct Curve {
   Response response;
   std::optional<geometry::RisingPolynomial> polynomial;
@@ -73,7 +73,7 @@ struct Curve {
   }
 };
 
-/// Below kFoot of light a curve may be endlessly steep: there its tangent stands in for it.
+/// Below kFoot of light a curve may be infinitely steep, so its tangent at kFoot replaces it.
 Decoded encode_with_slopes(const Curve& curve, double light) {
   Decoded d{};
   const double e = std::max(curve.encode(std::max(light, kFoot)), 1e-4);

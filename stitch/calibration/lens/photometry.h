@@ -1,4 +1,4 @@
-// Response, fall-off and gain of a head from photographs of the pattern that are aligned already.
+// Response, fall-off and gain of a head from photographs of the pattern that are already aligned.
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 
 namespace nodal::calibration {
 
-/// One pixel of one photograph: its place, the pattern's light there, and the recorded value.
+/// One pixel of one photograph: its position, the pattern's light there, and the recorded value.
 struct LightSample {
   int view = 0;
   double x = 0, y = 0;  ///< px
@@ -18,15 +18,15 @@ struct LightSample {
 
 struct Photometry {
   Response response;
-  std::array<double, 3> vignetting{};  ///< over (r / radius)^2
-  std::vector<double> gains;           ///< of each photograph's light, the largest 1
-  double rms = 0;                      ///< what is left, encoded
+  std::array<double, 3> vignetting{};  ///< coefficients over (r / radius)^2
+  std::vector<double> gains;           ///< of each photograph's light, the largest is 1
+  double rms = 0;                      ///< rms of the residuals, encoded
 };
 
-/// value = encode(g (1 + l . light field) V(r) (light + flare)): response and fall-off are common to the
-/// photographs; gain and a light field of four numbers (a slope, and the part of a bend that is not round)
-/// belong to each. A bend of the light that is round and the same in all photographs cannot be told from the
-/// lens's fall-off. A gamma curve is taken unless a polynomial explains clearly more.
+/// value = encode(g (1 + l . light field) V(r) (light + flare)). Response and fall-off are common to all photographs;
+/// the gain and a light field of four numbers (a slope, and the part of the curvature that is not rotationally
+/// symmetric) belong to each. A symmetric curvature common to all photographs cannot be distinguished from the lens's
+/// fall-off. A gamma curve is used unless a polynomial fits clearly better.
 Photometry fit_photometry(const std::vector<LightSample>& samples, int views, const HeadCalibration& head,
                           double radius);
 

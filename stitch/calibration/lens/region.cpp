@@ -11,8 +11,8 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr float kBlack = 0.06F;       // of the bright end, encoded
-constexpr double kBrightLine = 0.25;  // part of a row or column that must not be black
+constexpr float kBlack = 0.06F;       // share of the bright end, encoded
+constexpr double kBrightLine = 0.25;  // share of a row or column that must be bright
 constexpr int kSpokes = 360;
 constexpr double kCircleError = 2.0;  // px, rms of a true circle's edge
 constexpr double kEdgeError = 0.4;    // px, rms of an edge without outliers: spokes are read in steps of 0.5 px
@@ -25,7 +25,7 @@ GreyImage brightest(const std::vector<const GreyImage*>& pictures) {
   return all;
 }
 
-/// First and last + 1 of the lines whose share of bright pixels is enough.
+/// First and last + 1 of the lines with a sufficient share of bright pixels.
 std::pair<int, int> bright_lines(const GreyImage& image, float black, bool rows) {
   const int lines = rows ? image.height : image.width;
   const int across = rows ? image.width : image.height;
@@ -43,10 +43,10 @@ std::pair<int, int> bright_lines(const GreyImage& image, float black, bool rows)
 
 struct Edge {
   std::vector<Eigen::Vector2d> points;
-  int spokes = 0;  // that end inside the picture
+  int spokes = 0;  // spokes that end inside the picture
 };
 
-/// The outermost bright place on spokes from the middle.
+/// The outermost bright point on each spoke from `middle`.
 Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle) {
   Edge edge;
   for (int n = 0; n < kSpokes; ++n) {
@@ -127,14 +127,14 @@ Region find_region(const std::vector<const GreyImage*>& pictures) {
   const Eigen::Vector2d middle((left + right) / 2.0, (top + bottom) / 2.0);
   const Edge edge = edge_of(image, black, middle);
   if (edge.spokes >= kSpokes / 6) {
-    // An edge seen from the middle bends away from a band's and follows a circle's.
+    // The points of a circular edge fit a circle; those of straight bands do not.
     if (const auto circle = circle_through(edge.points)) {
       region.circle = circle;
       region.circle->radius -= kEdgeBlur;
       return region;
     }
   }
-  // The first whole pixel inside a band may be half in it.
+  // The first whole pixel inside a band may be half black.
   if (left > 0) region.left = left + 1;
   if (top > 0) region.top = top + 1;
   if (right < image.width) region.right = right - 1;

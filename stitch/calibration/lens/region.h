@@ -1,4 +1,4 @@
-// The used part of a head's pictures: misaligned sensors and fisheyes leave black borders (§4.3).
+// The used region of a head's pictures: decentred sensors and fisheyes leave black borders (§4.3).
 #pragma once
 
 #include <vector>

@@ -15,7 +15,7 @@ struct Kernel {
   std::vector<float> taps;
 };
 
-/// Samples of a Gaussian centred at `center` (in samples), summing to one.
+/// A Gaussian centred at `center`, sampled at integers, with sum one.
 Kernel gaussian(double sigma, double center) {
   const double reach = 4 * sigma;
   Kernel kernel;
@@ -30,7 +30,7 @@ Kernel gaussian(double sigma, double center) {
   return kernel;
 }
 
-/// Every `step`th sample of the rows, convolved.
+/// Convolves the rows and keeps every `step`th sample.
 GreyImage filter_rows(const GreyImage& in, const Kernel& kernel, int step) {
   GreyImage out(in.width / step, in.height);
   const int last = in.width - 1;
@@ -69,7 +69,7 @@ using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
 
 float sum_of(Four f) { return (f[0] + f[1]) + (f[2] + f[3]); }
 
-/// Catmull-Rom: weights of the four samples about a place that is t past the second, and their derivatives.
+/// Catmull-Rom: the weights of the four samples around a position t beyond the second, and their derivatives.
 struct Cubic {
   Four weight;
   Four slope;
@@ -80,13 +80,13 @@ struct Cubic {
   }
 };
 
-/// Value and slopes, each still in four columns.
+/// Value and slopes, still separate for each of four columns.
 struct Point {
   Four value, dx, dy;
 };
 
 Point sample_level(const GreyImage& image, double x, double y) {
-  // From the first of the four samples on; what is more than four samples off the picture is as far as four.
+  // The indices of the four samples; a point more than four samples outside the picture is moved to four outside.
   constexpr int kOff = 5;
   const double u = std::clamp(x - 0.5, -4.0, image.width + 4.0) + (kOff - 1);
   const double v = std::clamp(y - 0.5, -4.0, image.height + 4.0) + (kOff - 1);
@@ -120,8 +120,8 @@ GreyImage blurred(const GreyImage& image, double sigma) {
 }
 
 GreyImage halved(const GreyImage& image) {
-  // From kLevelSigma of these pixels to kLevelSigma of pixels twice as large; the new sample lies between two
-  // old.
+  // From a blur of kLevelSigma in these pixels to kLevelSigma in pixels twice as large; a new sample is between two old
+  // ones.
   static const Kernel kernel = gaussian(kLevelSigma * std::sqrt(3.0), 0.5);
   return filter_columns(filter_rows(image, kernel, 2), kernel, 2);
 }

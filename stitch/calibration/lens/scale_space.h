@@ -1,4 +1,4 @@
-// A picture at every blur, to compare it with photographs from any distance.
+// A picture at every blur, for comparison with photographs from any distance.
 #pragma once
 
 #include <vector>
@@ -10,14 +10,14 @@ namespace nodal::calibration {
 /// The picture convolved with a Gaussian of `sigma` px; edges are repeated.
 GreyImage blurred(const GreyImage& image, double sigma);
 
-/// Half the size, after a blur that keeps aliases out (kLevelSigma to kLevelSigma). A place (x, y) of the
-/// picture is (x/2, y/2) of the half. Odd sides lose their last row or column.
+/// Half the size, after a low-pass filter against aliasing (kLevelSigma to kLevelSigma). Point (x, y) becomes (x/2,
+/// y/2). Odd sides lose their last row or column.
 GreyImage halved(const GreyImage& image);
 
 /// Blur of every level, in that level's own pixels.
 inline constexpr double kLevelSigma = 0.9;
 
-/// Level k holds the picture at 1/2^k of its size, blurred by kLevelSigma * 2^k px of the original in all.
+/// Level k is the picture at 1/2^k of its size with a total blur of kLevelSigma * 2^k px of the original.
 ///
 /// Threading: immutable after construction.
 class ScaleSpace {
@@ -31,8 +31,8 @@ class ScaleSpace {
     double dy = 0;
     double dscale = 0;  ///< per doubling of the blur
   };
-  /// The picture at a place, blurred by `sigma` px of the original (at least kLevelSigma): cubic between
-  /// samples, linear between levels. Past the edge the edge is repeated.
+  /// The picture at a point, blurred by `sigma` px of the original (at least kLevelSigma): cubic between samples,
+  /// linear between levels. Beyond the edge the edge sample is repeated.
   Sample at(double x, double y, double sigma) const;
 
   const GreyImage& level(int k) const { return levels_[static_cast<std::size_t>(k)]; }

@@ -10,16 +10,16 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kPasses = 3;
-constexpr double kFarOff = 2.0;       // scatters
-constexpr double kStiffness = 1e-3;   // of the tone curve's second differences
-constexpr double kLeastRange = 0.05;  // of the tone curve, below which there is no contrast to speak of
+constexpr double kFarOff = 2.0;       // in standard deviations
+constexpr double kStiffness = 1e-3;   // weight of the tone curve's second differences
+constexpr double kLeastRange = 0.05;  // of the tone curve; below it there is no contrast
 
-/// The monomials x^i y^j of degree up to 4, lower ones first.
+/// The monomials x^i y^j of degree up to 4, in order of degree.
 template <class Terms>
 Terms monomials(double x, double y) {
   Terms terms;
   terms[0] = 1;
-  Eigen::Index lower = 0;  // where those of the degree before begin
+  Eigen::Index lower = 0;  // index of the first term of the previous degree
   for (Eigen::Index d = 1, at = 1; at < terms.size(); ++d) {
     for (Eigen::Index j = 0; j < d; ++j) terms[at + j] = terms[lower + j] * x;
     terms[at + d] = terms[lower + d - 1] * y;
@@ -31,7 +31,7 @@ Terms monomials(double x, double y) {
 
 struct Knot {
   int index;
-  double share;  // of the knot above
+  double share;  // weight of the upper knot
 };
 Knot knot_of(double light, int knots) {
   const double u = std::clamp(light, 0.0, 1.0) * (knots - 1);
@@ -76,7 +76,7 @@ void Shadings::fit_one(std::size_t view, const std::vector<ShadeSample>& samples
   Eigen::Matrix<double, kTerms, 1> b = Eigen::Matrix<double, kTerms, 1>::Zero();
   for (const ShadeSample& s : samples) {
     const Terms terms = monomials<Terms>(static_cast<double>(s.x), static_cast<double>(s.y));
-    // Outliers (an arm, a glare) must not affect the fit; in the first round none are known.
+    // Outliers (an arm, a reflection) must not affect the fit; in the first round none are known.
     double weight = 1;
     if (fitted_) weight = std::min(1.0, kFarOff * scatter_[view] / std::max(std::abs(left_over(view, s, terms)), 1e-9));
     Eigen::Matrix<double, kTerms, 1> row;
@@ -84,7 +84,7 @@ void Shadings::fit_one(std::size_t view, const std::vector<ShadeSample>& samples
     A.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
     b += weight * static_cast<double>(s.value) * row;
   }
-  // A little stiffness, for a photograph that shows the pattern in a corner only.
+  // A little regularization, for a photograph that shows the pattern in a corner only.
   A.diagonal().array() += 1e-6 * A(0, 0) + 1e-9;
   const Eigen::Matrix<double, kTerms, kTerms> full = A.selfadjointView<Eigen::Lower>();
   const Eigen::Matrix<double, kTerms, 1> x = solve::solve_symmetric(full, b, {}, {});
@@ -116,7 +116,7 @@ void Shadings::add_tone(std::size_t view, const std::vector<ShadeSample>& sample
 }
 
 bool Shadings::fit_tone(ToneSums& sums) {
-  // A knot that few pixels touch follows its neighbours.
+  // A knot with few pixels follows its neighbours.
   const double stiff = kStiffness * sums.A.trace() / kKnots + 1e-9;
   for (int k = 1; k + 1 < kKnots; ++k) {
     Eigen::Matrix<double, kKnots, 1> bend = Eigen::Matrix<double, kKnots, 1>::Zero();
@@ -124,7 +124,7 @@ bool Shadings::fit_tone(ToneSums& sums) {
     sums.A += stiff * bend * bend.transpose();
   }
   const Eigen::Matrix<double, kKnots, 1> knots = solve::solve_symmetric(sums.A, sums.b, {}, {});
-  // Which straight line belongs to the tone and which to the shading is free: the tone goes from 0 to 1.
+  // A linear function can be moved between tone and shading; the convention is that the tone goes from 0 to 1.
   const double range = knots(kKnots - 1) - knots(0);
   if (!(range > kLeastRange)) return false;
   for (int k = 0; k < kKnots; ++k) tone_[static_cast<std::size_t>(k)] = (knots(k) - knots(0)) / range;

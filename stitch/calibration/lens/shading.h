@@ -1,5 +1,5 @@
-// How photographs show the pattern's light: uneven light, fall-off, response and exposure, kept apart from
-// geometry so that none of them pulls on the lens.
+// A model of how photographs show the pattern's light (uneven light, fall-off, response, exposure), separate from
+// geometry so that these effects do not bias the lens.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@
 
 namespace nodal::calibration {
 
-/// A pixel in -1..1 across its photograph, the pattern's light there (0..1), and what the photograph holds.
+/// A pixel's position in -1..1, the pattern's light there (0..1), and the photograph's value.
 struct ShadeSample {
   float x = 0, y = 0, light = 0, value = 0;
 };
@@ -21,15 +21,15 @@ class Shadings {
  public:
   explicit Shadings(std::size_t views);
 
-  /// Least squares, what is far off aside. samples[v] are photograph v's.
+  /// Least squares without outliers. samples[v] are photograph v's.
   void fit(const std::vector<std::vector<ShadeSample>>& samples);
 
   struct Shown {
-    double value;  ///< that the photograph should hold
+    double value;  ///< the photograph's expected value
     double slope;  ///< d value / d light
   };
   Shown at(std::size_t view, double x, double y, double light) const;
-  /// The typical size of what is left over in a photograph (from the median, as a standard deviation).
+  /// The standard deviation of a photograph's residuals, estimated from their median.
   double scatter(std::size_t view) const { return scatter_[view]; }
 
  private:

@@ -20,12 +20,12 @@ constexpr double kLeastTilt = 5 * std::numbers::pi / 180;
 using Row6 = Eigen::Matrix<double, 1, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-/// Places from the lens's centre with the aspect taken out.
+/// A point relative to the lens's centre, with the aspect divided out.
 Eigen::Vector2d from_center(const PointPair& pair, const Eigen::Vector2d& center, double aspect) {
   return {pair.photo.x() - center.x(), (pair.photo.y() - center.y()) / aspect};
 }
 
-/// The picture of a point lies on the line from the centre towards (x, y), whatever the lens does along it.
+/// A point's image is on the line from the centre towards (x, y), for every radial lens.
 Row6 radial_row(const Eigen::Vector2d& p, const Eigen::Vector2d& X) {
   const Eigen::Vector3d h(X.x(), X.y(), 1);
   Row6 row;
@@ -39,13 +39,13 @@ Eigen::Matrix<double, 2, 3> as_rows(const Vector6& m) {
   return rows;
 }
 
-/// How far a pair is from that line, px; huge on the wrong side of the centre.
+/// The distance of a pair from that line, px; very large on the wrong side of the centre.
 double radial_error(const Eigen::Matrix<double, 2, 3>& rows, const Eigen::Vector2d& p, const Eigen::Vector2d& X) {
   const Eigen::Vector2d q = (rows * Eigen::Vector3d(X.x(), X.y(), 1)).normalized();
   return p.dot(q) > 0 ? std::abs(p.x() * q.y() - p.y() * q.x()) : 1e9;
 }
 
-/// A stream of indices that is the same every time.
+/// A deterministic sequence of random indices.
 class Draw {
  public:
   std::size_t below(std::size_t n) {
@@ -71,7 +71,7 @@ std::vector<std::size_t> inliers_of(const Eigen::Matrix<double, 2, 3>& rows, con
   return in;
 }
 
-/// Both signs of a null vector are one; the right one has the points on their own side of the centre.
+/// A null vector has either sign; the right sign puts the points on their own side of the centre.
 std::vector<std::size_t> best_sign(Vector6& m, const std::vector<Eigen::Vector2d>& p,
                                    const std::vector<PointPair>& pairs, double tolerance_px) {
   std::vector<std::size_t> plus = inliers_of(as_rows(m), p, pairs, tolerance_px);
@@ -81,7 +81,7 @@ std::vector<std::size_t> best_sign(Vector6& m, const std::vector<Eigen::Vector2d
   return minus;
 }
 
-/// r31 and r32 (one of two signs) from two columns of a rotation whose first two rows are known up to a scale.
+/// r31 and r32, up to a common sign, from two columns of a rotation whose first two rows are known up to a scale.
 Eigen::Vector2d third_row(const Eigen::Matrix<double, 2, 3>& rows) {
   const double cross = rows.col(0).dot(rows.col(1));
   const double difference = rows.col(1).squaredNorm() - rows.col(0).squaredNorm();
@@ -91,8 +91,8 @@ Eigen::Vector2d third_row(const Eigen::Matrix<double, 2, 3>& rows) {
   return {a, cross > 0 ? -b : b};
 }
 
-/// Distance and lens, linear in both: r (z0 + t_z) = rho F(r), F(r) = a0 + a2 r^2 + a4 r^4 with r in units of
-/// `unit` px.
+/// The distance and the lens's profile, both linear: r (z0 + t_z) = rho F(r), F(r) = a0 + a2 r^2 + a4 r^4, with r in
+/// units of `unit` px.
 struct Profile {
   Eigen::Vector3d F;
   std::vector<double> tz;
@@ -125,7 +125,7 @@ Profile fit_profile(const std::vector<RadialPose>& views, const std::vector<doub
   return profile;
 }
 
-/// The lens of a kind nearest to the profile: tan(angle) = r / F(r).
+/// The lens of a kind that is nearest to the profile: tan(angle) = r / F(r).
 LensParameters lens_of_profile(const Eigen::Vector3d& F, LensKind kind, const Eigen::Vector2d& center, double aspect,
                                double unit, double farthest_px) {
   LensParameters lens;
@@ -203,7 +203,7 @@ std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const
     m = null_vector(A);
     best = best_sign(m, p, pairs, tolerance_px);
   }
-  // Wrong pairs agree with anything to some degree; the pattern is there when far more do.
+  // Any pose fits some wrong pairs by chance; the pattern is found only if many more fit.
   if (best.size() < std::max<std::size_t>(kLeastPairs, pairs.size() / 5)) return std::nullopt;
   RadialPose pose;
   pose.rows = as_rows(m);
@@ -229,7 +229,7 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
                 "every photograph looks at the pattern head on, so that focal length and distance cannot be told "
                 "apart; take some with the pattern turned by 20 to 40 degrees");
   }
-  // Signs one by one: of one tilted view alone, then of each other so that all agree.
+  // Determines the signs one by one: first for the most tilted view, then for each other view consistently.
   std::vector<std::size_t> order(views.size());
   for (std::size_t v = 0; v < order.size(); ++v) order[v] = v;
   std::ranges::stable_sort(order, [&](std::size_t a, std::size_t b) { return views[a].tilt() > views[b].tilt(); });
@@ -243,7 +243,7 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
     Profile plus = fit_profile(taken, taken_signs, center, aspect, farthest);
     taken_signs.back() = -1;
     Profile minus = fit_profile(taken, taken_signs, center, aspect, farthest);
-    // A lens sees forward along its axis.
+    // The right sign makes the lens look forward along its axis.
     const bool plus_better = (plus.F[0] > 0) != (minus.F[0] > 0) ? plus.F[0] > 0 : plus.residual <= minus.residual;
     taken_signs.back() = plus_better ? 1 : -1;
     signs[v] = taken_signs.back();
@@ -267,7 +267,7 @@ namespace {
 constexpr int kOwn = 6;
 constexpr double kLost = 100;  // px, for a pair that the lens or the plane does not reach
 
-/// Adds one pair's two residuals, px; gives their length.
+/// Adds one pair's two residuals, px; returns their length.
 double add_pair(int view, const PointPair& pair, const SightFinder& lens, const PlaneFinder& plane,
                 const solve::Huber& huber, solve::NormalEquations& sum) {
   const auto sight = lens.at({pair.photo.x(), pair.photo.y()});

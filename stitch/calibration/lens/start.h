@@ -1,5 +1,5 @@
-// From matched points to a first lens and first poses: radial alignment (Tsai 1987), which holds for any radial
-// lens, then a linear fit of the lens as a polynomial, then least squares on the points.
+// From matched points to a first lens and first poses: radial alignment (Tsai 1987), valid for any radial lens; then a
+// linear fit of the lens as a polynomial; then least squares on the points.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,8 +12,8 @@
 
 namespace nodal::calibration {
 
-/// A place on a photograph (px) and the place on the pattern (pattern widths from its middle) it shows, if it
-/// is right.
+/// A hypothesis: a point of a photograph (px) shows a point of the pattern (pattern widths from its
+/// centre).
 struct PointPair {
   Eigen::Vector2d photo;
   Eigen::Vector2d pattern;
@@ -25,8 +25,8 @@ struct Arrangement {
   std::vector<Pose> poses;
 };
 
-/// A photograph's pose as far as it is known without the lens: two rows of the rotation and of t, with one of two
-/// signs.
+/// The part of a photograph's pose that can be found without the lens: two rows of the rotation and of t, up to a
+/// common sign.
 struct RadialPose {
   Eigen::Matrix<double, 2, 3> rows;  ///< (x, y) in the head's frame = rows (X, Y, 1), in pattern widths
   Eigen::Vector2d third;             ///< r31, r32, up to their common sign
@@ -34,23 +34,23 @@ struct RadialPose {
   double tilt() const;  ///< rad, between the pattern's normal and the lens's axis
 };
 
-/// The pose that most pairs fit; nothing when fewer than kLeastPairs do. `center` and `aspect` are the guesses.
+/// The pose that most pairs fit; nothing if fewer than kLeastPairs do. `center` and `aspect` are estimates.
 inline constexpr int kLeastPairs = 20;
 std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
                                       double tolerance_px);
 
-/// A first lens and poses for photographs whose radial poses are known.
-/// Errors: kNotDetermined when no photograph is tilted enough to tell focal length from distance.
+/// A first lens and first poses, for photographs with known radial poses. Errors: kNotDetermined if no photograph is
+/// tilted enough to separate focal length from distance.
 Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, LensKind kind,
                                       const Eigen::Vector2d& center, double aspect);
 
-/// An arrangement a step further. Steps hold the lens's parameters, then `own` numbers a photograph of which
-/// the first six turn and move its pose.
+/// The arrangement after a step. A step holds the lens's parameters, then `own` numbers per photograph; the first six
+/// of these rotate and shift its pose.
 Arrangement moved(const Arrangement& arrangement, const Eigen::VectorXd& step, int own);
 
-/// Fits the arrangement to the point pairs by least squares, and drops the pairs that are outliers
-/// then. `fixed_lens` marks lens parameters that are held. Returns the median distance before
-/// dropping, px.
+/// Fits the arrangement to the point pairs by least squares, then drops the pairs that are outliers.
+/// `fixed_lens` marks lens parameters that are held. Returns the median distance before dropping,
+/// px.
 double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::vector<bool>& fixed_lens,
                         double huber_px, Arrangement& arrangement);
 

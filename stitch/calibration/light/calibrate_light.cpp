@@ -11,8 +11,8 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kStop = 0.69314718055994530942;  // ln 2
-constexpr int kLeastRays = 60;                    // that two heads share, to compare them
-constexpr std::size_t kLeastPlaces = 300;         // times three channels, for a response
+constexpr int kLeastRays = 60;                    // that two heads must share to be compared
+constexpr std::size_t kLeastPlaces = 300;         // times three channels, to fit a response
 constexpr double kLeastGamma = 0.3, kMostGamma = 5;
 constexpr double kLargeLeft = 0.3;     // stops
 constexpr double kUnsureCorner = 0.1;  // stops
@@ -46,7 +46,7 @@ Status check_sets(const Calibration& prior, const std::vector<ExposedSet>& sets)
   return {};
 }
 
-/// The largest set of heads that are connected by shared rays.
+/// The largest set of heads that shared rays connect.
 std::vector<bool> placed_heads(const LightGroups& groups, std::size_t heads) {
   std::vector<std::vector<int>> together(heads, std::vector<int>(heads, 0));
   for (std::size_t g = 0; g < groups.size(); ++g) {
@@ -78,7 +78,7 @@ std::vector<bool> placed_heads(const LightGroups& groups, std::size_t heads) {
   return placed;
 }
 
-/// Only what `wanted` heads saw, and only where two of them did.
+/// Keeps the observations of the `wanted` heads, where at least two of them saw the light.
 template <class Wanted>
 LightGroups only(const LightGroups& groups, Wanted&& wanted) {
   LightGroups kept;
@@ -159,7 +159,7 @@ LightModel model_of(const Calibration& prior) {
   for (const HeadCalibration& head : prior.heads) {
     model.response.push_back(head.response);
     model.log_gain.push_back({std::log(head.gain[0]), std::log(head.gain[1]), std::log(head.gain[2])});
-    // The same curve over the radius that all heads are measured by here, about the lens's centre.
+    // The same curve, expressed over the radius that the fit uses for all heads, around the lens's centre.
     const double scale = std::pow(fall_off_radius(head) / head.vignetting.radius, 2);
     const auto& v = head.vignetting.coefficients;
     model.vignetting.push_back({v[0] * scale, v[1] * scale * scale, v[2] * scale * scale * scale});
@@ -167,7 +167,7 @@ LightModel model_of(const Calibration& prior) {
   return model;
 }
 
-/// Puts the model into the calibration. A fall-off that the document refuses is left out, with a note.
+/// Writes the model into the calibration. A fall-off that check_head refuses is left out, with a note.
 void fill_heads(const LightModel& model, const std::vector<bool>& placed, LightReport& report) {
   for (std::size_t h = 0; h < report.calibration.heads.size(); ++h) {
     HeadCalibration& head = report.calibration.heads[h];
@@ -245,7 +245,7 @@ Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<
                                        "and the pictures' exposure");
   }
   const LightGroups groups = only(all, [&](int head) { return placed[static_cast<std::size_t>(head)] == true; });
-  // A fall-off that all share must start alike.
+  // A fall-off common to all heads needs a common start value.
   if (!options.own_vignetting) start.vignetting.assign(prior.heads.size(), {});
   const LightFit fit = fit_gains(groups, start, {placed, options.own_vignetting});
   fill_heads(fit.model, placed, report);

@@ -1,5 +1,5 @@
-// The heads' radiometry (§4.3): gain, fall-off and response from the values that overlapping heads have for the same rays,
-// and from pictures of the same scene under known exposures.
+// Estimates the heads' radiometry (§4.3): gain, fall-off and response, from the values that overlapping heads record
+// for the same rays, and from pictures of the same scene under known exposures.
 #pragma once
 
 #include <array>
@@ -13,39 +13,39 @@
 namespace nodal::calibration {
 
 struct LightOptions {
-  bool own_vignetting = false;  ///< a fall-off for each head, instead of one for all
-  bool own_response = false;    ///< a curve for each head, instead of one for all
+  bool own_vignetting = false;  ///< one fall-off per head, instead of one for all
+  bool own_response = false;    ///< one curve per head, instead of one for all
 };
 
 struct HeadLight {
   std::string name;
-  bool placed = true;                        ///< false: it shares too little with the others, and its gain stays
-  int shared = 0;                            ///< rays it shares, all sets together
-  std::array<double, 3> gain_stops{};        ///< red, green, blue, against the rig's mean
+  bool placed = true;                        ///< false: it shares too few rays with others, and keeps its gain
+  int shared = 0;                            ///< rays it shares, over all sets
+  std::array<double, 3> gain_stops{};        ///< red, green, blue, relative to the rig's mean
   std::array<double, 3> sigma_gain_stops{};  ///< standard deviation
   double corner_stops = 0;                   ///< light lost in the corner of its picture
   double sigma_corner_stops = 0;
-  double before_stops = 0;  ///< rms distance from the others' light, with the prior
+  double before_stops = 0;  ///< rms difference from the others' light, with the prior
   double after_stops = 0;
 };
 
 struct LightReport {
-  Calibration calibration;  ///< the prior with what was found; checked
+  Calibration calibration;  ///< the prior with the new values; checked
   std::vector<HeadLight> heads;
   bool response_found = false;
   double sigma_gamma = 0;                    ///< of a gamma curve
-  double response_left_stops = 0;            ///< rms left over between exposures
-  double before_stops = 0, after_stops = 0;  ///< rms over all rays that are shared
+  double response_left_stops = 0;            ///< rms of the residuals between exposures
+  double before_stops = 0, after_stops = 0;  ///< rms over all shared rays
   std::vector<std::string> notes;            ///< remarks for the user, one sentence each
 };
 
-/// Gains and fall-off come from the overlaps; the response only from sets with at least two different known stops
-/// (without them a steeper curve with larger gains explains the overlaps as well), else it stays as the prior has it.
+/// Gains and fall-off come from the overlaps. The response needs sets with at least two different known stops, because
+/// overlaps alone also fit a steeper curve with larger gains; without such sets it keeps the prior's value.
 ///
 /// Threading: thread-safe.
-/// Ownership: the frames' bytes must stay for the time of the call.
+/// Ownership: the frames' bytes must stay valid during the call.
 /// Errors: kBadValue, naming set and head, for frames that are not RGB24 or not of the head's size, and for stops that
-/// are all alike; kNoCoverage when no two heads share rays; kNotDetermined when the pictures do not follow the stops.
+/// are all equal; kNoCoverage if no two heads share rays; kNotDetermined if the pictures contradict the stops.
 Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<ExposedSet>& sets,
                                     const LightOptions& options);
 

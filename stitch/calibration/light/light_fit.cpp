@@ -14,15 +14,15 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr solve::Huber kHuber{1.5};  // scatters
-constexpr double kLoosely = 4;       // weight of "no fall-off" where the data do not determine it
-constexpr double kHeld = 1e6;        // weight of what must not move, and of which the data say nothing
+constexpr solve::Huber kHuber{1.5};  // in standard deviations
+constexpr double kLoosely = 4;       // weight of "no fall-off" where the data do not determine the fall-off
+constexpr double kHeld = 1e6;        // weight that holds an unknown that the data do not determine
 constexpr double kLeastLight = 1e-4;
 constexpr double kLeastFall = 0.02;
-constexpr double kClearly = 0.85;  // of a gamma curve's rms
+constexpr double kClearly = 0.85;  // of a gamma curve's rms: a polynomial must be below
 constexpr std::size_t kMostTerms = 4;
 
-/// ln light of an observation, and its slopes by the few unknowns it depends on.
+/// ln light of an observation, and its derivatives by the few unknowns on which it depends.
 struct Linear {
   double log_light = 0;
   std::array<Eigen::Index, kMostTerms> unknown{};
@@ -38,7 +38,7 @@ struct Linear {
 using Linearize = std::function<Linear(const Observation&)>;
 using Lines = std::vector<Linear>;
 
-/// Calls back with each group's first observation and its lines.
+/// Calls `take` with the index of each group's first observation and its linearized observations.
 template <class Take>
 void each_group(const LightGroups& groups, const Linearize& linearize, Take&& take) {
   std::vector<Linear> lines;
@@ -49,7 +49,7 @@ void each_group(const LightGroups& groups, const Linearize& linearize, Take&& ta
   }
 }
 
-/// How far each observation is from its group's weighted mean.
+/// The distance of each observation from its group's weighted mean.
 std::vector<double> distances(const LightGroups& groups, const Linearize& linearize) {
   std::vector<double> apart(groups.all.size());
   each_group(groups, linearize, [&](std::size_t first, const Lines& lines) {
@@ -63,8 +63,8 @@ std::vector<double> distances(const LightGroups& groups, const Linearize& linear
   return apart;
 }
 
-/// The weights of all observations where a model stands, outliers counting less, and how large a typical residual is
-/// in units of its own standard deviation.
+/// The weights of all observations under a model (lower for outliers), and the ratio of a typical residual to its
+/// predicted standard deviation.
 struct Weights {
   double scale = 1;
   std::vector<double> each;
@@ -84,11 +84,11 @@ Weights weights_at(const LightGroups& groups, const Linearize& linearize) {
   return weights;
 }
 
-/// The normal equations of all distances to the groups' weighted means: each group's own light is taken out of them.
+/// The normal equations of all distances to the groups' weighted means; this eliminates each group's own light.
 solve::Evaluation sum_of(const LightGroups& groups, Eigen::Index unknowns, const Linearize& linearize,
                          const std::vector<double>& weights) {
   solve::Evaluation sum{solve::NormalEquations(static_cast<int>(unknowns))};
-  std::vector<Eigen::Index> at;  // the unknowns that a group depends on
+  std::vector<Eigen::Index> at;  // the unknowns on which a group depends
   std::vector<double> mean, row;
   each_group(groups, linearize, [&](std::size_t first, const Lines& lines) {
     at.clear();
@@ -120,8 +120,8 @@ solve::Evaluation sum_of(const LightGroups& groups, Eigen::Index unknowns, const
 constexpr solve::DescentOptions kDescent{
     .most_steps = 60, .enough = 1e-14, .first_damping = 1e-9, .least_damping = 1e-9};
 
-/// moved(state, step), with the step halved until the state is valid: a damped step would turn towards the border of
-/// valid states, and the descent would end there.
+/// moved(state, step), with the step halved until the state is valid. Increasing the damping instead would turn the
+/// step towards the border of the valid states, and the descent would end there.
 template <class State, class Move, class Possible>
 State moved_within(const State& from, Eigen::VectorXd step, Move&& moved, Possible&& possible) {
   constexpr int kMostHalvings = 20;
@@ -131,7 +131,7 @@ State moved_within(const State& from, Eigen::VectorXd step, Move&& moved, Possib
 
 double fall_off(const std::array<double, 3>& v, double s) { return 1 + s * (v[0] + s * (v[1] + s * v[2])); }
 
-/// ln decode(value); values where a curve says next to no light are no use as logarithms.
+/// ln decode(value), limited below, because the logarithm of almost no light is meaningless.
 double log_decoded(const Response& response, double value) {
   return std::log(std::max(geometry::decode(response, value), kLeastLight));
 }
@@ -142,7 +142,7 @@ double log_light(const LightModel& model, const Observation& o) {
          std::log(std::max(fall_off(model.vignetting[h], o.s), kLeastFall)) - std::log(2.0) * o.stops;
 }
 
-/// A curve as numbers: gamma alone, or c2, c3, c4 of a polynomial (the first makes them sum to one).
+/// The curve with unknowns x: gamma alone, or c2, c3, c4 of a polynomial (the coefficients sum to one).
 Response curve_of(const Eigen::VectorXd& x) {
   Response response;
   if (x.size() == 1) {
@@ -176,7 +176,7 @@ Linear curve_line(const Eigen::VectorXd& x, const Observation& o) {
   return line;
 }
 
-/// The curve that x leads to, with what it leaves over in scatters of `scale` and x's covariance.
+/// The curve fitted from x, its residuals in units of `scale`, and x's covariance.
 struct CurveFit {
   Eigen::VectorXd x;
   double rms = 0;
@@ -247,7 +247,7 @@ ResponseFit fit_response(const LightGroups& same_places) {
 
 namespace {
 
-/// Where a head's numbers stand among the unknowns: three gains a head, then three of fall-off, for all or a head.
+/// The indices of a head's unknowns: three gains per head, then three fall-off coefficients, common or per head.
 struct Places {
   std::size_t heads;
   bool own;
@@ -267,7 +267,7 @@ Linear gain_line(const LightModel& model, const Places& places, const Observatio
   return line;
 }
 
-/// Adds what the overlaps do not determine: the mean of the gains stays, and without evidence there is no fall-off.
+/// Adds constraints for what overlaps do not determine: the mean gain is kept; the fall-off tends to none.
 void hold(const LightModel& model, const LightModel& start, const LightFreedom& freedom, const Places& places,
           solve::NormalEquations& sum) {
   std::vector<double> ones;

@@ -14,7 +14,7 @@ namespace nodal::calibration {
 struct LightModel {
   std::vector<Response> response;
   std::vector<std::array<double, 3>> log_gain;    ///< red, green, blue
-  std::vector<std::array<double, 3>> vignetting;  ///< alike for all when shared
+  std::vector<std::array<double, 3>> vignetting;  ///< equal for all heads if shared
 };
 
 /// The spread of observations of one light under a model, natural logarithms.
@@ -24,17 +24,17 @@ struct Disagreement {
 };
 Disagreement disagreement(const LightGroups& groups, const LightModel& model);
 
-/// A curve that explains how values change with the known exposures. A gamma curve unless a polynomial explains
-/// clearly more.
+/// A curve that fits how values change with the known exposures: a gamma curve unless a polynomial fits clearly
+/// better.
 struct ResponseFit {
   Response response;
   double sigma_gamma = 0;  ///< standard deviation; 0 for a polynomial
-  double rms = 0;          ///< left over, natural logarithms
+  double rms = 0;          ///< rms of the residuals, natural logarithms
 };
 ResponseFit fit_response(const LightGroups& same_places);
 
-/// Fits gains and fall-off of the heads that `placed` marks, with their responses held. The mean of their
-/// log gains is kept. The others take no part, and `shared_rays` must hold none of their observations.
+/// Fits gains and fall-off of the heads that `placed` marks, with their responses held. The mean of their log gains is
+/// kept. Other heads are left out; `shared_rays` must hold none of their observations.
 struct LightFreedom {
   std::vector<bool> placed;
   bool own_vignetting = false;

@@ -9,19 +9,19 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kRays = 60'000;
-constexpr int kPlaces = 4'000;                 // a head
-constexpr int kPatch = 2;                      // px each way: five by five
-constexpr int kDarkest = 5, kBrightest = 250;  // beyond, a pixel is crushed or clipped
-constexpr double kMostDetail = 16;             // levels; patches with more say where an edge is, not how light it is
-constexpr double kNoise = 1;                   // levels, of a patch's mean
-constexpr double kMisplaced = 0.4;             // of a patch's detail: what heads that do not meet exactly differ by
+constexpr int kPlaces = 4'000;                 // per head
+constexpr int kPatch = 2;                      // px to each side: five by five
+constexpr int kDarkest = 5, kBrightest = 250;  // a pixel outside is crushed or clipped
+constexpr double kMostDetail = 16;             // levels; a patch with more shows an edge, not a brightness
+constexpr double kNoise = 1;                   // standard deviation of a patch's mean, levels
+constexpr double kMisplaced = 0.4;             // of a patch's detail: the difference due to misaligned heads
 
 struct Patch {
   std::array<double, 3> mean{};  // levels
-  double detail = 0;             // standard deviation, levels, of the busiest channel
+  double detail = 0;             // standard deviation in levels, of the channel with the most detail
 };
 
-/// The patch about a place; nothing where it leaves the picture, is clipped, crushed or too busy.
+/// The patch around a point; nothing if it leaves the picture, is clipped or crushed, or has too much detail.
 std::optional<Patch> patch_at(const ImageView& image, geometry::Pixel at) {
   const int x = static_cast<int>(std::floor(at.x)), y = static_cast<int>(std::floor(at.y));
   if (x < kPatch || y < kPatch || x >= image.width - kPatch || y >= image.height - kPatch) return std::nullopt;
@@ -45,7 +45,7 @@ std::optional<Patch> patch_at(const ImageView& image, geometry::Pixel at) {
   return patch;
 }
 
-/// What is gathered of one light before it is known whether two saw it.
+/// One observation, before it is known whether another head or set saw the same light.
 struct Sighting {
   int head;
   double s, stops;
@@ -93,7 +93,7 @@ LightGroups shared_rays(const std::vector<geometry::Head>& heads, const std::vec
       for (const auto& [h, pixel] : seen) {
         const auto head = static_cast<std::size_t>(h);
         const std::optional<Patch> patch = patch_at(set.frames[head], pixel);
-        // One set's exposure is common to its heads: it is no part of what they differ by.
+        // All heads of a set share its exposure, so its stops do not affect their differences: 0.
         if (patch) sightings.push_back({h, squared_radius(heads[head].calibration(), pixel), 0, *patch});
       }
       add_group(sightings, kMisplaced, groups);

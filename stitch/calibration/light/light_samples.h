@@ -1,4 +1,4 @@
-// Values that heads recorded of the same light: of one ray by several heads, or of one ray by one head under several
+// Values recorded for the same light: for one ray by several heads, or for one ray by one head under several
 // exposures.
 #pragma once
 
@@ -11,11 +11,11 @@
 
 namespace nodal::calibration {
 
-/// Pictures that one trigger exposed: one a head, RGB24, in the calibration's order.
+/// Pictures of one trigger: one per head, RGB24, in the calibration's order.
 struct ExposedSet {
   std::string name;
   std::vector<ImageView> frames;
-  /// How much more light than the other sets, when it is known: 1 is twice as much.
+  /// Light relative to the other sets, if known; 1 is twice as much.
   std::optional<double> stops;
 };
 
@@ -24,9 +24,9 @@ struct Observation {
   int head = 0;
   int channel = 0;
   double value = 0;   ///< encoded, 0..1, mean over the patch
-  double s = 0;       ///< squared distance from the lens's centre over the radius of fall_off_radius()
+  double s = 0;       ///< squared distance from the lens's centre, relative to fall_off_radius()
   double stops = 0;   ///< of the set
-  double weight = 1;  ///< one over the variance of the value's logarithm
+  double weight = 1;  ///< inverse variance of the value's logarithm
 };
 
 /// Observations of one light; group g is all[first[g]] .. all[first[g + 1] - 1].
@@ -37,15 +37,15 @@ struct LightGroups {
   std::size_t size() const { return first.size() - 1; }
 };
 
-/// Where the fall-off is measured from and against: the lens's centre, half the picture's diagonal with the aspect
-/// taken out, px.
+/// The radius in which fall-off is expressed: half the picture's diagonal with the aspect divided out, px. Fall-off is
+/// measured from the lens's centre.
 double fall_off_radius(const HeadCalibration& head);
 
-/// Rays spread evenly over the sphere, each by all heads that see it; sets apart.
+/// Rays spread evenly over the sphere, each seen by several heads; every set is sampled separately.
 LightGroups shared_rays(const std::vector<geometry::Head>& heads, const std::vector<ExposedSet>& sets);
 
-/// Places spread evenly over each head's picture, each by all sets whose stops are known. The scene must stand still;
-/// the fit rejects moving things as outliers.
+/// Points spread evenly over each head's picture, each in all sets with known stops. The scene must not move; the fit
+/// rejects moving objects as outliers.
 LightGroups same_places(const std::vector<geometry::Head>& heads, const std::vector<ExposedSet>& sets);
 
 }  // namespace nodal::calibration
