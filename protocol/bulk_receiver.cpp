@@ -52,7 +52,7 @@ Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header
   if (bytes > header.total - header.offset) return wrong("a piece goes past its item's end");
   if (bytes == 0 && header.total > 0) return wrong("a piece without bytes");
   if (header.offset == 0 && bytes < header.meta) return wrong("an item's meta was cut in two");
-  // Against the room granted, sent or not: an error must not depend on when a credit was written.
+  // Compared with the granted room, whether the credit has been sent or not: an error must not depend on its timing.
   if (bytes > stream.consumed + stream.window - stream.received) {
     return wrong("more bytes came than there was credit for");
   }

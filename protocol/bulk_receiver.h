@@ -11,29 +11,29 @@
 
 namespace nodal {
 
-/// The receiving half of a session's streams: checks that pieces come in order and within their credit, and
-/// says what credit to give.
+/// The receiving half of a session's streams: checks that pieces arrive in order and within their credit, and computes
+/// which credits to grant.
 ///
 /// Threading: thread-bound.
 /// Ownership: none.
-/// Errors: kProtocol for every broken rule; all are final for the session.
+/// Errors: kProtocol for every broken rule; each is final for the session.
 class BulkReceiver {
  public:
-  /// The peer's streams are numbered first, first + 2, ...
+  /// The peer numbers its streams first, first + 2, ...
   explicit BulkReceiver(StreamId first, std::uint64_t lossless_window = kStreamWindowBytes)
       : next_id_(first), lossless_window_(lossless_window) {}
 
   Status open(StreamId stream, std::uint32_t policy);
-  /// A bulk frame's payload; nothing when the stream was stopped and the piece is thrown away.
+  /// Handles a bulk frame's payload; nothing if the stream was stopped and the piece is discarded.
   Result<std::optional<BulkPiece>> piece(StreamId stream, std::span<const std::uint8_t> payload);
-  /// The sender has closed the stream. Nothing when this end had stopped it.
+  /// The sender has closed the stream. Returns false if this end had stopped it.
   Result<bool> close(StreamId stream, std::uint64_t offered, std::uint64_t dropped, bool torn);
-  /// Asks for no more. False when there is no such stream.
+  /// Requests that the peer sends no more. Returns false if there is no such stream.
   bool stop(StreamId stream);
 
-  /// The program took this piece: its bytes may be granted again.
+  /// The program has consumed this piece: its bytes may be granted again.
   void consumed(const BulkPiece& piece);
-  /// A stream whose credit has grown enough to be sent, and the new total.
+  /// A stream whose credit has grown enough to be sent, and its new total.
   struct Credit {
     StreamId stream = 0;
     std::uint64_t allowed = 0;
@@ -48,16 +48,16 @@ class BulkReceiver {
     std::uint64_t window = kStreamWindowBytes;
     StreamPolicy policy = StreamPolicy::kLossless;
     bool stopped = false;
-    std::uint64_t received = 0;  // item bytes, all of them
+    std::uint64_t received = 0;  // item bytes in total
     std::uint64_t consumed = 0;
-    std::uint64_t told = 0;  // the newest credit
-    // The item under way, when next_offset is not 0, and what may come next.
+    std::uint64_t told = 0;  // the newest credit sent
+    // The incomplete item, if next_offset is not 0, and the expected continuation.
     std::uint64_t item = 0;
     std::uint64_t total = 0;
     std::uint64_t next_offset = 0;
     std::uint32_t meta = 0;
     std::uint64_t next_item = 0;
-    std::uint64_t whole = 0;  // items received to their end
+    std::uint64_t whole = 0;  // completely received items
   };
 
   struct PieceHeader {

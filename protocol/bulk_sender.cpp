@@ -18,7 +18,7 @@ std::uint64_t whole_body(const BulkItem& item) {
 }
 std::uint64_t body_bytes(const BulkItem& item) { return whole_body(item) - item.offset; }
 
-/// `bytes` bytes of the body from `offset` on: where they lie, or a copy that was read.
+/// `bytes` bytes of the body from `offset` on: in place, or a copy that was read.
 Result<SharedBytes> part_of(const BulkItem& item, std::uint64_t offset, std::size_t bytes) {
   if (const auto* const whole = std::get_if<SharedBytes>(&item.body)) return whole->part(offset, bytes);
   const auto part = std::make_shared<std::vector<std::uint8_t>>(bytes);
@@ -152,7 +152,7 @@ std::optional<BulkSender::Piece> BulkSender::next_piece() {
     if (pending.begun) return credit > 0;
     return credit >= std::max<std::uint64_t>(pending.item.meta.size(), pending.total() > 0 ? 1 : 0);
   };
-  // In turns: from the stream after the one served last, once around.
+  // Round robin, starting with the stream after the one served last.
   auto candidate = streams_.upper_bound(last_served_);
   for (std::size_t i = 0; i < streams_.size(); ++i, ++candidate) {
     if (candidate == streams_.end()) candidate = streams_.begin();

@@ -12,38 +12,38 @@
 
 namespace nodal {
 
-/// The sending half of a session's streams: what is offered, what credit there is, whose turn it is.
+/// The sending half of a session's streams: offered items, their credit, and the order in which streams send.
 ///
 /// Threading: thread-bound.
 /// Ownership: holds bodies until they are sent or dropped.
-/// Errors: kOverload, kWrongState, kTooLarge; kProtocol for a peer that breaks the rules of credit.
+/// Errors: kOverload, kWrongState, kTooLarge; kProtocol if the peer breaks the rules of credit.
 class BulkSender {
  public:
-  /// A session's two ends number their streams apart: first, first + 2, ...
+  /// The two ends of a session use different numbers for their streams: first, first + 2, ...
   explicit BulkSender(StreamId first) : next_id_(first) {}
 
   Result<StreamId> open(StreamPolicy policy);
   Status offer(StreamId stream, BulkItem item);
-  /// After what is pending; with an error, at once.
+  /// Closes after all pending items are sent; with an error, at once.
   void close(StreamId stream, std::optional<Error> error);
   std::optional<StreamCounts> counts(StreamId stream) const;
 
-  /// The peer says how much it takes in all. A credit for a stream that is gone crossed our close: no error.
+  /// The peer grants `allowed` bytes in total. Credit for a closed stream is no error: it may cross our close.
   Status credit(StreamId stream, std::uint64_t allowed);
-  /// The peer wants no more. False when the stream was gone already.
+  /// The peer wants no more items. Returns false if the stream was closed already.
   bool stop(StreamId stream, const Error& why);
 
-  /// A frame's worth of one stream: its frame payload is `head` followed by `slice`.
+  /// One frame of one stream: its payload is `head` followed by `slice`.
   struct Piece {
     StreamId stream = 0;
     std::vector<std::uint8_t> head;  ///< the piece header, and the meta in an item's first piece
     SharedBytes slice;
   };
-  /// The next piece that credit lets go, streams in turn; nothing when none may. A stream whose body cannot be read is
-  /// closed with the error, and next_closed() has it.
+  /// The next piece for which there is credit, streams in round robin; nothing if there is none. If a body cannot be
+  /// read, its stream is closed with the error, which next_closed() returns.
   std::optional<Piece> next_piece();
 
-  /// A stream that has said all: its last word is due.
+  /// A stream whose items are all sent; its close message is due.
   struct Closed {
     StreamId stream = 0;
     StreamCounts counts;
@@ -55,13 +55,13 @@ class BulkSender {
   struct Pending {
     std::uint64_t number = 0;
     BulkItem item;
-    std::uint64_t sent = 0;  // of meta and body
-    bool begun = false;      // no longer to be replaced: a piece of it is out
+    std::uint64_t sent = 0;  // bytes of meta and body
+    bool begun = false;      // a piece of it has been sent, so it can no longer be replaced
     std::uint64_t total() const;
   };
   struct Stream {
     StreamPolicy policy = StreamPolicy::kLossless;
-    std::deque<Pending> queue;  // the front one may have begun
+    std::deque<Pending> queue;  // sending of the front item may have begun
     StreamCounts counts;
     std::uint64_t sent = 0;
     std::uint64_t allowed = 0;

@@ -1,6 +1,6 @@
-// The calibration: the rig document that says, for every head, its lens, its place and its radiometry.
-// JSON on disk and on the wire; docs of every field with worked numbers in protocol/CALIBRATION.md.
-// Angles in radians here, pixel coordinates with corners at integers (a pixel's centre is at +1/2).
+// The calibration: the rig document with every head's lens, orientation and radiometry. JSON on disk and on the wire;
+// protocol/CALIBRATION.md explains every field with worked numbers. Angles here are in radians; pixel coordinates have
+// corners at integers (a pixel's centre is at +1/2).
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@
 
 namespace nodal {
 
-/// Simplified Tsai (§4.3). With r the radius in original pixels from the centre, aspect taken out:
-/// r_ideal = r (1 + kappa1 r^2 + kappa2 r^4), tan(angle) = r_ideal / focal.
+/// Simplified Tsai (§4.3). With r the radius in original pixels from the centre, aspect divided out: r_ideal = r (1 +
+/// kappa1 r^2 + kappa2 r^4), tan(angle) = r_ideal / focal.
 struct TsaiLens {
   double focal = 0;   ///< f_x of the ideal image, px
   double kappa1 = 0;  ///< px^-2
@@ -26,7 +26,7 @@ struct TsaiLens {
   friend bool operator==(const TsaiLens&, const TsaiLens&) = default;
 };
 
-/// Rectilinear with a radial polynomial, ideal to original: r = c1 t + c2 t^2 + ..., t = tan(angle), px.
+/// Rectilinear with a radial polynomial from ideal to original: r = c1 t + c2 t^2 + ..., t = tan(angle), in px.
 struct RectilinearLens {
   std::vector<double> coefficients;  ///< c1, c2, ... (1 to 9 of them); c1 is the focal length in px
   friend bool operator==(const RectilinearLens&, const RectilinearLens&) = default;
@@ -38,8 +38,8 @@ struct EquidistantLens {
   friend bool operator==(const EquidistantLens&, const EquidistantLens&) = default;
 };
 
-/// Kannala-Brandt as OpenCV's fisheye and Kalibr's equidistant have it:
-/// r = focal (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
+/// Kannala-Brandt, like OpenCV's fisheye module and Kalibr's "equidistant": r = focal (a + k1 a^3 + k2 a^5 + k3 a^7 +
+/// k4 a^9).
 struct KannalaBrandtLens {
   double focal = 0;  ///< f_x, px
   std::array<double, 4> k{};
@@ -71,12 +71,12 @@ struct Response {
   enum class Curve : std::uint8_t { kLinear, kGamma, kSrgb, kPolynomial };
   Curve curve = Curve::kLinear;
   double gamma = 1.0;                ///< kGamma: encoded = light^(1/gamma)
-  std::vector<double> coefficients;  ///< kPolynomial: light = c1 e + c2 e^2 + ..., rising, summing to 1
+  std::vector<double> coefficients;  ///< kPolynomial: light = c1 e + c2 e^2 + ..., rising, with sum 1
   friend bool operator==(const Response&, const Response&) = default;
 };
 
-/// Light falls off from (x, y) as V(r) = 1 + v1 s + v2 s^2 + v3 s^3, s = (r / radius)^2; r has the lens's
-/// aspect taken out. The picture's light is gain * V(r) * the scene's.
+/// Light falls off from (x, y) as V(r) = 1 + v1 s + v2 s^2 + v3 s^3, s = (r / radius)^2; r is measured with the lens's
+/// aspect divided out. The picture's light is gain * V(r) * the scene's light.
 struct Vignetting {
   double x = 0, y = 0;  ///< px
   double radius = 1;    ///< px
@@ -92,7 +92,7 @@ struct HeadCalibration {
   double center_y = 0;
   double aspect = 1;  ///< a_y: f_y = aspect * f_x (§4.1)
   LensModel lens;
-  double max_angle = 0;  ///< rad; the lens is used up to this angle from its axis; 0: as far as its model goes
+  double max_angle = 0;  ///< rad; the lens is used up to this angle from its axis; 0: up to the end of its model
   std::array<double, 9> R_head_rig{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row-major, rig frame to head frame
   Region region;
   Response response;
@@ -101,7 +101,7 @@ struct HeadCalibration {
   friend bool operator==(const HeadCalibration&, const HeadCalibration&) = default;
 };
 
-/// A whole rig. A value of this type that came from parse_calibration has been checked.
+/// A whole rig. A value returned by parse_calibration has been checked.
 struct Calibration {
   std::string name;
   std::string comment;
@@ -115,21 +115,21 @@ inline constexpr std::size_t kMaxMasks = 16;        ///< of a head
 inline constexpr std::size_t kMaxMaskPoints = 256;  ///< of all masks of a head
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
 
-/// Reads and checks a document: every field present and known, numbers finite and in range, rotations
-/// proper to 1e-6 (then made orthonormal), lenses rising over all of their region. The error names the head and
-/// the field.
+/// Parses and checks a document: all fields present and known, numbers finite and in range, rotations proper
+/// to 1e-6 (then made orthonormal), lenses rising over their whole region. The error names the head and the
+/// field.
 Result<Calibration> parse_calibration(std::string_view json);
 
-/// The same checks on a value made in memory.
+/// The same checks for a value created in memory.
 Status check_calibration(const Calibration& calibration);
-/// The part of them that looks at one head alone.
+/// The checks that concern one head only.
 Status check_head(const HeadCalibration& head);
 
-/// The document for people: indented, fields in the order of CALIBRATION.md.
+/// The document for human readers: indented, fields in the order of CALIBRATION.md.
 std::string to_json(const Calibration& calibration);
 
-/// The canonical form: sorted keys, no white space, shortest numbers that read back the same. Its SHA-256
-/// names the calibration everywhere.
+/// The canonical form: sorted keys, no white space, shortest numbers that read back exactly. Its SHA-256 identifies the
+/// calibration everywhere.
 std::string canonical_json(const Calibration& calibration);
 Sha256 calibration_id(const Calibration& calibration);
 

@@ -1,4 +1,4 @@
-// What a calibration must satisfy beyond having the right fields; the first fault found is the error.
+// Checks of a calibration beyond the presence of its fields; the first problem found is the error.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -16,8 +16,8 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr int kMaxSide = 32768;           // px
-constexpr double kMaxPlace = 1e6;         // px, for centres that may lie outside the picture
-constexpr double kMaxCoefficient = 1e12;  // keeps every sum below finite
+constexpr double kMaxPlace = 1e6;         // px, for centres that may be outside the picture
+constexpr double kMaxCoefficient = 1e12;  // keeps every sum below it finite
 constexpr double kRotationTolerance = 1e-6;
 constexpr std::size_t kMaxNameBytes = 64;
 constexpr std::size_t kMaxTextBytes = 65536;
@@ -30,7 +30,7 @@ std::string number(double value) {
 
 std::string degrees(double radians) { return number(radians * 180 / kPi) + " degrees"; }
 
-/// `least` <= value <= `most`; NaN is in no range.
+/// Requires `least` <= value <= `most`; NaN is out of every range.
 Status in_range(const std::string& field, double value, double least, double most) {
   if (value >= least && value <= most) return {};
   return fail(Errc::kBadValue,
@@ -179,7 +179,7 @@ Status check_region(const HeadCalibration& head) {
   return {};
 }
 
-/// Every pixel of the region needs an angle of its own, or a max_angle that leaves it out.
+/// Every pixel of the region must have a unique angle, or be outside max_angle.
 Status check_lens_covers_region(const HeadCalibration& head) {
   if (head.max_angle > 0) return {};
   const LensRange range = lens_range(head.lens);
@@ -221,7 +221,7 @@ Status check_vignetting(const HeadCalibration& head) {
   if (Status s = coefficients_in_range("vignetting.coefficients", v.coefficients); !s) return s;
   double reach = farthest_radius(head.region, v.x, v.y, head.aspect);
   if (head.max_angle > 0) {
-    // Beyond max_angle nothing is used, so nothing needs light there.
+    // Pixels beyond max_angle are not used, so the model may be invalid there.
     const double offset = std::hypot(v.x - head.center_x, (v.y - head.center_y) / head.aspect);
     reach = std::min(reach, lens_radius(head.lens, head.max_angle) + offset);
   }
@@ -242,7 +242,7 @@ Status check_gain(const std::array<double, 3>& gain) {
   return {};
 }
 
-/// As rig.toml's names, so that the two can match.
+/// The same rule as for names in rig.toml, so that the two can match.
 bool is_name(std::string_view text) {
   const auto plain = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' ||
@@ -296,7 +296,7 @@ Status check_calibration(const Calibration& calibration) {
   if (calibration.name.size() > kMaxTextBytes || calibration.comment.size() > kMaxTextBytes) {
     return fail(Errc::kTooLarge, "name and comment may have 65536 bytes each");
   }
-  // Names are shown in logs and terminals; the error does not repeat the name for the same reason.
+  // Names are shown in logs and terminals. For the same reason the error does not repeat the name.
   if (!is_printable(calibration.name)) {
     return fail(Errc::kBadValue,
                 "the calibration's name holds a control character, a line break or a bidirectional "

@@ -1,4 +1,4 @@
-// From JSON to a checked Calibration. Every field must be there and known; the first fault is the error.
+// From JSON to a checked Calibration. Every field must be present and known; the first problem is the error.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -13,8 +13,8 @@ namespace {
 
 using nlohmann::json;
 
-/// The fields of one object, taken one by one; what is left at the end is unknown. The first fault is kept in
-/// `error`, and what follows it gives harmless values.
+/// Reads the fields of one object; fields left over at the end are unknown. The first problem is stored in `error`;
+/// later reads return harmless values.
 class Fields {
  public:
   Fields(const json* object, std::string where, std::optional<Error>& error)
@@ -43,7 +43,7 @@ class Fields {
     return value && value->is_string() ? value->get<std::string>() : std::string();
   }
 
-  /// `count` numbers; any count when it is 0.
+  /// Reads `count` numbers, or any number of them if `count` is 0.
   std::vector<double> numbers(const char* key, std::size_t count) { return list(take(key), key, count); }
 
   /// Row-major.
@@ -95,7 +95,7 @@ class Fields {
     if (!where_.empty()) error_ = error_->in(where_);
   }
 
-  /// Call when every field has been taken.
+  /// Call after all fields have been read.
   void done() {
     if (error_ || !object_ || !object_->is_object()) return;
     for (const auto& [key, value] : object_->items()) {
@@ -222,8 +222,8 @@ Vignetting parse_vignetting(Fields fields) {
   return vignetting;
 }
 
-/// Two steps of Newton's iteration to the nearest rotation, for a matrix that is one to 1e-6. One that is a
-/// rotation to the last digits stays as it is to the bit, so that reading back what was written changes nothing.
+/// Two Newton iterations to the nearest rotation, for a matrix that is a rotation to 1e-6. A matrix that is one to the
+/// last digits is not changed, so that a document that is read and written again has the same bytes.
 std::array<double, 9> orthonormal(std::array<double, 9> R) {
   for (int step = 0; step < 2; ++step) {
     std::array<double, 9> excess{};  // R R^T - 1
@@ -270,7 +270,7 @@ HeadCalibration parse_head(Fields fields) {
   return head;
 }
 
-/// Checked before all else: a newer document may have fields that this version does not know.
+/// Checked first: a newer document may have fields that this version does not know.
 Status check_version(const json& document) {
   if (!document.is_object() || !document.contains("nodal_calibration")) {
     return fail(Errc::kBadFormat,

@@ -1,4 +1,4 @@
-// From a Calibration to JSON, for people and in the canonical form that names it.
+// From a Calibration to JSON: the form for human readers, and the canonical form.
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -91,9 +91,9 @@ Json document(const Calibration& calibration) {
   return fields;
 }
 
-/// The shortest digits that read back to the same double; no "-0", no ".0".
+/// The shortest digits that read back as the same double; no "-0", no ".0".
 std::string number(double value) {
-  if (!std::isfinite(value)) return "null";  // what JSON has for it; refused when read
+  if (!std::isfinite(value)) return "null";  // JSON has no other form for it; the parser refuses it
   if (value == 0) return "0";
   char text[32];
   const auto [end, error] = std::to_chars(text, text + sizeof text, value);
@@ -107,7 +107,7 @@ std::string scalar(const Json& value) {
 
 std::string quoted(const std::string& key) { return scalar(Json(key)); }
 
-/// Members in the order they are written; elements of an array have no key.
+/// Members in the order in which they are written; array elements have no key.
 struct Member {
   std::string key;
   const Json* value;
@@ -138,7 +138,7 @@ std::string on_one_line(const Json& value, bool canonical) {
 
 constexpr std::size_t kColumns = 110;
 
-/// Whatever fits stands on one line; the rest is broken up, two spaces deeper. Lists of objects always are.
+/// Writes a value on one line if it fits; longer values and lists of objects are broken up and indented by two.
 std::string for_people(const Json& value, std::size_t indent, std::size_t before) {
   const bool list_of_objects = value.is_array() && !value.empty() && value.front().is_object();
   const std::string line = on_one_line(value, false);

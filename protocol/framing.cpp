@@ -72,8 +72,8 @@ tl::unexpected<Error> FrameDecoder::die(Errc code, std::string message) {
   return fail(*failed_);
 }
 
-// Magic and version come before the header's CRC, so that somebody who speaks something else, or a newer
-// framing, is told that and not that the line is bad.
+// Magic and version are checked before the header's CRC, so that a peer with another protocol or a newer framing gets
+// that error, and not a checksum error.
 Status FrameDecoder::check_header() {
   ByteReader in(raw_);
   if (in.u32() != kMagic) {
@@ -123,7 +123,7 @@ Result<std::optional<WireFrame>> FrameDecoder::next(std::span<const std::uint8_t
 
   std::span<const std::uint8_t> payload;
   const std::size_t done = have_ - kFrameHeaderBytes;
-  if (done == 0 && bytes.size() >= length_) {  // all here: no copy
+  if (done == 0 && bytes.size() >= length_) {  // the whole payload is here: no copy
     payload = bytes.first(length_);
     bytes = bytes.subspan(length_);
   } else {

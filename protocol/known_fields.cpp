@@ -5,13 +5,13 @@
 namespace nodal {
 namespace {
 
-/// protobuf's lite messages have no public call for their unknown fields, so this names the protected member that holds
-/// them. It is the same for every message: a new field of a request needs no change here.
+/// protobuf's lite messages have no public function for their unknown fields, so this names the protected member that
+/// holds them. The member is the same in every message: a new field of a request needs no change here.
 struct Unknown : google::protobuf::MessageLite {
   static constexpr auto kMember = &Unknown::_internal_metadata_;
 };
 
-/// Frees the memory, too: clear() would keep it.
+/// Frees the memory too; clear() would keep it.
 void drop(google::protobuf::MessageLite* message) {
   auto& metadata = message->*Unknown::kMember;
   if (metadata.have_unknown_fields()) std::string().swap(*metadata.mutable_unknown_fields<std::string>());
@@ -19,7 +19,7 @@ void drop(google::protobuf::MessageLite* message) {
 
 }  // namespace
 
-// Without a default, so that the compiler names a request that is missing here.
+// No default case, so that the compiler warns about a request that is missing here.
 void drop_unknown_fields(wire::Request& request) {
   drop(&request);
   switch (request.what_case()) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// A radius no picture has, so that a lens that never turns ends somewhere.
+/// Larger than any picture's radius, so that a lens without a turning point has an end too.
 constexpr double kNoRadius = 1e7;
 
 std::vector<double> through_zero(std::span<const double> from_c1) {
@@ -30,7 +30,7 @@ std::vector<double> kannala_brandt_polynomial(const KannalaBrandtLens& lens) {
   return c;
 }
 
-/// x with p(x) = y on [0, upper], where p rises; upper when y is never reached.
+/// x with p(x) = y on [0, upper], where p rises; upper if p does not reach y.
 double solve(std::vector<double> c, double y, double upper) {
   c[0] -= y;
   const std::vector<double> roots = polynomial_roots(c, 0, upper);
@@ -83,8 +83,8 @@ struct Point {
   double x, y;
 };
 
-/// Where the region's boundary could be farthest from anywhere: corners inside the circle, the circle's
-/// points inside the rectangle, and where the two cross.
+/// The points of the region's boundary that can be farthest from any given point: corners inside the circle, points of
+/// the circle inside the rectangle, and intersections of the two.
 std::vector<Point> boundary_points(const Region& region) {
   std::vector<Point> points;
   const auto in_rectangle = [&](Point p) {
@@ -113,7 +113,7 @@ std::vector<Point> boundary_points(const Region& region) {
       if (h >= 0) add({cx + sign * std::sqrt(h), y});
     }
   }
-  constexpr int kSteps = 1440;  // of a quarter of a degree: short of the farthest by 2e-6 of the radius
+  constexpr int kSteps = 1440;  // a quarter of a degree each: the farthest radius is at most 2e-6 too small
   for (int step = 0; step < kSteps; ++step) {
     const double angle = 2 * kPi * step / kSteps;
     add({cx + radius * std::cos(angle), cy + radius * std::sin(angle)});

@@ -1,4 +1,4 @@
-// How long a reply may be, by what it holds.
+// The maximum length of a reply, by its content.
 #pragma once
 
 #include <cstdint>
@@ -8,9 +8,9 @@
 
 namespace nodal {
 
-/// Two bytes on the wire make one element of a list, which takes some two hundred bytes in memory. So only the field that
-/// holds a calibration document may be long; the rest of a reply has at most kMaxListReplyBytes. Parses nothing.
-/// Errors: kTooLarge; kProtocol for bytes that are no message.
+/// Two bytes on the wire can make one list element of about two hundred bytes in memory. So only the field that holds a
+/// calibration document may be long; the rest of a reply has at most kMaxListReplyBytes. Does not parse the message.
+/// Errors: kTooLarge; kProtocol for bytes that are not a message.
 Status check_reply_size(std::span<const std::uint8_t> payload);
 
 }  // namespace nodal

@@ -12,7 +12,7 @@
 namespace nodal {
 namespace {
 
-// Control frames that go out together: few writes, and still no long wait for whoever comes next.
+// Control frames are written together up to this size: few writes, and a short wait for later frames.
 constexpr std::size_t kFrontBytes = 64U << 10;
 
 constexpr std::size_t kLongestMessage = 1000;
@@ -29,8 +29,8 @@ Error from_wire(const wire::Error& message) {
   return Error{static_cast<Errc>(code), printable(message.message(), kLongestMessage)};
 }
 
-/// protobuf writes to standard error about every message it cannot read, which a hostile peer would use to
-/// fill the log. What it found is said in our own errors.
+/// protobuf prints a line to standard error for every message that it cannot parse, which a hostile peer could use to
+/// fill the log. Our own errors report the same problem.
 void silence_protobuf() {
   static const bool once = [] {
     google::protobuf::SetLogHandler(nullptr);
@@ -86,7 +86,7 @@ tl::unexpected<Error> Session::die(Error error, bool tell_peer) {
   NODAL_ASSERT(!dead_);
   if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error).SerializeAsString());
   dead_ = std::move(error);
-  sender_ = BulkSender(0);  // gives every body back
+  sender_ = BulkSender(0);  // releases all bodies
   return fail(*dead_);
 }
 
@@ -125,7 +125,7 @@ Status Session::handle(const WireFrame& frame) {
     return fail(Errc::kProtocol,
                 "a " + std::string(frame_type_name(type)) + " frame on stream " + std::to_string(frame.header.stream));
   }
-  // A farewell may come first: that is how an end that is too full says so.
+  // A Bye may come first: an end without room for another client refuses it that way.
   if ((type == FrameType::kHello) == (peer_hello_ != std::nullopt) && type != FrameType::kBye) {
     return fail(Errc::kProtocol, peer_hello_ ? "a second hello" : "the first frame is not a hello");
   }
@@ -214,7 +214,7 @@ Status Session::handle_stream_stop(const WireFrame& frame) {
   const auto stop = parse<wire::StreamStop>(frame);
   if (!stop) return fail(stop.error());
   Error why = from_wire(stop->why());
-  // A stop for a stream that is gone crossed our close.
+  // A stop for a closed stream is no error: it was sent before our close arrived.
   if (sender_.stop(frame.header.stream, why)) {
     push_event(StreamStopped{frame.header.stream, std::move(why)}, frame.payload.size());
   }
@@ -282,7 +282,7 @@ void Session::next_front() {
   if (dead_ || front_.size() >= kFrontBytes) return;
   if (std::exchange(ping_due_, false)) append_control(FrameType::kPing, 0, {});
   if (std::exchange(pong_due_, false)) append_control(FrameType::kPong, 0, {});
-  // Closes and credits are made when they go, so that any number of them takes no place while waiting.
+  // Closes and credits are created when they are written, so that they need no memory while they wait.
   while (const auto credit = receiver_.next_credit()) {
     wire::StreamCredit message;
     message.set_allowed(credit->allowed);
@@ -297,7 +297,7 @@ void Session::next_front() {
     front_.insert(front_.end(), piece->head.begin(), piece->head.end());
     front_slice_ = std::move(piece->slice);
   } else {
-    append_closes();  // of streams whose bodies could not be read
+    append_closes();  // for streams whose bodies could not be read
   }
 }
 
@@ -338,7 +338,7 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
     return fail(Errc::kOverload,
                 peer_name() + " does not read: " + std::to_string(control_bytes_) + " bytes of messages wait for it");
   }
-  // The other end refuses a message it cannot read, and the session with it; better to refuse it here.
+  // The peer ends the session at a message that it cannot parse, so such a message is refused here.
   std::string payload = message.SerializeAsString();
   if (!std::unique_ptr<google::protobuf::MessageLite>(message.New())->ParseFromString(payload)) {
     return fail(Errc::kBadValue, "a text in a " + std::string(frame_type_name(type)) + " is not UTF-8");
@@ -355,7 +355,7 @@ Status Session::send(const wire::Request& request) {
 Status Session::send(const wire::Reply& reply) {
   NODAL_ASSERT(role_ == Role::kRig);
   if (!reply.has_error()) return send_message(FrameType::kReply, reply);
-  // Error messages name files and devices, which are called what they like.
+  // Error messages contain names of files and devices, which may be any bytes.
   wire::Reply clean = reply;
   clean.mutable_error()->set_message(printable(reply.error().message(), kLongestMessage));
   return send_message(FrameType::kReply, clean);

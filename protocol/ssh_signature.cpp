@@ -24,7 +24,7 @@ std::string_view text_of(std::span<const std::uint8_t> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// Base64 without white space, in its one canonical form (RFC 4648 sections 3.5 and 4), or nothing.
+/// Decodes Base64 without white space in its one canonical form (RFC 4648 sections 3.5 and 4); nothing otherwise.
 std::optional<Bytes> from_base64(std::string_view text) {
   if (text.empty() || text.size() % 4 != 0) return std::nullopt;
   Bytes bytes(text.size() / 4 * 3);
@@ -33,14 +33,14 @@ std::optional<Bytes> from_base64(std::string_view text) {
   if (decoded != static_cast<int>(bytes.size())) return std::nullopt;
   const std::size_t padding = text.ends_with("==") ? 2 : text.ends_with('=') ? 1 : 0;
   bytes.resize(bytes.size() - padding);
-  // Bits that padding leaves unused must be zero, so that a signature has one form.
+  // Unused bits of the padding must be zero, so that every signature has exactly one form.
   std::string again(text.size() + 1, '\0');
   EVP_EncodeBlock(reinterpret_cast<unsigned char*>(again.data()), bytes.data(), static_cast<int>(bytes.size()));
   if (std::string_view(again).substr(0, text.size()) != text) return std::nullopt;
   return bytes;
 }
 
-/// Numbers and strings as SSH has them: big-endian, lengths first (RFC 4251 section 5).
+/// Reads SSH's numbers and strings: big-endian, strings with their length first (RFC 4251 section 5).
 class SshReader {
  public:
   explicit SshReader(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
@@ -74,7 +74,7 @@ void append_string(Bytes& to, std::span<const std::uint8_t> bytes) {
   to.insert(to.end(), bytes.begin(), bytes.end());
 }
 
-/// The 32 bytes of an "ssh-ed25519" key blob, also of a signature's 64 (RFC 8709 sections 4 and 6).
+/// The N bytes of an "ssh-ed25519" blob: a key's 32 or a signature's 64 (RFC 8709 sections 4 and 6).
 template <std::size_t N>
 Result<std::array<std::uint8_t, N>> ed25519_part(std::span<const std::uint8_t> blob) {
   SshReader reader(blob);
@@ -127,7 +127,7 @@ bool ed25519_verifies(std::span<const std::uint8_t> key, std::span<const std::ui
          EVP_DigestVerify(context.get(), signature.data(), signature.size(), message.data(), message.size()) == 1;
 }
 
-/// The next word of a line, up to white space; quotes may hold some.
+/// The next word of a line, up to white space; quoted parts may contain white space.
 std::string_view take_word(std::string_view& line) {
   line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
   bool quoted = false;

@@ -1,5 +1,5 @@
-// Signatures that `ssh-keygen -Y sign` makes, verified by the keys that an allowed_signers file trusts: OpenSSH's
-// PROTOCOL.sshsig, and ALLOWED SIGNERS of ssh-keygen(1). Only Ed25519 keys.
+// Verifies signatures made by `ssh-keygen -Y sign` against the keys of an allowed_signers file: OpenSSH's
+// PROTOCOL.sshsig, and ALLOWED SIGNERS in ssh-keygen(1). Ed25519 keys only.
 #pragma once
 
 #include <array>
@@ -13,27 +13,27 @@
 
 namespace nodal {
 
-/// What a calibration is signed for: ssh-keygen's -n.
+/// The namespace of a calibration's signature: ssh-keygen's -n.
 inline constexpr std::string_view kCalibrationNamespace = "nodal-calibration";
-/// A signature with an Ed25519 key has about 300 bytes.
+/// A signature by an Ed25519 key has about 300 bytes.
 inline constexpr std::size_t kMaxSignatureBytes = 4096;
 inline constexpr std::size_t kMaxAllowedSignersBytes = 64 * 1024;
 inline constexpr std::size_t kMaxSigners = 64;
 
-/// The keys that may sign.
+/// The keys that are trusted to sign.
 ///
 /// Threading: immutable after parse().
 /// Ownership: none.
-/// Errors: parse(): kTooLarge, kBadFormat, kUnsupported, naming the line. verify(): kBadValue (no signature, a key that
-///   is not trusted, another namespace), kBadFormat (not a signature), kChecksum (of another document, or damaged),
-///   kUnsupported (a key that is not Ed25519).
+/// Errors: parse(): kTooLarge, kBadFormat, kUnsupported, naming the line. verify(): kBadValue (no signature, an
+/// untrusted key, another namespace), kBadFormat (not a signature), kChecksum (a signature of another document, or
+/// damaged), kUnsupported (a key that is not Ed25519).
 class AllowedSigners {
  public:
-  /// Lines of "PRINCIPALS [namespaces="..."] ssh-ed25519 BASE64 [COMMENT]"; empty lines and those with # are passed
-  /// over. Other options (cert-authority, valid-before, ...) are refused, since to ignore them would trust too much.
+  /// Lines of "PRINCIPALS [namespaces="..."] ssh-ed25519 BASE64 [COMMENT]"; empty lines and comments (#) are skipped.
+  /// Other options (cert-authority, valid-before, ...) are refused, because ignoring them would trust too much.
   static Result<AllowedSigners> parse(std::string_view text);
 
-  /// The principals of who signed `document` for `name_space` by the armoured `signature`.
+  /// The principals whose key signed `document` for `name_space`; `signature` is armoured.
   Result<std::string> verify(std::span<const std::uint8_t> document, std::string_view signature,
                              std::string_view name_space) const;
   std::size_t size() const { return signers_.size(); }

@@ -18,7 +18,7 @@ std::string place_of(std::string_view text, std::size_t offset) {
   return "line " + std::to_string(line) + ", column " + std::to_string(std::max<std::size_t>(column, 1));
 }
 
-/// Builds the tree from the parser's events; the first thing it refuses is the error.
+/// Builds the tree from the parser's events; the first refusal is the error.
 class Builder final : public nlohmann::json_sax<json> {
  public:
   Builder(std::string_view text, const JsonLimits& limits) : text_(text), limits_(limits) {}
@@ -103,7 +103,7 @@ class Builder final : public nlohmann::json_sax<json> {
   std::string_view text_;
   JsonLimits limits_;
   json root_;
-  std::vector<json*> open_;  // a parent only grows at its end while a child of it is open, and the child is that end
+  std::vector<json*> open_;  // stays valid: a parent grows only at its end, and an open child is that end
   std::string key_;
   std::optional<Error> error_;
 };

@@ -13,8 +13,8 @@ struct JsonLimits {
   int depth = 16;
 };
 
-/// Errors: kTooLarge over a limit; kTruncated when the text ends early; kBadFormat otherwise, with line and
-/// column; a key given twice in one object is named.
+/// Errors: kTooLarge over a limit; kTruncated if the text ends early; kBadFormat otherwise, with line and column; the
+/// error names a key that appears twice in one object.
 Result<nlohmann::json> parse_strict_json(std::string_view text, const JsonLimits& limits);
 
 }  // namespace nodal

@@ -32,7 +32,7 @@ void UploadReceiver::make_room(Owner owner) {
   const auto of = [&](Owner whose) {
     return std::count_if(documents_.begin(), documents_.end(), [&](const Document& d) { return d.owner == whose; });
   };
-  // The one untouched longest is the last.
+  // The last match is the one that has not been touched for the longest time.
   const auto drop_last = [&](Owner whose) {
     const auto last =
         std::find_if(documents_.rbegin(), documents_.rend(), [&](const Document& d) { return d.owner == whose; });
@@ -57,7 +57,7 @@ Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t 
                                      std::to_string(limits_.document_bytes) + " are allowed");
   }
   const auto found = find(sha256);
-  // The same name with another length: one of the two is wrong, and nobody knows which. The newer is tried.
+  // Same name, different length: one of them is wrong, and it is unknown which. The newer one is used.
   if (found != documents_.end() && found->length != length) documents_.erase(found);
   if (const auto again = find(sha256); again != documents_.end()) {
     if (again->owner == kNoOwner) again->owner = owner;

@@ -9,19 +9,19 @@
 
 namespace nodal {
 
-/// A FIFO with a fixed number of places that are allocated once. push() returns false when it is full; the caller
-/// decides what to drop, and counts it.
+/// A FIFO of fixed capacity, allocated once. push() returns false when the queue is full; the caller decides which
+/// value to drop, and counts it.
 ///
 /// Threading: thread-bound; between two threads use SpscRing.
-/// Ownership: owns its values; T must be default-constructible, and a popped place holds a T{} again, so
-///   that nothing popped stays alive inside.
-/// Errors: push() gives false when full, pop() nothing when empty.
+/// Ownership: owns its values. T must be default-constructible: pop() resets the slot to T{}, so that the queue keeps
+/// nothing alive.
+/// Errors: push() returns false when full, pop() returns nothing when empty.
 template <class T>
 class BoundedQueue {
  public:
   explicit BoundedQueue(std::size_t capacity) : places_(capacity) { NODAL_ASSERT(capacity > 0); }
 
-  /// False, and `value` untouched, when full.
+  /// Returns false and leaves `value` unchanged when full.
   bool push(T&& value) {
     if (full()) return false;
     places_[(first_ + size_) % places_.size()] = std::move(value);
@@ -41,7 +41,7 @@ class BoundedQueue {
     return value;
   }
 
-  /// The oldest; only when not empty.
+  /// The oldest value; the queue must not be empty.
   T& front() {
     NODAL_ASSERT(!empty());
     return places_[first_];

@@ -1,6 +1,6 @@
-// Little-endian numbers in and out of bytes, whatever the machine. Neither class ever touches memory outside
-// its span: past the end it fails once and stays failed, so that a parser reads all its fields and asks
-// ok() at the end.
+// Reads and writes little-endian numbers, on any machine. Neither class touches memory outside its span: an access
+// past the end fails, and all later ones fail too, so a parser can read all its fields and check ok() once at the
+// end.
 #pragma once
 
 #include <concepts>
@@ -11,7 +11,7 @@
 
 namespace nodal {
 
-/// Reads numbers from bytes that it does not own. After a read past the end every read gives zeros.
+/// Reads numbers from bytes that it does not own. After a read past the end every read returns zeros.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
@@ -21,7 +21,7 @@ class ByteReader {
   std::uint32_t u32() { return number<std::uint32_t>(); }
   std::uint64_t u64() { return number<std::uint64_t>(); }
 
-  /// The next `n` bytes as they lie there; empty, and failed, when fewer are left.
+  /// The next `n` bytes, not copied; empty, and ok() becomes false, when fewer are left.
   std::span<const std::uint8_t> bytes(std::size_t n) {
     if (n > rest_.size()) {
       fail();
@@ -31,13 +31,13 @@ class ByteReader {
     rest_ = rest_.subspan(n);
     return taken;
   }
-  /// Everything not yet read.
+  /// All bytes that are not yet read.
   std::span<const std::uint8_t> rest() { return bytes(rest_.size()); }
 
   std::size_t left() const { return rest_.size(); }
-  /// False once a read went past the end.
+  /// False after a read past the end.
   bool ok() const { return ok_; }
-  /// Every read succeeded, and no byte is left.
+  /// Whether every read succeeded and no byte is left.
   bool complete() const { return ok_ && rest_.empty(); }
 
  private:

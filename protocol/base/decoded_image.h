@@ -1,4 +1,4 @@
-// A picture out of a file: what its header says, and its pixels.
+// A picture decoded from a file: its header data and its pixels.
 #pragma once
 
 #include <cstdint>
@@ -18,11 +18,11 @@ struct DecodedImage {
   ImageView view() const { return packed_image(format, width, height, bytes.data()); }
 };
 
-/// What a file's header says, without decoding the rest.
+/// The data of a file's header, read without decoding the picture.
 struct ImageHeader {
   int width = 0;
   int height = 0;
-  PixelFormat natural = PixelFormat::kRgb24;  ///< what decoding gives when no format is asked for
+  PixelFormat natural = PixelFormat::kRgb24;  ///< the format that decoding gives if none is requested
 };
 
 }  // namespace nodal

@@ -1,4 +1,4 @@
-// Interlaced pictures: two fields, every other row each, exposed one after the other.
+// Interlaced pictures: two fields of alternate rows, exposed one after the other.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 namespace nodal {
 
-/// What the rows of a picture are, and which were exposed first.
+/// Which rows of a picture hold samples, and which field was exposed first.
 enum class Fields : std::uint8_t {
   kProgressive = 0,  ///< one exposure
   kTopFirst = 1,     ///< rows 0, 2, 4… half a frame period before rows 1, 3, 5…
   kBottomFirst = 2,  ///< rows 1, 3, 5… first, as in NTSC DV
-  kTopOnly = 3,      ///< rows 0, 2, 4… arrived, the others did not
+  kTopOnly = 3,      ///< rows 0, 2, 4… arrived, the others are missing
   kBottomOnly = 4,
 };
 
@@ -26,7 +26,7 @@ constexpr std::string_view field_parity_name(FieldParity parity) {
 constexpr FieldParity first_field(Fields fields) {
   return fields == Fields::kBottomFirst ? FieldParity::kBottom : FieldParity::kTop;
 }
-/// For a frame with both fields, of which `first` was exposed first.
+/// For a frame with both fields; `first` was exposed first.
 constexpr Fields fields_from(FieldParity first) {
   return first == FieldParity::kTop ? Fields::kTopFirst : Fields::kBottomFirst;
 }
@@ -48,10 +48,10 @@ BasicImageView<Byte> field_of(BasicImageView<Byte> frame, FieldParity parity) {
   return frame;
 }
 
-/// Where component c's samples of a field lie on the whole frame's picture.
+/// The position of component c's samples of a field in the whole frame.
 inline PlaneGrid field_grid(PixelFormat format, int c, FieldParity parity) {
   PlaneGrid grid = component_grid(format, c);
-  // Field row r is frame row 2 r + parity; both count from their pictures' upper edges.
+  // Field row r is frame row 2 r + parity; both are measured from their picture's upper edge.
   grid.offset_y += (parity == FieldParity::kTop ? 0.25 : -0.25) / grid.step_y;
   grid.step_y *= 2;
   return grid;

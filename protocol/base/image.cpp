@@ -46,7 +46,7 @@ PlaneGrid component_grid(PixelFormat format, int c) {
   switch (format) {
     case PixelFormat::kI420:
     case PixelFormat::kNv12: return {2, 2, 0.0, 0.0};
-    // Chroma sample k sits on luma sample 2k, whose centre is at 2k + 1/2: u_plane = u / 2 + 1/4.
+    // Chroma sample k is at luma sample 2k, whose centre is at 2k + 1/2: u_plane = u / 2 + 1/4.
     case PixelFormat::kYuyv:
     case PixelFormat::kUyvy: return {2, 1, 0.25, 0.0};
     default: return {};
@@ -70,7 +70,7 @@ ImageView halved_chroma(ImageView picture) {
 
 PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows) {
   if (c == 0 || !has_all_chroma_rows(format)) return all_rows;
-  // Row k is row 2 k, whose centre is at 2 k + 1/2 among all: halved = all / 2 + 1/4.
+  // Row k of the result is row 2 k, with its centre at 2 k + 1/2 in all rows: halved = all / 2 + 1/4.
   return {all_rows.step_x, 2 * all_rows.step_y, all_rows.offset_x, all_rows.offset_y / 2 + 0.25};
 }
 
@@ -105,7 +105,7 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
   const int half_h = (height + 1) / 2;
   const auto after = [data](std::ptrdiff_t bytes) {
     return data == nullptr ? nullptr : data + bytes;
-  };  // a shape alone
+  };  // shape only, no memory
   switch (format) {
     case PixelFormat::kGrey8: image.planes[0] = {data, width, height, w, 1}; break;
     case PixelFormat::kI420:

@@ -1,5 +1,5 @@
-// Pictures as they lie in memory: planes with a row stride and a pixel stride, so that YUYV and NV12
-// are read where the driver left them, without a copy.
+// Views of pictures in memory: planes with a row stride and a pixel stride, so that YUYV and NV12 are read in the
+// driver's buffer, without a copy.
 #pragma once
 
 #include <array>
@@ -9,23 +9,23 @@
 
 namespace nodal {
 
-/// Y U V are full range BT.601 everywhere (0..255, as JPEG has them); a port whose device sends video range says so
-/// to its driver or converts.
+/// YUV is full range BT.601 everywhere (0..255, as in JPEG). A port whose device sends video range asks the driver for
+/// full range, or converts.
 enum class PixelFormat : std::uint8_t {
   kGrey8 = 1,
-  kI420 = 2,  ///< Y, U, V planes; chroma half size both ways, centred
-  kNv12 = 3,  ///< Y plane, then U and V interleaved; chroma half size both ways
-  kYuyv = 4,  ///< Y0 U Y1 V; chroma half width, on the even luma samples
+  kI420 = 2,  ///< Y, U, V planes; chroma has half the width and height, centred
+  kNv12 = 3,  ///< Y plane, then U and V interleaved; chroma has half the width and height
+  kYuyv = 4,  ///< Y0 U Y1 V; chroma has half the width and is at the even luma samples
   kUyvy = 5,
   kRgb24 = 6,  ///< R G B bytes
   kMjpeg = 7,  ///< one JPEG picture; plane 0 holds its bytes in one row
-  // Of raymaps only: linear light in 16 bits a sample, the lower byte first.
+  // For raymaps only: linear light, 16 bits per sample, low byte first.
   kGrey16 = 8,
   kRgb48 = 9,
 };
 
 std::string_view pixel_format_name(PixelFormat format);
-/// Y and half-sized U and V, rather than grey or R G B.
+/// Whether the format is Y with subsampled U and V, not grey or R G B.
 bool has_chroma(PixelFormat format);
 /// Whether a raymap may have this format.
 bool is_raymap_format(PixelFormat format);
@@ -45,7 +45,7 @@ struct BasicPlaneView {
 using PlaneView = BasicPlaneView<const std::uint8_t>;
 using MutablePlaneView = BasicPlaneView<std::uint8_t>;
 
-/// How a component's sample grid lies on the full picture: u_plane = u_full / step + offset, pixel centres
+/// The position of a component's sample grid in the full picture: u_plane = u_full / step + offset; pixel centres are
 /// at half-integers on both sides.
 struct PlaneGrid {
   int step_x = 1;
@@ -56,11 +56,11 @@ struct PlaneGrid {
 
 inline constexpr int kMaxPlanes = 3;
 
-/// Components of a format: 1 for grey and MJPEG, else 3 (Y U V or R G B).
+/// Number of components of a format: 1 for grey and MJPEG, else 3 (Y U V or R G B).
 int component_count(PixelFormat format);
-/// Where component c's samples lie on the picture; c < component_count(format).
+/// The position of component c's samples in the picture; c < component_count(format).
 PlaneGrid component_grid(PixelFormat format, int c);
-/// Bytes a tightly packed picture takes; 0 for kMjpeg, whose size is its own.
+/// Bytes of a tightly packed picture; 0 for kMjpeg, whose size depends on its content.
 std::size_t packed_size(PixelFormat format, int width, int height);
 
 /// A view of a picture. planes[c] is component c (Y U V or R G B), whatever the memory layout.
@@ -75,14 +75,14 @@ struct BasicImageView {
 using ImageView = BasicImageView<const std::uint8_t>;
 using MutableImageView = BasicImageView<std::uint8_t>;
 
-/// YUYV and UYVY with only every second row of chroma: chroma row k is that of picture row 2 k, so chroma has half the size
-/// in both directions, as in a raymap. Other formats are returned unchanged.
+/// YUYV and UYVY with every second chroma row left out: chroma row k is that of picture row 2 k, so chroma has half the
+/// width and height, as in a raymap. Other formats are returned unchanged.
 ImageView halved_chroma(ImageView picture);
-/// Where component c's samples of halved_chroma() lie. `all_rows` is where the samples of all rows lie.
+/// The position of component c's samples in halved_chroma(). `all_rows` is the position of the samples of all rows.
 PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows);
 
-/// The picture that starts at `data`, packed without padding (rows too). Odd sizes round chroma up.
-/// Nothing is read. Not for kMjpeg.
+/// A view of the picture that starts at `data`, packed without padding (also between rows). For odd sizes chroma is
+/// rounded up. Reads no memory. Not for kMjpeg.
 ImageView packed_image(PixelFormat format, int width, int height, const std::uint8_t* data);
 MutableImageView packed_image(PixelFormat format, int width, int height, std::uint8_t* data);
 

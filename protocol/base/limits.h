@@ -6,11 +6,11 @@
 
 namespace nodal {
 
-/// What FrameRate::make() accepts, for error messages.
+/// The rates that FrameRate::make() accepts, for error messages.
 inline constexpr std::string_view kFrameRatesAllowed =
     "1/1000 to 1000 frames a second, as a fraction whose reduced terms are at most 1000000";
 
-/// Thousandths of a decibel, to either side: ten stops. No head's own range is wider.
+/// Thousandths of a decibel, positive or negative: ten stops. No head has a wider range.
 inline constexpr std::int32_t kMostGainMdb = 60'000;
 
 }  // namespace nodal

@@ -1,4 +1,4 @@
-// Pooled values that several readers, on any threads, hold at once without a copy or a lock.
+// Pooled values that several readers, on any threads, share without a copy or a lock.
 #pragma once
 
 #include <atomic>
@@ -16,8 +16,8 @@ namespace nodal {
 template <class T>
 class LoanPool;
 
-/// One holder's share of a pool's value. Copies are further holders; when the last one is destroyed the pool may lend the
-/// value again. A sole holder may write, several may only read.
+/// One holder's reference to a pool's value. Copies are further holders; when the last one is destroyed, the pool may
+/// lend the value again. A sole holder may write; several holders may only read.
 ///
 /// Threading: a Loan is thread-bound, and copies of it may live on other threads.
 /// Ownership: the pool owns the value and outlives every Loan.
@@ -41,7 +41,7 @@ class Loan {
   explicit operator bool() const { return place_ != nullptr; }
   const T& operator*() const { return place_->value; }
   const T* operator->() const { return &place_->value; }
-  /// For the sole holder.
+  /// Only for a sole holder.
   T& edit() const {
     NODAL_ASSERT(place_->holders.load(std::memory_order_acquire) == 1);
     return place_->value;
@@ -60,7 +60,7 @@ class Loan {
   Place* place_ = nullptr;
 };
 
-/// At most `most` values, made when first needed and kept. Once the largest number in use is reached, nothing is allocated.
+/// At most `most` values, created when first needed and then kept, so that allocations end at the peak of use.
 ///
 /// Threading: thread-bound to the owner, or called by one thread at a time.
 /// Ownership: owns the values.
@@ -68,7 +68,7 @@ class Loan {
 template <class T>
 class LoanPool {
  public:
-  /// `returned` is called by take() and collect() for each value that its last holder has given up.
+  /// take() and collect() call `returned` for each value that its last holder has released.
   explicit LoanPool(std::size_t most, std::function<void(T&)> returned = {})
       : most_(most), returned_(std::move(returned)) {
     places_.reserve(most);
@@ -79,7 +79,7 @@ class LoanPool {
     for (const auto& place : places_) NODAL_ASSERT(place->holders.load(std::memory_order_acquire) == 0);
   }
 
-  /// A value as its last holder left it.
+  /// Lends a value; its content is what its last holder left.
   Loan<T> take() {
     collect();
     for (const auto& place : places_) {
@@ -89,7 +89,7 @@ class LoanPool {
     places_.push_back(std::make_unique<typename Loan<T>::Place>());
     return lend(*places_.back());
   }
-  /// Takes back the values without holders. True when there was one.
+  /// Takes back the values that have no holder. Returns whether there was one.
   bool collect() {
     bool any = false;
     for (const auto& place : places_) {
@@ -100,7 +100,7 @@ class LoanPool {
     }
     return any;
   }
-  /// Values that were taken and not collected.
+  /// Number of values that were taken and not yet collected.
   std::size_t lent() const {
     std::size_t count = 0;
     for (const auto& place : places_) count += place->lent;

@@ -6,7 +6,7 @@
 namespace nodal {
 namespace {
 
-/// The root between a and b, where p has opposite signs; to the last bit.
+/// The root between a and b, where p has opposite signs; exact to the last bit.
 double bisect(std::span<const double> c, double a, double b) {
   const bool rising = polynomial_value(c, a) < 0;
   for (int step = 0; step < 2000; ++step) {
@@ -42,7 +42,7 @@ std::vector<double> polynomial_derivative(std::span<const double> c) {
 std::vector<double> polynomial_roots(std::span<const double> c, double lower, double upper) {
   while (!c.empty() && c.back() == 0) c = c.first(c.size() - 1);
   if (c.size() < 2 || !(lower <= upper)) return {};
-  // Between two neighbouring turning points the polynomial is monotone and has one root at most.
+  // Between two neighbouring turning points the polynomial is monotone and has at most one root.
   std::vector<double> cuts{lower};
   for (const double x : polynomial_roots(polynomial_derivative(c), lower, upper)) add_root(cuts, x);
   add_root(cuts, upper);

@@ -1,5 +1,5 @@
-// Polynomials with few real coefficients: where they stop rising, and how low they get. Lenses, responses and
-// vignetting are polynomials, and a document is refused when one of them turns back inside its picture.
+// Polynomials with few real coefficients: turning points, roots and minima. Lenses, responses and vignetting are
+// polynomials, and a document is refused when one of them turns back inside its picture.
 #pragma once
 
 #include <span>
@@ -12,12 +12,12 @@ double polynomial_value(std::span<const double> c, double x);
 
 std::vector<double> polynomial_derivative(std::span<const double> c);
 
-/// Every real root in [lower, upper], rising, each once; roots that only touch zero are found when rounding
-/// lets them. Coefficients and bounds must be finite. No roots for the polynomial that is zero everywhere.
+/// Every real root in [lower, upper], ascending, each once; double roots are found if rounding permits. Coefficients
+/// and bounds must be finite. The zero polynomial has no roots here.
 std::vector<double> polynomial_roots(std::span<const double> c, double lower, double upper);
 
-/// The largest x in [0, upper] up to which the polynomial rises strictly: its first turning point, or upper.
-/// 0 when it does not even begin to rise.
+/// The largest x in [0, upper] up to which the polynomial rises strictly: its first turning point, or upper. 0 if it
+/// does not rise at 0.
 double rising_until(std::span<const double> c, double upper);
 
 /// The smallest value on [lower, upper].

@@ -54,7 +54,7 @@ Error Error::in(std::string_view where) const& { return Error{code, std::string(
 
 void assertion_failed(const char* condition, const char* file, int line) {
   std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);
-  std::terminate();  // aborts; nodald's handler makes outputs safe first
+  std::terminate();  // aborts; nodald's handler first sets outputs to their safe levels
 }
 
 }  // namespace nodal

@@ -18,7 +18,7 @@ std::string to_hex(const Sha256& digest);
 
 Sha256 sha256(std::span<const std::uint8_t> bytes);
 
-/// The same over bytes that arrive in pieces.
+/// The same for bytes that arrive in pieces.
 class Sha256Stream {
  public:
   Sha256Stream();

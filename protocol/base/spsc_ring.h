@@ -11,12 +11,12 @@
 
 namespace nodal {
 
-/// First in, first out from exactly one thread to exactly one other, without a lock: neither ever waits for
-/// the other, and nothing is allocated after construction.
+/// A FIFO from exactly one thread to exactly one other, without a lock: neither thread ever waits for the other, and
+/// nothing is allocated after construction.
 ///
-/// Threading: push(), full() by one thread; pop(), empty() by one other.
-/// Ownership: owns its values; a popped place holds a T{} again, so that a buffer is given back at once.
-/// Errors: push() gives false when full, pop() nothing when empty.
+/// Threading: push(), full() by one thread; pop(), empty() by one other thread.
+/// Ownership: owns its values; pop() resets the slot to T{}, so that a buffer is released at once.
+/// Errors: push() returns false when full, pop() returns nothing when empty.
 template <class T>
 class SpscRing {
  public:
@@ -24,7 +24,7 @@ class SpscRing {
   SpscRing(const SpscRing&) = delete;
   SpscRing& operator=(const SpscRing&) = delete;
 
-  /// False, and `value` untouched, when full.
+  /// Returns false and leaves `value` unchanged when full.
   bool push(T&& value) {
     const std::uint64_t written = written_.load(std::memory_order_relaxed);
     if (written - read_.load(std::memory_order_acquire) == places_.size()) return false;
@@ -52,7 +52,7 @@ class SpscRing {
   static constexpr std::size_t kCacheLine = 64;
 
   std::vector<T> places_;
-  alignas(kCacheLine) std::atomic<std::uint64_t> written_{0};  // counts up for ever; 2^64 pushes do not happen
+  alignas(kCacheLine) std::atomic<std::uint64_t> written_{0};  // never wraps: 2^64 pushes are not reached
   alignas(kCacheLine) std::atomic<std::uint64_t> read_{0};
 };
 

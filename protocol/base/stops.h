@@ -1,4 +1,4 @@
-// Light in stops: logarithms to the base of two, in integers, so that exposures add up the same on every machine.
+// Light in stops: base-2 logarithms as integers, so that exposures give the same sums on every machine.
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 
 namespace nodal {
 
-/// 1024 of them are one stop, a factor of two in light.
+/// In 1/1024 of a stop; a stop is a factor of two in light.
 using Stops = std::int32_t;
 inline constexpr Stops kStop = 1024;
 
@@ -33,7 +33,7 @@ constexpr std::array<std::uint64_t, 10> kRoots = [] {
 }();
 }  // namespace stops_detail
 
-/// log2(value) to the stop's 1024th below; value > 0.
+/// log2(value), rounded down to 1/1024 of a stop; value > 0.
 constexpr Stops log2_stops(std::uint64_t value) {
   int whole = 63;
   while ((value >> whole) == 0) --whole;
@@ -49,7 +49,7 @@ constexpr Stops log2_stops(std::uint64_t value) {
   return stops;
 }
 
-/// one * 2^(stops / 1024), rounded; 0 when that is below a half. one < 2^31, and the result must fit 62 bits.
+/// one * 2^(stops / 1024), rounded; 0 if the result is below a half. one < 2^31, and the result must fit 62 bits.
 constexpr std::uint64_t exp2_stops(Stops stops, std::uint64_t one = 1) {
   const Stops whole = stops >> 10;
   const auto fraction = static_cast<std::uint32_t>(stops & (kStop - 1));
@@ -64,7 +64,7 @@ constexpr std::uint64_t exp2_stops(Stops stops, std::uint64_t one = 1) {
   return (product + (std::uint64_t{1} << (shift - 1))) >> shift;
 }
 
-/// The light that a setting lets through: log2 of the exposure in microseconds, and the gain, both in stops.
+/// The exposure's effect on recorded light: log2 of the shutter time in microseconds plus the gain, in stops.
 constexpr Stops stops_of(Exposure exposure) {
   return exposure.duration().ns() > 0
              ? log2_stops(static_cast<std::uint64_t>(exposure.duration().ns())) - log2_stops(1000)
@@ -72,7 +72,7 @@ constexpr Stops stops_of(Exposure exposure) {
 }
 constexpr Stops stops_of(Gain gain) {
   const std::int64_t scaled = std::int64_t{gain.mdb()} * kStop * 100;
-  return static_cast<Stops>((scaled + (scaled < 0 ? -301'030 : 301'030)) / 602'060);  // 6.0206 dB a stop
+  return static_cast<Stops>((scaled + (scaled < 0 ? -301'030 : 301'030)) / 602'060);  // 6.0206 dB per stop
 }
 constexpr Gain gain_of(Stops stops) {
   const std::int64_t scaled = std::int64_t{stops} * 602'060;

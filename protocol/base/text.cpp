@@ -7,18 +7,18 @@ namespace {
 
 std::uint8_t byte_at(std::string_view text, std::size_t at) { return static_cast<std::uint8_t>(text[at]); }
 
-/// Bytes of the well-formed character at the beginning of `text` (RFC 3629 section 4), or 0.
+/// Length in bytes of the well-formed character at the beginning of `text` (RFC 3629 section 4), or 0.
 std::size_t character_bytes(std::string_view text) {
   const std::uint8_t first = byte_at(text, 0);
   if (first < 0x80) return 1;
   std::size_t n = 0;
-  std::uint8_t low = 0x80, high = 0xBF;  // of the second byte
+  std::uint8_t low = 0x80, high = 0xBF;  // limits of the second byte
   if (first >= 0xC2 && first <= 0xDF) {
     n = 2;
   } else if (first >= 0xE0 && first <= 0xEF) {
     n = 3;
-    if (first == 0xE0) low = 0xA0;   // shorter forms exist
-    if (first == 0xED) high = 0x9F;  // surrogates
+    if (first == 0xE0) low = 0xA0;   // excludes overlong forms
+    if (first == 0xED) high = 0x9F;  // excludes surrogates
   } else if (first >= 0xF0 && first <= 0xF4) {
     n = 4;
     if (first == 0xF0) low = 0x90;

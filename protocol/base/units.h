@@ -1,5 +1,5 @@
-// Numbers that know their unit. Two units never mix; the raw value is reached only by a name that
-// spells it. Integers only, so that rig, host and simulator agree to the bit.
+// Numbers with a unit as types. Different units do not mix; the raw value is available only through a function that
+// names the unit. Integers only, so that rig, host and simulator agree to the bit.
 #pragma once
 
 #include <compare>
@@ -9,7 +9,7 @@
 
 namespace nodal {
 
-/// A length of time in nanoseconds; may be negative.
+/// A duration in nanoseconds; may be negative.
 class Duration {
  public:
   constexpr Duration() = default;
@@ -35,7 +35,7 @@ class Duration {
   std::int64_t ns_ = 0;
 };
 
-/// A moment of the rig's monotonic clock, in nanoseconds since that clock's start.
+/// A time on the rig's monotonic clock, in nanoseconds since that clock's start.
 class Instant {
  public:
   constexpr Instant() = default;
@@ -52,19 +52,19 @@ class Instant {
   std::int64_t ns_ = 0;
 };
 
-/// Frames a second as a fraction, since NTSC's 30000/1001 is not a decimal. Whatever comes from a host, a file or a
-/// command line goes through make(), which keeps the arithmetic below within 64 bits.
+/// Frames per second as a fraction, because NTSC's 30000/1001 has no exact decimal. A rate from a host, a file or a
+/// command line must go through make(), which ensures that the arithmetic below fits 64 bits.
 struct FrameRate {
   std::uint32_t numerator = 30000;
   std::uint32_t denominator = 1001;
 
-  static constexpr std::uint32_t kMaxTerm = 1'000'000;  ///< of the reduced fraction
-  static constexpr std::uint32_t kFastest = 1000;  ///< frames a second; the slowest is one frame in so many seconds
-  /// The largest result of start_of(): 146 years. Added to the clock's present time it still fits into 64 bits.
+  static constexpr std::uint32_t kMaxTerm = 1'000'000;  ///< largest term of the reduced fraction
+  static constexpr std::uint32_t kFastest = 1000;  ///< frames per second; the slowest: one frame in kFastest seconds
+  /// The largest result of start_of(): 146 years. Added to the clock's present time it still fits 64 bits.
   static constexpr std::int64_t kFarthestNs = INT64_MAX / 2;
 
-  /// The reduced fraction, or nothing when a term is 0 or above kMaxTerm after reduction, or when the rate is not
-  /// between 1/kFastest and kFastest.
+  /// The reduced fraction, or nothing if a term is 0 or, reduced, above kMaxTerm, or if the rate is not between
+  /// 1/kFastest and kFastest.
   static constexpr std::optional<FrameRate> make(std::uint64_t numerator, std::uint64_t denominator) {
     if (numerator == 0 || denominator == 0) return std::nullopt;
     const std::uint64_t common = std::gcd(numerator, denominator);
@@ -78,18 +78,18 @@ struct FrameRate {
   constexpr Duration period() const {
     return Duration::nanoseconds(static_cast<std::int64_t>(1'000'000'000) * denominator / numerator);
   }
-  /// When frame n begins, counted from frame 0, without the rounding of n periods adding up: n·d/numerator seconds,
-  /// rounded down to a nanosecond, and never more than kFarthestNs.
+  /// The start of frame n, relative to frame 0, without accumulated rounding: n·d/numerator seconds, rounded down to a
+  /// nanosecond, at most kFarthestNs.
   constexpr Duration start_of(std::uint64_t n) const {
-    // 64 + 32 + 30 bits: the product fits into 128.
+    // 64 + 32 + 30 bits: the product fits 128 bits.
     const unsigned __int128 ns = static_cast<unsigned __int128>(n) * denominator * 1'000'000'000U / numerator;
     return Duration::nanoseconds(ns < static_cast<unsigned __int128>(kFarthestNs) ? static_cast<std::int64_t>(ns)
                                                                                   : kFarthestNs);
   }
-  /// The first frame that begins after `at`, counted as start_of() does; 0 when `at` is before frame 0.
+  /// The first frame that starts after `at`, in the same time base as start_of(); 0 if `at` is before frame 0.
   constexpr std::uint64_t first_after(Duration at) const {
     if (at.ns() < 0) return 0;
-    // Frame k begins after `at` when floor(k·d·1e9 / n) >= at + 1, which is k >= (at + 1)·n / (d·1e9), rounded up.
+    // Frame k starts after `at` if floor(k·d·1e9 / n) >= at + 1, that is if k >= (at + 1)·n / (d·1e9), rounded up.
     const unsigned __int128 scaled = (static_cast<unsigned __int128>(at.ns()) + 1) * numerator;
     const unsigned __int128 second = static_cast<unsigned __int128>(denominator) * 1'000'000'000U;
     return static_cast<std::uint64_t>((scaled + second - 1) / second);
@@ -97,7 +97,7 @@ struct FrameRate {
   friend constexpr bool operator==(FrameRate, FrameRate) = default;
 };
 
-/// The time during which a CCD collects light.
+/// The time during which a sensor collects light.
 class Exposure {
  public:
   constexpr Exposure() = default;
@@ -125,7 +125,7 @@ class Gain {
   std::int32_t mdb_ = 0;
 };
 
-/// Red and blue gains against green, in 1/4096: {4096, 4096} changes nothing.
+/// Red and blue gains relative to green, in 1/4096: {4096, 4096} changes nothing.
 struct WhiteBalance {
   std::uint16_t red_q12 = 4096;
   std::uint16_t blue_q12 = 4096;
