@@ -11,8 +11,8 @@ namespace nodal::hal {
 
 using FileHandle = std::uint32_t;
 
-/// A folder that survives power loss to the degree one asks for. Names are relative to it, with "/" between
-/// parts, never "..". What is not synced may be gone, or half there, after a crash.
+/// A folder whose files survive power loss as far as they were synced. Names are relative to the folder, with "/"
+/// between parts, never "..". Data that is not synced may be missing or incomplete after a crash.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: handles are closed by close() or with the port.
@@ -20,16 +20,16 @@ using FileHandle = std::uint32_t;
 class DiskPort {
  public:
   virtual ~DiskPort() = default;
-  /// A new empty file to append to; an older one of that name is replaced.
+  /// Creates an empty file and opens it for appending; replaces an existing file of that name.
   virtual Result<FileHandle> create(const std::string& name) = 0;
-  /// An existing file to append to.
+  /// Opens an existing file for appending.
   virtual Result<FileHandle> open_append(const std::string& name) = 0;
-  /// An existing file to read from any place. kIo for what is no file.
+  /// Opens an existing file for reading at any offset. kIo if it is not a regular file.
   virtual Result<FileHandle> open_read(const std::string& name) = 0;
-  /// The file's bytes from `offset` on, and how many: less than `bytes` has only at the end of the file, 0 at its end and
-  /// behind it. The file may grow or shrink between calls. kWrongState for a handle of create() or open_append().
+  /// Reads bytes from `offset` on and returns their number: less than `bytes` has only at the file's end, 0 at or after
+  /// its end. The file may grow or shrink between calls. kWrongState for a handle of create() or open_append().
   virtual Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) = 0;
-  /// All bytes or an error; after kDiskFull a part may be there. kWrongState for a handle of open_read().
+  /// Writes all bytes, or fails; after kDiskFull a part may be written. kWrongState for a handle of open_read().
   virtual Status write(FileHandle file, std::span<const std::uint8_t> bytes) = 0;
   virtual Status sync(FileHandle file) = 0;
   virtual void close(FileHandle file) = 0;
@@ -40,9 +40,9 @@ class DiskPort {
   virtual Status rename(const std::string& from, const std::string& to) = 0;
   virtual Status remove(const std::string& name) = 0;
   virtual Status make_folder(const std::string& name) = 0;
-  /// Makes creations, renames and removals in the folder last; "" is the root.
+  /// Makes creations, renames and removals in the folder durable; "" is the root.
   virtual Status sync_folder(const std::string& name) = 0;
-  /// Names directly inside, sorted.
+  /// Names of the direct entries, sorted.
   virtual Result<std::vector<std::string>> list(const std::string& folder) = 0;
   virtual Result<std::uint64_t> free_bytes() = 0;
 };

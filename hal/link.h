@@ -10,7 +10,7 @@
 
 namespace nodal::hal {
 
-/// The process at the other end, as the kernel reports it.
+/// The process at the other end, as reported by the kernel.
 struct PeerIdentity {
   std::uint32_t user = 0;    ///< uid
   std::int32_t process = 0;  ///< pid when it connected
@@ -18,17 +18,17 @@ struct PeerIdentity {
 };
 
 /// One byte stream to a peer: a socket, a USB bulk pair, a pipe.
-/// Every call returns at once; message borders are not kept.
+/// Every call returns at once; message boundaries are not kept.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: closes with the object.
-/// Errors: kLinkClosed is final, and comes only after every received byte was read.
+/// Errors: kLinkClosed is final, and is returned only after every received byte was read.
 class LinkPort {
  public:
   virtual ~LinkPort() = default;
-  /// Bytes read into `into`; 0 when none are there now.
+  /// Reads available bytes into `into`; 0 if there are none now.
   virtual Result<std::size_t> read(std::span<std::uint8_t> into) = 0;
-  /// Bytes taken from `from`; 0 when the peer does not read now.
+  /// Writes bytes of `from` and returns their number; 0 if the peer does not read now.
   virtual Result<std::size_t> write(std::span<const std::uint8_t> from) = 0;
   /// The peer's name for messages: "unix:/run/nodal.sock", "usb:1-2".
   virtual const std::string& peer() const = 0;
@@ -44,7 +44,7 @@ class LinkPort {
 class LinkListenerPort {
  public:
   virtual ~LinkListenerPort() = default;
-  /// A new link, or null when no peer is waiting.
+  /// A new link, or null if no peer is waiting.
   virtual Result<std::unique_ptr<LinkPort>> accept() = 0;
 };
 

@@ -13,8 +13,8 @@ struct PinEdge {
   bool high = false;
 };
 
-/// One output line with a safe level, to which it returns when the lease runs out: a program that died leaves no
-/// output on.
+/// One output line with a safe level, to which it returns when its lease expires, so that a program that died leaves no
+/// output switched on.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: none.
@@ -22,17 +22,17 @@ struct PinEdge {
 class OutputPinPort {
  public:
   virtual ~OutputPinPort() = default;
-  /// Drives the level until `now + lease`, then the safe level unless set again.
+  /// Drives the level until `now + lease`; then the safe level, unless it is set again.
   virtual Status set(bool high, Instant now, Duration lease) = 0;
-  /// Lets the port act on leases; call at least every few milliseconds.
+  /// Lets the port apply expired leases; call it at least every few milliseconds.
   virtual Status step(Instant now) = 0;
-  /// For a program that must end while the thread this port is bound to hangs: the line goes to its safe level and stays
-  /// there; set() and step() are kDeviceGone from then on. Any thread, also while another call is under way; returns at
-  /// once and waits for no lock.
+  /// For ending the program while the thread of this port hangs: sets the line to its safe level for good; set() and
+  /// step() then return kDeviceGone. May be called on any thread, also during another call; returns at once and takes
+  /// no lock.
   virtual void make_safe() noexcept = 0;
 };
 
-/// One input line, such as a button.
+/// One input line, for example a button.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: none.
@@ -41,7 +41,7 @@ class InputPinPort {
  public:
   virtual ~InputPinPort() = default;
   virtual Result<bool> level() = 0;
-  /// The next edge not yet taken, oldest first, or nothing.
+  /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<PinEdge>> take_edge() = 0;
 };
 

@@ -11,14 +11,14 @@ namespace nodal::hal {
 
 /// The pulse train that genlocks the heads.
 struct TriggerSettings {
-  FrameRate rate;       ///< to be driven, or to be expected
-  bool follow = false;  ///< another device drives the line: its pulses are reported and passed on, none are generated
+  FrameRate rate;       ///< the rate to generate, or to expect
+  bool follow = false;  ///< another device drives the line: its pulses are reported and forwarded, none are generated
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
   std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger
 };
 
-/// One pulse, timed at the board's output.
+/// One pulse, with the time at the board's output.
 struct TriggerEdge {
   std::uint64_t number = 0;  ///< counts periods from 0 at start(); a gap is a pulse that was not sent or not detected
   Instant at;
@@ -40,16 +40,16 @@ struct TriggerCounts {
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none.
-/// Errors: kDeviceGone is final; kBadValue for a rate or width the hardware cannot make; kUnsupported to follow when
-///   it has no input.
+/// Errors: kDeviceGone is final; kBadValue for a rate or width that the hardware cannot generate; kUnsupported for
+/// `follow` without an input.
 class TriggerPort {
  public:
   virtual ~TriggerPort() = default;
-  /// Pulse 0 follows after at least a millisecond: an exposure that began earlier belongs to no pulse.
+  /// Pulse 0 comes at least a millisecond later: an exposure that began earlier belongs to no pulse.
   virtual Status start(const TriggerSettings& settings) = 0;
   /// Leaves the line at its inactive level. Safe in any state.
   virtual void stop() = 0;
-  /// The next edge not yet taken, oldest first, or nothing.
+  /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
   /// A port without such losses counts nothing.
   virtual TriggerCounts counts() const { return {}; }

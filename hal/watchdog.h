@@ -16,7 +16,7 @@ class WatchdogPort {
   virtual void feed() = 0;
   /// The daemon is shutting down on request.
   virtual void stopping() = 0;
-  /// One line; what follows a line break is left out.
+  /// One line; text after a line break is left out.
   virtual void status(std::string_view line) = 0;
 };
 

@@ -18,7 +18,7 @@ namespace nodal::hal::linux_os {
 
 namespace {
 
-// For owner and group to read; the umask takes more away.
+// Readable for owner and group; the umask may remove more.
 constexpr mode_t kFileMode = 0640;
 constexpr mode_t kFolderMode = 0750;
 
@@ -94,7 +94,7 @@ int LinuxDisk::open_beneath(const std::string& name, int flags) const {
   how.flags = static_cast<std::uint64_t>(flags | O_CLOEXEC);
   how.mode = (flags & O_CREAT) != 0 ? kFileMode : 0;
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS;
-  // EAGAIN: something was renamed beside us while the path was walked (openat2(2)).
+  // EAGAIN: something was renamed during the path walk (openat2(2)).
   for (int attempt = 0;; ++attempt) {
     const long fd = ::syscall(SYS_openat2, root_, name.c_str(), &how, sizeof(how));
     if (fd >= 0 || (errno != EINTR && errno != EAGAIN) || attempt == 100) return static_cast<int>(fd);
@@ -144,7 +144,7 @@ Result<FileHandle> LinuxDisk::create(const std::string& name) {
 Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open_file(name, O_WRONLY | O_APPEND); }
 
 Result<FileHandle> LinuxDisk::open_read(const std::string& name) {
-  // Not blocking: a FIFO would wait for its other end.
+  // Non-blocking: opening a FIFO would wait for its other end.
   const auto handle = open_file(name, O_RDONLY | O_NONBLOCK);
   if (!handle) return handle;
   struct stat about {};
@@ -159,7 +159,7 @@ Result<FileHandle> LinuxDisk::open_read(const std::string& name) {
 Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, std::span<std::uint8_t> bytes) {
   const auto file = file_of(handle, true);
   if (!file) return fail(file.error());
-  // No file ends behind what off_t can say.
+  // off_t limits how large a file can be.
   constexpr std::uint64_t kFarthest = std::numeric_limits<off_t>::max();
   if (offset >= kFarthest) return 0;
   bytes = bytes.first(std::min<std::uint64_t>(bytes.size(), kFarthest - offset));
@@ -211,7 +211,7 @@ Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::
   if (::fstat(fd.get(), &about) < 0) return fail(failure("reading it", name, errno));
   if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
   std::vector<std::uint8_t> bytes;
-  // One byte more than the limit is asked for, so that a file that grows meanwhile is noticed too.
+  // Requests one byte more than the limit, so that a file that grows meanwhile is detected too.
   const auto length = static_cast<std::uint64_t>(about.st_size);
   if (length <= limit_bytes) {
     bytes.resize(static_cast<std::size_t>(std::min(length, limit_bytes) + 1));
@@ -306,7 +306,7 @@ Result<std::vector<std::string>> LinuxDisk::list(const std::string& folder) {
   if (!fd) return fail(failure("listing it", folder, errno));
   DIR* const stream = ::fdopendir(fd.get());
   if (stream == nullptr) return fail(failure("listing it", folder, errno));
-  fd.release();  // the stream closes it
+  fd.release();  // the stream now closes it
   std::vector<std::string> names;
   errno = 0;
   while (const dirent* entry = ::readdir(stream)) {

@@ -1,4 +1,4 @@
-// A folder of the file system as a DiskPort.
+// A DiskPort on a folder of the file system.
 #pragma once
 
 #include <map>
@@ -8,14 +8,14 @@
 
 namespace nodal::hal::linux_os {
 
-/// Names are resolved under the root by openat2(RESOLVE_BENEATH), so that not even a symbolic link leads outside.
+/// Names are resolved under the root by openat2(RESOLVE_BENEATH), so that even a symbolic link cannot lead outside.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: closes its files.
 /// Errors: as DiskPort; kBadValue for a name with "..", an empty part or a leading "/".
 class LinuxDisk final : public DiskPort {
  public:
-  /// Makes the folder, and those above it, when they are not there. Errors: kIo, naming it.
+  /// Creates the folder and its parents if they do not exist. Errors: kIo, naming the folder.
   static Result<std::unique_ptr<LinuxDisk>> open(const std::string& root);
   ~LinuxDisk() override;
   LinuxDisk(const LinuxDisk&) = delete;
@@ -41,10 +41,10 @@ class LinuxDisk final : public DiskPort {
   struct File {
     int descriptor = -1;
     std::string name;
-    bool to_read = false;  ///< else to append
+    bool to_read = false;  ///< opened for reading, else for appending
   };
   LinuxDisk(int root, std::string path) : root_(root), path_(std::move(path)) {}
-  /// A descriptor beneath the root, or -1 with errno.
+  /// Opens a descriptor beneath the root; -1 with errno on failure.
   int open_beneath(const std::string& name, int flags) const;
   Result<FileHandle> open_file(const std::string& name, int flags);
   Result<const File*> file_of(FileHandle handle, bool to_read) const;

@@ -22,7 +22,7 @@ std::string notify_socket() {
 LinuxWatchdog::LinuxWatchdog() : LinuxWatchdog(notify_socket()) {}
 
 LinuxWatchdog::LinuxWatchdog(const std::string& name) : address_(name) {
-  if (address_.size() < 2 || (address_[0] != '/' && address_[0] != '@')) return;  // sd_notify(3) knows no others here
+  if (address_.size() < 2 || (address_[0] != '/' && address_[0] != '@')) return;  // other forms are not supported
   if (address_.size() >= sizeof(sockaddr_un::sun_path)) return;
   if (address_[0] == '@') address_[0] = '\0';
   socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -45,7 +45,7 @@ void LinuxWatchdog::send(const std::string& message) {
   to.sun_family = AF_UNIX;
   std::memcpy(to.sun_path, address_.data(), address_.size());
   const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + address_.size());
-  // Sent once, without waiting: the next feed follows soon, and a missing supervisor is no error.
+  // Sent once, without waiting: the next notification follows soon, and a missing supervisor is no error.
   static_cast<void>(
       ::sendto(socket_, message.data(), message.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to), length));
 }

@@ -1,4 +1,4 @@
-// systemd's notification protocol (sd_notify(3)), spoken by hand: datagrams to the socket in $NOTIFY_SOCKET.
+// systemd's notification protocol (sd_notify(3)) without libsystemd: datagrams to the socket in $NOTIFY_SOCKET.
 #pragma once
 
 #include <string>
@@ -22,14 +22,14 @@ class LinuxWatchdog final : public WatchdogPort {
   void ready() override;
   void feed() override;
   void stopping() override;
-  /// Lines after the first are left out: a line break would begin another assignment.
+  /// Only the first line is sent: a line break would begin another assignment.
   void status(std::string_view line) override;
 
  private:
   void send(const std::string& message);
 
   int socket_ = -1;
-  std::string address_;  ///< as sockaddr_un has it: a leading '\0' for an abstract name
+  std::string address_;  ///< in sockaddr_un's form: a leading '\0' for an abstract name
 };
 
 }  // namespace nodal::hal::linux_os

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kScheme = "replay:";
 
-/// Limit of frames that started and were not taken; far more than a head has buffers.
+/// Limit of frames that are started and not yet taken; far more than a head has buffers.
 constexpr std::size_t kStartsKept = 64;
 
 struct Start {
@@ -23,7 +23,7 @@ struct Start {
   Instant at;
 };
 
-/// Pulses for heads in external mode. What it sent is kept for the heads to read, each at its own place.
+/// Pulses for heads in external mode. Pulses are stored; every head reads them at its own position.
 class ReplayTrigger final : public TriggerPort {
  public:
   explicit ReplayTrigger(ClockPort& clock) : clock_(clock) {}
@@ -88,7 +88,7 @@ class ReplayTrigger final : public TriggerPort {
   Instant started_;
   std::uint64_t next_ = 0;
   bool running_ = false;
-  std::atomic<bool> safe_{false};  ///< for good
+  std::atomic<bool> safe_{false};  ///< permanently
   std::deque<TriggerEdge> edges_;
   std::deque<Start> sent_;
   std::uint64_t total_ = 0;
@@ -217,7 +217,7 @@ void Deck::State::Head::step() {
   for (; next_free_ < due; ++next_free_) fill({next_free_, Instant{} + deck_.options.rate.start_of(next_free_)});
 }
 
-/// Frames so old that no buffer could hold them are only counted.
+/// Frames too old for any buffer are only counted.
 void Deck::State::Head::skip_to(std::uint64_t& next, std::uint64_t oldest) {
   if (next >= oldest) return;
   sequence_ += static_cast<std::uint32_t>(oldest - next);
@@ -304,7 +304,7 @@ class Deck::State::Enumerator final : public HeadEnumerator {
 Deck::State::State(ClockPort& c, const DeckOptions& o)
     : clock(c), options(o), trigger(c), enumerator(std::make_unique<Enumerator>(*this)) {}
 Deck::State::~State() {
-  NODAL_ASSERT(open.empty());  // a head outlived its deck
+  NODAL_ASSERT(open.empty());  // heads must be destroyed before their deck
 }
 
 Deck::Deck(ClockPort& clock, const DeckOptions& options) : state_(std::make_unique<State>(clock, options)) {}

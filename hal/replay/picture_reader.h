@@ -1,4 +1,4 @@
-// How a deck reads pictures. The ports know no picture format; the caller that makes a deck passes a reader.
+// A deck's interface to picture files. The ports know no picture format; the creator of a deck supplies a reader.
 #pragma once
 
 #include <filesystem>
@@ -11,9 +11,9 @@
 namespace nodal::hal::replay {
 
 struct PictureReader {
-  /// What a file's header says.
+  /// Reads a file's header.
   std::function<Result<ImageHeader>(const std::filesystem::path& file)> header;
-  /// The picture, in its own format or in `as`.
+  /// Reads the picture, in its own format or in `as`.
   std::function<Result<DecodedImage>(const std::filesystem::path& file, std::optional<PixelFormat> as)> read;
 };
 

@@ -1,4 +1,4 @@
-// The simulated rig's clock: virtual, advanced only by the test, or the machine's own.
+// The simulated rig's clock: a virtual clock that only the test advances, or the machine's own clock.
 #pragma once
 
 #include <atomic>
@@ -9,17 +9,17 @@ namespace nodal::hal::sim {
 
 /// Threading: thread-safe.
 /// Ownership: none.
-/// Errors: none. Moving backwards, or moving real time, is a programmer's error.
+/// Errors: none. Moving backwards, or moving real time, is a programming error.
 class SimClock final : public ClockPort {
  public:
-  /// Virtual time stands still at one second until advanced; real time is CLOCK_MONOTONIC.
+  /// Virtual time starts at one second and stands still until it is advanced; real time is CLOCK_MONOTONIC.
   enum class Kind : std::uint8_t { kVirtual, kReal };
   explicit SimClock(Kind kind = Kind::kVirtual) : real_(kind == Kind::kReal) {}
 
-  // What the daemon sees.
+  // What the daemon uses.
   Instant now() override;
 
-  // What the test does; virtual time only.
+  // What the test uses; for virtual time only.
   bool is_virtual() const { return !real_; }
   void advance_to(Instant at);
   void advance(Duration by) { advance_to(now() + by); }

@@ -9,7 +9,7 @@ namespace nodal::hal::sim {
 
 inline constexpr std::int64_t kPpbOne = 1'000'000'000;
 
-/// The true duration of what the crystal counts as `nominal`: positive ppb is slow. |ppb| below kPpbOne; products are 128 bits.
+/// The true duration of `nominal` counted by the crystal; positive ppb is slow. |ppb| < kPpbOne; 128-bit products.
 constexpr Duration stretched(Duration nominal, std::int64_t ppb) {
   return nominal +
          Duration::nanoseconds(static_cast<std::int64_t>(static_cast<__int128>(nominal.ns()) * ppb / kPpbOne));

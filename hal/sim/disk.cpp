@@ -4,7 +4,7 @@
 
 namespace nodal::hal::sim {
 
-/// What a name stands for: a folder, or bytes of which the first `synced` are sure to last.
+/// The object that a name refers to: a folder, or a file's bytes, of which the first `synced` are durable.
 struct SimDisk::Inode {
   bool folder = false;
   std::vector<std::uint8_t> bytes;
@@ -47,7 +47,7 @@ Error no_power(const std::string& name) { return {Errc::kIo, "file '" + name + "
 SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes) : random_(seed, "disk"), capacity_(capacity_bytes) {}
 SimDisk::~SimDisk() = default;
 
-/// Counts an operation that changes the disk, and lets what a test has planned for it happen.
+/// Counts an operation that changes the disk, and applies the fault that a test has planned for it.
 Status SimDisk::begin(const char* what, const std::string& name) {
   if (dead_) return fail(no_power(name));
   const std::uint64_t operation = operations_++;
@@ -71,7 +71,7 @@ Status SimDisk::check_parent(const std::string& name) const {
   return {};
 }
 
-/// The program sees a change at once. In the middle of dying it happened or not.
+/// Applies a change, which the program sees at once. While the power fails, it is applied or not.
 void SimDisk::commit(Change change) {
   if (dying_ && random_.below(2) == 0) return;
   for (const auto& [name, inode] : change.entries) {
@@ -84,7 +84,7 @@ void SimDisk::commit(Change change) {
   unsynced_.push_back(std::move(change));
 }
 
-/// Change k lasts now; what older changes said about its names no longer matters.
+/// Makes change k durable; older changes of its names no longer matter.
 void SimDisk::make_last(std::size_t k) {
   const Change change = unsynced_[k];
   unsynced_.erase(unsynced_.begin() + static_cast<std::ptrdiff_t>(k));
@@ -230,7 +230,7 @@ Status SimDisk::remove(const std::string& name) {
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) {
     const auto next = std::next(found);
-    // Whatever is inside sorts right behind, but for names that go on with a character below '/'.
+    // A folder's entries sort directly after it, except for names that continue with a character below '/'.
     const bool full = std::any_of(next, tree_.end(), [&](const auto& entry) { return inside(entry.first, name); });
     if (full) return fail(Errc::kExists, "file '" + name + "': is a folder with files in it");
   }
@@ -304,7 +304,7 @@ std::uint64_t SimDisk::used() const {
   return sum;
 }
 
-/// An inode as the power loss left it: what was synced, and of the rest nothing, a part, or sectors that were never
+/// An inode after the power loss: the synced bytes, and of the rest nothing, a part, or sectors that were never
 /// written.
 SimDisk::InodePtr SimDisk::survivor(const Inode& inode, Random& random) {
   auto left = std::make_shared<Inode>();
@@ -329,7 +329,7 @@ std::unique_ptr<SimDisk> SimDisk::after_power_loss(std::uint64_t seed) const {
   SimDisk scratch(seed, capacity_);
   scratch.lasting_ = lasting_;
   scratch.unsynced_ = unsynced_;
-  // Either all changes up to some moment lasted, as on a journal that commits in order, or any of them.
+  // Either all changes up to some moment are durable, as on a journal that commits in order, or any subset of them.
   const bool in_order = random.below(2) == 0;
   const std::uint64_t last = random.below(unsynced_.size() + 1);
   for (std::size_t k = 0, i = 0; i < unsynced_.size(); ++i) {
@@ -342,7 +342,7 @@ std::unique_ptr<SimDisk> SimDisk::after_power_loss(std::uint64_t seed) const {
   auto found = std::make_unique<SimDisk>(random.next(), capacity_);
   std::map<const Inode*, InodePtr> survivors;
   for (const auto& [name, inode] : scratch.lasting_) {
-    // What was in a folder that did not last is gone with it; parents sort before what is in them.
+    // An entry is lost if its folder is; parents sort before their entries.
     const std::string parent = parent_of(name);
     if (!parent.empty() && found->tree_.count(parent) == 0) continue;
     InodePtr& left = survivors[inode.get()];

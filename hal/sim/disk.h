@@ -1,4 +1,4 @@
-// A disk in memory that loses what a real one may lose when the power goes.
+// A disk in memory that loses what a real disk can lose in a power failure.
 #pragma once
 
 #include <map>
@@ -11,19 +11,19 @@
 
 namespace nodal::hal::sim {
 
-/// What a program writes is seen by the program at once, and lasts only as far as sync() and sync_folder() made it.
-/// After a power loss any subset of the changes since then may be there: entries created, renamed or removed or
-/// not, bytes there, missing, zero or garbage. A rename is whole or not at all.
+/// The program sees its writes at once; only sync() and sync_folder() make them durable. After a power loss any subset
+/// of the later changes may be present: entries created, renamed or removed or not; bytes present, missing, zero or
+/// garbage. A rename is atomic.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: as DiskPort.
-/// Errors: as DiskPort; after the power went, kIo for everything.
+/// Errors: as DiskPort; after the power loss, kIo for every call.
 class SimDisk final : public DiskPort {
  public:
   explicit SimDisk(std::uint64_t seed = 1, std::uint64_t capacity_bytes = std::uint64_t{1} << 40);
   ~SimDisk() override;
 
-  // What the daemon sees.
+  // What the daemon uses.
   Result<FileHandle> create(const std::string& name) override;
   Result<FileHandle> open_append(const std::string& name) override;
   Result<FileHandle> open_read(const std::string& name) override;
@@ -40,22 +40,22 @@ class SimDisk final : public DiskPort {
   Result<std::vector<std::string>> list(const std::string& folder) override;
   Result<std::uint64_t> free_bytes() override;
 
-  // What the test does.
-  /// Operations that change the disk, counted from 0: every call of create, open_append, write, sync, rename,
-  /// remove, make_folder and sync_folder.
+  // What the test uses.
+  /// Number of operations that change the disk: every call of create, open_append, write, sync, rename, remove,
+  /// make_folder and sync_folder.
   std::uint64_t operations() const { return operations_; }
-  /// The power goes in the middle of operation k: it may have happened, not or in part, and fails with kIo, as
-  /// everything after it.
+  /// The power fails during operation k (counted from 0): it is done completely, partly or not at all, and it and all
+  /// later operations fail with kIo.
   void die_at(std::uint64_t operation) { die_at_ = operation; }
   bool dead() const { return dead_; }
-  /// The disk as it is found when the power is back. Which of the possible states is drawn from the seed.
+  /// The disk after the power loss; `seed` selects one of the possible states.
   std::unique_ptr<SimDisk> after_power_loss(std::uint64_t seed) const;
-  /// The disk as it is found when only the program was killed: everything it wrote is there.
+  /// The disk after only the program was killed: all its writes are present.
   std::unique_ptr<SimDisk> after_kill() const;
   void set_capacity(std::uint64_t bytes) { capacity_ = bytes; }
-  /// Operation k, and only it, fails with kIo and changes nothing.
+  /// Operation k fails with kIo and changes nothing; other operations are not affected.
   void fail_at(std::uint64_t operation) { fail_at_.insert(operation); }
-  /// Every changing operation takes this long on `clock`, which is virtual.
+  /// Every changing operation takes this long on `clock`, which must be virtual.
   void be_slow(SimClock* clock, Duration each) {
     slow_clock_ = clock;
     slow_by_ = each;
@@ -64,15 +64,15 @@ class SimDisk final : public DiskPort {
  private:
   struct Inode;
   using InodePtr = std::shared_ptr<Inode>;
-  using Tree = std::map<std::string, InodePtr>;  ///< by whole name; the root is ""
-  /// One change of entries that is whole or not at all: names and what they then stand for (null: nothing).
+  using Tree = std::map<std::string, InodePtr>;  ///< by full name; the root is ""
+  /// One atomic change of entries: names and the inodes they then refer to (null: removed).
   struct Change {
     std::vector<std::pair<std::string, InodePtr>> entries;
   };
   struct Handle {
     InodePtr inode;
     std::string name;
-    bool to_read = false;  ///< else to append
+    bool to_read = false;  ///< opened for reading, else for appending
   };
 
   Status begin(const char* what, const std::string& name);
@@ -86,14 +86,14 @@ class SimDisk final : public DiskPort {
 
   Random random_;
   std::uint64_t capacity_;
-  Tree tree_;                     ///< as the program sees it
-  Tree lasting_;                  ///< as far as synced
-  std::vector<Change> unsynced_;  ///< in order; lasting_ and these give tree_
+  Tree tree_;                     ///< as seen by the program
+  Tree lasting_;                  ///< as far as it is durable
+  std::vector<Change> unsynced_;  ///< in order; applied to lasting_ they give tree_
   std::map<FileHandle, Handle> handles_;
   FileHandle next_handle_ = 1;
   std::uint64_t operations_ = 0;
   std::uint64_t die_at_ = ~std::uint64_t{0};
-  bool dying_ = false;  ///< this operation is the one
+  bool dying_ = false;  ///< the power fails during the present operation
   bool dead_ = false;
   std::set<std::uint64_t> fail_at_;
   SimClock* slow_clock_ = nullptr;

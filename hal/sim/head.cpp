@@ -10,7 +10,7 @@ namespace nodal::hal::sim {
 
 namespace {
 
-/// Exposures in free run that one step makes up for, at most; far more than a head has buffers for.
+/// The most free-run exposures that one step catches up on; far more than a head has buffers.
 constexpr std::uint64_t kExposuresAStep = 64;
 
 }  // namespace
@@ -61,7 +61,7 @@ SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const He
 }
 
 SimHead::~SimHead() {
-  NODAL_ASSERT(port_ == nullptr);  // a port outlived its rig
+  NODAL_ASSERT(port_ == nullptr);  // ports must be destroyed before their rig
 }
 
 void SimHead::set_sequence(std::uint32_t next) {
@@ -87,7 +87,7 @@ void SimHead::unplug() {
 
 void SimHead::replug() {
   present_ = true;
-  settings_ = in_effect_ = options_.settings;  // it lost its power, and with it what it was set to
+  settings_ = in_effect_ = options_.settings;  // it was without power and lost its settings
   changes_.clear();
 }
 
@@ -111,7 +111,7 @@ Status SimHead::start(TriggerMode mode) {
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no trigger input; start it in free run");
   }
   const Instant now = clock_.now();
-  trigger_.step(now);  // pulses from before the start are not for this stream
+  trigger_.step(now);  // pulses from before the start do not belong to this stream
   mode_ = mode;
   streaming_ = true;
   if (!keep_sequence_) sequence_ = 0;
@@ -134,7 +134,7 @@ void SimHead::stop() {
   const std::size_t untaken = port_->take_back();
   counts_.discarded += untaken;
   counts_.waiting -= untaken;
-  // Registers keep what was written to them, and no frame is left to wait for.
+  // Written registers keep their values, and no delayed setting waits for a frame.
   if (!stuck_) in_effect_ = settings_;
   changes_.clear();
 }
@@ -154,7 +154,7 @@ void SimHead::change(const HeadSettings& wanted) {
     return;
   }
   const int latency = options_.limits.control_latency_frames;
-  // Of several changes between two exposures the newest counts: a head that is not triggered keeps one, not all.
+  // Of several changes between two exposures the newest replaces the others, so an untriggered head keeps only one.
   if (!changes_.empty() && changes_.back().frames_left == latency) changes_.pop_back();
   changes_.push_back({wanted, latency});
 }
@@ -191,7 +191,7 @@ Instant SimHead::free_run_begin() const {
   return free_run_from_ + stretched(options_.rate.start_of(free_run_next_), free_run_drift_ppb()) + nudges_.done();
 }
 
-/// After a long pause only the oldest and the newest kExposuresAStep frames are made one by one, so that a step is bounded.
+/// After a long pause, makes only the oldest and the newest kExposuresAStep frames one by one, to bound a step's time.
 bool SimHead::skip_to(Instant now) {
   const Duration elapsed = unstretched(now - free_run_from_ - nudges_.done(), free_run_drift_ppb());
   const std::uint64_t due = options_.rate.first_after(elapsed);
@@ -206,7 +206,7 @@ void SimHead::on_unseen(std::uint64_t pulses) {
   if (streaming_ && mode_ == TriggerMode::kExternal) lose_unseen(pulses);
 }
 
-/// So many frames find every buffer full; the device's own count goes on.
+/// Loses `frames` frames because every buffer is full; the device's own counter advances.
 void SimHead::lose_unseen(std::uint64_t frames) {
   sequence_ += static_cast<std::uint32_t>(frames);
   counts_.exposed += frames;
@@ -215,7 +215,7 @@ void SimHead::lose_unseen(std::uint64_t frames) {
 
 void SimHead::on_pulse(std::uint64_t number, Instant at) {
   if (!streaming_ || mode_ != TriggerMode::kExternal) return;
-  deliver_until(std::min(at, clock_.now()));  // a delayed pulse lies ahead
+  deliver_until(std::min(at, clock_.now()));  // a delayed pulse is in the future
   expose(at + options_.trigger_latency + random_.around_zero(options_.trigger_jitter), number);
 }
 
@@ -317,7 +317,7 @@ FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& byte
   }
   view.image = packed_image(options_.pixels, truth_.width, truth_.height, std::as_const(bytes).data());
   if (frame.verdict == FrameVerdict::kTorn) {
-    // The transfer ended early: the rest is what was in memory, here nothing.
+    // The transfer ended early: the rest of the buffer keeps its old content, here nothing.
     view.image.bytes = bytes.size() / 2;
     std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(view.image.bytes), bytes.end(), std::uint8_t{0});
     holds = 0;

@@ -1,5 +1,5 @@
-// A simulated head: a true lens before a sensor, on the rig's trigger line. It exists whether or not anybody has
-// opened it; SimRig::enumerator() opens it as a HeadPort, and what is here is the other half, the test's.
+// A simulated head: a lens model and a sensor on the rig's trigger line. It exists independently of being opened.
+// SimRig::enumerator() opens it as a HeadPort; this class is the other half, for the test.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@
 
 namespace nodal::hal::sim {
 
-/// How often each fault comes by itself, in frames per million.
+/// How often each random fault occurs, in frames per million.
 struct HeadFaults {
   std::uint32_t lose = 0, corrupt = 0, tear = 0, delay = 0, duplicate = 0;
   Duration longest_delay = Duration::milliseconds(20);
@@ -31,46 +31,46 @@ HeadLimits default_head_limits();
 inline constexpr std::uint16_t kWhiteBalanceMin = 256;  ///< a sixteenth
 
 struct HeadOptions {
-  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
+  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; YUV is full range BT.601, as in JPEG
   FrameRate rate;
-  /// An interlaced head exposes two fields half a period apart; its height is a multiple of four.
+  /// An interlaced head exposes two fields half a period apart; its height must be a multiple of four.
   Fields fields = Fields::kProgressive;
   HeadLimits limits = default_head_limits();
-  HeadSettings settings;                                ///< as the head comes
-  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
-  int supersampling = 2;                                ///< n x n samples a pixel
+  HeadSettings settings;                                ///< at power-on
+  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel with this exposure and 0 dB
+  int supersampling = 2;                                ///< n x n samples per pixel
   NoiseModel noise;
   int buffers = 4;
   Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
-  Duration trigger_jitter = Duration::microseconds(2);    ///< of each, uniform to both sides
-  Duration stamp_jitter;                          ///< of what each frame says of its middle, uniform to both sides
-  Duration readout = Duration::milliseconds(12);  ///< from the end of the exposure to the last byte
-  std::int32_t free_run_drift_ppm = 0;            ///< positive is slow; at most 100 000 to either side
-  std::optional<Duration> free_run_phase;         ///< of the first exposure after start(); drawn when not given
+  Duration trigger_jitter = Duration::microseconds(2);    ///< per pulse, uniform in both directions
+  Duration stamp_jitter;                                  ///< of the reported mid_exposure, uniform in both directions
+  Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
+  std::int32_t free_run_drift_ppm = 0;                    ///< positive is slow; at most 100 000 either way
+  std::optional<Duration> free_run_phase;                 ///< of the first exposure after start(); random if not given
   HeadFaults faults;
 };
 
-/// The part of them that the sensor needs.
+/// The subset of the options that the sensor needs.
 SensorOptions sensor_options(const HeadOptions& options);
 
-/// What really happened in one frame.
+/// The true data of one frame.
 struct FrameTruth {
   std::uint32_t sequence = 0;
-  std::optional<std::uint64_t> pulse;  ///< that started it
+  std::optional<std::uint64_t> pulse;  ///< the pulse that started it
   Instant exposure_begin;
   Instant mid_exposure;
 };
 
-/// exposed + duplicated = taken + without_buffer + by_fault + discarded + waiting, at any time.
+/// At any time: exposed + duplicated = taken + without_buffer + by_fault + discarded + waiting.
 struct HeadCounts {
   std::uint64_t exposed = 0;
-  std::uint64_t duplicated = 0;      ///< sent once more, by fault
+  std::uint64_t duplicated = 0;      ///< sent twice, by a fault
   std::uint64_t taken = 0;           ///< by take_frame()
   std::uint64_t without_buffer = 0;  ///< lost because the daemon held every buffer
-  std::uint64_t by_fault = 0;        ///< lost because a test or the fault rates said so
-  std::uint64_t discarded = 0;       ///< exposed or filled when stop() or unplug() came
+  std::uint64_t by_fault = 0;        ///< lost by a test's order or by the fault rates
+  std::uint64_t discarded = 0;       ///< exposed or in a buffer at stop() or unplug()
   std::uint64_t waiting = 0;         ///< exposed and not yet taken
-  std::uint64_t pulses_ignored = 0;  ///< they came while the head was still exposing; not frames
+  std::uint64_t pulses_ignored = 0;  ///< the head was still exposing when they came; not frames
 };
 
 /// Threading: thread-bound to capture.
@@ -82,32 +82,32 @@ class SimHead final : public PulseSink {
           const HeadOptions& options, std::uint64_t seed);
   ~SimHead() override;
 
-  // What the test does.
-  /// The next n frames that are exposed never arrive.
+  // What the test uses.
+  /// The next n exposed frames never arrive.
   void lose_frames(int n = 1) { lose_ += n; }
   void corrupt_next_frame() { corrupt_next_ = true; }
   void tear_next_frame() { tear_next_ = true; }
   void duplicate_next_frame() { duplicate_next_ = true; }
   void delay_next_frame(Duration by) { delay_next_ = by; }
-  /// The next frame's fields come in the other order of time, or its second field not at all.
+  /// The next frame's fields arrive in the other order, or without the second field.
   void swap_next_fields() { swap_fields_next_ = true; }
   void lose_next_field() { lose_field_next_ = true; }
-  /// Settings and nudges are taken and never carried out, until it is let go; frames say what the head really does.
+  /// While stuck, the head accepts settings and nudges but does not apply them; frames report the real settings.
   void set_stuck(bool stuck) { stuck_ = stuck; }
-  /// The light of all it sees, against the scene's: a cloud, a lamp.
+  /// A factor on the light that the head sees: a cloud, a lamp.
   void set_light(double factor) { light_ = factor; }
-  /// The device's own count goes on from here.
+  /// The device's own counter continues from `next`.
   void set_sequence(std::uint32_t next);
-  /// The input loses its picture: frames go on coming, grey, with kNoSignal.
+  /// Without a signal, frames continue, grey, with kNoSignal.
   void set_signal(bool there) { signal_ = there; }
   void set_faults(const HeadFaults& faults) { options_.faults = faults; }
-  /// Gone; its open port reports kDeviceGone for good.
+  /// Unplugs the head; its open port returns kDeviceGone permanently.
   void unplug();
   void replug();
-  /// Renders what the first frame would render, now.
+  /// Renders the static scene now, which the first frame would otherwise do.
   void prepare();
 
-  // What the test knows.
+  // What the test can query.
   const HeadIdentity& identity() const { return identity_; }
   const HeadCalibration& truth() const { return truth_; }
   const HeadOptions& options() const { return options_; }
@@ -115,10 +115,10 @@ class SimHead final : public PulseSink {
   bool present() const { return present_; }
   bool is_open() const { return port_ != nullptr; }
   bool streaming() const { return streaming_; }
-  /// Of one of the newest 64 frames.
+  /// For one of the newest 64 frames.
   std::optional<FrameTruth> truth_of(std::uint32_t sequence) const;
 
-  // What the enumerator does.
+  // What the enumerator uses.
   Result<std::unique_ptr<HeadPort>> open();
 
   void on_pulse(std::uint64_t number, Instant at) override;
@@ -171,7 +171,7 @@ class SimHead final : public PulseSink {
   bool present_ = true;
   bool streaming_ = false;
   TriggerMode mode_ = TriggerMode::kFreeRun;
-  HeadSettings settings_;   ///< as asked
+  HeadSettings settings_;   ///< as requested
   HeadSettings in_effect_;  ///< of the next exposure
   std::deque<Pending> changes_;
   Instant free_run_from_;
@@ -181,7 +181,7 @@ class SimHead final : public PulseSink {
   Instant last_received_;
   std::uint32_t sequence_ = 0;
   bool keep_sequence_ = false;   ///< set by the test before a start
-  std::deque<Exposed> exposed_;  ///< in the sensor or on the wire, in order of arrival
+  std::deque<Exposed> exposed_;  ///< in the sensor or in transfer, in order of arrival
   std::array<FrameTruth, 64> newest_{};
   HeadCounts counts_;
   int lose_ = 0;

@@ -1,4 +1,4 @@
-// A simulated head as the daemon opens it. Used by head.cpp and head_port.cpp only.
+// The port of an open simulated head. Used by head.cpp and head_port.cpp only.
 #pragma once
 
 #include <deque>
@@ -10,7 +10,7 @@
 
 namespace nodal::hal::sim {
 
-/// The head as opened. It owns the buffers, so that what was lent stays readable after the head is gone.
+/// It owns the buffers, so that lent pictures stay readable after the head is gone.
 class SimHead::Port final : public HeadPort {
  public:
   explicit Port(SimHead& head)
@@ -53,7 +53,7 @@ class SimHead::Port final : public HeadPort {
     }
   }
 
-  /// The driver's half. False: no buffer is free.
+  /// The driver's part. Returns false if no buffer is free.
   bool fill(const Exposed& frame) {
     for (std::size_t slot = 0; slot < buffers_.size(); ++slot) {
       if (buffers_[slot].state != Buffer::State::kFree) continue;
@@ -64,14 +64,14 @@ class SimHead::Port final : public HeadPort {
     }
     return false;
   }
-  /// Takes every buffer back. Returns how many held a frame that was not taken.
+  /// Takes back all buffers. Returns how many held a frame that was not taken.
   std::size_t take_back() {
     const std::size_t untaken = filled_.size();
     filled_.clear();
     for (Buffer& buffer : buffers_) buffer.state = Buffer::State::kFree;
     return untaken;
   }
-  /// From now on every call says so; what was lent stays lent.
+  /// From now on every call returns kDeviceGone; lent buffers stay valid.
   std::size_t vanish() {
     const std::size_t untaken = filled_.size();
     filled_.clear();
@@ -83,7 +83,7 @@ class SimHead::Port final : public HeadPort {
   struct Buffer {
     enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
     std::vector<std::uint8_t> bytes;
-    std::uint64_t holds = 0;  ///< which rendering is in it already, 0: unknown
+    std::uint64_t holds = 0;  ///< the rendering that it contains; 0: unknown
     Exposed frame;
   };
 

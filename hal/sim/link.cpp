@@ -5,7 +5,7 @@
 namespace nodal::hal::sim {
 namespace {
 
-/// How many bytes one call moves: as many as possible, or a number drawn from the seed.
+/// The number of bytes that one call moves: as many as possible, or a random number from the seed.
 std::size_t draw(LinkPipe& pipe, std::size_t most) {
   if (pipe.split == 0 || most == 0) return most;
   return std::min<std::size_t>(most, 1 + pipe.random() % pipe.split);

@@ -17,13 +17,13 @@ namespace nodal::hal::sim {
 /// One direction of a simulated link, shared by its writer, its reader and the test.
 struct LinkPipe {
   std::deque<std::uint8_t> bytes;
-  std::size_t capacity = 256U << 10;  ///< a writer past it gets 0, as with a full socket
+  std::size_t capacity = 256U << 10;  ///< beyond it a writer gets 0, as with a full socket
   bool writer_gone = false;
   bool reader_gone = false;
-  bool reset = false;                     ///< bytes in flight are lost and both ends see kLinkClosed
-  bool stalled = false;                   ///< the reader gets nothing: a slow or stuck peer
-  std::uint32_t split = 0;                ///< when not 0: every read and write moves 1..split bytes, drawn by the seed
-  std::optional<std::uint64_t> flip_bit;  ///< this bit, counted in the bytes still to be written, is flipped
+  bool reset = false;                     ///< bytes in transit are lost and both ends return kLinkClosed
+  bool stalled = false;                   ///< the reader gets nothing, as with a slow or stuck peer
+  std::uint32_t split = 0;                ///< if not 0: every read and write moves 1..split bytes, at random
+  std::optional<std::uint64_t> flip_bit;  ///< flips this bit, counted from the next byte written
   std::uint64_t written = 0;
   std::minstd_rand random;
 };
@@ -37,16 +37,16 @@ class SimLink final : public LinkPort {
   SimLink(const SimLink&) = delete;
   SimLink& operator=(const SimLink&) = delete;
 
-  // What the program sees.
+  // What the program uses.
   Result<std::size_t> read(std::span<std::uint8_t> into) override;
   Result<std::size_t> write(std::span<const std::uint8_t> from) override;
   const std::string& peer() const override { return peer_; }
   std::optional<PeerIdentity> identity() const override { return identity_; }
 
-  // What the test does. "in" is what this end reads, "out" what it writes.
+  // What the test uses. "in" is the direction that this end reads, "out" the one that it writes.
   LinkPipe& in() { return *in_; }
   LinkPipe& out() { return *out_; }
-  /// As when the cable is pulled: bytes on their way are lost.
+  /// As if the cable were pulled: bytes in transit are lost.
   void reset();
 
  private:
@@ -65,7 +65,7 @@ class SimLinkListener final : public LinkListenerPort {
  public:
   Result<std::unique_ptr<LinkPort>> accept() override;
 
-  /// The host's end of a new link; the listener will accept the other, whose peer is this process.
+  /// Returns the host's end of a new link; the listener will accept the other end, whose peer is this process.
   std::unique_ptr<SimLink> connect(PeerIdentity host = {1000, 4711});
 
  private:

@@ -1,4 +1,4 @@
-// How a simulated head moves its exposures in free run.
+// How a simulated head shifts its exposures in free run.
 #pragma once
 
 #include <algorithm>
@@ -8,18 +8,18 @@
 
 namespace nodal::hal::sim {
 
-/// The shifts that a head was asked for: those still to do, and the sum of those done.
+/// The requested shifts of a head: the part not yet executed, and the sum of the executed part.
 class Nudges {
  public:
   void restart() { *this = {}; }
-  /// Rounded to a step, away from zero when it lies half way.
+  /// Rounds to a step, half away from zero.
   void ask(Duration by, const NudgeLimits& limits) {
     const std::int64_t step = limits.step.ns();
     const std::int64_t steps = ((by < Duration() ? -by.ns() : by.ns()) + step / 2) / step;
     pending_.push_back({limits.step * (by < Duration() ? -steps : steps), std::max(limits.latency_frames, 1)});
   }
-  /// An exposure has begun: the period from it to the next is longer by what this adds to done(). `room` is what the
-  /// sensor can shorten that period by and still be ready.
+  /// At the start of an exposure: the period to the next one is longer by the amount that this adds to done(). `room`
+  /// is the most by which the sensor can shorten that period.
   void next_period(const NudgeLimits& limits, Duration room) {
     for (Asked& asked : pending_) --asked.frames_left;
     while (!pending_.empty() && pending_.front().frames_left <= 0) {

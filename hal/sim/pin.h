@@ -1,4 +1,4 @@
-// Simulated lines: an output that falls back to its safe level, and an input whose edges a test scripts.
+// Simulated lines: an output that returns to its safe level, and an input with edges scripted by a test.
 #pragma once
 
 #include <atomic>
@@ -19,16 +19,16 @@ class SimOutputPin final : public OutputPinPort {
 
   explicit SimOutputPin(bool safe_level) : safe_(safe_level), high_(safe_level) {}
 
-  // What the daemon sees.
+  // What the daemon uses.
   Status set(bool high, Instant now, Duration lease) override;
   Status step(Instant now) override;
   void make_safe() noexcept override { made_safe_.store(true); }
 
-  // What the test does and knows.
+  // What the test uses.
   void unplug() { gone_ = true; }
-  /// The level on the wire at `now`: the lease ends whether or not anybody steps.
+  /// The level on the line at `now`; the lease ends even if step() is not called.
   bool level_at(Instant now) const { return made_safe_.load() || now >= until_ ? safe_ : high_; }
-  /// Changes of level, oldest first; at least the newest kKept / 2 of them.
+  /// Changes of level, oldest first; at least the newest kKept / 2 are kept.
   const std::vector<PinEdge>& history() const { return history_; }
 
  private:
@@ -37,24 +37,24 @@ class SimOutputPin final : public OutputPinPort {
   const bool safe_;
   bool high_;
   bool gone_ = false;
-  std::atomic<bool> made_safe_{false};  ///< for good
+  std::atomic<bool> made_safe_{false};  ///< permanently
   Instant until_;
   std::vector<PinEdge> history_;
 };
 
 /// Threading: thread-bound to its stage.
-/// Ownership: the clock outlives it.
+/// Ownership: refers to the clock.
 /// Errors: kDeviceGone after unplug().
 class SimInputPin final : public InputPinPort {
  public:
   explicit SimInputPin(ClockPort& clock, bool level = false) : clock_(clock), high_(level) {}
 
-  // What the daemon sees.
+  // What the daemon uses.
   Result<bool> level() override;
   Result<std::optional<PinEdge>> take_edge() override;
 
-  // What the test does.
-  /// Sets the line to `high` at that time; call in order of time. Without a change of level there is no edge.
+  // What the test uses.
+  /// Sets the line to `high` at time `at`; call in order of time. If the level does not change there is no edge.
   void script(Instant at, bool high) { script_.push_back({at, high}); }
   void unplug() { gone_ = true; }
 

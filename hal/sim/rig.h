@@ -17,21 +17,21 @@ namespace nodal::hal::sim {
 struct SimRigOptions {
   bool real_time = false;
   std::uint64_t seed = 1;
-  ScenePtr scene;                                       ///< none: the town square
-  HeadOptions head;                                     ///< of every head
+  ScenePtr scene;                                       ///< null: the town square
+  HeadOptions head;                                     ///< for every head
   std::function<void(HeadIndex, HeadOptions&)> adjust;  ///< changes the options of single heads; may be empty
   TriggerOptions trigger;
 };
 
-/// Heads are opened by path: "sim:" and the head's name in the truth, such as "sim:cam3".
+/// The path of a head is "sim:" and its name in the truth, such as "sim:cam3".
 ///
 /// Threading: thread-bound to capture; only the clock is thread-safe. While no head is open, prepare() may run for
 ///   different heads on different threads.
-/// Ownership: owns everything in it; ports that the enumerator opened must be gone before it is.
+/// Ownership: owns all its parts; destroy ports from the enumerator first.
 /// Errors: as the ports.
 class SimRig {
  public:
-  /// `truth` has been checked.
+  /// `truth` must be checked.
   SimRig(const Calibration& truth, SimRigOptions options);
   ~SimRig();
 
@@ -42,11 +42,11 @@ class SimRig {
 
   int head_count() const { return static_cast<int>(heads_.size()); }
   SimHead& head(int index) { return *heads_.at(static_cast<std::size_t>(index)); }
-  /// Null when the truth has no such head.
+  /// Null if the truth has no such head.
   SimHead* find(const std::string& path);
 
-  /// Renders what a head sees before its first frame is due (a quarter second and more for a big picture); without
-  /// it the first frame does. In real time, call it for every head before opening any.
+  /// Renders a head's static scene before its first frame is due (a quarter of a second or more for a big picture);
+  /// otherwise the first frame does it. In real time, call it for every head before opening any.
   void prepare(int index) { head(index).prepare(); }
 
  private:

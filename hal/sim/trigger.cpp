@@ -48,7 +48,7 @@ Status SimTrigger::start(const TriggerSettings& settings) {
   rate_ = settings.follow ? *options_.external : settings.rate;
   started_ = clock_.now() + options_.first_pulse;
   if (settings.follow) {
-    // Pulse 0 is the next one of a train that began before start().
+    // Pulse 0 is the next pulse of a train that began before start().
     const std::int64_t period = rate_.period().ns();
     started_ = Instant::from_ns((started_.ns() + period - 1) / period * period);
   }
@@ -89,7 +89,7 @@ void SimTrigger::step(Instant now) {
   }
 }
 
-/// After a long pause only the oldest and the newest kEdgesKept pulses are sent one by one, so that a step is bounded.
+/// After a long pause only the oldest and the newest kEdgesKept pulses are sent one by one, to bound a step's time.
 void SimTrigger::skip_to(Instant now) {
   const std::uint64_t due = rate_.first_after(unstretched(now - started_, options_.drift_ppb));
   if (due <= next_ + kEdgesKept) return;

@@ -16,46 +16,46 @@ namespace nodal::hal::sim {
 class PulseSink {
  public:
   virtual ~PulseSink() = default;
-  /// The active edge of pulse `number`, in order of time.
+  /// The active edge of pulse `number`; calls are in order of time.
   virtual void on_pulse(std::uint64_t number, Instant at) = 0;
-  /// This many pulses came during a pause longer than kEdgesKept; their frames are lost.
+  /// `pulses` pulses came during a pause longer than kEdgesKept; their frames are lost.
   virtual void on_unseen(std::uint64_t pulses) = 0;
 };
 
 struct TriggerOptions {
-  Duration jitter;             ///< of each pulse, uniform to both sides; at most a quarter period
-  std::int64_t drift_ppb = 0;  ///< the generator's crystal: positive is slow; at most 10^8 to either side
+  Duration jitter;             ///< per pulse, uniform in both directions; at most a quarter period
+  std::int64_t drift_ppb = 0;  ///< of the generator's crystal: positive is slow; at most 10^8 either way
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
-  std::optional<FrameRate> external;  ///< another device drives the line at this rate, since the rig's first second
+  std::optional<FrameRate> external;  ///< another device drives the line at this rate since the rig's first second
 };
 
 /// Threading: thread-bound to capture, with the heads of its rig.
-/// Ownership: none; the clock and the sinks outlive it.
+/// Ownership: none; refers to the clock and the sinks.
 /// Errors: as TriggerPort.
 class SimTrigger final : public TriggerPort {
  public:
-  /// Edges that wait to be taken, and pulses that one step sends, at most: eight seconds of NTSC.
+  /// The most edges that wait to be taken, and pulses that one step sends: eight seconds of NTSC.
   static constexpr std::size_t kEdgesKept = 256;
 
   SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed);
 
-  // What the daemon sees.
+  // What the daemon uses.
   Status start(const TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<TriggerEdge>> take_edge() override;
   void make_safe() noexcept override { safe_.store(true); }
 
-  // What the test does and knows.
+  // What the test uses.
   void lose_pulse() { ++pulses_to_lose_; }
   void unplug() { gone_ = true; }
   bool running() const { return running_ && !safe_.load(); }
   std::uint64_t pulses_sent() const { return sent_; }
-  std::uint64_t edges_forgotten() const { return forgotten_; }  ///< they were not taken in time
+  std::uint64_t edges_forgotten() const { return forgotten_; }  ///< dropped because they were not taken in time
 
-  // What the rig does.
+  // What the rig uses.
   void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
-  /// Sends every pulse due up to `now`; between the oldest and the newest kEdgesKept of them only their count.
+  /// Sends every pulse due up to `now`; of those between the oldest and the newest kEdgesKept it sends only the count.
   void step(Instant now);
 
  private:
@@ -72,7 +72,7 @@ class SimTrigger final : public TriggerPort {
   TriggerSettings settings_;
   bool running_ = false;
   bool gone_ = false;
-  std::atomic<bool> safe_{false};  ///< for good
+  std::atomic<bool> safe_{false};  ///< permanently
   Instant started_;                ///< moment of pulse 0
   FrameRate rate_;                 ///< of the device that drives the line
   std::uint64_t next_ = 0;

@@ -10,13 +10,13 @@
 namespace nodal::hal::sim {
 
 /// Threading: thread-bound to the supervisor.
-/// Ownership: the clock outlives it.
+/// Ownership: refers to the clock.
 /// Errors: none.
 class SimWatchdog final : public WatchdogPort {
  public:
   explicit SimWatchdog(ClockPort& clock) : clock_(clock), last_(clock.now()) {}
 
-  // What the daemon sees.
+  // What the daemon uses.
   void ready() override {
     ready_ = true;
     last_ = clock_.now();
@@ -28,12 +28,12 @@ class SimWatchdog final : public WatchdogPort {
   void stopping() override { stopping_ = true; }
   void status(std::string_view line) override { lines_.emplace_back(line.substr(0, line.find_first_of("\r\n"))); }
 
-  // What the test knows.
+  // What the test uses.
   bool is_ready() const { return ready_; }
   bool is_stopping() const { return stopping_; }
   std::uint64_t feeds() const { return feeds_; }
   const std::vector<std::string>& lines() const { return lines_; }
-  /// Whether a real supervisor would have ended the daemon by now.
+  /// Whether a real supervisor would have killed the daemon by now.
   bool would_bite(Duration timeout) const { return ready_ && clock_.now() - last_ > timeout; }
 
  private:

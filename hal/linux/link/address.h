@@ -9,9 +9,9 @@
 
 namespace nodal::hal {
 
-/// Where a socket is, read from what a user wrote.
+/// The address of a socket, parsed from a user's text.
 struct SocketAddress {
-  std::string text;  ///< as it was written
+  std::string text;  ///< as written by the user
   std::string path;
   sockaddr_storage storage{};
   socklen_t size = 0;
@@ -19,7 +19,7 @@ struct SocketAddress {
   const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
 };
 
-/// kBadValue when it is not "unix:PATH".
+/// kBadValue if it is not "unix:PATH".
 Result<SocketAddress> parse_address(std::string_view text);
 
 }  // namespace nodal::hal

@@ -25,8 +25,8 @@ int make_nonblocking(int fd) {
   return flags;
 }
 
-/// write() to a pipe without reader raises SIGPIPE, which would end the program, and the signal's handler belongs to
-/// the program. So this thread blocks the signal around the call, and removes one that became pending.
+/// write() to a pipe without a reader raises SIGPIPE, which would end the program; the signal's handler is not ours to
+/// change. So this thread blocks the signal during the call, and removes one that became pending.
 ssize_t write_without_signal(int fd, std::span<const std::uint8_t> from) {
   sigset_t pipe_signal, before, pending;
   sigemptyset(&pipe_signal);
@@ -77,7 +77,7 @@ DescriptorLink::DescriptorLink(Descriptor read_from, int write_to, std::string p
 
 DescriptorLink::~DescriptorLink() { close_descriptors(); }
 
-// The flags belong to the open file, which a shell may share and still use.
+// Restores the flags: they belong to the open file, which a shell may share and still use.
 void DescriptorLink::close_descriptors() {
   if (write_ >= 0 && write_ != read_.get()) {
     if (write_flags_ >= 0) fcntl(write_, F_SETFL, write_flags_);

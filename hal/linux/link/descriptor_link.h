@@ -10,7 +10,7 @@
 
 namespace nodal::hal {
 
-/// Closes with its scope.
+/// A descriptor that is closed at the end of its scope.
 class Descriptor {
  public:
   explicit Descriptor(int fd = -1) : fd_(fd) {}
@@ -24,17 +24,17 @@ class Descriptor {
   int fd_;
 };
 
-/// "unix:/run/nodal.sock: connection refused".
+/// Builds errors such as "unix:/run/nodal.sock: connection refused".
 tl::unexpected<Error> system_error(Errc code, const std::string& where, int number);
 
-/// A link over open descriptors: the whole of a socket link, and the base of a spawned program's.
+/// A link over open descriptors: all of a socket link, and the base of a spawned program's link.
 ///
 /// Threading: thread-bound to its stage.
-/// Ownership: closes both descriptors, and restores their flags before.
+/// Ownership: restores both descriptors' flags and closes them.
 /// Errors: kLinkClosed, kIo.
 class DescriptorLink : public LinkPort {
  public:
-  /// Both may be the same number, which is then closed once.
+  /// Both descriptors may be the same; it is then closed once.
   DescriptorLink(Descriptor read_from, int write_to, std::string peer,
                  std::optional<PeerIdentity> identity = std::nullopt);
   ~DescriptorLink() override;
@@ -48,7 +48,7 @@ class DescriptorLink : public LinkPort {
   LinkDescriptors descriptors() const { return {read_.get(), write_}; }
 
  protected:
-  /// Why the other end closed, if known.
+  /// The reason why the other end closed, if known.
   virtual std::string closed_because() { return "the other end closed the link"; }
   void close_descriptors();
 

@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kConnectTimeoutMs = 2000;
 constexpr int kBacklog = 16;
-constexpr int kLockTimeoutMs = 3000;  ///< listening takes a few milliseconds; whoever holds it longer hangs
+constexpr int kLockTimeoutMs = 3000;  ///< listening takes a few milliseconds; a longer holder hangs
 constexpr int kLockRetryMs = 20;
 constexpr mode_t kSocketMode = 0660;
 constexpr mode_t kLockMode = 0600;
@@ -28,7 +28,7 @@ Descriptor open_socket(const SocketAddress& address) {
   return Descriptor(::socket(address.storage.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
-/// 0 when connected, else an errno.
+/// Returns 0 when connected, else an errno.
 int connect_within(int fd, const SocketAddress& address, int timeout_ms) {
   while (::connect(fd, address.get(), address.size) < 0) {
     if (errno == EINTR) continue;
@@ -55,7 +55,7 @@ class SocketListener final : public LinkListenerPort {
     known_ = ::stat(path_.c_str(), &file_) == 0;
   }
 
-  // The file goes only when it is still ours: somebody may have put his own in its place.
+  // Removes the file only if it is still ours: another program may have put its own in its place.
   ~SocketListener() override {
     struct stat now {};
     if (known_ && ::stat(path_.c_str(), &now) == 0 && now.st_ino == file_.st_ino && now.st_dev == file_.st_dev) {
@@ -77,7 +77,7 @@ class SocketListener final : public LinkListenerPort {
         }
         return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer), identity);
       }
-      if (errno == EINTR || errno == ECONNABORTED) continue;  // gave up while waiting; the next may not have
+      if (errno == EINTR || errno == ECONNABORTED) continue;  // that client gave up; the next may not have
       if (errno == EAGAIN || errno == EWOULDBLOCK) return nullptr;
       return system_error(Errc::kIo, address_ + ": taking a new link", errno);
     }
@@ -87,7 +87,7 @@ class SocketListener final : public LinkListenerPort {
   int descriptor() const { return socket_.get(); }
 
  private:
-  /// By the kernel, which noted it when the peer connected: unix(7), SO_PEERCRED.
+  /// The kernel records the process when the peer connects: unix(7), SO_PEERCRED.
   static std::optional<PeerIdentity> who_is(int fd) {
     ucred who{};
     socklen_t size = sizeof(who);
@@ -102,7 +102,7 @@ class SocketListener final : public LinkListenerPort {
   bool known_ = false;
 };
 
-/// Removes a socket file nobody listens at; kExists when somebody does, or when it is something else.
+/// Removes a socket file without a listener; kExists if there is a listener, or if it is not a socket.
 Status remove_stale(const SocketAddress& address) {
   struct stat file {};
   if (::lstat(address.path.c_str(), &file) != 0) return {};
@@ -122,7 +122,7 @@ Status remove_stale(const SocketAddress& address) {
   return {};
 }
 
-/// Sets the group first: chown(2) may take mode bits away.
+/// Sets the group first, because chown(2) may clear mode bits.
 Status give_to(const SocketAddress& address, const SocketFile& file) {
   if (!file.group.empty()) {
     const group* const found = ::getgrnam(file.group.c_str());
@@ -138,9 +138,9 @@ Status give_to(const SocketAddress& address, const SocketFile& file) {
   return {};
 }
 
-/// Two programs that start at once must not both find a stale file, or the second removes the first's socket. The lock
-/// is on a file beside the socket that only this user can open; anybody who can read the folder could hold a lock on the
-/// folder itself. The file stays: a lock file that is removed no longer excludes whoever has it open.
+/// Two programs that start at once must not both find a stale file, else the second removes the first's new socket. The
+/// lock is on a file beside the socket that only this user can open; the folder itself could be locked by everyone who
+/// can read it. The lock file is never removed: a removed file no longer excludes processes that have it open.
 Result<Descriptor> lock_beside(const SocketAddress& address) {
   const std::string file = address.path + ".lock";
   Descriptor lock(::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, kLockMode));
@@ -168,11 +168,11 @@ Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& addre
 
   Descriptor socket = open_socket(address);
   if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
-  // Before bind(), which takes the umask's bits away, so that the file is never wider than it will be.
+  // Before bind(), which applies the umask, so that the file's permissions are never wider than the final ones.
   ::fchmod(socket.get(), static_cast<mode_t>(file.mode.value_or(kSocketMode)));
   if (::bind(socket.get(), address.get(), address.size) != 0) return system_error(Errc::kIo, address.text, errno);
   Status ready = give_to(address, file);
-  // Nobody can connect before listen(), so the group and the mode are right for the first who does.
+  // Clients can connect only after listen(), so group and mode are set before the first one.
   if (ready && ::listen(socket.get(), kBacklog) != 0) ready = system_error(Errc::kIo, address.text, errno);
   if (!ready) {
     ::unlink(address.path.c_str());

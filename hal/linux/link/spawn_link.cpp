@@ -17,10 +17,10 @@
 namespace nodal::hal {
 namespace {
 
-constexpr int kPatienceMs = 1000;  // for a program whose input has ended
-constexpr int kExitCodeMs = 200;   // from the end of its output to its exit code
+constexpr int kPatienceMs = 1000;  // for a program whose input is closed
+constexpr int kExitCodeMs = 200;   // from the end of its output to its exit status
 
-/// Readable once the process has ended. By number: the C++ linkage of glibc 2.36's own is broken.
+/// Readable once the process has ended. By syscall number, because glibc 2.36's wrapper has broken C++ linkage.
 Descriptor open_process(pid_t process) { return Descriptor(static_cast<int>(::syscall(SYS_pidfd_open, process, 0))); }
 
 class SpawnedLink final : public DescriptorLink {
@@ -86,10 +86,10 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
   posix_spawnattr_t attributes;
   posix_spawn_file_actions_init(&actions);
   posix_spawnattr_init(&attributes);
-  // dup2 clears close-on-exec; every other descriptor of this program has it.
+  // dup2 clears close-on-exec, which all other descriptors of this program have.
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 0);
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 1);
-  // The program must not inherit this thread's blocked signals or this process's ignored ones.
+  // The program must not inherit this thread's blocked signals or this process's ignored signals.
   sigset_t none, defaults;
   sigemptyset(&none);
   sigemptyset(&defaults);

@@ -10,8 +10,8 @@ namespace nodal::hal::v4l2 {
 namespace {
 
 constexpr std::int64_t kExposureUnitUs = 100;
-constexpr std::int64_t kLongestUs = 10'000'000;  ///< as rig.toml has it
-/// Frames from a control's change to the first frame that carries it, which V4L2 does not tell; most sensors need 2.
+constexpr std::int64_t kLongestUs = 10'000'000;  ///< the same limit as in rig.toml
+/// Frames from a control's change to the first frame with it; V4L2 does not report this, and most sensors need 2.
 constexpr int kLatencyFrames = 2;
 
 std::string name_of(std::uint32_t id) {
@@ -37,7 +37,7 @@ Status set_one(const Device& device, std::uint32_t id, std::int32_t value) {
   return {};
 }
 
-/// 4096 is the control's default.
+/// The control's default value maps to 4096 (1.0).
 std::uint16_t q12_of(std::int32_t value, std::int32_t usual) {
   return static_cast<std::uint16_t>(
       std::clamp<std::int64_t>((std::int64_t{value} * 4096 + usual / 2) / usual, 1, 65535));
@@ -69,7 +69,7 @@ Result<std::optional<Controls::Range>> Controls::find_range(const Device& device
 }
 
 Result<Controls> Controls::find(const Device& device, std::int32_t gain_step_mdb) {
-  // Automatic modes first: they make the manual controls inactive.
+  // Automatic modes are switched off first, because they make the manual controls inactive.
   struct Off {
     std::uint32_t id;
     std::int32_t value;

@@ -11,7 +11,7 @@
 
 namespace nodal::hal::v4l2 {
 
-/// What is to be set; what is not given stays.
+/// The settings to change; others keep their values.
 struct ControlChange {
   std::optional<Exposure> exposure;
   std::optional<Gain> gain;
@@ -21,21 +21,21 @@ struct ControlChange {
   bool empty() const { return !exposure && !gain && !white_balance; }
 };
 
-/// Exposure is V4L2_CID_EXPOSURE_ABSOLUTE, in 100 us. Gain is V4L2_CID_GAIN or V4L2_CID_ANALOGUE_GAIN, of
-/// `gain_step_mdb` a step. White balance is V4L2_CID_RED_BALANCE and V4L2_CID_BLUE_BALANCE, whose defaults are taken for
-/// 1.0. A setting that the device does not have is fixed at what HeadSettings begins with.
+/// Exposure is V4L2_CID_EXPOSURE_ABSOLUTE, in 100 us. Gain is V4L2_CID_GAIN or V4L2_CID_ANALOGUE_GAIN, with
+/// `gain_step_mdb` per step. White balance is V4L2_CID_RED_BALANCE and V4L2_CID_BLUE_BALANCE; their defaults count as
+/// 1.0. A setting that the device does not have is fixed at HeadSettings' default.
 ///
-/// Threading: thread-bound. Every call but limits() may take seconds.
+/// Threading: thread-bound. Every call except limits() may take seconds.
 class Controls {
  public:
-  /// Finds the controls and switches automatic modes off.
+  /// Finds the controls and switches off automatic modes.
   /// Errors: those of explain(), naming the control.
   static Result<Controls> find(const Device& device, std::int32_t gain_step_mdb);
 
   const HeadLimits& limits() const { return limits_; }
-  /// What the device has now.
+  /// The device's present settings.
   Result<HeadSettings> read(const Device& device) const;
-  /// Values within limits(). On an error some of it may have been set.
+  /// Sets values, which must be within limits(). After an error some of them may be set.
   Status set(const Device& device, const ControlChange& change) const;
 
  private:

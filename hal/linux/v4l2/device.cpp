@@ -8,7 +8,7 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-/// A driver's text, which it need not end.
+/// A text from a driver, which may lack the terminating zero.
 template <std::size_t kSize>
 std::string text_of(const std::uint8_t (&field)[kSize]) {
   const char* const start = reinterpret_cast<const char*>(field);
@@ -27,7 +27,7 @@ bool captures(const v4l2_capability& capability) {
 struct Opened {
   std::unique_ptr<Device> device;
   int error = 0;         ///< of open or QUERYCAP
-  bool captures = true;  ///< else it is open, and something else than a capture device
+  bool captures = true;  ///< false: it is open, but is not a capture device
 };
 
 Opened open_node(System& system, const std::string& head, const std::string& node) {
@@ -104,7 +104,7 @@ Result<std::unique_ptr<Device>> open_device(System& system, const std::string& h
       by_card.push_back(std::move(opened.device));
     }
   }
-  // Several nodes on one bus address are one device, and the first of them is its main stream.
+  // Several nodes on one bus address are one device; the first is its main stream.
   if (!on_bus.empty()) return std::move(on_bus.front());
   if (by_card.size() == 1) return std::move(by_card.front());
   if (by_card.empty()) return fail(no_such(head, "no device is called so; " + seen_devices(system)));

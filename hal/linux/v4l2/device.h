@@ -1,4 +1,4 @@
-// Finds a V4L2 device by name and holds it open.
+// Finds a V4L2 device by name and keeps it open.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -14,7 +14,7 @@ namespace nodal::hal::v4l2 {
 
 /// An open capture device.
 ///
-/// Threading: calls may come from two threads as long as the driver's do not depend on each other; see head.h.
+/// Threading: two threads may call it as long as their driver calls do not depend on each other; see head.h.
 /// Ownership: closes its descriptor; the system outlives it.
 class Device {
  public:
@@ -26,7 +26,7 @@ class Device {
   System& system() const { return system_; }
   int fd() const { return fd_; }
   int ioctl(unsigned long request, void* argument) const { return system_.ioctl(fd_, request, argument); }
-  /// As in rig.toml, for messages.
+  /// The head's name in rig.toml, for messages.
   const std::string& head() const { return head_; }
   const std::string& node() const { return node_; }
   std::string card() const;
@@ -45,13 +45,13 @@ class Device {
   const bool multiplanar_;
 };
 
-/// Opens what `name` says: a path (/dev/video0, or a link to one), a name in /dev/v4l/by-path or by-id, or what the
-/// driver says of its bus ("usb-0000:00:14.0-2.1", "platform:vivid-000") or card. `head` is how messages call it.
-/// May take seconds: drivers wake devices up.
-/// Errors: kNoSuchDevice, also for devices that do not capture; kBadValue when a card's name fits several.
+/// Opens the device `name`: a path (/dev/video0, or a link to one), a name in /dev/v4l/by-path or by-id, or the bus
+/// ("usb-0000:00:14.0-2.1", "platform:vivid-000") or card name that the driver reports. `head` is the name for
+/// messages. May take seconds, because drivers wake up devices. Errors: kNoSuchDevice, also for devices that do not
+/// capture; kBadValue if several devices have that card name.
 Result<std::unique_ptr<Device>> open_device(System& system, const std::string& head, const std::string& name);
 
-/// Every device that captures and can be opened now, by its bus, or by its node where two are on one bus.
+/// All capture devices that can be opened now, by bus name, or by node if two share a bus.
 std::vector<HeadIdentity> list_devices(System& system);
 
 }  // namespace nodal::hal::v4l2

@@ -35,16 +35,16 @@ Opened open_channel(System& system, const std::string& path, const HeadRequest& 
 struct V4l2Enumerator::Path {
   HeadRequest request;
   std::shared_ptr<bool> in_use = std::make_shared<bool>(false);
-  std::weak_ptr<Channel> channel;  ///< of the head that uses it
+  std::weak_ptr<Channel> channel;  ///< of the head that uses the device
   std::optional<std::future<Opened>> opening;
   std::optional<Error> last;
-  Worker worker;  ///< last, so that its jobs end first
+  Worker worker;  ///< declared last, so destroyed first: its jobs use the members above
 };
 
 V4l2Enumerator::V4l2Enumerator(ClockPort& clock, System& system) : clock_(clock), system_(system) {}
 
 V4l2Enumerator::~V4l2Enumerator() {
-  for (const auto& [name, path] : paths_) NODAL_ASSERT(!*path->in_use);  // a head outlived its enumerator
+  for (const auto& [name, path] : paths_) NODAL_ASSERT(!*path->in_use);  // destroy heads first
 }
 
 V4l2Enumerator::Path& V4l2Enumerator::at(const std::string& path) {
@@ -56,7 +56,7 @@ V4l2Enumerator::Path& V4l2Enumerator::at(const std::string& path) {
 void V4l2Enumerator::request(const std::string& path, const HeadRequest& request) {
   Path& one = at(path);
   one.request = request;
-  one.opening.reset();  // an attempt that is under way asks for something else
+  one.opening.reset();  // an attempt in progress used the previous request
 }
 
 Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open(const std::string& path) {
@@ -65,7 +65,7 @@ Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open(const std::string& path) 
   }
   Path& one = at(path);
   if (*one.in_use) {
-    // A head that nobody asked for a frame since its device went does not know yet that it is gone.
+    // A head from which no frame was requested since its device went has not yet detected that it is gone.
     const std::shared_ptr<Channel> channel = one.channel.lock();
     v4l2_capability capability{};
     if (!channel || channel->device->ioctl(VIDIOC_QUERYCAP, &capability) != ENODEV) {
@@ -102,7 +102,7 @@ Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open_and_wait(const std::strin
     one.worker.settle();
     if (!one.opening) {
       auto at_once = open(path);
-      if (!one.opening) return at_once;  // the device answered at once, or was not asked
+      if (!one.opening) return at_once;  // the device answered at once, or no attempt was made
     }
     one.worker.settle();
   }

@@ -13,28 +13,28 @@
 
 namespace nodal::hal::v4l2 {
 
-/// Paths are "v4l2:" and what open_device() knows a device by. Each path has a worker, which opens its device; so one
-/// that takes long, or hangs, keeps no other from opening.
+/// A path is "v4l2:" and a name for open_device(). Each path has a worker thread that opens its device, so a device
+/// that is slow or hangs does not delay the others.
 ///
-/// Threading: thread-bound to capture. The destructor waits for calls that are under way.
-/// Ownership: the clock and the system outlive it; heads must be gone before it is.
-/// Errors: open() is kNotReady while the first attempt at a path is under way, then what the newest attempt said while
-///   the next is. kBusy when the path is open.
+/// Threading: thread-bound to capture. The destructor waits for calls in progress.
+/// Ownership: refers to the clock and the system; destroy heads first.
+/// Errors: open() returns kNotReady during the first attempt at a path; during later attempts it returns the result of
+/// the last one. kBusy if the path is open.
 class V4l2Enumerator final : public HeadEnumerator {
  public:
   explicit V4l2Enumerator(ClockPort& clock, System& system = kernel());
   ~V4l2Enumerator() override;
 
-  /// What the device at `path` is asked when it is opened. Starts the path's worker.
+  /// Sets the request for the device at `path`, used when it is opened. Starts the path's worker.
   void request(const std::string& path, const HeadRequest& request);
 
   Result<std::unique_ptr<HeadPort>> open(const std::string& path) override;
-  /// Opens every device of the machine for a moment, which may take seconds: not for capture's thread.
+  /// Opens every device of the machine briefly, which may take seconds: not for the capture thread.
   std::vector<HeadIdentity> list() override;
 
-  /// As open(), but waits until the device has answered: for checks before anything runs.
+  /// Like open(), but waits until the device has answered: for checks before the rig runs.
   Result<std::unique_ptr<HeadPort>> open_and_wait(const std::string& path);
-  /// Waits until no device has a call under way.
+  /// Waits until no device has a call in progress.
   void settle();
 
  private:

@@ -10,7 +10,7 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-/// How often the input is asked whether it has a picture.
+/// How often the input is asked for its signal state.
 constexpr Duration kSignalEvery = Duration::milliseconds(500);
 
 void report(Channel& channel, Channel::Report&& report) {
@@ -18,7 +18,7 @@ void report(Channel& channel, Channel::Report&& report) {
   channel.reports.push_back(std::move(report));
 }
 
-/// Sets what is wanted by now, and reads back what the device made of it.
+/// Applies the newest requested settings, and reads back the device's values.
 void carry_out_controls(Channel& channel, ClockPort& clock) {
   ControlChange change;
   {
@@ -52,7 +52,7 @@ V4l2Head::V4l2Head(std::string path, std::shared_ptr<Channel> channel, Worker& w
 }
 
 V4l2Head::~V4l2Head() {
-  if (state_ != State::kFailed) *in_use_ = false;  // a failed head gave it up, and it may be another's by now
+  if (state_ != State::kFailed) *in_use_ = false;  // a failed head has released it; another may hold it
   worker_.post([channel = std::move(channel_)] { channel->stream.end(); });
 }
 
@@ -102,7 +102,7 @@ void V4l2Head::post_stream(bool again) {
 void V4l2Head::stop() {
   if (state_ == State::kStopped || state_ == State::kFailed) return;
   state_ = State::kStopped;
-  ++starts_;  // what the start that is on its way reports is of no interest any more
+  ++starts_;  // discards the report of a start that is still in progress
   slots_.clear();
   worker_.post([channel = channel_] { channel->stream.end(); });
 }
@@ -184,7 +184,7 @@ void V4l2Head::take_reports() {
 void V4l2Head::take_settings(const Channel::Report& report) {
   if (report.error) {
     if (report.error->code == Errc::kDeviceGone) fail_for_good(*report.error);
-    return;  // what it has now is not known better than before
+    return;  // the device's settings are unknown: keep the last known ones
   }
   pending_.push_back({report.at, report.settings, limits().control_latency_frames});
 }
@@ -247,8 +247,8 @@ FrameView V4l2Head::view(const Stream::Frame& frame, Instant now) {
   view.slot = frame.slot;
   view.sequence = frame.sequence;
   FrameTimes times = times_of(frame.flags, frame.timestamp, now, settings_.exposure, granted.readout);
-  // A change is carried by the frames that begin after it, but for those that were on their way already; by all frames
-  // of a stream that was started after it.
+  // A change applies to frames that begin after it, plus the control latency; to every frame of a stream that was
+  // started after it.
   while (!pending_.empty()) {
     Pending& next = pending_.front();
     const Instant begin = times.mid_exposure - settings_.exposure.duration() / 2;
@@ -282,7 +282,7 @@ void V4l2Head::release(BufferSlot slot) {
   if (channel_->stream.queue(slot) == 0) {
     slots_[slot] = Slot::kQueued;
   } else {
-    ++recoveries_.refused_buffers;  // tried once more by take_frame()
+    ++recoveries_.refused_buffers;  // take_frame() tries again
   }
 }
 

@@ -1,4 +1,4 @@
-// A V4L2 capture device as a head.
+// A head on a V4L2 capture device.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@
 
 namespace nodal::hal::v4l2 {
 
-/// A device that is open and set up, shared by the head and the jobs that its worker still has.
+/// An open device that is set up, shared by the head and by the jobs that its worker still has.
 struct Channel {
   Channel(std::unique_ptr<Device> opened, const HeadRequest& asked, Granted given, Controls found, HeadSettings now)
       : device(std::move(opened)),
@@ -33,39 +33,39 @@ struct Channel {
   const HeadRequest request;
   const Granted granted;
   const Controls controls;
-  const HeadSettings settings;  ///< when it was opened
-  /// The worker's from the moment that a job for it is posted until the job's report was taken, else the head's.
+  const HeadSettings settings;  ///< at the time of opening
+  /// Used by the worker from the posting of a job for it until its report is taken, else by the head.
   Stream stream;
 
-  /// What a job of the worker has to say.
+  /// The result of a worker's job.
   struct Report {
     enum class About : std::uint8_t { kStream, kControls, kSignal } about = About::kStream;
-    std::uint64_t start = 0;  ///< kStream: which start it was
-    Instant at;               ///< when the calls had returned
+    std::uint64_t start = 0;  ///< kStream: the start that it belongs to
+    Instant at;               ///< when the calls returned
     std::optional<Error> error;
     HeadSettings settings;   ///< kControls
     bool no_signal = false;  ///< kSignal
   };
-  std::mutex mutex;              ///< of what follows
-  std::vector<Report> reports;   ///< to the head
-  ControlChange wanted;          ///< to the worker: what is to be set, newer values over older ones
-  bool controls_posted = false;  ///< a job that takes `wanted` is on its way
+  std::mutex mutex;              ///< protects the following members
+  std::vector<Report> reports;   ///< from the worker to the head
+  ControlChange wanted;          ///< from the head to the worker: settings to apply, newer values replace older ones
+  bool controls_posted = false;  ///< a job that applies `wanted` is queued
 };
 
-/// Calls that may take seconds (starting, stopping, controls, asking for the signal) are jobs of the device's worker;
-/// take_frame() and release() make only calls that never wait (VIDIOC_DQBUF of a non-blocking descriptor, VIDIOC_QBUF)
-/// and take what jobs have reported. start() and set_…() therefore return before the device has done anything: a start
-/// that fails is an error of take_frame(), and a control that fails leaves FrameView::in_effect as it was.
+/// Calls that may take seconds (start, stop, controls, signal state) run as jobs of the device's worker. take_frame()
+/// and release() make only calls that never wait (VIDIOC_DQBUF on a non-blocking descriptor, VIDIOC_QBUF) and take the
+/// jobs' reports. So start() and set_…() return before the device has done anything: take_frame() returns the error of
+/// a start that failed, and after a control that failed FrameView::in_effect is unchanged.
 ///
 /// Threading: thread-bound to capture.
-/// Ownership: the worker and the clock outlive it. Destroying it posts the device's closing to the worker.
-/// Errors: as HeadPort. Errors of the stream are recovered by VIDIOC_STREAMOFF and STREAMON and counted in recoveries();
-///   after kMostRestarts in a row without a frame they are kDeviceFailed, and final.
+/// Ownership: refers to the worker and the clock. The destructor posts a job that closes the device.
+/// Errors: as HeadPort. Stream errors are recovered by VIDIOC_STREAMOFF and STREAMON and counted in recoveries(); after
+/// kMostRestarts in a row without a frame they become kDeviceFailed, which is final.
 class V4l2Head final : public HeadPort {
  public:
   static constexpr int kMostRestarts = 5;
 
-  /// `in_use` is set while the device is this head's: until it is destroyed or its device is gone.
+  /// `in_use` is set while this head owns the device: until the head is destroyed or its device is gone.
   V4l2Head(std::string path, std::shared_ptr<Channel> channel, Worker& worker, ClockPort& clock,
            std::shared_ptr<bool> in_use);
   ~V4l2Head() override;
@@ -112,7 +112,7 @@ class V4l2Head final : public HeadPort {
   const std::shared_ptr<bool> in_use_;
 
   State state_ = State::kStopped;
-  std::optional<Error> final_;  ///< why it is kFailed
+  std::optional<Error> final_;  ///< the reason for kFailed
   std::uint64_t starts_ = 0;
   Instant started_;
   std::vector<Slot> slots_;

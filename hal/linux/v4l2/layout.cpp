@@ -52,7 +52,7 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
   const std::size_t luma = stride(0) * static_cast<std::size_t>(height);
   const auto row = [](std::size_t bytes) { return static_cast<std::ptrdiff_t>(bytes); };
   auto& parts = layout.components;
-  // Chroma in the same buffer starts right after the luma's rows, and a planar one has half their stride.
+  // Chroma in the same buffer follows directly after the luma rows; planar chroma has half their stride.
   switch (format.pixels) {
     case PixelFormat::kGrey8: parts[0] = {0, 0, width, height, row(stride(0)), 1}; break;
     case PixelFormat::kI420: {

@@ -1,4 +1,4 @@
-// How a V4L2 driver lays a picture out in memory.
+// The memory layout of pictures from V4L2 drivers.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -15,19 +15,19 @@
 
 namespace nodal::hal::v4l2 {
 
-/// A format by V4L2's four characters.
+/// A format by its V4L2 four-character code.
 struct FourCc {
   std::uint32_t code = 0;
   PixelFormat pixels = PixelFormat::kGrey8;
-  int memory_planes = 1;  ///< buffers that a frame consists of; more than 1 with the multi-planar API only
+  int memory_planes = 1;  ///< buffers per frame; more than 1 only with the multi-planar API
 };
 
-/// What can deliver `pixels`, the best first.
+/// The formats that can deliver `pixels`, best first.
 std::vector<FourCc> fourccs_of(PixelFormat pixels);
-/// "YU12 (Planar YUV)": the characters, and those that are not printable as '?'.
+/// For example "YU12 (Planar YUV)"; characters that are not printable are shown as '?'.
 std::string fourcc_text(std::uint32_t code);
 
-/// Where each component's samples lie.
+/// The position of every component's samples.
 struct Layout {
   struct Component {
     int memory_plane = 0;
@@ -45,11 +45,11 @@ struct Layout {
   std::array<std::size_t, kMaxPlanes> needed{};  ///< bytes that each memory plane must hold
 };
 
-/// `strides` are bytes of a row of each memory plane.
-/// Errors: kDeviceFailed when a stride is too small for the width, or a size is not possible.
+/// `strides` are the bytes per row of each memory plane. Errors: kDeviceFailed if a stride is too small for the width,
+/// or a size is impossible.
 Result<Layout> make_layout(const FourCc& format, int width, int height, std::span<const std::uint32_t> strides);
 
-/// The picture whose memory planes start at `planes`, each of at least `needed` bytes.
+/// A view of the picture whose memory planes start at `planes`, each with at least `needed` bytes.
 MutableImageView view_of(const Layout& layout, std::span<std::uint8_t* const> planes);
 
 }  // namespace nodal::hal::v4l2

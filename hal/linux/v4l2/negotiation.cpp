@@ -10,7 +10,7 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-constexpr std::uint32_t kMostListed = 64;  ///< of inputs, formats, sizes: a driver that never ends its list
+constexpr std::uint32_t kMostListed = 64;  ///< inputs, formats, sizes: for drivers whose list does not end
 
 struct Standard {
   std::string_view name;
@@ -45,7 +45,7 @@ Error unsupported(const Device& device, const std::string& sentence) {
 Result<std::uint32_t> choose_input(const Device& device, const std::string& wanted) {
   if (wanted.empty()) {
     int current = 0;
-    (void)device.ioctl(VIDIOC_G_INPUT, &current);  // devices of one input need not know the call
+    (void)device.ioctl(VIDIOC_G_INPUT, &current);  // devices with one input need not support the call
     return static_cast<std::uint32_t>(std::max(current, 0));
   }
   std::vector<std::string> names;
@@ -64,7 +64,7 @@ Result<std::uint32_t> choose_input(const Device& device, const std::string& want
   return fail(unsupported(device, "has no input '" + wanted + "'; it has " + joined(names)));
 }
 
-/// 0 when the input has no standards.
+/// Returns 0 if the input has no standards.
 Result<v4l2_std_id> choose_standard(const Device& device, const std::string& wanted) {
   v4l2_std_id id = 0;
   if (!wanted.empty()) {
@@ -127,7 +127,7 @@ std::string sizes_of(const Device& device, std::uint32_t code) {
   return sizes.empty() ? "" : "; it has " + joined(sizes);
 }
 
-/// The parts of a v4l2_format that both of its shapes have.
+/// The members common to both forms of v4l2_format.
 struct Shape {
   std::uint32_t width, height, code, field, quantization;
   std::uint32_t memory_planes;
@@ -176,8 +176,8 @@ Shape read_shape(const Device& device, const v4l2_format& format) {
           pix.quantization, 1,          {pix.bytesperline, 0, 0}, {pix.sizeimage, 0, 0}};
 }
 
-/// YUV is of video range unless the driver says otherwise (V4L2's V4L2_MAP_QUANTIZATION_DEFAULT), but for JPEG's own
-/// colorspace, whose default is full.
+/// YUV is video range unless the driver reports otherwise (V4L2's V4L2_MAP_QUANTIZATION_DEFAULT), except for JPEG's own
+/// colorspace, whose default is full range.
 bool is_video_range(const Shape& shape, PixelFormat pixels, std::uint32_t colorspace) {
   if (pixels == PixelFormat::kRgb24 || pixels == PixelFormat::kGrey8) return false;
   if (shape.quantization == V4L2_QUANTIZATION_DEFAULT) return colorspace != V4L2_COLORSPACE_JPEG;
@@ -188,7 +188,7 @@ std::string field_words(Fields fields) {
   return fields == Fields::kTopFirst ? "top-first" : fields == Fields::kBottomFirst ? "bottom-first" : "progressive";
 }
 
-/// Within a thousandth.
+/// Equal to within a thousandth.
 bool same_rate(const v4l2_fract& period, const FrameRate& rate) {
   const auto ours = static_cast<double>(rate.denominator) / rate.numerator;
   return period.denominator != 0 &&
@@ -218,7 +218,7 @@ Status set_rate(const Device& device, const FrameRate& rate, v4l2_std_id standar
     period = each.frameperiod;
     known = true;
   }
-  // A driver that does not tell its rate is taken at the rig's word; capture counts what comes.
+  // If the driver does not report its rate, it is assumed to be the requested one; capture measures the real one.
   if (!known || same_rate(period, rate)) return {};
   return fail(unsupported(device, "delivers " + rate_text(period.denominator, period.numerator) +
                                       " frames a second, but the rig's rate is " +
@@ -230,7 +230,7 @@ Status set_rate(const Device& device, const FrameRate& rate, v4l2_std_id standar
 
 std::optional<Fields> fields_of(std::uint32_t field, Fields interlaced) {
   switch (field) {
-    case V4L2_FIELD_ANY:  // a driver that does not say, as some for progressive sensors
+    case V4L2_FIELD_ANY:  // the driver does not report it, as some for progressive sensors
     case V4L2_FIELD_NONE: return Fields::kProgressive;
     case V4L2_FIELD_INTERLACED: return interlaced;
     case V4L2_FIELD_INTERLACED_TB: return Fields::kTopFirst;
@@ -248,7 +248,7 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
   granted.input = *input;
   const auto standard = choose_standard(device, request.standard);
   if (!standard) return fail(standard.error());
-  // V4L2's definition of V4L2_FIELD_INTERLACED: M/NTSC transmits the bottom field first, all others the top one.
+  // V4L2_FIELD_INTERLACED, by definition: M/NTSC transmits the bottom field first, all others the top field.
   granted.interlaced = (*standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
   const auto code = choose_format(device, request.pixels);
   if (!code) return fail(code.error());

@@ -9,9 +9,9 @@ namespace nodal::hal::v4l2 {
 namespace {
 
 constexpr std::uint32_t kFewestBuffers = 2;  ///< one is filled while the other is read
-constexpr std::uint32_t kMostBuffers = 256;  ///< what the driver may grant; the kernel's own limit is 32
+constexpr std::uint32_t kMostBuffers = 256;  ///< upper limit of what the driver may grant; the kernel's own limit is 32
 
-/// A time that is no time counts as the clock's beginning.
+/// An invalid time counts as the clock's start.
 Instant instant_of(const timeval& time) {
   constexpr std::int64_t kHundredYears = 3'200'000'000;
   if (time.tv_sec < 0 || time.tv_sec > kHundredYears || time.tv_usec < 0 || time.tv_usec >= 1'000'000) return {};
@@ -57,8 +57,8 @@ Status Stream::begin(int buffers) {
   wanted.count = static_cast<std::uint32_t>(buffers);
   wanted.type = device_.buffer_type();
   wanted.memory = V4L2_MEMORY_MMAP;
-  // Cached memory: reading uncached buffers pixel by pixel is an order of magnitude slower. Kernels and drivers that
-  // cannot do it clear the flag.
+  // Requests cached memory: reading uncached buffers pixel by pixel is an order of magnitude slower. Kernels and
+  // drivers without support clear the flag.
   wanted.flags = V4L2_MEMORY_FLAG_NON_COHERENT;
   if (const int error = device_.ioctl(VIDIOC_REQBUFS, &wanted); error != 0) {
     return fail_with("asking for " + std::to_string(buffers) + " buffers", error);
@@ -142,7 +142,7 @@ int Stream::dequeue(Frame& frame) {
     const std::size_t used = device_.multiplanar() ? call.planes[p].bytesused : call.buffer.bytesused;
     const std::size_t offset = device_.multiplanar() ? call.planes[p].data_offset : 0;
     const std::size_t needed = granted_.layout.needed[p];
-    const bool inside = offset <= plane.length - needed;  // map() has seen that a frame fits
+    const bool inside = offset <= plane.length - needed;  // map() has checked that a frame fits
     plane.offset = inside ? offset : 0;
     if (!inside || used > plane.length) {
       frame.verdict = FrameVerdict::kCorrupt;

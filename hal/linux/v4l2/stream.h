@@ -12,11 +12,11 @@
 
 namespace nodal::hal::v4l2 {
 
-/// Nothing that the driver says is believed: an index, a length or a size that cannot be is an error or a bad verdict,
-/// and memory outside the mapped buffers is never touched.
+/// Treats all data from the driver as untrusted: an impossible index, length or size is an error or a bad verdict, and
+/// memory outside the mapped buffers is never accessed.
 ///
 /// Threading: one thread at a time. begin(), end() and restart() may take seconds; queue() and dequeue() never wait.
-/// Ownership: owns the mappings; the device outlives it.
+/// Ownership: owns the mappings; refers to the device.
 class Stream {
  public:
   Stream(const Device& device, const Granted& granted) : device_(device), granted_(granted) {}
@@ -24,15 +24,15 @@ class Stream {
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 
-  /// Asks for `buffers` and takes what it is granted, queues them all and starts.
+  /// Requests `buffers`, uses the number granted, queues them all and starts the stream.
   Status begin(int buffers);
-  /// Stops, and gives the buffers back to the driver. Safe at any time.
+  /// Stops the stream and returns the buffers to the driver. Safe at any time.
   void end();
-  /// Stops, queues `slots` and starts again; the other buffers keep what they hold.
+  /// Stops, queues `slots` and starts again; the other buffers keep their content.
   Status restart(const std::vector<BufferSlot>& slots);
 
   std::size_t buffers() const { return buffers_.size(); }
-  /// 0 or an errno.
+  /// Returns 0 or an errno.
   int queue(BufferSlot slot);
 
   struct Frame {
@@ -43,22 +43,22 @@ class Stream {
     Instant timestamp;
     FrameVerdict verdict = FrameVerdict::kGood;
   };
-  /// An errno: EAGAIN when no frame is due, EBADMSG when the driver's answer cannot be true. 0: `frame` is filled.
+  /// Returns an errno: EAGAIN if no frame is due, EBADMSG if the driver's answer is impossible. 0: `frame` is filled.
   int dequeue(Frame& frame);
-  /// The whole picture, whatever came of it.
+  /// The whole picture, even if the frame is bad.
   MutableImageView picture(BufferSlot slot) const;
 
  private:
   struct Plane {
     std::uint8_t* start = nullptr;
     std::size_t length = 0;
-    std::size_t offset = 0;  ///< of the picture in the newest frame; multi-planar drivers may put a header before it
+    std::size_t offset = 0;  ///< of the picture in the newest frame; multi-planar drivers may store a header before it
   };
   struct Buffer {
     std::array<Plane, kMaxPlanes> planes{};
     bool queued = false;
   };
-  /// A v4l2_buffer, and the planes that it points to when the device is multi-planar.
+  /// A v4l2_buffer, and its planes if the device is multi-planar.
   struct Call {
     v4l2_buffer buffer{};
     std::array<v4l2_plane, VIDEO_MAX_PLANES> planes{};
@@ -70,7 +70,7 @@ class Stream {
   const Device& device_;
   const Granted& granted_;
   std::vector<Buffer> buffers_;
-  bool allocated_ = false;  ///< by the driver
+  bool allocated_ = false;  ///< buffers of the driver
 };
 
 }  // namespace nodal::hal::v4l2

@@ -45,7 +45,7 @@ void Worker::run() {
     working_ = true;
     lock.unlock();
     job();
-    job = nullptr;  // what it holds is given up on this thread
+    job = nullptr;  // releases its captures on this thread
     lock.lock();
     working_ = false;
     changed_.notify_all();

@@ -1,4 +1,4 @@
-// One thread that makes a device's slow calls.
+// A thread for a device's slow calls.
 #pragma once
 
 #include <condition_variable>
@@ -9,16 +9,16 @@
 
 namespace nodal::hal::v4l2 {
 
-/// Threading: thread-safe. Jobs run one after the other, in the order of post().
-/// Errors: the constructor throws std::system_error when the system refuses a thread.
+/// Threading: thread-safe. Jobs run one at a time, in the order of post().
+/// Errors: the constructor throws std::system_error if the system refuses a thread.
 class Worker {
  public:
   Worker();
-  /// Waits for every job that was posted.
+  /// Waits for all posted jobs.
   ~Worker();
 
   void post(std::function<void()> job);
-  /// Whether no job runs or waits.
+  /// Whether no job is running or queued.
   bool idle() const;
   /// Waits until idle().
   void settle();

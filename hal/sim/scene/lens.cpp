@@ -17,7 +17,7 @@ double power_sum(const std::vector<double>& coefficients, double p) {
   return sum;
 }
 
-/// The original radius of parameter p: the angle, or its tangent for rectilinear lenses.
+/// The original radius for parameter p: the angle, or its tangent for rectilinear lenses.
 double forward(const LensModel& lens, double p) {
   if (const auto* rectilinear = std::get_if<RectilinearLens>(&lens)) {
     return power_sum(rectilinear->coefficients, p);
@@ -49,8 +49,8 @@ std::vector<double> angles_by_radius(const LensModel& lens, double step, int cou
   if (const auto* tsai = std::get_if<TsaiLens>(&lens)) return tsai_angles(*tsai, step, count);
   const bool by_tangent = std::holds_alternative<RectilinearLens>(lens);
   const double p_end = by_tangent ? 1e4 : std::numbers::pi;
-  // The table climbs from entry to entry, so that each radius is bracketed on the rising branch: past a turning
-  // point the model would have a second, false answer.
+  // Every entry starts from the previous one, so that each radius is bracketed on the rising branch: beyond a turning
+  // point the model has a second, wrong solution.
   std::vector<double> angles{0.0};
   double p = 0;
   double p_step = 1e-6;
@@ -64,7 +64,7 @@ std::vector<double> angles_by_radius(const LensModel& lens, double step, int cou
       high = low + p_step;
       const double next = forward(lens, high);
       if (next <= at_high || high > p_end) return angles;
-      // Strides that follow the slope: about a quarter of an entry each.
+      // Step sizes follow the slope: each is about a quarter of a table entry.
       p_step = std::clamp(p_step * 0.25 * step / (next - at_high), p_step / 2, p_step * 2);
       at_high = next;
     }

@@ -21,7 +21,7 @@ std::uint8_t chroma_level(int value, int bits) {
   return static_cast<std::uint8_t>(std::clamp(((value + (1 << (bits - 1))) >> bits) + 128, 0, 255));
 }
 
-// With the stride known when it is compiled, this becomes vector code.
+// With the stride known at compile time, the compiler vectorizes this.
 template <int kStride>
 void pack_luma(const RowPair& rows, int r, int x0, int x1, std::uint8_t* __restrict out) {
   const auto& row = rows.row[static_cast<std::size_t>(r)];
@@ -48,7 +48,7 @@ void pack_chroma_420(const RowPair& rows, int y, int x0, int x1, bool second, co
       const std::int16_t* lower = rows.row[second ? 1 : 0][c];
       sum[c] = upper[i] + upper[j] + lower[i] + lower[j];
     }
-    // Four samples: two more bits; the matrix works on what fits 31 bits.
+    // A sum of four samples has two more bits; the matrix's result still fits 31 bits.
     *at(into, 1, x / 2, y / 2) = chroma_level(chroma_u(sum[0], sum[1], sum[2]) >> kLevelBits, kShift + 2);
     *at(into, 2, x / 2, y / 2) = chroma_level(chroma_v(sum[0], sum[1], sum[2]) >> kLevelBits, kShift + 2);
   }

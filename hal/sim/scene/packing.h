@@ -1,4 +1,4 @@
-// Rows of red, green and blue into a head's pixel format.
+// Converts rows of red, green and blue to a head's pixel format.
 #pragma once
 
 #include <array>
@@ -8,19 +8,19 @@
 
 namespace nodal::hal::sim {
 
-inline constexpr int kLevelBits = 7;  ///< rows hold levels of 255 in 1 / (1 << kLevelBits)
+inline constexpr int kLevelBits = 7;  ///< rows hold levels 0 .. 255 in 1 / (1 << kLevelBits)
 
 /// Two rows of a picture, columns from `x0` on: row[r][c][x - x0].
 struct RowPair {
   std::array<std::array<const std::int16_t*, 3>, 2> row{};
-  int x0 = 0;  ///< first column that is there
-  int x1 = 0;  ///< behind the last
+  int x0 = 0;  ///< first column present
+  int x1 = 0;  ///< one past the last
 };
 
-/// Writes rows y and y + 1 (y is even; the second may be past the picture and is then left out), columns
-/// [x0, x1), x0 even. The rows must reach one column further to each side, where the picture does.
-/// Colour is turned to full-range BT.601 before it is rounded; I420 and NV12 average two by two, YUYV and UYVY take
-/// (1 2 1) / 4 about the even column.
+/// Writes rows y and y + 1 (y is even; the second is left out if it is past the picture), columns [x0, x1), x0 even.
+/// The rows must include one more column on each side where the picture has one. Colours are converted to full-range
+/// BT.601 before rounding; I420 and NV12 chroma averages 2x2 samples, YUYV and UYVY chroma is weighted (1 2 1) / 4
+/// around the even column.
 void pack_rows(const RowPair& rows, int y, int x0, int x1, const MutableImageView& into);
 
 }  // namespace nodal::hal::sim

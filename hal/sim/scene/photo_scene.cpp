@@ -8,12 +8,12 @@ namespace nodal::hal::sim {
 
 namespace {
 
-/// Catmull and Rom's cubic: through the samples, with the slope of their neighbours.
+/// Catmull-Rom cubic: passes through the samples, with the slope given by their neighbours.
 std::array<float, 4> cubic(float t) {
   return {((2 - t) * t - 1) * t / 2, ((3 * t - 5) * t * t + 2) / 2, ((4 - 3 * t) * t + 1) * t / 2, (t - 1) * t * t / 2};
 }
 
-/// The photograph in linear light, and halves of it for heads that see it smaller.
+/// The photograph in linear light, with downscaled levels for heads that see it smaller.
 class PhotoScene final : public Scene {
  public:
   struct Level {
@@ -32,7 +32,7 @@ class PhotoScene final : public Scene {
   Light light(const Direction& d, double footprint) const override {
     const double longitude = std::atan2(d.x, d.z);
     const double latitude = std::atan2(d.y, std::sqrt(d.x * d.x + d.z * d.z));
-    // The level whose pixels are no wider than a sample, or the finest.
+    // The coarsest level whose pixels are not wider than a sample, or else the finest.
     std::size_t level = 0;
     while (level + 1 < levels_.size() && 2 * std::numbers::pi / levels_[level + 1].width <= footprint) ++level;
     const Level& from = levels_[level];
@@ -54,7 +54,7 @@ class PhotoScene final : public Scene {
   }
 
  private:
-  /// Columns go round; over a pole the picture goes on half way round.
+  /// Columns wrap around; beyond a pole the picture continues on the opposite meridian.
   static const Light& pixel(const Level& level, int x, int y) {
     if (y < 0 || y >= level.height) {
       y = y < 0 ? -1 - y : 2 * level.height - 1 - y;

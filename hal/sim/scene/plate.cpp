@@ -14,7 +14,7 @@ Direction cross(const Direction& a, const Direction& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/// `d` turned about the unit `axis` (Rodrigues).
+/// Rotates `d` about the unit vector `axis` (Rodrigues).
 Direction turned(const Direction& d, const Direction& axis, double angle) {
   const double c = std::cos(angle);
   const double s = std::sin(angle);
@@ -24,7 +24,7 @@ Direction turned(const Direction& d, const Direction& axis, double angle) {
           d.z * c + side.z * s + axis.z * along};
 }
 
-/// Rims are blurred over a pixel; wider pixels than twice this blur less than they might.
+/// Rims are blurred over a pixel; for pixels wider than twice this value the blur is limited.
 constexpr double kRim = 0.03;
 
 double smooth_step(double edge, double width, double x) { return std::clamp((x - edge) / width + 0.5, 0.0, 1.0); }
@@ -90,7 +90,7 @@ PlacedMover::PlacedMover(const Mover& mover, Instant at)
     ahead_ = cross(aside_, axis_);
     return;
   }
-  // The stripes' poles: up, made square to the line of sight.
+  // The stripes' poles: the up direction, made perpendicular to the line of sight.
   const Direction up{0, -1, 0};
   const double along = dot(up, centre_);
   spin_ = {up.x - along * centre_.x, up.y - along * centre_.y, up.z - along * centre_.z};
@@ -103,7 +103,7 @@ double PlacedMover::inside_bar(const Direction& from) const {
   const double ahead = dot(from, ahead_);
   const double aside = dot(from, aside_);
   const double beyond = std::abs(std::atan2(aside, ahead)) - radius_;
-  // Farther round than a quarter turn, the nearest of the edge is its pole.
+  // Beyond a quarter turn, the nearest point of the edge is its pole.
   const double off_axis = std::sqrt(ahead * ahead + aside * aside);
   return -std::asin(
       std::min(1.0, off_axis * std::sin(std::clamp(beyond, -std::numbers::pi / 2, std::numbers::pi / 2))));
@@ -125,7 +125,7 @@ PlacedMover::Cover PlacedMover::cover(const Direction& from, double footprint_ra
   const double angle = std::asin(std::min(1.0, std::sqrt(dot(off, off))));
   const double share = 1 - smooth_step(radius_, footprint_rad, angle);
   if (share <= 0) return {};
-  // A place on the ball's face: right and up within the unit disc.
+  // A point on the visible face of the ball: right and up within the unit disc.
   const double up = dot(off, spin_) / radius_;
   const double right = dot(off, side_) / radius_;
   const double depth = std::sqrt(std::max(0.0, 1 - up * up - right * right));

@@ -1,5 +1,5 @@
-// Random numbers of the simulator. Integers only, and every port draws from its own stream, so that a seed gives
-// the same events on every machine and one port's draws do not shift another's.
+// Random numbers of the simulator. Integers only, and a separate stream per user, so that a seed gives the same events
+// on every machine and the draws of one port do not affect another.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace nodal::hal::sim {
 
-/// splitmix64 (Steele, Lea, Flood 2014), started from a seed and the name of who draws.
+/// splitmix64 (Steele, Lea, Flood 2014), seeded with a seed and the name of its user.
 class Random {
  public:
   Random(std::uint64_t seed, std::string_view stream) : state_(seed * 0x9E3779B97F4A7C15ULL) {
@@ -25,7 +25,7 @@ class Random {
   }
   /// 0 .. n-1; n > 0.
   std::uint64_t below(std::uint64_t n) { return next() % n; }
-  /// True `per_million` times in a million.
+  /// True with a probability of `per_million` in a million.
   bool chance(std::uint32_t per_million) { return per_million != 0 && below(1'000'000) < per_million; }
   /// Between -reach and +reach.
   Duration around_zero(Duration reach) {

@@ -1,5 +1,5 @@
-// What the simulated heads look at, as light by direction. Values are linear: 1 is what fills a head's pixel at
-// its reference exposure, 0 dB and no vignetting; brighter things clip.
+// The scene that the simulated heads see, as light by direction. Values are linear: 1 fills a head's pixel at its
+// reference exposure, 0 dB and no vignetting; larger values clip.
 #pragma once
 
 #include <memory>
@@ -23,16 +23,16 @@ struct Light {
   float r = 0, g = 0, b = 0;
 };
 
-/// An object that moves before the background, about `axis` once per `period`.
+/// An object that moves in front of the background, around `axis` once per `period`.
 struct Mover {
   enum class Shape {
-    kBall,  ///< striped, on a small circle
-    kBar,   ///< the lune between two meridians of the axis, from pole to pole; of one colour
+    kBall,  ///< striped, moves on a small circle
+    kBar,   ///< the area between two meridians of the axis, from pole to pole; one colour
   };
   Direction axis;
-  Direction start;        ///< where it is at time 0
-  Duration period;        ///< negative: turns in the other direction
-  double radius_rad = 0;  ///< as seen from the nodal point; of a bar, half the angle between its meridians
+  Direction start;        ///< its direction at time 0
+  Duration period;        ///< negative: moves in the other direction
+  double radius_rad = 0;  ///< seen from the nodal point; for a bar, half the angle between its meridians
   Light colour, stripes;
   Shape shape = Shape::kBall;
 };
@@ -43,27 +43,27 @@ struct Mover {
 class Scene {
  public:
   virtual ~Scene() = default;
-  /// Light of what does not move, from one direction; detail finer than `footprint_rad` is left out.
+  /// The light of the static scene in one direction; detail finer than `footprint_rad` is filtered out.
   virtual Light light(const Direction& from, double footprint_rad) const = 0;
   virtual std::span<const Mover> movers() const { return {}; }
 };
 using ScenePtr = std::shared_ptr<const Scene>;
 
-/// The same light from everywhere.
+/// The same light in every direction.
 ScenePtr constant_scene(Light light);
 
-/// A bright bar that turns before a grey room, forward at time 0. Its edges are two meridians of `axis`, `half_rad` either
-/// way of its middle, and where they are at any moment takes one line of trigonometry: it shows heads and fields that were
-/// not exposed together.
+/// A bright bar that rotates in front of a grey room, forward at time 0. Its edges are two meridians of `axis`,
+/// `half_rad` to each side of its middle. Their position at any time is a simple formula, so the scene reveals heads
+/// and fields that were not exposed at the same time.
 ScenePtr bar_scene(const Direction& axis, Duration period, double half_rad);
 
-/// The default: a town square by day, walls to the front (z) lettered FRONT, RIGHT, BACK and LEFT, with balloons
-/// that fly round it. Rich at every scale, no singular direction.
+/// The default scene: a town square by day, with the words FRONT (z), RIGHT, BACK and LEFT on its walls and balloons
+/// that fly around it. Detailed at every scale, without a singular direction.
 ScenePtr town_square_scene(std::uint64_t seed = 1);
 
-/// An equirectangular photograph (RGB24 or grey, twice as wide as high): the middle column is forward, the top
-/// row is up. `encoding` says how its values come from light.
-/// Errors: kUnsupported for another pixel format, kBadValue for another shape.
+/// An equirectangular photograph (RGB24 or grey, twice as wide as high): the middle column is forward, the top row is
+/// up. `encoding` gives its values as a function of light. Errors: kUnsupported for another pixel format, kBadValue for
+/// another shape.
 Result<ScenePtr> photo_scene(const ImageView& equirectangular, const Response& encoding);
 
 }  // namespace nodal::hal::sim

@@ -13,12 +13,12 @@ namespace nodal::hal::sim {
 
 namespace {
 
-constexpr int kBlock = 16;  ///< side of the squares that movers are looked for in, px
-/// By the square root of light: even a steep response moves 0.02 levels an entry.
+constexpr int kBlock = 16;  ///< side in px of the blocks that are tested for movers
+/// Indexed by the square root of light: even for a steep response one entry is at most 0.02 levels.
 constexpr int kCurveEntries = 1 << 14;
 constexpr std::size_t kDeviates = 1 << 16;
-constexpr std::size_t kVersions = 4;      ///< of the still part with noise; one without
-constexpr std::uint32_t kBuildEvery = 8;  ///< frames between further versions, so that no frame pays for all
+constexpr std::size_t kVersions = 4;      ///< of the static part, with different noise; without noise, one
+constexpr std::uint32_t kBuildEvery = 8;  ///< frames between building further versions, to spread the cost over frames
 constexpr int kMaxLevel = 255 << kLevelBits;
 
 bool noisy(const NoiseModel& n) { return n.levels > 0 || n.full_well_electrons > 0; }
@@ -123,7 +123,7 @@ void Sensor::make_curve(Gamma gamma) {
 void Sensor::set_light(double factor) {
   if (factor == light_) return;
   light_ = factor;
-  settings_.reset();  // everything is developed anew
+  settings_.reset();  // everything is developed again
 }
 
 void Sensor::use(const HeadSettings& settings) {
@@ -219,7 +219,7 @@ void Sensor::develop(const Rect& rect, std::uint32_t version, std::span<const Pl
     }
     return;
   }
-  // Colour that two rows share is of two rows of one field.
+  // Rows that share chroma must be of the same field.
   for (const FieldParity parity : {FieldParity::kTop, FieldParity::kBottom}) {
     const bool odd = parity == FieldParity::kBottom;
     const MutableImageView field = field_of(into, parity);
@@ -230,7 +230,7 @@ void Sensor::develop(const Rect& rect, std::uint32_t version, std::span<const Pl
   }
 }
 
-/// Rows y and y + step, as far as they are in the picture.
+/// Rows y and y + step, if they are in the picture.
 void Sensor::develop_pair(int y, int step, int x0, int x1, std::uint32_t version, std::span<const PlacedMover> movers,
                           RowPair& pair) {
   const auto width = static_cast<std::size_t>(truth_.width);
@@ -276,7 +276,7 @@ void Sensor::develop_row(int y, int x0, int x1, std::uint32_t version, std::span
   const bool shot = noise_.full_well_electrons > 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const std::uint64_t draw = mixed(mixed(seed_, version), static_cast<std::uint64_t>(y) * 3 + c);
-    // Deviates are picked by column, so that a row drawn in pieces has the noise of a row drawn whole.
+    // Deviates are chosen by column, so that a row drawn in parts has the same noise as a row drawn at once.
     const std::size_t first = draw % kDeviates + static_cast<std::size_t>(x0);
     const std::size_t second = (draw >> 32) % kDeviates + static_cast<std::size_t>(x0);
     float* const light = light_row_.data() + c * width;

@@ -1,5 +1,5 @@
-// A head's electronics: light becomes numbers. Exposure, gain, white balance, noise, response, clipping, eight
-// bits, and the head's pixel format.
+// A head's electronics, from light to values: exposure, gain, white balance, noise, response, clipping, eight bits, and
+// the head's pixel format.
 #pragma once
 
 #include <array>
@@ -17,22 +17,22 @@ namespace nodal::hal::sim {
 
 /// Noise of the sensor. All zero: none.
 struct NoiseModel {
-  double levels = 0;               ///< standard deviation in levels of 255, of every encoded value alike
+  double levels = 0;               ///< standard deviation in levels of 255, for every encoded value
   double full_well_electrons = 0;  ///< light 1 at 0 dB in electrons, for shot noise; 0: no shot noise
   double read_electrons = 0;       ///< standard deviation
 };
 
 struct SensorOptions {
-  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; Y U V are full range BT.601, as JPEG has them
+  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; YUV is full range BT.601, as in JPEG
   bool interlaced = false;
   Duration half_period;                                 ///< from an interlaced head's first field to its second
-  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel at this and 0 dB
-  int supersampling = 2;                                ///< n x n samples a pixel
+  Exposure reference = Exposure::microseconds(10'000);  ///< light 1 fills a pixel with this exposure and 0 dB
+  int supersampling = 2;                                ///< n x n samples per pixel
   NoiseModel noise;
 };
 
-/// Renders frames. The static scene is rendered once per setting, in a few versions with different noise, and
-/// copied; movers are drawn over it. So ten 720x480 heads take a small part of one core.
+/// Renders frames. The static scene is rendered once per setting, in a few versions with different noise, and copied;
+/// movers are drawn over it. So ten 720x480 heads need a small part of one core.
 ///
 /// Threading: thread-bound, except that different sensors share nothing.
 /// Ownership: none; the scene is shared.
@@ -41,20 +41,20 @@ class Sensor {
  public:
   Sensor(const HeadCalibration& truth, const SensorOptions& options, ScenePtr scene, std::uint64_t seed);
 
-  /// Everything that does not depend on settings.
+  /// Computes everything that does not depend on settings.
   void prepare();
 
-  /// The frame `number` as the settings and the moment make it, packed, into `into` (packed_size() bytes).
-  /// `holds` is what an earlier call returned for the bytes that are in `into` now, 0 for none: they are then not
-  /// written again when they would be the same. Of an interlaced head's frame the field that `fields` says is first
-  /// was exposed then, the other half a period later.
+  /// Renders frame `number` for the given settings and time, packed, into `into` (packed_size() bytes). `holds` is the
+  /// return value of the earlier call that wrote the present content of `into`, 0 for none: bytes that would be the
+  /// same are not written again. In a frame of an interlaced head, the first field by `fields` is exposed at
+  /// mid_exposure, the other one half a period later.
   std::uint64_t render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
                        std::span<std::uint8_t> into, std::uint64_t holds, Fields fields = Fields::kProgressive);
   /// Factor on the scene's light, for frames rendered from now on.
   void set_light(double factor);
 
  private:
-  struct Curve {  ///< light to numbers under one setting
+  struct Curve {  ///< light to values for one setting
     std::array<float, 3> scale{};
     std::array<float, 3> shot{};  ///< variance per light
     std::array<float, 3> read{};  ///< variance
@@ -79,8 +79,8 @@ class Sensor {
 
   struct Block {
     Direction middle;
-    bool sees = false;            ///< something
-    double cosine = 1, sine = 0;  ///< of the angle around all it sees
+    bool sees = false;            ///< whether it sees anything
+    double cosine = 1, sine = 0;  ///< of the angle around all that it sees
   };
 
   const HeadCalibration truth_;
@@ -97,7 +97,7 @@ class Sensor {
   bool prepared_ = false;
   Plate plate_;
   std::vector<Block> blocks_;
-  std::vector<std::uint16_t> encoded_;  ///< response in 1/128 levels, by the square root of light
+  std::vector<std::uint16_t> encoded_;  ///< the response in 1/128 levels, indexed by the square root of light
   std::vector<float> normal_;           ///< standard normal deviates
 
   double light_ = 1;
@@ -105,7 +105,7 @@ class Sensor {
   Gamma curve_is_of_;  ///< the gamma that `encoded_` is for
   Curve curve_;
   std::uint64_t still_id_ = 0;                       ///< of versions_[0] under these settings
-  std::vector<std::vector<std::uint8_t>> versions_;  ///< of the still part; those in use come first
+  std::vector<std::vector<std::uint8_t>> versions_;  ///< of the static part; those in use come first
   std::size_t versions_ready_ = 0;
   std::optional<std::uint32_t> last_number_;
   std::vector<float> light_row_;

@@ -1,5 +1,5 @@
-// Patterns for the procedural scene. Each takes the width of a sample on the surface and removes finer detail,
-// so that the picture neither flickers nor shows aliases.
+// Patterns for the procedural scene. Each takes the width of a sample on the surface and filters out finer detail, so
+// that the picture has neither flicker nor aliasing.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@ inline double cell_value(std::int64_t x, std::int64_t y, std::int64_t z, std::ui
   return (h ^ (h >> 15)) * 0x1p-32;
 }
 
-/// How much of [x - w/2, x + w/2] lies in the first `duty` of a unit period: a pulse train, box-filtered.
+/// The share of [x - w/2, x + w/2] that is in the first `duty` of a unit period: a box-filtered pulse train.
 inline double pulse_train(double x, double duty, double w) {
   const auto integral = [duty](double at) {
     const double whole = std::floor(at);
@@ -68,12 +68,12 @@ inline double value_noise(double x, double y, double z, std::uint32_t seed) {
   return near + (far - near) * w;
 }
 
-/// Octaves of it down to the sample's width, at most `octaves`; mean 0, reach about 1.
+/// A sum of octaves of value_noise down to the sample's width, at most `octaves`; mean 0, about -1..1.
 inline double fractal(double x, double y, double z, double width, int octaves, std::uint32_t seed) {
   double sum = 0;
   double amplitude = 1;
   for (int o = 0; o < octaves; ++o, amplitude *= 0.55) {
-    const double keep = std::clamp(2.0 - 4.0 * width, 0.0, 1.0);  // gone when a sample is half a cell wide
+    const double keep = std::clamp(2.0 - 4.0 * width, 0.0, 1.0);  // 0 when a sample is half a cell wide
     if (keep <= 0) break;
     sum += keep * amplitude * (value_noise(x, y, z, seed + static_cast<std::uint32_t>(o)) - 0.5);
     x = 2 * x + 17.3;

@@ -1,5 +1,5 @@
-// The default scene: metres, the nodal point 1.7 above the paving. Shading is by formula per ray; nothing is
-// stored but a few lists of things.
+// The default scene, in metres, with the nodal point 1.7 m above the paving. Every ray is shaded by formulas; only a
+// few lists of objects are stored.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -18,12 +18,12 @@ constexpr double kFar = 1e9;
 constexpr Direction kSun{0.4851, -0.7276, -0.4851};  // unit: high, behind to the right
 constexpr Light kHaze{0.62F, 0.72F, 0.84F};
 
-/// A factor about 1 that noise moves, never to darkness.
+/// A factor of about 1, varied by noise, at least 0.12.
 float varied(double by) { return static_cast<float>(std::max(0.12, 1 + by)); }
 
 double dot(const Direction& a, const Direction& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// 5x7 letters, a row a byte, the leftmost cell in bit 4.
+// 5x7 letters, one byte per row, the leftmost cell in bit 4.
 struct Glyph {
   char letter;
   std::array<std::uint8_t, 7> rows;
@@ -55,9 +55,9 @@ bool letter_cell(char letter, int column, int row) {
 struct Wall {
   std::string_view word;
   double distance;   ///< of its plane, m
-  double reach;      ///< to each side of its middle, m; streets are left at the corners
+  double reach;      ///< from its middle to each side, m; the corners are open streets
   Direction normal;  ///< away from the nodal point
-  Direction right;   ///< as seen from it
+  Direction right;   ///< seen from the nodal point
 };
 constexpr std::array<Wall, 4> kWalls{{{"FRONT", 22, 21, {0, 0, 1}, {1, 0, 0}},
                                       {"RIGHT", 27, 17, {1, 0, 0}, {0, 0, -1}},
@@ -88,7 +88,7 @@ class TownSquare final : public Scene {
   std::span<const Mover> movers() const override { return movers_; }
 
   Light light(const Direction& d, double footprint) const override {
-    // What is nearest is found first and only that is shaded.
+    // The nearest surface is found first; only that one is shaded.
     Hit hit;
     meet_walls(d, hit);
     const bool paved = d.y > 1e-4 && kEyeHeight / d.y < hit.t;
@@ -100,7 +100,7 @@ class TownSquare final : public Scene {
       return seen;
     }
     if (posts(d, nearest, seen)) return seen;
-    // Far paving drowns in haze, so that the ground meets the hills softly.
+    // Distant paving fades into haze, so that there is no hard edge where the ground meets the hills.
     if (paved) return mix(paving(d, hit.t, footprint), kHaze * 0.8F, 1 - std::exp(-hit.t / 260));
     if (hit.wall != nullptr) return facade(hit, footprint * hit.t) * static_cast<float>(hit.lit);
     if (hit.tower) return tower(hit, footprint * hit.t);
@@ -111,7 +111,7 @@ class TownSquare final : public Scene {
   void plant(std::uint64_t seed) {
     Random random(seed, "trees");
     for (int i = 0; i < 8; ++i) {
-      // Two at each corner, so that they hide no word on a wall.
+      // Two at each corner, where they cover no word on a wall.
       const double corner = 45 + 90 * (i / 2) + (i % 2 == 0 ? -9 : 9);
       const double angle = (corner + static_cast<double>(random.below(60)) / 10 - 3) * std::numbers::pi / 180;
       const double away = 10 + static_cast<double>(random.below(500)) / 100;
@@ -133,7 +133,7 @@ class TownSquare final : public Scene {
       const double t = yaw * std::numbers::pi / 180;
       const double p = pitch * std::numbers::pi / 180;
       const Direction start{std::sin(t) * std::cos(p), -std::sin(p), std::cos(t) * std::cos(p)};
-      // A little off the vertical, so that each also rises and sinks.
+      // Tilted slightly from the vertical, so that each also rises and sinks.
       const double tilt = 0.12 * std::sin(3 * t);
       const Direction axis{std::sin(tilt), -std::cos(tilt), 0};
       movers_.push_back({axis, start, Duration::milliseconds(static_cast<std::int64_t>(seconds * 1000)),
@@ -145,7 +145,7 @@ class TownSquare final : public Scene {
     balloon(205, 40, -47, 2.2, {0.75F, 0.1F, 0.55F}, {0.95F, 0.95F, 0.95F});
     balloon(265, 27, 44, 2.8, {0.95F, 0.45F, 0.05F}, {0.15F, 0.15F, 0.2F});
     balloon(320, 62, 33, 3.0, {0.1F, 0.65F, 0.7F}, {0.95F, 0.3F, 0.25F});
-    balloon(40, -14, 14, 1.5, {0.9F, 0.9F, 0.1F}, {0.1F, 0.1F, 0.1F});  // a ball that rolls over the paving
+    balloon(40, -14, 14, 1.5, {0.9F, 0.9F, 0.1F}, {0.1F, 0.1F, 0.1F});  // a ball that rolls on the paving
   }
 
   Light sky(const Direction& d, double footprint) const {
@@ -154,7 +154,7 @@ class TownSquare final : public Scene {
     Light light = mix(kHaze, {0.14F, 0.30F, 0.66F}, std::pow(std::clamp(up, 0.0, 1.0), 0.55));
     light = light + Light{1.0F, 0.9F, 0.7F} * static_cast<float>(0.35 * std::pow(std::max(0.0, to_sun), 24));
     if (up > 0.02) {
-      // Clouds on a plane overhead, thinning to the horizon.
+      // Clouds on a plane overhead, fading towards the horizon.
       const double reach = 1.6 / up;
       const double n = fractal(d.x * reach, 3.1, d.z * reach, footprint * reach / up, 6, seed_ + 50);
       const double cover = std::clamp((n + 0.02) * 4.5, 0.0, 1.0) * std::clamp((up - 0.02) * 6, 0.0, 1.0);
@@ -182,7 +182,7 @@ class TownSquare final : public Scene {
   struct Hit {
     double t = kFar;
     const Wall* wall = nullptr;  ///< of the square
-    bool tower = false;          ///< one behind it
+    bool tower = false;          ///< a tower behind the wall
     std::int64_t side = 0, lot = 0;
     double s = 0;  ///< along the wall to the right, m
     double h = 0;  ///< above the ground, m
@@ -213,7 +213,7 @@ class TownSquare final : public Scene {
     const bool gable = cell_value(lot, side, 2, seed_) > 0.45;
     const double along = s / 7 - static_cast<double>(lot);
     if (h > eaves + (gable ? 3.2 * (1 - std::abs(2 * along - 1)) : 0.6)) return false;
-    // Walls face the sun by what their normal says.
+    // Brightness depends on the angle between wall and sun.
     const double lit = 0.38 + 0.55 * std::max(0.0, -dot(kSun, wall.normal)) + 0.12 * chance;
     hit = {t, &wall, false, side, lot, s, h, eaves, lit};
     return true;
@@ -280,7 +280,7 @@ class TownSquare final : public Scene {
     return Light{0.42F, 0.33F, 0.2F} * (0.8F * varied(1.75 * goods));
   }
 
-  /// The wall's word on a board between its first and second row of windows.
+  /// The wall's word on a board between its first and second rows of windows.
   static Light sign(std::string_view word, double s, double h, const Light& behind) {
     constexpr double kCell = 0.36;
     const double columns = static_cast<double>(word.size()) * 6 - 1;
@@ -298,7 +298,7 @@ class TownSquare final : public Scene {
   Light paving(const Direction& d, double t, double footprint) const {
     const double x = t * d.x;
     const double z = t * d.z;
-    // A sample is longer along the line of sight than across it.
+    // A sample's footprint is longer along the line of sight than across it.
     const double across = footprint * t;
     const double along = across / std::max(d.y, 1e-3);
     const double level = std::max(1e-9, std::sqrt(d.x * d.x + d.z * d.z));
@@ -309,7 +309,7 @@ class TownSquare final : public Scene {
     const double joint =
         std::max(pulse_train(x / 0.5 + 0.03, 0.06, wx / 0.5), pulse_train(z / 0.5 + 0.03, 0.06, wz / 0.5));
     light = light * static_cast<float>(1 - 0.45 * joint);
-    // A compass star about the foot of the rig; its red point shows forward.
+    // A compass star around the foot of the rig; its red point shows forward.
     const double r = std::sqrt(x * x + z * z);
     if (r < 1.9) {
       const double angle = std::atan2(x, z);
@@ -321,7 +321,7 @@ class TownSquare final : public Scene {
       }
     }
     light = light * varied(0.9 * fractal(x * 1.3, 0.2, z * 1.3, wide * 1.3, 7, seed_ + 80));
-    // Shadows of the crowns.
+    // Shadows of the tree crowns.
     const Direction from{x, kEyeHeight, z};
     for (const Ball& crown : crowns_) {
       if (shades(crown, from)) return light * 0.45F;
@@ -347,7 +347,7 @@ class TownSquare final : public Scene {
       if (t >= nearest) continue;
       const Direction p{t * d.x, t * d.y, t * d.z};
       const double leaf = fractal(p.x * 2.2, p.y * 2.2, p.z * 2.2, footprint * t * 2.2, 6, seed_ + 90);
-      // Ragged at the rim: between leaves one sees through.
+      // A ragged rim: one sees through between the leaves.
       if (miss2 > r2 * (0.80 + 0.5 * leaf)) continue;
       const Direction normal{(p.x - crown.x) / crown.radius, (p.y - crown.y) / crown.radius,
                              (p.z - crown.z) / crown.radius};
