@@ -28,7 +28,7 @@ struct Args {
   double aspect = 0;
 };
 
-/// Encoded luma; a grey file is its own.
+/// Returns the encoded luma; a grey file's values are its luma.
 Result<cal::LensPhotograph> read_photograph(const std::string& file) {
   const Result<DecodedImage> image = media::read_image(file, PixelFormat::kGrey8);
   if (!image) return fail(image.error());
@@ -60,7 +60,7 @@ Result<cal::PatternRaster> read_pattern(const std::string& file) {
   return cal::PatternRaster{image->width, image->height, image->bytes};
 }
 
-/// Every core; which of them does what changes no result.
+/// Runs work(0) .. work(count - 1) on all cores; the order does not affect the result.
 void on_every_core(int count, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   const auto labour = [&] {

@@ -27,7 +27,7 @@ struct Args {
   std::string signature;
 };
 
-/// The bytes that an id's first digits stand for; an odd digit would be half a byte.
+/// Parses the first digits of an id to bytes; an odd number of digits is an error.
 Result<std::string> parse_id(const std::string& text) {
   std::string bytes;
   for (std::size_t i = 0; i + 1 < text.size(); i += 2) {
@@ -53,7 +53,7 @@ Result<Calibration> read_calibration(const std::string& file, std::string* conte
   return calibration;
 }
 
-/// The file that --signature names; else FILE.sig when it is there; else nothing.
+/// Reads the file that --signature names; without the option FILE.sig if it exists; else returns nothing.
 Result<std::string> read_signature(const Args& args) {
   const std::string file = args.signature.empty() ? args.file + ".sig" : args.signature;
   Result<std::string> text = read_file(file, kMaxSignatureBytes);
@@ -149,7 +149,7 @@ Status run_show(Context& context, const Args& args) {
   return {};
 }
 
-/// Tells which calibration is in force after `use` and `rollback`.
+/// Prints which calibration is in force after `use` and `rollback`.
 Status tell_in_force(Context& context, const wire::Request& request) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());

@@ -22,7 +22,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr std::size_t kLongestReason = 500;  ///< bytes of a rig's sentence
+constexpr std::size_t kLongestReason = 500;  ///< limit of an error message from a rig, in bytes
 
 std::string environment(const char* name, std::string_view otherwise) {
   const char* value = std::getenv(name);
@@ -75,7 +75,7 @@ void show_setting(Console& console, Json document, const wire::Reply& reply) {
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
                       const std::string& examples) {
   CLI::App* command = parent.add_subcommand(name, description);
-  command->fallthrough();  // --rig and --json may stand after the command, too
+  command->fallthrough();  // --rig and --json may also follow the command
   if (!examples.empty()) command->footer("Examples:\n" + examples);
   return command;
 }
@@ -115,7 +115,7 @@ CommandLine::CommandLine(Console& console)
     : console_(console),
       context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
-  app_.formatter(std::make_shared<OrderedHelp>());  // before there are subcommands, which inherit it
+  app_.formatter(std::make_shared<OrderedHelp>());  // before there are subcommands, because they inherit it
   app_.set_help_flag("-h,--help", "Explain, and stop");
   app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Say the version, and stop");
   app_.require_subcommand(1);

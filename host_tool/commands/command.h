@@ -1,5 +1,5 @@
-// The common part of nodal's commands: shared options, the connection to a rig, and the table of
-// commands that main, completion and the manual page's test read.
+// Common to nodal's commands: shared options, the connection to a rig, and the table of commands that main, completion
+// and the manual page's test read.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -17,10 +17,10 @@
 
 namespace nodal::host {
 
-/// The context of a command.
+/// What a command needs to run: options, console, connection.
 ///
 /// Threading: thread-bound.
-/// Ownership: owns nothing of the console.
+/// Ownership: refers to the console.
 /// Errors: those of RigConnection.
 class Context {
  public:
@@ -37,10 +37,10 @@ class Context {
   std::string timeout = "10s";
   bool json = false;
 
-  /// Replaces connect() when set: tests connect over a link of their own.
+  /// If set, replaces connect(): tests connect over their own link.
   std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
 
-  /// The exit code of a command that succeeded with a negative result.
+  /// The exit code of a command that succeeded, but with a negative result.
   ExitCode answer = ExitCode::kOk;
 
  private:
@@ -49,12 +49,12 @@ class Context {
 
 using Action = std::function<Status(Context&)>;
 
-/// The whole command line of `nodal`.
+/// All of `nodal`'s command line.
 class CommandLine {
  public:
   explicit CommandLine(Console& console);
 
-  /// Parses and runs; the exit code also reports a failed standard output. Catches all exceptions.
+  /// Parses and runs. The exit code also reports a failed standard output. Catches all exceptions.
   ExitCode run(int argc, const char* const* argv);
 
   CLI::App& app() { return app_; }
@@ -65,7 +65,7 @@ class CommandLine {
  private:
   ExitCode parse_and_dispatch(int argc, const char* const* argv);
   ExitCode dispatch();
-  /// The exit code when standard output may have failed, with a message on standard error unless the reader went away.
+  /// The exit code if standard output failed; prints a message on standard error, except if its reader closed the pipe.
   ExitCode with_lost_output(ExitCode code);
 
   Console& console_;
@@ -74,7 +74,7 @@ class CommandLine {
   std::map<const CLI::App*, Action> actions_;
 };
 
-// One a file; each adds its command below `app` and says what it does.
+// One function per file; each adds its command below `app` and registers its action.
 void add_status(CLI::App& app, CommandLine& line);
 void add_heads(CLI::App& app, CommandLine& line);
 void add_hosts(CLI::App& app, CommandLine& line);
@@ -98,14 +98,14 @@ void add_calibration_diff(CLI::App& group, CommandLine& line);
 void add_calibrate_light(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
-/// Prints a setting that the rig confirmed, with a warning when it will not survive a restart.
+/// Prints a setting that the rig confirmed, with a warning if it will not survive a restart.
 void show_setting(Console& console, Json document, const wire::Reply& reply);
 
-/// A command with the help text's examples below its options.
+/// Adds a command; its help text shows the examples below the options.
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
                       const std::string& examples);
 
-/// A parser as a check on an option's value, so that what it refuses is a usage error that names the option.
+/// Uses a parser as a check of an option's value, so that a refused value is a usage error that names the option.
 template <class Parse>
 CLI::Validator checked_by(Parse parse) {
   return CLI::Validator(

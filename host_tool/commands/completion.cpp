@@ -80,7 +80,7 @@ void collect(const CLI::App& app, std::vector<std::string> path, std::vector<Com
 /// "raymap pull"; empty for `nodal` itself.
 std::string path_of(const CommandWords& command) { return fmt::format("{}", fmt::join(command.path, " ")); }
 
-/// In single quotes for every shell: a quote inside becomes the end of one string and the start of the next.
+/// In single quotes, which all shells understand: a quote inside ends one string and starts the next.
 std::string shell_quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) {

@@ -1,4 +1,4 @@
-// Shell completion scripts for `nodal`, generated from the command line itself so that they are always up to date.
+// Shell completion scripts for `nodal`, generated from the command line's definition so that they are always current.
 #pragma once
 
 #include <CLI/App.hpp>

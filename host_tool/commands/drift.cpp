@@ -91,7 +91,7 @@ void tell(Console& console, const DriftReport& report) {
                            std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
 }
 
-/// A sentence that names the heads that moved; empty when none did.
+/// A sentence that names the heads that moved; empty if none moved.
 std::string verdict(const DriftReport& report, bool live) {
   std::string moved;
   for (const HeadDrift& head : report.heads) {

@@ -28,7 +28,7 @@ std::string extension_of(const std::string& format) {
   return "." + format;
 }
 
-/// rig.yaml for one file; rig-HEAD.yaml where each head has its own.
+/// rig.yaml if there is one file; rig-HEAD.yaml if each head has its own.
 std::string path_of(const std::string& out, const interchange::ExportedFile& file, std::size_t files) {
   if (files == 1 || file.head.empty()) return out;
   const fs::path path(out);

@@ -74,7 +74,7 @@ struct SetArgs {
   std::string gamma;
 };
 
-/// The index of a head given by name or index; the name first, since a head may be called "2".
+/// The index of a head given by name or index. The name has priority, because a head's name may be "2".
 Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name) {
   for (const wire::HeadState& head : heads.heads()) {
     if (head.name() == name) return head.index();

@@ -24,7 +24,7 @@ struct Args {
   std::string rig_toml;
 };
 
-/// How well the project's control points agree through the imported calibration, per pair of heads.
+/// How well the project's control points agree under the imported calibration, per pair of heads.
 struct Residual {
   std::size_t points = 0;
   double sum_of_squares = 0;  ///< degrees squared
@@ -45,7 +45,7 @@ Result<Residuals> residuals_of(const interchange::ImportResult& imported) {
   for (const interchange::ControlPoint& point : imported.control_points) {
     const auto a = (*heads)[point.head_a].unproject(point.pixel_a);
     const auto b = (*heads)[point.head_b].unproject(point.pixel_b);
-    if (!a || !b) continue;  // outside the lens; the importer's notes say so
+    if (!a || !b) continue;  // outside the lens; the importer's notes report it
     residuals[std::minmax(point.head_a, point.head_b)].add(geometry::angle_between(*a, *b) * 180 / std::numbers::pi);
   }
   return residuals;
@@ -71,7 +71,7 @@ std::string toml_string(const std::string& text) {
   return quoted;
 }
 
-/// A rig of replay heads on the project's pictures. Paths below rig.toml's folder count from it.
+/// A rig.toml with replay heads for the project's pictures. Paths below rig.toml's folder are relative to it.
 Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const Args& args) {
   std::string text = fmt::format(
       "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"

@@ -21,7 +21,7 @@ struct Args {
   double margin_mm = 10;
 };
 
-/// The value of --size: a paper size, or a screen's pixels.
+/// The value of --size: a paper size, or a screen size in pixels.
 struct Size {
   double width_mm = 0, height_mm = 0;  ///< 0 for a screen
   calibration::PatternSpec spec;
@@ -63,7 +63,7 @@ Status run(Context& context, const Args& args) {
   const std::string about = fmt::format("nodal pattern --size {} --seed {}", args.size, args.seed);
   Result<std::vector<std::uint8_t>> bytes = fail(Errc::kInternal, "");
   if (args.out.ends_with(".pdf")) {
-    // A screen's page has a pixel a point; its margins would only make it smaller.
+    // A page for a screen has one pixel per point; margins would only reduce the pattern.
     bytes = paper ? media::grey_pdf(raster, size->width_mm, size->height_mm, args.margin_mm, about)
                   : media::grey_pdf(raster, spec.width * 25.4 / 72, spec.height * 25.4 / 72, 0, about);
   } else if (args.out.ends_with(".png")) {

@@ -16,7 +16,7 @@ namespace nodal::host {
 namespace {
 
 constexpr std::uint32_t kMaxRaymapSide = 16384;       // rig.toml's limit for raymap.width
-constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG over its pixels: headers, metadata
+constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG, in addition to its pixels: headers, metadata
 
 std::optional<PixelFormat> raw_format(const std::string& coding) {
   for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kGrey8,
@@ -92,7 +92,7 @@ Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
     picture.samples = rgb.bytes;
   }
   media::PngNotes notes;
-  notes.effort = 3;  // a third of the time of the usual 6 for a twentieth more bytes
+  notes.effort = 3;  // a third of the time of the default 6, for 5 % more bytes
   if (header.layout() == "equirectangular") {
     notes.xmp = media::gpano_packet(picture.width, picture.height);
   }

@@ -1,4 +1,4 @@
-// A raymap as received, and the files that are made from it.
+// A received raymap, and the conversion to picture files.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ enum class RaymapFormat { kJpg, kPng, kRaw };
 
 /// "jpg", "png", "raw". Errors: kBadValue.
 Result<RaymapFormat> parse_raymap_format(std::string_view text);
-/// By a file name's extension; an unknown one is an error that lists the known ones.
+/// The format for a file name's extension; the error for an unknown one lists the known ones.
 Result<RaymapFormat> raymap_format_of_name(std::string_view name);
 
 struct ReceivedRaymap {
@@ -24,19 +24,19 @@ struct ReceivedRaymap {
   std::vector<std::uint8_t> bytes;
 };
 
-/// Bytes that a raymap of this header has at most: exactly so many when it is raw. Errors: kBadFormat for a size that no
-/// rig makes, kUnsupported for a coding that is not known.
+/// The largest possible number of bytes of a raymap with this header; the exact number if it is raw. Errors: kBadFormat
+/// for a size that no rig produces, kUnsupported for an unknown coding.
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header);
 
-/// Refuses inconsistent raymaps: a size that does not match the coding, a JPEG without start or end marker.
-/// Errors: kBadFormat, kTruncated, kUnsupported.
+/// Refuses inconsistent raymaps: a size that does not match the coding, a JPEG without start or end marker. Errors:
+/// kBadFormat, kTruncated, kUnsupported.
 Status check_raymap(const ReceivedRaymap& raymap);
 
-/// The PNG of a raymap that came raw, with GPano metadata when it is equirectangular. Y, U, V are full range, as in JPEG;
-/// numbers of 16 bits stay as they are, and the file says that they are linear. Errors: kUnsupported, kInternal.
+/// The PNG of a raw raymap, with GPano metadata if it is equirectangular. YUV is full range, as in JPEG; 16-bit numbers
+/// are unchanged, and the file records that they are linear. Errors: kUnsupported, kInternal.
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap);
 
-/// The sidecar that says what a raw file's bytes are: planes in order, their sizes and offsets.
+/// The sidecar file that describes a raw file's bytes: the planes in order, their sizes and offsets.
 std::string raw_sidecar(const ReceivedRaymap& raymap);
 
 }  // namespace nodal::host

@@ -38,10 +38,10 @@ Result<std::uint64_t> parse_count(std::string_view text) {
   return count;
 }
 
-/// The counts of a pull so far.
+/// The counters of a pull.
 struct Tally {
   std::uint64_t pulled = 0;
-  std::uint64_t incomplete = 0;  ///< passed over, since a head is missing in them
+  std::uint64_t incomplete = 0;  ///< skipped, because they lack a head
   std::uint64_t dropped = 0;
   std::uint64_t bytes = 0;
   double first_s = 0;
@@ -61,7 +61,7 @@ struct Tally {
     bytes += raymap.bytes.size();
     worst_spread_ns = std::max(worst_spread_ns, raymap.header.spread_ns());
   }
-  /// Raymaps a second as they arrived; 0 for fewer than two.
+  /// Received raymaps per second; 0 for fewer than two.
   double rate() const {
     return pulled < 2 || last_s <= first_s ? 0 : static_cast<double>(pulled - 1) / (last_s - first_s);
   }
@@ -72,7 +72,7 @@ class Assembly {
  public:
   explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
 
-  /// The whole raymap with its last piece.
+  /// Adds a piece; returns the complete raymap after its last piece.
   Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
     if (piece.first) {
       if (const Status good = begin(piece); !good) return fail(good.error());
@@ -98,12 +98,12 @@ class Assembly {
     return bytes_.begin(piece, *most, "a raymap");
   }
 
-  bool jpeg_;  ///< asked for
+  bool jpeg_;  ///< whether JPEG was requested
   wire::RaymapHeader header_;
   BulkItemBytes bytes_;
 };
 
-/// The destination and format of raymaps.
+/// Where and in which format raymaps are stored.
 struct Sink {
   std::string pattern;  ///< "-": standard output
   RaymapFormat format = RaymapFormat::kJpg;
@@ -133,7 +133,7 @@ Result<Sink> make_sink(const Args& args, Console& console) {
   return sink;
 }
 
-/// The name it went to.
+/// Stores a raymap and returns its file name.
 Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
   std::vector<std::uint8_t> png;
   std::span<const std::uint8_t> bytes = raymap.bytes;
@@ -149,7 +149,7 @@ Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::u
   }
   const Result<std::string> name = numbered_name(sink.pattern, number);
   if (!name) return fail(name.error());
-  // Not synced: a disk would not keep up with 30 files a second, and each is soon followed by the next.
+  // Not synced: a disk could not sync 30 files per second, and a new file follows soon anyway.
   if (const Status written = write_file(*name, bytes, Durability::kLater); !written) return fail(written.error());
   if (sink.format == RaymapFormat::kRaw) {
     if (const Status written = write_file(*name + ".json", raw_sidecar(raymap)); !written) return fail(written.error());
@@ -175,7 +175,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
                       {"seconds", tally.last_s - tally.first_s},
                       {"exposure_seconds", static_cast<double>(tally.last_exposure_ns - tally.first_exposure_ns) / 1e9},
                       {"worst_spread_ns", tally.worst_spread_ns}}}});
-  if (last_name == "-") return;  // standard output holds pictures
+  if (last_name == "-") return;  // standard output contains pictures
   std::string text =
       fmt::format("{} raymap{} ({})", tally.pulled, tally.pulled == 1 ? "" : "s", show_bytes(tally.bytes));
   if (tally.pulled > 1) {
@@ -186,7 +186,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
   console.line(text + "; the last is " + last_name);
 }
 
-/// One pull, from the first piece to the summary.
+/// One pull, from its first piece to its summary.
 class Pull {
  public:
   Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
@@ -200,7 +200,7 @@ class Pull {
         progress_(console, "raymap", endless_ ? 0 : args.count),
         assembly_(sink.format == RaymapFormat::kJpg) {}
 
-  /// Runs until there are enough, the time is up, Ctrl-C, or the rig ends the stream.
+  /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
   Status run() {
     const double until =
         args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
@@ -224,7 +224,7 @@ class Pull {
  private:
   static constexpr Duration kRemindAfter = Duration::seconds(10);
 
-  /// Prints the summary. Ctrl-C is the normal end of --continuous; any other pull that it ends is incomplete (`early`).
+  /// Prints the summary. Ctrl-C is the normal end of --continuous; with any other pull it means incomplete (`early`).
   Status conclude(bool early) {
     if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
     if (interrupted() && !args_.continuous && !enough() && early) {
@@ -242,7 +242,7 @@ class Pull {
 
   bool enough() const { return !endless_ && tally_.pulled >= args_.count; }
 
-  /// Whether the stream goes on.
+  /// Handles an event; returns whether the stream continues.
   Result<bool> take(const Event& event) {
     if (const auto* closed = std::get_if<StreamClosed>(&event)) {
       tally_.dropped = closed->dropped;
@@ -290,7 +290,7 @@ class Pull {
   std::string name_;
 };
 
-/// How many heads the rig has, for --complete.
+/// The number of the rig's heads, for --complete.
 Result<int> count_heads(RigConnection& rig) {
   wire::Request request;
   request.mutable_heads();
@@ -299,7 +299,7 @@ Result<int> count_heads(RigConnection& rig) {
   return reply->heads().heads_size();
 }
 
-/// Asks for raymaps, again each second while the rig is still making the table they come from.
+/// Requests raymaps; repeats the request every second while the rig is still compiling its blend table.
 Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Console& console) {
   constexpr Duration kAskAgainAfter = Duration::seconds(1);
   while (true) {
@@ -330,7 +330,7 @@ Status run(Context& context, const Args& args) {
   wire::Request request;
   wire::PullRequest& wanted = *request.mutable_pull();
   wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
-  wanted.set_count(0);  // this end counts and stops: raymaps dropped on the way must not count
+  wanted.set_count(0);  // this end counts and stops: dropped raymaps must not count
   wanted.set_lossless(args.lossless);
   const Result<StreamId> stream = start_pull(**rig, request, context.console());
   if (!stream) return fail(stream.error());

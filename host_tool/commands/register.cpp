@@ -39,7 +39,7 @@ struct Args {
 
 template <class Value>
 using Choices = std::map<std::string, Value>;
-// "light" frees nothing of the geometry.
+// With "light" all geometry is held; the value here has no effect.
 const Choices<registration::Free> kFree{{"light", registration::Free::kRotations},
                                         {"rotations", registration::Free::kRotations},
                                         {"focals", registration::Free::kFocals},
@@ -85,7 +85,7 @@ Result<Input> read_input(Context& context, const Args& args) {
   });
 }
 
-// JSON has no infinity; null stands for "nothing is known".
+// JSON has no infinity; null means "unknown".
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json to_json(const Report& report) {
@@ -124,7 +124,7 @@ Json to_json(const Report& report) {
           {"warnings", report.warnings}};
 }
 
-// Degrees that are told in thousandths or less, without a tail of zeros.
+// For angles of thousandths of a degree or less, without trailing zeros.
 std::string small_angle(double degrees) {
   return std::isfinite(degrees) ? fmt::format("{:.2g}°", degrees) : std::string("?");
 }
@@ -174,7 +174,7 @@ Status run(Context& context, const Args& args) {
   options.norm = kNorm.at(args.norm);
   options.colour = kColour.at(args.colour);
   options.vignetting = kVignetting.at(args.vignetting);
-  // Of a rig that runs, the heads that stand must not be turned by the one that does not.
+  // On a running rig, the heads that have not moved must not be rotated because of the one that has.
   options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
                   : args.inputs.empty() ? registration::Gauge::kMost
                                         : registration::Gauge::kFirstHead;

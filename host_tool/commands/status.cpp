@@ -93,7 +93,7 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                            show_duration(status.uptime_ns() - newest.at_ns())));
 }
 
-/// One line for --watch when standard output is no terminal.
+/// One line for --watch, used if standard output is not a terminal.
 std::string one_line(const wire::RigStatus& status) {
   return fmt::format("{}  raymaps {} at {}/s  genlock {} spread {}  frames {} in sets {}  losses: {}", status.state(),
                      status.raymaps(), show_rate(status.rate_millihertz()), status.genlock().state(),
@@ -109,7 +109,7 @@ Status run(Context& context, const Args& args) {
   Console& console = context.console();
   wire::Request request;
   request.mutable_status();
-  const bool endless = args.watch && args.count == 0;  // then Ctrl-C is its usual end
+  const bool endless = args.watch && args.count == 0;  // then Ctrl-C is its normal end
   for (std::uint64_t shown = 0;;) {
     const Result<wire::Reply> reply = (*rig)->ask(request);
     if (!reply) {
@@ -127,7 +127,7 @@ Status run(Context& context, const Args& args) {
     }
     ++shown;
     if (!args.watch || shown == args.count || console.output_gone()) return {};
-    // No stream is open: this only waits, and detects at once when the link goes down.
+    // No stream is open: this only waits, and detects at once if the link closes.
     const Status waited = (*rig)->rest(*interval);
     if (endless && interrupted()) return {};
     if (!waited) return fail(waited.error());

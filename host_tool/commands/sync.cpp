@@ -25,7 +25,7 @@ Result<std::vector<std::string>> head_names(RigConnection& rig) {
   return names;
 }
 
-/// Collects the timing evidence of sets until there are enough, Ctrl-C, or the rig ends the stream.
+/// Collects the timing data of sets until there are enough, Ctrl-C, or the rig closes the stream.
 Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& console, SyncReport& report) {
   Progress progress(console, "set", args.sets);
   while (report.sets() < args.sets) {

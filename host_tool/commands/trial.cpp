@@ -13,9 +13,9 @@ namespace nodal::host {
 namespace {
 
 constexpr int kUploadAttempts = 4;
-constexpr double kLeastFall = 0.001;  // share of the objective; the same calibration twice is no better
+constexpr double kLeastFall = 0.001;  // share of the objective; repeating the same calibration must not count as better
 
-/// Ends the trial on the rig in its destructor, unless it was ended before.
+/// Ends the trial on the rig in its destructor, unless it has been ended before.
 class TrialUnderWay {
  public:
   TrialUnderWay(RigConnection& rig, const Calibration& tried) : rig_(rig) {
@@ -63,7 +63,7 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   TrialUnderWay trial(**rig, tried);
   const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());
   if (!pictures) return fail(pictures.error());
-  // A signal that ends it here is a link that is lost for the rig, which goes back by itself.
+  // A signal here ends the program; for the rig that is a lost link, and the rig reverts by itself.
   const auto objectives = interruptible(context.console(), [&] {
     return registration::objectives_of({*before, tried}, pictures->frames(), {});
   });

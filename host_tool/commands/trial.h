@@ -1,4 +1,4 @@
-// A calibration on trial: the rig runs it, the host judges it; without an answer the rig goes back by itself.
+// A calibration on trial: the rig uses it, the host evaluates it; without an answer the rig reverts by itself.
 #pragma once
 
 #include "host_tool/commands/command.h"
@@ -9,23 +9,23 @@
 namespace nodal::host {
 
 struct TrialVerdict {
-  double before = 0;  ///< objective of what was in force, on frames taken during the trial; levels squared
-  double after = 0;   ///< of what was tried, on the same frames
+  double before = 0;  ///< objective of the calibration in force, on frames taken during the trial; levels squared
+  double after = 0;   ///< of the tried calibration, on the same frames
   bool kept = false;
 };
 
-/// Uploads `tried` on trial, pulls `sets` frame sets that the rig blended by it, and compares what it and the calibration
-/// that was in force leave of the differences between heads: on the same frames, which neither was made from. Lower is
-/// kept; else the rig goes back, and so it does by itself `limit` after the swap if this program, its link or the rig's
-/// power fails.
+/// Uploads `tried` on trial, pulls `sets` frame sets that the rig blended with it, and compares the differences between
+/// heads that remain under it and under the calibration in force: on the same frames, from which neither was made. If
+/// `tried` has the lower objective it is kept, else the rig reverts. If this program, its link or the rig's power fail,
+/// the rig reverts by itself `limit` after the swap. `document` is the file of `tried` and `signature` that file's
+/// signature; without them `tried` is serialized and sent unsigned.
 ///
-/// Errors: kUnsupported for a rig without trials; the upload's; pull_frame_sets()'s; the judgement's. After each of them
-///   the rig is told to go back, and goes back by itself when that cannot be told.
-/// `document` is `tried` as its file has it and `signature` that file's; without them its own form goes, unsigned.
+/// Errors: kUnsupported for a rig without trials; those of upload(), of pull_frame_sets() and of the evaluation. After
+///   each of them the rig is told to revert, and it reverts by itself if that message does not arrive.
 Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit,
                              std::string document = "", const std::string& signature = "");
 
-/// One line and a document; the shell is told when it was not kept.
+/// Prints one line or a document; sets the exit code if the calibration was not kept.
 void tell_verdict(Context& context, const TrialVerdict& verdict);
 
 inline constexpr Duration kTrialLimit = Duration::seconds(60);

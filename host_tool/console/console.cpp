@@ -38,8 +38,8 @@ bool colour_wanted() {
 
 void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, text.size(), file); }
 
-/// Text for people: line ends and the colours of paint() stay; everything else that moves a cursor is replaced, since
-/// names and errors come from rigs and files.
+/// Prepares text for a terminal: keeps line ends and the colours of paint(), replaces all other control characters,
+/// because names and errors come from rigs and files.
 std::string shown(std::string_view text) {
   constexpr std::array<std::string_view, 7> kKept{"\n",       kReset,    "\x1b[32m", "\x1b[33m",
                                                   "\x1b[31m", "\x1b[2m", "\x1b[1m"};
@@ -56,12 +56,12 @@ std::string shown(std::string_view text) {
   return result;
 }
 
-/// Names that a rig reports may be any bytes: what is not UTF-8 is replaced, never thrown at the user.
+/// Serializes JSON. Names from a rig may be any bytes: invalid UTF-8 is replaced, and does not throw.
 std::string line_of(const Json& document) {
   return document.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-/// Characters as they are seen: escapes take no room, and a character of many bytes takes one.
+/// The number of visible characters: escape sequences count 0, a multi-byte character counts 1.
 std::size_t width_of(std::string_view text) {
   std::size_t width = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -96,7 +96,7 @@ void Console::bytes(std::string_view data) {
 
 int Console::end_output() {
   bytes({});
-  // Some file systems, NFS among them, report only at close that the disk is full. Closing a duplicate is enough.
+  // Some file systems, such as NFS, report a full disk only at close. Closing a duplicate is sufficient.
   const int duplicate = output_error_ != 0 ? -1 : ::dup(fileno(out_));
   if (duplicate >= 0 && ::close(duplicate) != 0) output_error_ = errno;
   return output_error_;

@@ -1,5 +1,5 @@
-// The output to the user: answers on standard output, everything else on standard error, colour only on
-// a terminal.
+// The output to the user: results on standard output, everything else on standard error, colour only on a
+// terminal.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,15 @@
 
 namespace nodal::host {
 
-/// Keys stay in the order they were written in.
+/// Keeps keys in insertion order.
 using Json = nlohmann::ordered_json;
 
 enum class Colour { kGood, kWarning, kBad, kDim, kStrong };
 
 /// Threading: thread-bound.
 /// Ownership: the streams are not closed.
-/// Errors: what standard output refuses is kept, and said once by end_output(). Commands that go on for long look at
-///   output_gone() and end.
+/// Errors: the first failed write to standard output is stored; end_output() reports it once. Long-running commands
+/// check output_gone() and stop.
 class Console {
  public:
   Console(std::FILE* out, std::FILE* err);
@@ -31,38 +31,38 @@ class Console {
   bool json() const { return json_; }
   bool out_is_terminal() const { return out_terminal_; }
   bool err_is_terminal() const { return err_terminal_; }
-  /// Whether a write to standard output failed: the rest of the answer is of no use.
+  /// Whether a write to standard output failed: writing more results is pointless.
   bool output_gone() const { return output_error_ != 0; }
-  /// Writes what is buffered and learns what the file system reports at close. 0, or the errno of the first write to
-  /// standard output that failed. Call it last.
+  /// Writes buffered data and gets errors that the file system reports at close. Returns 0, or the errno of the first
+  /// failed write to standard output. Call it last.
   int end_output();
 
-  /// Answers, for people: a line on standard output. Nothing when --json was asked for.
+  /// A result for human readers: a line on standard output. Does nothing with --json.
   void line(std::string_view text);
-  /// Answers, for programs: one JSON document on one line of standard output. Nothing without --json.
+  /// A result for programs: one JSON document on one line of standard output. Does nothing without --json.
   void document(const Json& document);
-  /// Bytes on standard output as they are, with --json, too: pictures of `raymap pull --out -`, the text of --help.
+  /// Unmodified bytes on standard output, also with --json: pictures of `raymap pull --out -`, the text of --help.
   void bytes(std::string_view data);
 
-  /// Remarks on standard error: what was done on the way, notes, warnings.
+  /// Remarks on standard error: progress, notes, warnings.
   void note(std::string_view text);
   void warning(std::string_view text);
   /// The error of a command that failed; with --json also as {"error": {...}} on standard output.
   void error(const Error& error);
-  /// What error() writes to standard error, and with --json to standard output; for a signal handler.
+  /// The text that error() writes to standard error, and with --json to standard output; for a signal handler.
   std::string error_text(const Error& error) const;
   std::string error_document(const Error& error) const;
 
-  /// The text in colour when standard output is a terminal and NO_COLOR is not set.
+  /// The text in colour if standard output is a terminal and NO_COLOR is not set.
   std::string paint(Colour colour, std::string_view text) const;
 
-  /// Clears the terminal's screen from the top, for a display that is drawn again and again.
+  /// Clears the terminal's screen from the top, for a display that is redrawn repeatedly.
   void home();
 
-  /// A line on standard error that is drawn over, as progress is; ends with finish_progress().
+  /// A line on standard error that is overwritten, for progress; finish_progress() ends it.
   void progress(std::string_view text);
   void finish_progress();
-  /// The rig's current activity, when it changed.
+  /// Shows the rig's present activity if it changed.
   void activity(const std::string& text);
 
  private:
@@ -79,7 +79,7 @@ class Console {
   std::string activity_;
 };
 
-/// Columns of text, each as wide as its widest cell; numbers to the right.
+/// Columns of text, each as wide as its widest cell; numbers are right-aligned.
 class Table {
  public:
   enum class Align { kLeft, kRight };
@@ -89,7 +89,7 @@ class Table {
   };
   explicit Table(std::vector<Column> columns) : columns_(std::move(columns)) {}
   void row(std::vector<std::string> cells);
-  /// One line a row, the titles first.
+  /// One line per row, the titles first.
   std::vector<std::string> lines() const;
 
  private:
@@ -97,7 +97,7 @@ class Table {
   std::vector<std::vector<std::string>> rows_;
 };
 
-/// How far a job has come: a bar that is redrawn on a terminal, a line every few seconds elsewhere.
+/// The progress of a job: a bar that is redrawn on a terminal, a line every few seconds elsewhere.
 class Progress {
  public:
   /// `total` 0: the total is unknown.

@@ -5,7 +5,7 @@
 namespace nodal::host {
 
 ExitCode exit_code_of(Errc code) {
-  if (code == Errc::kBusy) return ExitCode::kNotNow;  // the link works; another client was first
+  if (code == Errc::kBusy) return ExitCode::kNotNow;  // the link works, but another client has it
   switch (static_cast<int>(code) / 100) {
     case 1:
     case 2: return ExitCode::kBadInput;

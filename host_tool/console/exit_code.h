@@ -10,31 +10,31 @@ namespace nodal::host {
 
 enum class ExitCode : int {
   kOk = 0,
-  kFailed = 1,       ///< Nodal itself went wrong (9xx), or nothing below fits
-  kUsage = 2,        ///< the command line cannot be understood
+  kFailed = 1,       ///< an internal error of Nodal (9xx), or no other code fits
+  kUsage = 2,        ///< invalid command line
   kUnreachable = 3,  ///< no rig, or the link to it was lost (3xx)
   kBadInput = 4,     ///< a file, value or calibration is refused (1xx, 2xx)
   kDevice = 5,       ///< a head or another device of the rig (4xx)
   kStorage = 6,      ///< a file or disk, here or on the rig (5xx)
   kNotNow = 7,       ///< the right request at the wrong moment (6xx)
-  kJudged = 8,       ///< asked to judge, and the judgement is no: drifted, no better
+  kJudged = 8,       ///< the command judges something, and the result is negative: drifted, not better
   kOutputLost = 9,   ///< standard output could not be written
-  // 128 + the signal, as shells report a program that the signal ended.
+  // 128 + the signal's number, as shells report a program that a signal ended.
   kInterrupted = 130,  ///< Ctrl-C (SIGINT) before the work was done
-  kReaderGone = 141,   ///< the reader of standard output went away (SIGPIPE), as `| head` does
+  kReaderGone = 141,   ///< the reader of standard output closed the pipe (SIGPIPE), as `| head` does
   kTerminated = 143,   ///< SIGTERM before the work was done
 };
 
-/// By the hundreds of the error's number.
+/// By the hundreds of the error number.
 ExitCode exit_code_of(Errc code);
-/// Of a command that SIGINT or SIGTERM stopped.
+/// For a command that SIGINT or SIGTERM stopped.
 ExitCode exit_code_of_signal(int signal);
 
 struct ExitCodeHelp {
   ExitCode code;
   std::string_view meaning;
 };
-/// Every code with one line for --help and the manual page.
+/// All codes, each with one line for --help and the manual page.
 const std::array<ExitCodeHelp, 13>& exit_code_help();
 
 }  // namespace nodal::host

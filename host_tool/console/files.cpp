@@ -23,7 +23,7 @@ tl::unexpected<Error> system_error(const std::string& path, int number) {
   }
 }
 
-/// A descriptor that closes with its scope.
+/// A descriptor that is closed at the end of its scope.
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}
@@ -33,7 +33,7 @@ class Descriptor {
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
   int get() const { return fd_; }
-  /// 0, or the number of what went wrong: some file systems only tell now that the disk is full.
+  /// Returns 0 or an errno: some file systems report a full disk only at close.
   int close() { return ::close(std::exchange(fd_, -1)) == 0 ? 0 : errno; }
 
  private:
@@ -49,17 +49,17 @@ int write_all(int fd, std::span<const std::uint8_t> bytes) {
   return 0;
 }
 
-/// 0, or what went wrong; a file system that cannot sync (EINVAL) is none of the user's concern.
+/// Returns 0 or an errno; that a file system cannot sync (EINVAL, ENOTSUP) is not an error for the user.
 int sync(int fd) { return ::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP ? 0 : errno; }
 
-/// Only by setting it can it be read; no other thread makes files meanwhile.
+/// The umask can only be read by setting it; no other thread creates files meanwhile.
 mode_t current_umask() {
   const mode_t mask = ::umask(0);
   ::umask(mask);
   return mask;
 }
 
-/// The place of "%d" or "%0Nd" in a pattern.
+/// The position of "%d" or "%0Nd" in a pattern.
 struct Conversion {
   std::size_t at = 0;
   std::size_t length = 0;
@@ -113,7 +113,7 @@ Result<std::string> read_file(const std::string& path, std::size_t limit) {
 }
 
 Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, Durability durability) {
-  // A file that is not regular (/dev/null, a pipe) cannot be replaced: it is written to.
+  // A file that is not regular (/dev/null, a pipe) cannot be replaced, so it is written in place.
   struct stat info {};
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     if (S_ISDIR(info.st_mode)) return system_error(path, EISDIR);

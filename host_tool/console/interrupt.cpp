@@ -14,7 +14,7 @@ namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
 
-/// What a signal writes while an EndsAtOnce lives, made beforehand: its handler may allocate nothing.
+/// The output of the signal handler while an EndsAtOnce exists, prepared because the handler must not allocate.
 struct Farewell {
   std::string to_error, to_output;
 };
@@ -39,7 +39,7 @@ void watch_interrupts() {
   struct sigaction action {};
   action.sa_handler = note_interrupt;
   sigemptyset(&action.sa_mask);
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // no SA_RESTART: a wait ends when it comes
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // no SA_RESTART: the signal interrupts a wait
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
@@ -55,7 +55,7 @@ EndsAtOnce::EndsAtOnce(const Console& console) {
   const std::string over_progress = console.err_is_terminal() ? "\r\x1b[K" : "";
   farewell = {over_progress + console.error_text(error), console.json() ? console.error_document(error) : ""};
   ends_at_once.store(&farewell);
-  if (interrupted()) end_at_once(farewell, interrupting_signal());  // it came before
+  if (interrupted()) end_at_once(farewell, interrupting_signal());  // the signal came before
 }
 
 EndsAtOnce::~EndsAtOnce() { ends_at_once.store(nullptr); }

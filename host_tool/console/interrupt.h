@@ -1,20 +1,20 @@
-// Ctrl-C: a request to end in good order, seen by loops that wait for a rig; and the end at once of a computation.
+// Ctrl-C: for loops that wait for a rig, a request to finish properly; for a computation, an immediate end.
 #pragma once
 
 namespace nodal::host {
 
 class Console;
 
-/// From here on the first SIGINT or SIGTERM is only noted; a second one ends the program at once. Also ignores SIGPIPE
-/// and SIGXFSZ, so that a reader that goes away and a file over its size limit are errors of write().
+/// From now on the first SIGINT or SIGTERM is only recorded; a second one ends the program at once. Also ignores
+/// SIGPIPE and SIGXFSZ, so that a closed pipe and an exceeded file size limit become errors of write().
 void watch_interrupts();
 bool interrupted();
-/// SIGINT or SIGTERM, whichever came; 0 when neither did.
+/// The received signal, SIGINT or SIGTERM; 0 if there was none.
 int interrupting_signal();
 
-/// While it lives, the first SIGINT or SIGTERM ends the program at once, with one sentence and the exit code of that signal.
+/// While an object exists, the first SIGINT or SIGTERM ends the program at once, with a sentence and its exit code.
 ///
-/// Threading: made and destroyed on main, one at a time.
+/// Threading: created and destroyed on the main thread, one at a time.
 /// Ownership: none.
 /// Errors: none.
 class [[nodiscard]] EndsAtOnce {
@@ -25,8 +25,8 @@ class [[nodiscard]] EndsAtOnce {
   EndsAtOnce& operator=(const EndsAtOnce&) = delete;
 };
 
-/// Runs a computation of seconds, on any number of threads, that a signal may end at any moment: it must write no file
-/// and hold nothing that must be put in order.
+/// Runs a computation of several seconds, on any number of threads, that a signal may end at any moment: it must not
+/// write files or hold anything that needs cleanup.
 template <class Work>
 auto interruptible(const Console& console, const Work& work) {
   const EndsAtOnce scope(console);

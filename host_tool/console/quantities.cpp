@@ -12,7 +12,7 @@
 namespace nodal::host {
 namespace {
 
-/// A number and what follows it; nothing when there is no finite number in front.
+/// A number and the text after it; nothing if the text does not start with a finite number.
 struct Quantity {
   double number = 0;
   std::string_view unit;
@@ -43,7 +43,7 @@ std::optional<double> ns_per(std::string_view unit) {
   return std::nullopt;
 }
 
-constexpr double kLongestNs = 86'400e9;  // a day: a longer time is a wrong unit
+constexpr double kLongestNs = 86'400e9;  // a day: a longer time indicates a wrong unit
 
 tl::unexpected<Error> bad(std::string_view what, std::string_view text, std::string_view allowed) {
   return fail(Errc::kBadValue, fmt::format("{} '{}': write it as {}", what, text, allowed));

@@ -1,5 +1,5 @@
-// Parsing and formatting of exposures, gains and rates for users. A number without a unit
-// is refused where two units are in use.
+// Parses and formats exposures, gains and rates for users. Where two units are in use, a number without a unit is
+// refused.
 #pragma once
 
 #include <cstdint>
@@ -11,22 +11,22 @@
 
 namespace nodal::host {
 
-/// "250us", "8ms", "0.5s", "2min". Errors: kBadValue, which says what would do.
+/// "250us", "8ms", "0.5s", "2min". Errors: kBadValue; the message gives valid examples.
 Result<Duration> parse_duration(std::string_view text);
-/// "8ms", "500us" or a fraction of a second as on cameras: "1/125".
+/// "8ms", "500us", or a fraction of a second as on cameras: "1/125".
 Result<Exposure> parse_exposure(std::string_view text);
 /// "6dB", "-3.5dB", "0dB".
 Result<Gain> parse_gain(std::string_view text);
-/// Red and blue against green: "1.5,1.25". "1,1" changes nothing.
+/// Red and blue relative to green: "1.5,1.25". "1,1" changes nothing.
 Result<WhiteBalance> parse_white_balance(std::string_view text);
-/// "2.2" as thousandths; "own" is 0: the curve a head was calibrated with.
+/// "2.2" gives 2200 (thousandths); "own" gives 0: the curve of the head's calibration.
 Result<std::uint32_t> parse_gamma(std::string_view text);
-/// "2.5" stops, 0 to 8, as thousandths.
+/// "2.5" stops, 0 to 8, in thousandths.
 Result<std::uint32_t> parse_stops(std::string_view text);
-/// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 stand for n/1001), "12.5".
+/// "30000/1001", "25", "29.97" (the NTSC rates 23.976, 29.97 and 59.94 mean n/1001), "12.5".
 Result<FrameRate> parse_rate(std::string_view text);
 
-/// The absolute value; also of the lowest number, whose negative does not fit.
+/// The absolute value, also of the lowest number, whose negative does not fit int64.
 constexpr std::uint64_t magnitude(std::int64_t ns) {
   return ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
 }

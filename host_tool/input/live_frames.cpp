@@ -14,9 +14,9 @@
 namespace nodal::host {
 namespace {
 
-constexpr Duration kBetweenSets = Duration::milliseconds(250);  // so that what moves has moved
+constexpr Duration kBetweenSets = Duration::milliseconds(250);  // so that moving objects have moved
 constexpr std::uint64_t kMaxSetBytes = 1ULL << 30;
-constexpr int kTries = 4;  // for a set with every head in it
+constexpr int kTries = 4;  // to get a set with all heads
 
 struct ReceivedSet {
   wire::FrameSetHeader header;
@@ -31,7 +31,7 @@ std::optional<PixelFormat> format_of(const std::string& name) {
   return std::nullopt;
 }
 
-/// Bytes of a head's picture; its format and size are those that a rig may send.
+/// The number of bytes of a head's picture; checks that its format and size are valid for a rig.
 Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   const auto format = format_of(head.format());
   const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= media::kMaxImageSide &&
@@ -41,7 +41,7 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
 }
 
-/// The header, and the bytes that its pictures take together, which the set may have.
+/// Reads the header; returns the total bytes of its pictures, which is the set's limit.
 Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
   if (!header.ParseFromString(first.meta)) {
     return fail(Errc::kBadFormat, "the rig sent a frame set without a header that can be read");
@@ -107,7 +107,7 @@ Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture&
   return picture;
 }
 
-/// In the calibration's order; which head is missing is an error.
+/// The pictures in the calibration's order; a missing head is an error.
 Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
   std::vector<DecodedImage> pictures;
   for (const HeadCalibration& head : calibration.heads) {
@@ -155,7 +155,7 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
     }
     Result<std::vector<DecodedImage>> all = pictures_of(*set, calibration);
-    if (!all && --tries > 0) continue;  // a head may miss a set now and then
+    if (!all && --tries > 0) continue;  // a head may miss a set occasionally
     if (!all) return fail(all.error());
     pictures.sets.push_back(std::move(*all));
     console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));

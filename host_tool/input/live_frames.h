@@ -1,4 +1,4 @@
-// The heads' own pictures and the calibration in force, from a running rig.
+// Gets the heads' own pictures and the calibration in force from a running rig.
 #pragma once
 
 #include <string>
@@ -11,19 +11,19 @@
 
 namespace nodal::host {
 
-/// Errors: kUnsupported when the rig's nodald does not report the feature; `what` names the user of it.
+/// Errors: kUnsupported if the rig's nodald does not report the feature; `what` names the command that needs it.
 Status require_feature(const RigConnection& rig, const std::string& feature, const std::string& what);
 
-/// Errors: kNotFound when none is in force; those of the conversation.
+/// Errors: kNotFound if none is in force; those of the connection.
 Result<Calibration> calibration_in_force(RigConnection& rig);
 
-/// `sets` frame sets, one after another, each with a picture of every head of the calibration and blended by it. The rig
-/// goes on filming; each costs it one copy.
-/// Errors: kDeviceGone for a head that delivers no pictures; kWrongState when another calibration came into force;
-///   kOverload when the rig has no time; those of the conversation.
+/// Pulls `sets` frame sets, one after another, each with a picture of every head of the calibration and blended with
+/// it. The rig continues to film; each set costs it one copy. Errors: kDeviceGone for a head that delivers no
+/// pictures; kWrongState if another calibration came into force; kOverload if the rig has no time; those of the
+/// connection.
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
-/// Frame sets that a live registration takes: the default, and the most.
+/// The number of frame sets that a live registration uses: default and maximum.
 inline constexpr int kLiveSets = 3;
 inline constexpr int kMostLiveSets = 64;
 

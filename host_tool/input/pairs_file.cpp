@@ -78,13 +78,13 @@ Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const C
   }
   std::vector<PointPair> pairs;
   for (const interchange::ControlPoint& point : project->control_points) {
-    if (point.head_a == point.head_b) continue;  // a straight line's points
+    if (point.head_a == point.head_b) continue;  // a point of a straight line
     pairs.push_back({point.head_a, point.pixel_a, point.head_b, point.pixel_b});
   }
   return pairs;
 }
 
-// The program's exit code; its words go nowhere.
+// Returns the program's exit code; discards its output.
 Result<int> run_quietly(const std::vector<std::string>& command) {
   std::vector<char*> argv;
   for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
@@ -110,7 +110,7 @@ Result<int> run_quietly(const std::vector<std::string>& command) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 
-// A folder that is gone with the object.
+// A temporary folder that the destructor removes.
 class Workshop {
  public:
   Workshop() {
@@ -177,7 +177,7 @@ Result<std::vector<PointPair>> find_pairs(const std::vector<std::string>& pictur
   }
   const Workshop workshop;
   if (!workshop.good()) return fail(Errc::kIo, "no folder for temporary files");
-  // cpfind undoes the lenses before it looks for features, so they need only be near.
+  // cpfind undoes the lenses before it searches for features, so approximate lenses are sufficient.
   interchange::ExportOptions options;
   for (const std::string& picture : pictures) options.images.push_back(fs::absolute(picture).string());
   const auto project = interchange::export_calibration(rig, interchange::ExportFormat::kHugin, options);

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr double kRadians = std::numbers::pi / 180;
 
-// Numbers with one separator between them; nothing when it is not that.
+// Parses numbers separated by `between`; nothing if the text is anything else.
 std::vector<double> numbers(std::string_view text, char between) {
   std::vector<double> all;
   while (!text.empty()) {

@@ -1,4 +1,4 @@
-// The input of a registration: pictures in files, and a rig's geometry by its data sheet.
+// The input of a registration: pictures from files, and a rig's geometry from its data sheet.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 
 namespace nodal::host {
 
-/// Pictures that are held in memory, one a head and set.
+/// Pictures in memory, one per head and set.
 struct PictureSets {
   std::vector<std::vector<DecodedImage>> sets;
   std::vector<registration::FrameSet> frames() const;
@@ -30,8 +30,8 @@ struct CalibratedPictures {
   Calibration calibration;
   PictureSets pictures;
 };
-/// A calibration's file, then pictures as read_pictures() takes them.
-/// Errors: those of parse_calibration() and read_pictures(); kMissingField without any pictures.
+/// Reads a calibration file, then pictures like read_pictures(). Errors: those of parse_calibration() and
+/// read_pictures(); kMissingField if there are no pictures.
 Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments);
 
 /// A rig as its data sheet has it, as words of the command line.

@@ -18,7 +18,7 @@ using geometry::Pixel;
 using geometry::Ray;
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr int kRays = 20'000;  // one for every 2 square degrees
+constexpr int kRays = 20'000;  // one per 2 square degrees
 
 std::string lens_name(const LensModel& lens) {
   struct Name {
@@ -30,7 +30,7 @@ std::string lens_name(const LensModel& lens) {
   return std::visit(Name{}, lens);
 }
 
-/// Degrees between the axis and the last good pixel from the lens's centre in a direction.
+/// The angle in degrees between the axis and the last usable pixel from the lens's centre in a direction.
 double reach(const Head& head, double step_x, double step_y) {
   Pixel pixel{head.calibration().center_x, head.calibration().center_y};
   double angle = 0;
@@ -46,7 +46,7 @@ std::string show_degrees(double degrees) {
   return fmt::format("{:.2f}°", rounded == 0 ? 0.0 : rounded == -180 ? 180.0 : rounded);
 }
 
-/// Ray i of kRays that lie evenly on the sphere, along a spiral of equal areas.
+/// Ray i of kRays that are evenly spread over the sphere, on a spiral of equal areas.
 Ray even_ray(int i) {
   const double y = 1 - (2 * i + 1.0) / kRays;
   const double turn = i * std::numbers::pi * (1 + std::sqrt(5.0));

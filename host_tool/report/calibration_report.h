@@ -1,4 +1,4 @@
-// What a calibration means, in numbers that people can judge: fields of view, places, coverage of the sphere.
+// A calibration summarized for human readers: fields of view, orientations, coverage of the sphere.
 #pragma once
 
 #include <optional>
@@ -25,9 +25,9 @@ struct CalibrationReport {
   std::string id;  ///< 64 hexadecimal digits
   std::string name;
   std::vector<CalibratedHead> heads;
-  double unseen = 0;         ///< part of the sphere that no head sees, 0 .. 1
-  double seen_twice = 0;     ///< part that at least two see
-  double heads_per_ray = 0;  ///< on average
+  double unseen = 0;         ///< share of the sphere that no head sees, 0 .. 1
+  double seen_twice = 0;     ///< share that at least two heads see
+  double heads_per_ray = 0;  ///< mean number of heads that see a ray
   struct Direction {
     double yaw = 0, pitch = 0;  ///< degrees
   };

@@ -1,4 +1,4 @@
-// A report as one HTML file: text, tables, pictures and curves, all inside it, nothing from any network.
+// A report as one HTML file: text, tables, pictures and curves, all embedded, without network access.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace nodal::host {
 
-/// As text of a page or an attribute of it.
+/// Escapes text for use in a page or an attribute.
 std::string html_escaped(std::string_view text);
 
 /// A curve of a chart.
@@ -20,26 +20,26 @@ struct ChartSeries {
 };
 
 /// Threading: thread-bound.
-/// Ownership: owns its text; pictures are copied in.
+/// Ownership: owns its text; pictures are copied.
 /// Errors: none; text is escaped, and values that are not finite are left out of charts.
 class HtmlReport {
  public:
-  /// `summary` stands below the title.
+  /// `summary` is shown below the title.
   HtmlReport(std::string_view title, std::string_view summary);
 
   void heading(std::string_view text);
   void paragraph(std::string_view text);
   /// A warning, shown prominently.
   void warning(std::string_view text);
-  /// Cells that look like numbers stand to the right.
+  /// Cells that look like numbers are right-aligned.
   void table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows);
-  /// Pictures side by side, as many as fit; each a PNG or JPEG with its caption.
+  /// Pictures side by side, as many as fit; each is a PNG or JPEG with its caption.
   void pictures(const std::vector<std::pair<std::vector<std::uint8_t>, std::string>>& files_and_captions);
   /// Curves over common axes, drawn as SVG. `log_y` needs positive values.
   void chart(std::string_view title, std::string_view x_label, std::string_view y_label,
              const std::vector<ChartSeries>& series, bool log_y = false);
 
-  /// SVG as it is; its maker has escaped what is in it.
+  /// Unmodified SVG; the caller must have escaped its text.
   void drawing(std::string_view svg);
 
   std::string finish() const;

@@ -14,7 +14,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr float kStretch = 8;  // residuals are small: a grey level of 255 is shown as eight
+constexpr float kStretch = 8;  // residuals are small: one grey level of 255 is shown as eight
 
 std::string measured(const calibration::Measured& m) { return fmt::format("{:.4f} ± {:.4f}", m.value, m.deviation); }
 

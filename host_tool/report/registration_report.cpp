@@ -22,12 +22,12 @@ using registration::FrameSet;
 using registration::Report;
 
 constexpr int kWidth = 768, kHeight = 384;
-constexpr int kClose = 288;   // px of a close-up
-constexpr int kChecker = 36;  // px of a square that one head fills
+constexpr int kClose = 288;   // side of a close-up, px
+constexpr int kChecker = 36;  // side of a square from one head, px
 constexpr std::size_t kSeams = 6;
-constexpr double kStretch = 8;  // a difference of 32 levels is white
+constexpr double kStretch = 8;  // a difference of 32 levels is shown white
 
-// One calibration's heads on their pictures.
+// One calibration's heads with their pictures.
 class Rig {
  public:
   static Result<Rig> make(const Calibration& calibration, const FrameSet& frames) {
@@ -38,7 +38,7 @@ class Rig {
 
   const std::vector<Head>& heads() const { return heads_; }
 
-  /// Light that a head saw along a ray, its gain and fall-off undone, 0..255.
+  /// The light that a head recorded for a ray, without its gain and fall-off, 0..255.
   std::optional<double> light(std::size_t head, const Ray& ray) const {
     const auto at = heads_[head].project(ray);
     if (!at || !heads_[head].contains(*at)) return std::nullopt;
@@ -48,7 +48,7 @@ class Rig {
     return 255 * geometry::decode(own.response, encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
   }
 
-  /// As the eye expects it: through the first head's response again.
+  /// The light encoded with the first head's response, for display.
   std::uint8_t shown(double light) const {
     const double encoded = geometry::encode(heads_.front().calibration().response, std::clamp(light / 255, 0.0, 1.0));
     return static_cast<std::uint8_t>(std::lround(255 * std::clamp(encoded, 0.0, 1.0)));
@@ -113,7 +113,7 @@ std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width
       .value_or(std::vector<std::uint8_t>());
 }
 
-// The middle of what two heads share, as rays of the rig.
+// The centre of the area that two heads share, as a ray of the rig.
 std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
   double x = 0, y = 0, z = 0;
   for (int j = 0; j < kHeight; j += 6) {
@@ -131,10 +131,10 @@ std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
   return Ray::towards(x, y, z);
 }
 
-// A plane view along `axis` where squares of one head alternate with the other's: what does not continue is a fault.
+// A plane view along `axis` in which squares of the two heads alternate: an edge that does not continue is an error.
 std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b, const Ray& axis) {
   const double pixel = 1 / (rig.heads()[a].lens().slope(0.1));
-  // Two directions across the axis.
+  // Two directions perpendicular to the axis.
   const bool steep = std::abs(axis.y()) > 0.9;
   const Ray up = steep ? Ray::towards(0, 0, 1) : Ray::towards(0, 1, 0);
   const Ray right = Ray::towards(up.y() * axis.z() - up.z() * axis.y(), up.z() * axis.x() - up.x() * axis.z(),
@@ -202,9 +202,9 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
   }
 }
 
-// Where the head looks, as people say it.
+// The head's direction as yaw and pitch.
 GraphNode node_of(const Head& head, const registration::HeadReport& report) {
-  const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis, in the rig's frame
+  const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis in the rig's frame
   constexpr double kDegrees = 180 / std::numbers::pi;
   return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)),
           !report.placed};

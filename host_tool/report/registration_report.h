@@ -9,8 +9,8 @@
 
 namespace nodal::host {
 
-/// One HTML file: heads with their uncertainties, how the objective fell, the sphere and what the heads differ by before
-/// and after, who sees what, and the largest seams as close-ups. Of several frame sets the first is shown.
+/// One HTML file: heads with their uncertainties, the decrease of the objective, the sphere and the heads' differences
+/// before and after, the overlaps, and close-ups of the largest seams. Of several frame sets the first is shown.
 /// Errors: those of the calibrations.
 Result<std::string> registration_report(const Calibration& prior, const registration::FrameSet& frames,
                                         const registration::Report& report);

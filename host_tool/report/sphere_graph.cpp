@@ -10,7 +10,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kWidth = 760, kHeight = 400, kMap = 360;  // below the map stands the legend
+constexpr double kWidth = 760, kHeight = 400, kMap = 360;  // the legend is below the map
 constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
 constexpr double kGood = 0.8, kPoor = 0.4;
 
@@ -82,14 +82,14 @@ std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<
     svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\" fill=\"#888\">{}</text>", kWidth * at,
                        kMap - 4, text);
   }
-  // The surest on top.
+  // Links with the highest agreement are drawn last, on top.
   std::vector<GraphLink> sorted = links;
   std::ranges::stable_sort(sorted, std::less<>(), &GraphLink::agreement);
   for (const GraphLink& link : sorted) svg += drawn(link, nodes);
   for (const GraphNode& node : nodes) {
     const double x = x_of(node);
     svg += drawn(node, x);
-    if (x < kRadius) svg += drawn(node, x + kWidth);  // what looks back is half on either side
+    if (x < kRadius) svg += drawn(node, x + kWidth);  // a head that looks back is drawn half on each side
     if (x > kWidth - kRadius) svg += drawn(node, x - kWidth);
   }
   return svg + legend() + "</svg>\n";

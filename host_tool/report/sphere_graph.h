@@ -1,4 +1,4 @@
-// A drawing of the heads' overlaps: each head at its direction on a map of the sphere, joined to those it overlaps with.
+// A drawing of the heads' overlaps: each head at its direction on a map of the sphere, with lines to overlapping heads.
 #pragma once
 
 #include <cstddef>
@@ -11,17 +11,17 @@ struct GraphNode {
   std::string name;
   double yaw_deg = 0;    ///< to the right
   double pitch_deg = 0;  ///< up
-  bool faint = false;    ///< drawn as one that is not sure
+  bool faint = false;    ///< drawn faintly, because its direction is uncertain
 };
 
 struct GraphLink {
   std::size_t a = 0, b = 0;
-  double share = 0;      ///< 0..1: how thick it is drawn, against the thickest
+  double share = 0;      ///< 0..1: line width relative to the widest
   double agreement = 0;  ///< 0..1: green, orange or red
-  std::string told;      ///< shown where the mouse rests on it
+  std::string told;      ///< shown when the mouse is over it
 };
 
-/// SVG. Links go the short way round; those over the back of the sphere leave on one side and come in on the other.
+/// SVG. Links take the shorter way round; those across the back leave the map on one side and enter on the other.
 std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<GraphLink>& links);
 
 }  // namespace nodal::host

@@ -1,4 +1,4 @@
-// The sync report's picture: every head's offset over the sets, and how the genlock stood.
+// The sync report's drawing: every head's offset over the sets, and the state of the genlock.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kLeft = 80, kTop = 64, kWide = 760, kHigh = 360, kRight = 280, kBelow = 64;
 
-/// Colours that colour-blind people can distinguish too (Okabe and Ito).
+/// Colours that colour-blind readers can distinguish too (Okabe and Ito).
 constexpr std::array<std::string_view, 8> kColours{"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                                    "#e69f00", "#56b4e9", "#000000", "#999999"};
 struct Band {
@@ -25,7 +25,7 @@ constexpr std::array<Band, 5> kBands{Band{"off", "#f4f4f4"}, Band{"acquiring", "
 
 std::string time(std::int64_t ns) { return show_duration(static_cast<std::uint64_t>(ns)); }
 
-/// Microseconds in lock and milliseconds in free run in one picture: straight up to a microsecond, by decades beyond.
+/// Shows microseconds in lock and milliseconds in free run on one axis: linear up to a microsecond, logarithmic beyond.
 double bent(double us) { return std::copysign(std::log10(1 + std::abs(us)), us); }
 
 class Axes {
@@ -38,7 +38,7 @@ class Axes {
   double x(std::uint64_t set) const { return kLeft + kWide * (static_cast<double>(set) - first_) / wide_; }
   double y(double us) const { return kTop + kHigh / 2 * (1 - bent(us) / bent(std::pow(10.0, decades_))); }
 
-  /// Lines at 1, 2, 5, 10 .. microseconds, with words where there is room: the scale is bent, and must look so.
+  /// Lines at 1, 2, 5, 10 .. microseconds, labelled where there is room: they make the non-linear scale visible.
   std::string grid() const {
     std::string svg = line(0, "0");
     double worded = y(0);
@@ -67,7 +67,7 @@ class Axes {
   int decades_;
 };
 
-/// Behind the curves: the genlock's state, from each set to the next.
+/// The background: the genlock's state, from each set to the next.
 std::string bands(const std::vector<wire::RaymapHeader>& sets, const Axes& axes) {
   std::string svg;
   for (std::size_t i = 0; i < sets.size();) {
@@ -93,7 +93,7 @@ std::string style(std::size_t head) {
                      head >= kColours.size() ? " stroke-dasharray=\"5 3\"" : "");
 }
 
-/// Broken where the head was missing, or sets did not come.
+/// Interrupted where the head was missing or sets did not arrive.
 std::string curve(const std::vector<wire::RaymapHeader>& sets, const SyncReport::Head& head, std::size_t h,
                   const Axes& axes) {
   std::string svg, points;

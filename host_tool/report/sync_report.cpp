@@ -87,7 +87,7 @@ std::uint64_t SyncReport::triggers_lost() const {
       before.reset();
       continue;
     }
-    // A genlock that starts anew counts its pulses from 0 again.
+    // A restarted genlock counts its pulses from 0 again.
     if (before && set.trigger() > *before) lost += set.trigger() - *before - 1;
     before = set.trigger();
   }

@@ -1,4 +1,4 @@
-// The simultaneity of a rig's exposures over many sets, from the timing evidence of each set.
+// How simultaneous a rig's exposures are over many sets, from the timing data of each set.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace nodal::host {
 
-/// Of a list of lengths of time, ns. Percentiles are by nearest rank: the value that so many are not above.
+/// Statistics of durations, ns. Percentiles use the nearest rank: the smallest value with that share at or below it.
 struct SyncFigures {
   std::int64_t median_ns = 0;
   std::int64_t p99_ns = 0;
@@ -21,7 +21,7 @@ struct SyncFigures {
 };
 
 /// Threading: thread-bound.
-/// Ownership: keeps what each set said.
+/// Ownership: keeps the timing data of each set.
 /// Errors: none.
 class SyncReport {
  public:
@@ -34,23 +34,23 @@ class SyncReport {
 
   struct Head {
     std::string name;
-    std::uint64_t missing = 0;   ///< sets without it
-    std::int64_t median_ns = 0;  ///< of its mid-exposure after the set's, with its sign
-    std::int64_t p99_ns = 0;     ///< of how far it was off, either way
+    std::uint64_t missing = 0;   ///< sets without this head
+    std::int64_t median_ns = 0;  ///< of its mid-exposure minus the set's, signed
+    std::int64_t p99_ns = 0;     ///< of the absolute offset
     std::int64_t worst_ns = 0;
     std::vector<std::optional<std::int64_t>> offsets;  ///< by set
   };
   std::vector<Head> heads() const;
   SyncFigures spread() const;
-  std::optional<SyncFigures> begin_spread() const;  ///< when a pulse exposed any set
-  std::optional<std::int32_t> drift_ppb() const;    ///< the newest that was known
-  std::uint64_t sets_lost() const;      ///< numbers between the first and the last that made no raymap, or were dropped
-  std::uint64_t triggers_lost() const;  ///< pulses between the first and the last that exposed no set that came
+  std::optional<SyncFigures> begin_spread() const;  ///< nothing if no set was exposed by a pulse
+  std::optional<std::int32_t> drift_ppb() const;    ///< the newest known value
+  std::uint64_t sets_lost() const;      ///< numbers between the first and the last set without a raymap, or dropped
+  std::uint64_t triggers_lost() const;  ///< pulses between the first and the last set for which no set arrived
   std::map<std::string, std::uint64_t> states() const;
 
-  std::vector<std::string> lines() const;  ///< for people
+  std::vector<std::string> lines() const;  ///< for human readers
   Json json() const;
-  /// Every head's offset over the sets, as one picture.
+  /// All heads' offsets over the sets, in one drawing.
   std::string svg() const;
 
  private:

@@ -1,4 +1,4 @@
-// One item of a stream, put together from its pieces.
+// Assembles one item of a stream from its pieces.
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,14 @@
 
 namespace nodal::host {
 
-/// Memory grows with the bytes received (to at most twice as much), not with the length that the rig announced.
+/// Memory grows with the received bytes (to at most twice as much), not with the length that the rig announces.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the bytes until take().
 /// Errors: kTooLarge.
 class BulkItemBytes {
  public:
-  /// Begins an item that may have `limit` bytes; `what` names it in the error.
+  /// Begins an item of at most `limit` bytes; `what` names it in errors.
   Status begin(const BulkPiece& first, std::uint64_t limit, std::string_view what);
   void add(const BulkPiece& piece);
   std::size_t size() const { return bytes_.size(); }

@@ -9,7 +9,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr std::size_t kLongestSocketPath = 107;  // sockaddr_un's sun_path with its final zero
+constexpr std::size_t kLongestSocketPath = 107;  // sockaddr_un's sun_path without its final zero
 
 tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
   return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH or "
@@ -56,7 +56,7 @@ Result<RigAddress> parse_ssh(std::string_view text, std::string_view place, std:
     if (port.empty()) return bad(text, "the port after : is missing");
   }
   if (host.empty()) return bad(text, "the host is missing");
-  // ssh would take "-oProxyCommand=..." for an option, and a shell or a path has no place here either.
+  // ssh would interpret "-oProxyCommand=..." as an option.
   if (host.starts_with('-') || user.starts_with('-')) return bad(text, "a host or user does not begin with '-'");
   if (host.find_first_of("/ \t\"'`$;|&<>\\") != std::string_view::npos) return bad(text, "that is no host's name");
   if (!port.empty() && !port_of(port)) return bad(text, "the port is not 1 to 65535");

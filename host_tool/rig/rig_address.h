@@ -1,4 +1,4 @@
-// Where a rig is, as users write it.
+// The address of a rig, as users write it.
 #pragma once
 
 #include <string>
@@ -12,14 +12,14 @@ namespace nodal::host {
 inline constexpr std::string_view kDefaultRig = "unix:/run/nodal/nodal.sock";
 
 struct RigAddress {
-  std::string text;                  ///< as it was written, for messages
-  std::vector<std::string> command;  ///< for ssh: what to start and talk to; else empty
-  std::string link;                  ///< else: what hal's connect_link() takes
+  std::string text;                  ///< as written by the user, for messages
+  std::vector<std::string> command;  ///< for ssh: the program to start and to communicate with; else empty
+  std::string link;                  ///< else: the argument for hal's connect_link()
 };
 
-/// "unix:PATH" (a bare absolute path will do), "ssh://[user@]HOST[:port]".
-/// `ssh_program` is what NODAL_SSH says, or "ssh".
-/// Errors: kBadValue, which says what may be written.
+/// Accepts "unix:PATH" (or just an absolute path) and "ssh://[user@]HOST[:port]". `ssh_program`
+/// is the value of NODAL_SSH, or "ssh". Errors: kBadValue; the message gives the accepted
+/// forms.
 Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh_program);
 
 }  // namespace nodal::host

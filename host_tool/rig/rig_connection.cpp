@@ -27,7 +27,7 @@ Duration now() {
 
 tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by Ctrl-C"); }
 
-/// The link's own words, and how else to get there.
+/// The link's error, and how to reach a rig in another way.
 tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
   if (address.command.empty()) {
     return fail(error.code, fmt::format("{} (--rig or NODAL_RIG say where else to look)", error.message));
@@ -44,7 +44,7 @@ void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
   fds[0] = {descriptors.read_from, POLLIN, 0};
   fds[1] = {to_write ? descriptors.write_to : -1, POLLOUT, 0};
   const std::int64_t ms = std::clamp<std::int64_t>((at_most.ns() + 999'999) / 1'000'000, 0, 250);
-  poll(fds.data(), fds.size(), static_cast<int>(ms));  // EINTR: the caller looks at interrupted()
+  poll(fds.data(), fds.size(), static_cast<int>(ms));  // EINTR: the caller checks interrupted()
 }
 
 Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience) {
@@ -81,7 +81,7 @@ RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string ad
 Status RigConnection::say_hello() {
   const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
   if (!said) return said;
-  std::optional<Event> hello = session_.next_event();  // the first of all events
+  std::optional<Event> hello = session_.next_event();  // always the first event
   rig_ = std::get<wire::Hello>(std::move(*hello));
   return check_and_clean(rig_);
 }
@@ -114,7 +114,7 @@ Result<wire::Reply> RigConnection::ask(wire::Request request) {
   const Result<std::uint64_t> id = post(request);
   if (!id) return fail(id.error());
   const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_);
-  if (answered(*id)) return take_answer(*id);  // it may have come together with the rig's farewell
+  if (answered(*id)) return take_answer(*id);  // the answer may have arrived together with the rig's Bye
   questions_.erase(*id);
   return fail(waited.error());
 }
@@ -147,7 +147,7 @@ Status RigConnection::check_alive() {
     probed_ = at;
     return {};
   }
-  // From the question on, not from the last byte: this program may have been stopped for a while.
+  // Counts from the probe, not from the last byte: this program may have been stopped for a while.
   if (at - std::max(heard_, probed_) < patience_ - patience_ / 4) return {};
   return fail(Errc::kTimeout, fmt::format("{}: the rig has sent nothing for {}; it hangs, or the link to it is stuck "
                                           "(--timeout waits longer)",
@@ -159,7 +159,7 @@ Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
   while (true) {
     if (interrupted()) return cancelled();
     sort_answers();
-    // One event at a time: the session gives the rig credit for what is taken, and no more.
+    // One event at a time: the session grants the rig credit only for events that were taken.
     if (std::optional<Event> event = session_.next_event()) return event;
     const Duration left = until - now();
     if (left < Duration()) return std::nullopt;
@@ -241,10 +241,10 @@ Status RigConnection::step(Duration at_most) {
   if (dead_) return fail(*dead_);
   bool moved = false;
 
-  // Out: as much as the link takes.
+  // Writes as much as the link accepts.
   for (std::span<const std::uint8_t> out = session_.output(); !out.empty(); out = session_.output()) {
     const Result<std::size_t> taken = link_->write(out);
-    if (!taken) break;  // reading below says why, and gives first what the rig still had to say
+    if (!taken) break;  // the read below returns the reason, after the rig's last messages
     if (*taken == 0) break;
     session_.sent(*taken);
     sent_ = now();
@@ -261,7 +261,7 @@ Status RigConnection::step(Duration at_most) {
     if (*got != 0) heard_ = now();
     moved = moved || *got != 0;
     if (const Status received = session_.receive(std::span(buffer).first(*got)); !received) {
-      (void)link_->write(session_.output());  // the farewell, which tells the rig why; one try
+      (void)link_->write(session_.output());  // one try to send the Bye, which tells the rig the reason
       dead_ = received.error().in(address_);
       return fail(*dead_);
     }

@@ -28,12 +28,12 @@ class Check {
     list(entries, kMaxCounts, what);
     for (wire::Count& count : entries) name(count.mutable_reason());
   }
-  /// Of all heads, or empty.
+  /// For lists with one entry per head, or none.
   template <class List>
   void by_head(const List& entries) {
     list(entries, kMaxHeads, "heads");
   }
-  /// A SHA-256, or empty: none.
+  /// For a SHA-256, or empty for none.
   void id(const std::string& bytes) {
     if (bytes.empty() || bytes.size() == Sha256{}.size() || !result_) return;
     result_ = fail(Errc::kBadFormat, fmt::format("the rig sent a calibration's id of {} bytes", bytes.size()));

@@ -8,17 +8,17 @@
 
 namespace nodal::host {
 
-inline constexpr int kMaxCounts = 64;     ///< reasons in one list of losses, or clients in one of drops
+inline constexpr int kMaxCounts = 64;     ///< entries in a list of losses by reason, or of drops by client
 inline constexpr int kMaxMarks = 256;     ///< a rig keeps the last 32
-inline constexpr int kMaxSentences = 64;  ///< in a list of problems
+inline constexpr int kMaxSentences = 64;  ///< entries in a list of problems
 inline constexpr int kMaxCalibrations = 1024;
 inline constexpr int kMaxAuditEntries = 1024;  ///< a rig keeps the newest 256
 inline constexpr int kMaxHosts = 256;          ///< a rig talks to 8
 inline constexpr std::size_t kMaxNameBytes = 200;
 inline constexpr std::size_t kMaxSentenceBytes = 1000;
 
-/// Texts are made printable (protocol/base/text.h) and cut at the limits above.
-/// Errors: kTooLarge for a list over its limit, kBadFormat for an id that is no SHA-256.
+/// Makes texts printable (protocol/base/text.h) and shortens them to the limits above. Errors: kTooLarge for a list
+/// over its limit, kBadFormat for an id that is not a SHA-256.
 Status check_and_clean(wire::Hello& hello);
 Status check_and_clean(wire::Reply& reply);
 Status check_and_clean(wire::RaymapHeader& header);

@@ -10,7 +10,7 @@
 namespace nodal::host {
 namespace {
 
-/// One conversation's part of the upload.
+/// The part of the upload that one connection does.
 Status send(RigConnection& rig, const UploadSender& sender, std::optional<Duration> trial, const std::string& signature,
             Uploaded& state, Console& console) {
   wire::Request begin;
@@ -59,7 +59,7 @@ Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> docu
       done = fail(rig.error());
     }
     if (done) return state;
-    // The first conversation must be there; a later one may find the rig still coming back.
+    // The first connection must succeed; for later ones the rig may still be restarting.
     const Errc code = done.error().code;
     const bool again = worth_another_link(code) || (state.links > 1 && code == Errc::kUnreachable);
     if (!again || state.links >= attempts) return fail(done.error());

@@ -1,4 +1,4 @@
-// Uploads a document to the rig; resumes when the link was lost.
+// Uploads a document to the rig; continues after a lost link.
 #pragma once
 
 #include <functional>
@@ -18,14 +18,14 @@ using Reconnect = std::function<Result<std::unique_ptr<RigConnection>>()>;
 
 struct Uploaded {
   std::uint64_t bytes = 0;
-  std::uint64_t resumed_at = 0;  ///< the rig had so much of it already
-  int links = 1;                 ///< conversations it took
+  std::uint64_t resumed_at = 0;  ///< bytes that the rig already had
+  int links = 1;                 ///< connections that were used
 };
 
-/// UploadBegin, the bytes from where the rig says on, UploadCommit with the signature, if there is one; with `trial`, for so long at most (ask for the rig's
-/// feature first). A link that is lost (3xx) is made anew, up
-/// to `attempts` conversations in all.
-/// Errors: the last link's, or what the rig says of the document.
+/// Sends UploadBegin, the bytes from the offset that the rig answers, and UploadCommit with the signature, if any. With
+/// `trial` the document is on trial for at most that time (check the rig's feature first). Reconnects after a lost link
+/// (3xx), up to `attempts` connections in total.
+/// Errors: the last connection's, or the rig's refusal of the document.
 Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
                         std::optional<Duration> trial = std::nullopt, const std::string& signature = "");
 

@@ -78,7 +78,7 @@ Json to_json(const wire::ExposureState& exposure) {
 }
 
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address) {
-  Json trial;  // null: none
+  Json trial;  // null: no trial
   if (status.has_trial()) {
     trial = {{"id", hex_of(status.trial().id())},
              {"name", status.trial().name()},

@@ -1,4 +1,4 @@
-// The rig's answers as JSON for programs. Every key carries its unit; keys are only ever added.
+// The rig's answers as JSON for programs. Every key contains its unit; keys are only ever added.
 #pragma once
 
 #include <string>
