@@ -43,7 +43,7 @@ class SharedBytes {
   /// All bytes of a vector that is never changed again.
   template <class Vector>
   requires std::convertible_to<const Vector&, std::span<const std::uint8_t>> SharedBytes(std::shared_ptr<Vector> vector)
-      : bytes_(vector ? std::span<const std::uint8_t>(*vector) : bytes_) {
+      : bytes_(vector ? std::span<const std::uint8_t>(*vector) : std::span<const std::uint8_t>()) {
     owner_ = std::move(vector);
   }
 

@@ -39,15 +39,14 @@ void read_rig(TomlReader reader, RigConfig& config) {
 /// Each kind of transition has one width; the key of the other one would have no effect.
 void read_transition(TomlReader& reader, RaymapConfig& raymap) {
   raymap.transition = reader.choice<RaymapTransition>(
-      "transition", {{"seam", RaymapTransition::kSeam}, {"feather", RaymapTransition::kFeather}});
+      "transition", {{"feather", RaymapTransition::kFeather}, {"seam", RaymapTransition::kSeam}});
   const bool seam = raymap.transition == RaymapTransition::kSeam;
   if (seam && reader.has("feather")) {
-    reader.refuse("feather",
-                  "is used with transition = \"feather\" only; write that too for wide, soft transitions, or remove "
-                  "feather for sharp ones");
+    reader.refuse("feather", "is used with transition = \"feather\" only; remove it, or write that");
   }
   if (!seam && reader.has("seam_width")) {
-    reader.refuse("seam_width", "is used with transition = \"seam\" only; remove it, or write that");
+    reader.refuse("seam_width",
+                  "is used with transition = \"seam\" only; write that too for sharp seams, or remove seam_width");
   }
   raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);

@@ -92,7 +92,7 @@ struct RaymapConfig {
   PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
   int jpeg_quality = 85;                    ///< 1 .. 100
   /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
-  RaymapTransition transition = RaymapTransition::kSeam;
+  RaymapTransition transition = RaymapTransition::kFeather;
   double seam_width_deg = 1;  ///< kSeam: 0 .. 180
   double feather = 0.5;       ///< kFeather: 0.01 .. 1
   bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped

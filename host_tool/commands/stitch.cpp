@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <charconv>
 #include <chrono>
 #include <filesystem>
 
@@ -25,8 +26,19 @@ struct Args {
   int width = 0;
   int bits = 8;
   int quality = 92;
+  std::optional<double> seam_deg;
+  double feather = 0.5;
   int threads = 0;
 };
+
+table::TableOptions table_options(const Args& args) {
+  table::TableOptions options;
+  options.feather = args.feather;
+  if (!args.seam_deg) return options;
+  options.transition = table::Transition::kSeam;
+  options.seam_width_deg = *args.seam_deg;
+  return options;
+}
 
 /// What every raymap of a run has in common.
 struct Job {
@@ -35,6 +47,16 @@ struct Job {
   geometry::RaymapSize size;
   StitchInput input;
 };
+
+/// Unlike CLI::Range it refuses nan.
+CLI::Validator number_between(double least, double most) {
+  return checked_by([least, most](const std::string& text) -> Result<double> {
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error == std::errc() && end == text.data() + text.size() && value >= least && value <= most) return value;
+    return fail(Errc::kBadValue, fmt::format("'{}': it must be a number from {:g} to {:g}", text, least, most));
+  });
+}
 
 PixelFormat raymap_format(PixelFormat pictures, int bits) {
   if (bits == 8) return pictures;
@@ -113,9 +135,9 @@ Status run(Context& context, const Args& args) {
         format = pictures->front().format;
         const table::RaymapSpec spec{args.layout, job->size.width, job->size.height, raymap_format(format, args.bits)};
         auto made = interruptible(console, [&] {
-          return offline::OfflineBlend::make(job->input.calibration, spec, {}, format, args.threads, [&](double done) {
-            bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
-          });
+          return offline::OfflineBlend::make(
+              job->input.calibration, spec, table_options(args), format, args.threads,
+              [&](double done) { bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table"); });
         });
         if (!made) return fail(made.error().in(args.inputs.front()));
         blend.emplace(std::move(*made));
@@ -180,6 +202,18 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--quality", args->quality, "Of a JPEG (92 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, 100));
+  CLI::Option* const seam =
+      command
+          ->add_option("--seam", args->seam_deg,
+                       "Show the best head alone, but for a ramp of so many degrees: sharp where heads' views differ")
+          ->type_name("DEGREES")
+          ->check(number_between(0, table::kWidestSeamDeg));
+  command
+      ->add_option("--feather", args->feather,
+                   "Mix heads over their overlap, fading in over this part of a picture (0.5 when not given)")
+      ->type_name("PART")
+      ->excludes(seam)
+      ->check(number_between(0.01, 1));
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));

@@ -23,7 +23,7 @@ inline constexpr double kWidestSeamDeg = 180;
 
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
-  Transition transition = Transition::kSeam;
+  Transition transition = Transition::kFeather;
   /// kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
   /// head's region its weight is 0 however wide the seam is. In degrees, because it hides what is measured in degrees:
   /// parallax, and errors of registration; and because it then is the same for every size of raymap.

@@ -195,6 +195,9 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, pictures, "--bits", "16", "-o", path("out.jpg")}, "a JPEG has 8 bits");
   expect_refused({rig, pictures, "--layout", "mercator"}, "equirectangular, cube");
   expect_refused({rig, pictures, "--width", "40000"}, "--width");
+  expect_refused({rig, pictures, "--seam", "181"}, "--seam");
+  expect_refused({rig, pictures, "--seam", "nan"}, "--seam");
+  expect_refused({rig, pictures, "--seam", "1", "--feather", "0.5"}, "--seam excludes --feather");
   expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
   test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
   expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");

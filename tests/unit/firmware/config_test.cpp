@@ -67,21 +67,21 @@ TEST(RigConfig, SeparateFields_WantEveryHeadInterlacedInOneOrder) {
 }
 
 TEST(RigConfig, Transition_HasOneWidthWithinItsLimits) {
-  const auto seam = parse_rig_config(kSmall + "[raymap]\nseam_width = 2.5\n", "rig.toml");
+  const std::string sharp = kSmall + "[raymap]\ntransition = \"seam\"\n";
+  const auto seam = parse_rig_config(sharp + "seam_width = 2.5\n", "rig.toml");
   ASSERT_TRUE(seam) << seam.error().text();
   EXPECT_EQ(seam->raymap.transition, RaymapTransition::kSeam);
   EXPECT_EQ(seam->raymap.seam_width_deg, 2.5);
-  EXPECT_TRUE(parse_rig_config(kSmall + "[raymap]\nseam_width = 0\n", "rig.toml"));
-  const auto wide = parse_rig_config(kSmall + "[raymap]\ntransition = \"feather\"\nfeather = 0.2\n", "rig.toml");
+  EXPECT_TRUE(parse_rig_config(sharp + "seam_width = 0\n", "rig.toml"));
+  const auto wide = parse_rig_config(kSmall + "[raymap]\nfeather = 0.2\n", "rig.toml");
   ASSERT_TRUE(wide) << wide.error().text();
   EXPECT_EQ(wide->raymap.transition, RaymapTransition::kFeather);
   EXPECT_EQ(wide->raymap.feather, 0.2);
   for (const char* width : {"-0.1", "180.1", "1e300", "nan", "inf", "-inf", "\"1\""}) {
-    expect_refused(kSmall + "[raymap]\nseam_width = " + width + "\n", Errc::kBadValue, "raymap.seam_width");
+    expect_refused(sharp + "seam_width = " + width + "\n", Errc::kBadValue, "raymap.seam_width");
   }
-  expect_refused(kSmall + "[raymap]\nfeather = 0.5\n", Errc::kBadValue, "transition = \"feather\" only");
-  expect_refused(kSmall + "[raymap]\ntransition = \"feather\"\nseam_width = 1\n", Errc::kBadValue,
-                 "transition = \"seam\" only");
+  expect_refused(sharp + "feather = 0.5\n", Errc::kBadValue, "transition = \"feather\" only");
+  expect_refused(kSmall + "[raymap]\nseam_width = 1\n", Errc::kBadValue, "transition = \"seam\" only");
 }
 
 TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
@@ -90,8 +90,8 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->rate.period().ns(), 33'366'666);
   EXPECT_EQ(config->raymap.format, PixelFormat::kI420);
   EXPECT_EQ(config->raymap.jpeg_quality, 85);
-  EXPECT_EQ(config->raymap.transition, RaymapTransition::kSeam);
-  EXPECT_EQ(config->raymap.seam_width_deg, 1);
+  EXPECT_EQ(config->raymap.transition, RaymapTransition::kFeather);
+  EXPECT_EQ(config->raymap.feather, 0.5);
   EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);
   EXPECT_EQ(config->links.view_path, "") << "a view-only socket only on demand";
