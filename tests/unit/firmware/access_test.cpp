@@ -1,4 +1,4 @@
-// The permission of every request: each one that nodal.proto knows is judged here, too.
+// The permission of every request in nodal.proto. Each request must appear in this test.
 #include "firmware/hosts/access.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// Every kind of request that a view-only host may make, as the issue lists them, in their harmless form.
+/// Every kind of request that a view-only host may make, in a form that changes nothing.
 std::vector<wire::Request> harmless() {
   std::vector<wire::Request> all(9);
   all[0].mutable_status();
@@ -62,15 +62,15 @@ TEST(Access, AControlHost_MayAskEverything) {
   }
 }
 
-// A request that is added to nodal.proto does not compile without its lines in access.cpp; this test asks that somebody
-// also judged it here. The numbers are those of the oneof in nodal.proto.
+// A request added to nodal.proto does not compile without its lines in access.cpp; this test fails until the request is
+// also added here. The numbers are those of the oneof in nodal.proto.
 TEST(Access, EveryRequestOfTheProtocol_IsJudgedInThisTest) {
   std::set<int> judged;
   for (const auto& list : {harmless(), forbidden()}) {
     for (const wire::Request& request : list) judged.insert(request.what_case());
   }
   for (int number = 1; number < 200; ++number) {
-    // An empty message in field `number`: a request when the oneof knows that number, else an unknown field.
+    // An empty message in field `number`: a request if the oneof has that number, else an unknown field.
     const int tag = number << 3 | 2;
     std::string bytes;
     bytes.push_back(static_cast<char>(tag < 128 ? tag : (tag & 127) | 128));

@@ -12,12 +12,12 @@ constexpr hal::NudgeLimits kEitherWay = {Duration::microseconds(10), Duration::m
                                          Duration::milliseconds(4), 2};
 constexpr Exposure kExposure = Exposure::microseconds(8000);
 
-/// Heads that expose at given phases, and do what they are asked so many frames later.
+/// Simulated heads that expose at given phases, and execute nudges a few frames after they are requested.
 class AlignerTest : public testing::Test {
  protected:
   struct Physical {
     Duration phase, done;
-    std::vector<Duration> pending;  ///< the oldest first, one a frame
+    std::vector<Duration> pending;  ///< oldest first, one per frame
     Exposure exposure = kExposure;
     bool stuck = false;
   };
@@ -25,7 +25,7 @@ class AlignerTest : public testing::Test {
     free[heads.size()] = {true, 1, limits, kExposure};
     heads.push_back({phase, {}, std::vector<Duration>(2), kExposure, false});
   }
-  /// Every head exposes once, then the aligner plans.
+  /// Every head exposes once; then the aligner plans.
   Aligner::Nudges period(bool in_step = false) {
     now = now + their_period;
     for (std::size_t i = 0; i < heads.size(); ++i) {
@@ -54,7 +54,7 @@ class AlignerTest : public testing::Test {
   Aligner aligner;
   std::array<FreeHead, kMaxHeads> free{};
   std::vector<Physical> heads;
-  FrameSet set;  ///< of what they exposed last
+  FrameSet set;  ///< the heads' newest exposures
   Duration their_period = kPeriod;
   Instant now = Instant::from_ns(5'000'000'000);
 };
@@ -140,7 +140,7 @@ TEST_F(AlignerTest, InStep_OffsWithinTheBandAreLeftAlone) {
   add({});
   add({});
   add({});
-  for (int i = 0; i < 300; ++i) period();  // until it is known that stamps do not jitter
+  for (int i = 0; i < 300; ++i) period();  // until the timestamps are known to have no jitter
   heads[1].phase = Duration::microseconds(40);
   for (int i = 0; i < 100; ++i) EXPECT_EQ(period(true)[1], Duration());
   heads[1].phase = Duration::microseconds(90);
@@ -150,7 +150,7 @@ TEST_F(AlignerTest, InStep_OffsWithinTheBandAreLeftAlone) {
   EXPECT_LE(place(1) - place(0), Aligner::kBandMost + kEitherWay.step);
 }
 
-// Found by the swarm: what all heads seemed to have gone was taken for jitter of some and a leap of one.
+// Found by the swarm: a shift common to all heads was counted as jitter of some heads and a jump of another.
 TEST_F(AlignerTest, TheReferencesExposureChanges_NoHeadSeemsToHaveGoneWhatNobodyMovedIt) {
   add(Duration::milliseconds(1));
   add(Duration::milliseconds(4));
@@ -200,7 +200,7 @@ TEST_F(AlignerTest, AHeadDoesMoreThanItWasAsked_ItIsBroughtBack) {
   add({});
   add({});
   periods(20);
-  heads[2].pending.back() = Duration::milliseconds(3);  // of an older request, from before a restart
+  heads[2].pending.back() = Duration::milliseconds(3);  // from an older request, before a restart
   periods(60);
   EXPECT_EQ(place(2), place(0));
 }
@@ -220,7 +220,7 @@ TEST_F(AlignerTest, AHeadIsStartedAnew_ItsNudgesAreForgottenAndItIsBroughtBack) 
   for (const Duration by : aligner.plan(free, false, now + kPeriod / 2))
     EXPECT_EQ(by, Duration()) << "not knowing of it";
   free[0].starts = 2;
-  // The others stand at 3 ms.
+  // The other heads are at 3 ms.
   EXPECT_EQ(aligner.plan(free, false, now + kPeriod / 2)[0], Duration::milliseconds(-9));
 }
 

@@ -20,7 +20,7 @@ constexpr int kSide = 48;
 RaymapConfig raymap_config() {
   RaymapConfig config;
   config.width = 200;
-  config.height = 100;  // a band and a part
+  config.height = 100;  // one whole band and a partial one
   config.format = PixelFormat::kRgb24;
   return config;
 }
@@ -59,7 +59,7 @@ class BlenderTest : public testing::Test {
     }
     return set;
   }
-  /// What blend_rows gives of the set in one piece: the bands must add up to just that.
+  /// The result of blend_rows for the set in one call; the bands must give exactly the same.
   LineVector whole(const FrameSet& set, const InstalledCalibration& calibration) {
     const RaymapConfig config = raymap_config();
     LineVector pixels(packed_size(config.format, config.width, config.height));
@@ -82,7 +82,7 @@ class BlenderTest : public testing::Test {
     lend(set);
     while (blender.step()) {}
   }
-  /// Sets that the blend still holds.
+  /// The number of sets that the blender still holds.
   std::size_t held() {
     sets.collect();
     return sets.lent();
@@ -158,8 +158,8 @@ TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
   install(first);
   FrameSet set = full_set(0);
   lend(set);
-  ASSERT_TRUE(blender.step());  // adopts and begins
-  install(second);              // while the raymap is under way
+  ASSERT_TRUE(blender.step());  // takes the first calibration and begins a raymap
+  install(second);              // while the raymap is being blended
   while (blender.step()) {}
   EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first->id);
   EXPECT_EQ(blender.tables_out().pop(), first);
@@ -261,7 +261,7 @@ TEST_F(BlenderTest, ATableAFieldAndOneBufferLeft_CostsTheWholeSet) {
     for (std::size_t h = 0; h < kHeads; ++h) set.frames[h].fields = Fields::kBottomFirst;
     blend(set);
     while (auto raymap = blender.raymaps_out().pop()) kept.push_back(std::move(*raymap));
-    if (i == 0 || i == Blender::kMaxBuffers / 2) {  // one of two: so that an odd one is left, until the other comes too
+    if (i == 0 || i == Blender::kMaxBuffers / 2) {  // one of two, so that an odd one is left for the other
       kept[i == 0 ? 0 : 1].pixels = {};
     }
   }
@@ -317,7 +317,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
       }
     });
   }
-  // This thread is capture, encoder and keeper.
+  // This thread acts as capture, encoder and keeper.
   std::uint64_t given = 0;
   std::uint64_t got = 0;
   while (got < kSets) {
@@ -326,7 +326,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     while (blender.adoptions_out().pop()) {}
     if (given % 50 == 49) {
       InstalledPtr next = calibrations[(given / 50) % 2];
-      (void)blender.tables_in().push(std::move(next));  // both give the same picture
+      (void)blender.tables_in().push(std::move(next));  // both tables give the same picture
     }
     auto raymap = blender.raymaps_out().pop();
     if (!raymap) {

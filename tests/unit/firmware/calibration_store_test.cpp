@@ -31,7 +31,7 @@ CalibrationStore opened(SimDisk& disk) {
   return std::move(*store);
 }
 
-/// Turns a bit of the stored document over.
+/// Flips one bit of the stored document.
 void damage(SimDisk& disk, const CalibrationStore::Entry& entry) {
   auto bytes = disk.read(entry.file, kMaxCalibrationBytes);
   ASSERT_TRUE(bytes);
@@ -84,7 +84,7 @@ TEST(CalibrationStore, MoreThanItKeeps_TheOldestGoButNeverTheOneInForceOrBefore)
   constexpr int kMany = 30;
   for (int i = 2; i <= kMany; ++i) {
     put_in_force(store, i);
-    put_in_force(store, 1);  // the oldest of all is in force again and again
+    put_in_force(store, 1);  // the oldest of all is put in force repeatedly
   }
   EXPECT_EQ(store.entries().size(), CalibrationStore::kKept);
   EXPECT_EQ(store.in_force(), calibration_id(numbered(1)));

@@ -1,4 +1,4 @@
-// Commands: what hosts' messages become, what is allowed of it at the ends of every type, and the states of a trial.
+// Commands: conversion of hosts' messages, accepted range of every type, states of a trial.
 #include "firmware/operate/commands.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ RigConfig two_heads() {
   return config;
 }
 
-/// Whether a host may ask for it: as a command, and by check().
+/// Whether a host may request it: as a command, and by check().
 bool allowed(const wire::Request& request) {
   const RigConfig config = two_heads();
   const auto command = command_of(request, config);

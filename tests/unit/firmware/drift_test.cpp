@@ -11,7 +11,7 @@ constexpr FrameRate kNtsc{30000, 1001};
 constexpr Duration kJitter = Duration::microseconds(200);
 constexpr int kWindow = static_cast<int>(DriftMeter::kBlocks) * static_cast<int>(DriftMeter::kBlockPeriods);
 
-/// Pulse n of a clock that is `ppm` slow, jitter and all.
+/// Pulse n of a clock that is `ppm` slow, with jitter.
 Instant pulse(int n, std::int64_t ppm, hal::sim::Random& random) {
   const Duration ideal = kNtsc.start_of(static_cast<std::uint64_t>(n));
   return Instant::from_ns(5'000'000'000) + ideal + Duration::nanoseconds(ideal.us() * ppm / 1000) +
@@ -36,7 +36,7 @@ TEST(DriftMeter, ClocksUpTo100Ppm_AreMeasuredToThreePpmThroughTheirJitter) {
     meter.restart(kNtsc);
     for (int n = 0; n < 3 * kWindow; ++n) meter.add(n, pulse(n, ppm, random));
     ASSERT_TRUE(meter.ppb());
-    // Means of 256 uniform moments, 7 us each way, 8.5 s apart: 1.2 ppm is one standard deviation.
+    // Means of 256 uniform times, +-7 us each, 8.5 s apart: 1.2 ppm is one standard deviation.
     EXPECT_NEAR(static_cast<double>(*meter.ppb()) / 1000, static_cast<double>(ppm), 3.6);
   }
 }
@@ -59,7 +59,7 @@ TEST(DriftMeter, AClockThatIsSet_IsNoDrift) {
   for (int n = 0; n < kWindow; ++n) meter.add(n, pulse(n, 20, random));
   for (int n = kWindow; n < kWindow + 100; ++n) meter.add(n, pulse(n, 20, random) + Duration::seconds(3600));
   ASSERT_TRUE(meter.ppb());
-  EXPECT_NEAR(static_cast<double>(*meter.ppb()) / 1000, 20, 100);  // of two blocks only
+  EXPECT_NEAR(static_cast<double>(*meter.ppb()) / 1000, 20, 100);  // from two blocks only
 }
 
 TEST(DriftMeter, ADayOf50Ppm_IsStill50Ppm) {

@@ -8,7 +8,7 @@ namespace nodal::firmware {
 namespace {
 
 struct Encoding : ::testing::Test {
-  /// What becomes of one raymap, and of its pixels.
+  /// Encodes one raymap; returns it with its pixels.
   Raymap step() {
     Raymap raymap;
     raymap.pixels = pool.take();
@@ -49,7 +49,7 @@ TEST_F(Encoding, SomebodyPullsPixels_TheyGoOn) {
   }
 }
 
-// An outlet beside the publisher: first slow, then stuck. The publisher misses nothing, and the other's losses are counted.
+// A second outlet, first slow, then stuck: the publisher loses nothing, and the outlet's losses are counted.
 TEST_F(Encoding, SecondOutletSlowThenStuck_ThePublisherLosesNothingAndTheLossesAreCounted) {
   Outlet<Raymap>& slow = stage.add_outlet({"slow", OutletPolicy::kLossless, 2, 1});
   Outlet<Raymap>& newest = stage.add_outlet({"newest", OutletPolicy::kLatest, 2, 1});
@@ -63,7 +63,7 @@ TEST_F(Encoding, SecondOutletSlowThenStuck_ThePublisherLosesNothingAndTheLossesA
     const auto published = stage.published().take();
     ASSERT_TRUE(published);
     EXPECT_EQ(published->info.set, i);
-    if (i >= 30 || i % 3 != 2) continue;  // reads one of three, then nothing more
+    if (i >= 30 || i % 3 != 2) continue;  // reads every third raymap, then none
     const auto kept = slow.take();
     ASSERT_TRUE(kept);
     EXPECT_GE(kept->info.set, expected_next);

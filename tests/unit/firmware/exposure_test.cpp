@@ -20,13 +20,13 @@ RC_GTEST_PROP(SplitExposure, AnyStopsWithinReach_LetThroughThatMuchAndShuttersGo
   const double light = std::log2(static_cast<double>(order.exposure.us())) + order.gain.mdb() / 6020.6;
   RC_ASSERT(std::abs(light - wanted / 1024.0) < 3.0 / 1024);
   RC_ASSERT(order.gain >= range().lowest && order.gain <= range().highest);
-  // A shutter that could be a microsecond longer has gain for less than that.
+  // If the shutter could be a microsecond longer, the gain must be less than the equivalent of that.
   if (order.exposure < range().longest) {
     RC_ASSERT(order.gain.mdb() <= 6100 * std::log2(1 + 1.0 / static_cast<double>(order.exposure.us())) + 10);
   }
 }
 
-/// A chain of four heads, each overlapping the next, that see the light given.
+/// A chain of four heads, each overlapping the next, that measure the given light.
 blend::SphereLight chain(std::array<Stops, 4> light, Stops exposure) {
   blend::SphereLight seen;
   for (std::size_t h = 0; h < 4; ++h) {

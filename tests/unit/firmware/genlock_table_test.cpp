@@ -12,7 +12,7 @@ namespace {
 
 /// The first table of "/// | a | b |" lines in a file.
 struct TextTable {
-  std::vector<std::string> columns;  ///< without the first
+  std::vector<std::string> columns;  ///< without the first column
   std::vector<std::vector<std::string>> rows;
 };
 
@@ -45,7 +45,7 @@ TEST(GenlockWithoutPort, Start_SaysSo) {
   EXPECT_EQ(none.state(), GenlockState::kOff);
 }
 
-/// The table of genlock.h as it is written there.
+/// The table must match the one in the comment of genlock.h.
 TEST(GenlockTable, EveryStateAndCondition_IsAsItsHeaderSays) {
   const TextTable table = table_in(NODAL_SOURCE_DIR "/firmware/sync/genlock.h");
   ASSERT_EQ(table.rows.size(), kGenlockConditions);

@@ -12,13 +12,13 @@
 namespace nodal::firmware {
 namespace {
 
-/// One measurement has more doubt than the limit allows, so the first set is never good.
+/// One measurement is more uncertain than the limit allows, so the first set never counts as in lock.
 constexpr int kSetsFromStart = Genlock::kSetsToLock + 1;
 
 class GenlockTest : public testing::Test {
  protected:
-  /// A period goes by, with a set at its end whose first exposure began `latency` after its pulse, and its last so
-  /// much later; nothing: no pulse exposed it.
+  /// One period, with a set at its end: its first exposure begins `latency` after the pulse, and its last `apart`
+  /// later. Nothing: no pulse exposed the set.
   void period(std::optional<Duration> apart, Duration latency = Duration::microseconds(20)) {
     clock.advance(settings.rate.period());
     while (genlock.take_edge(clock.now())) {}
@@ -27,7 +27,7 @@ class GenlockTest : public testing::Test {
     set(skews, apart.value_or(Duration()));
     genlock.step(clock.now());
   }
-  /// The same of two heads that began so long after the pulse, or of the first alone.
+  /// The same for two heads whose exposures begin so long after the pulse; without `second`, for the first head only.
   void one_period(Duration first, std::optional<Duration> second) {
     clock.advance(settings.rate.period());
     while (genlock.take_edge(clock.now())) {}
@@ -36,7 +36,7 @@ class GenlockTest : public testing::Test {
     if (second) skews.add(1, *second);
     set(skews, second.value_or(first) - first, second ? 3 : 1);
   }
-  /// Two heads' frames, the second's so much later.
+  /// A set with the frames of two heads; the second head's are later by `apart`.
   void set(const Skews& skews, Duration apart, HeadMask heads = 3) {
     FrameSet closed;
     closed.mask = heads;
@@ -52,7 +52,7 @@ class GenlockTest : public testing::Test {
   }
 
   hal::sim::SimClock clock;
-  std::optional<Instant> exposed;  ///< middle of the sets from now on; nothing: now
+  std::optional<Instant> exposed;  ///< mid-exposure of the following sets; nothing: now
   hal::sim::SimTrigger trigger{clock, {}, 1};
   hal::TriggerSettings settings;
   Genlock genlock{&trigger};
@@ -137,12 +137,12 @@ TEST_F(GenlockTest, Holdover_LastsFiveSecondsAndIsThenALoss) {
   EXPECT_EQ(genlock.report().losses, 1u);
 }
 
-// Found by the swarm: of a head that left its trigger and crept away at 20 ppm, seen through 0.2 ms of jitter, sets were
-// called locked until jitter happened to show it, up to 0.6 ms apart in truth.
+// Found by the swarm: a head left its trigger and drifted away at 20 ppm, hidden by 0.2 ms of jitter. Sets were
+// reported as locked until jitter happened to reveal it; by then they were up to 0.6 ms apart.
 TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLimitAway) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     hal::sim::Random random(seed, "jitter");
-    // 20 ppm at 29.97 a second, and 100 ppm at 6.
+    // 20 ppm at 29.97 frames per second, and 100 ppm at 6.
     settings.rate = seed % 2 == 0 ? FrameRate{} : FrameRate{6, 1};
     const std::int64_t step_ns = seed % 2 == 0 ? 700 : 16'667;
     const auto seen = [&](Duration truth) { return truth + random.around_zero(Duration::microseconds(200)); };
@@ -166,8 +166,8 @@ TEST_F(GenlockTest, AHeadThatCreepsAway_IsNoticedThroughItsJitterBeforeItIsTheLi
   }
 }
 
-// Found by the swarm: after a suspend, sets exposed before it came all at once, locked, and the next, exposed after it, when
-// the heads had gone elsewhere, was called locked with them.
+// Found by the swarm: after a suspend, the sets exposed before it arrived all at once, locked; the next set, exposed
+// after it, when the heads had drifted, was still reported as locked.
 TEST_F(GenlockTest, Locked_SetsAfterAGapAreJudgedAnewHoweverManyCameFromBeforeIt) {
   lock();
   const Instant before = clock.now();
@@ -194,14 +194,14 @@ TEST_F(GenlockTest, AFreeHeadThatComesBackAfterASecond_IsJudgedByWhereItIsNow) {
     for (int i = 0; i < 100; ++i) one_period(seen(), seen());
     for (Duration gone; gone < away; gone = gone + settings.rate.period()) one_period(seen(), std::nullopt);
     ASSERT_EQ(genlock.state(), GenlockState::kLocked);
-    one_period(Duration(), Duration::microseconds(250));  // jitter, if it is where it was
+    one_period(Duration(), Duration::microseconds(250));  // counts as jitter if the head returns
     EXPECT_EQ(genlock.state() == GenlockState::kLocked, away < Duration::seconds(1));
   }
 }
 
-// Found by the swarm: heads that ran by themselves beside pulses that jittered. Their offset is within the limit for long;
-// that they do not wait for a late pulse is seen in 12 / 0.5 = 24 sets on an average: a set adds late^2 / (2 variance), which
-// is a half when pulses and timestamps are off by as much.
+// Found by the swarm: free-running heads beside pulses with jitter. Their offset stays within the limit for long, but
+// they do not follow a late pulse, which is detected after 12 / 0.5 = 24 sets on average: a set adds late^2 / (2
+// variance), which is a half when pulses and timestamps have the same deviation.
 TEST_F(GenlockTest, AHeadThatRunsFreeBesidePulsesThatJitter_IsNoticedByItsPhaseThatDoesNotFollowThem) {
   constexpr int kTimes = 100, kFollowing = 100, kMost = 500;
   int periods = 0;
@@ -242,7 +242,7 @@ TEST_F(GenlockTest, AHeadThatRunsFreeBesidePulsesThatJitter_IsNoticedByItsPhaseT
   EXPECT_NEAR(static_cast<double>(periods) / kTimes, 24, 6);
 }
 
-// Found by the swarm: of so many, one sometimes seems to jitter half as much again as the others.
+// Found by the swarm: among many heads, one sometimes seems to have 1.5 times the jitter of the others.
 TEST_F(GenlockTest, SixteenHeadsThatAllJitter_StayLocked) {
   hal::sim::Random random(5, "jitter");
   ASSERT_TRUE(genlock.start(settings, clock.now()));
@@ -259,14 +259,14 @@ TEST_F(GenlockTest, SixteenHeadsThatAllJitter_StayLocked) {
   EXPECT_EQ(genlock.report().losses, 0);
 }
 
-// Found by the swarm: the way back was taken for jitter, and left them no room for as long as the past lasts: then it takes
-// 11.3 periods on an average.
+// Found by the swarm: the heads' return was counted as jitter, which left no margin for as long as the history lasts.
+// Lock then takes 11.3 periods on average.
 TEST_F(GenlockTest, HeadsThatComeBackFromEitherSide_AreInStepBeforeTheirPastIsOver) {
   constexpr int kTimes = 200;
   int periods = 0;
   for (int time = 1; time <= kTimes; ++time) {
     hal::sim::Random random(static_cast<std::uint64_t>(time), "jitter");
-    const auto expose = [&](int apart_us) {  // from where they belong, to either side
+    const auto expose = [&](int apart_us) {  // from the correct position, to either side
       const Duration first = random.around_zero(Duration::microseconds(120)) - Duration::microseconds(apart_us);
       one_period(first, random.around_zero(Duration::microseconds(120)) + Duration::microseconds(apart_us));
     };
@@ -308,7 +308,7 @@ TEST_F(GenlockTest, PulsesThatWereNotSent_AreCounted) {
   EXPECT_EQ(genlock.report().missing, 2u);
 }
 
-/// Heads that run free and are moved: the second's middles are so much after the first's.
+/// Free-running heads that are nudged: the second head's mid-exposures are later than the first's by a given time.
 class AlignedGenlock : public GenlockTest {
  protected:
   void period(Duration apart, Duration moved = {}, HeadMask unresponsive = 0) {
@@ -339,7 +339,7 @@ TEST_F(AlignedGenlock, GoodSetsInARow_LockWithoutAnyPulse) {
 }
 
 TEST_F(AlignedGenlock, EstimatesWithinTheSafeLimitByLessThanThreeDeviations_AreLost) {
-  OffsetFilter alike;  // as the genlock has for each head, after so many sets
+  OffsetFilter alike;  // the genlock's filter of each head, after that many sets
   alike.restart(0, clock_spec::kTimestampVarianceUs2, clock_spec::kDriftVariancePpm2);
   for (int i = 0; i < 40; ++i) {
     alike.predict(static_cast<double>(settings.rate.period().ns()) / 1e9, clock_spec::kDriftNoisePpm2PerS);

@@ -116,7 +116,7 @@ TEST_F(HealthTest, WorkIsShed_IsDegradedAndSaysWhatIsLeftUndone) {
 constexpr std::array kStates{RigState::kStarting, RigState::kNoCalibration, RigState::kIdle,    RigState::kRunning,
                              RigState::kDegraded, RigState::kHanging,       RigState::kStopping};
 
-// What the table must say, in the words of firmware/README.md; one letter a state, conditions from worst to best.
+// The expected table, as in firmware/README.md: one letter per state, conditions from worst to best.
 constexpr std::string_view kLetters = "sciRDHX";  // starting no-Calibration idle Running Degraded Hanging stopping(X)
 constexpr std::array<std::string_view, kConditions> kExpected{
     "XXXXXXX",  // kEnding
@@ -140,8 +140,8 @@ TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
       const Transition next = transition(static_cast<Condition>(c), from);
       const char letter = kExpected[c][static_cast<std::size_t>(from)];
       EXPECT_EQ(kLetters[static_cast<std::size_t>(next.to)], letter) << c << " in " << rig_state_name(from);
-      // Only what hangs starves the watchdog; only what was asked for ends the rig; nothing is ready before the store
-      // has been read.
+      // Only a hang stops feeding the watchdog; only a requested stop ends the rig; the rig is not ready before the
+      // store has been read.
       EXPECT_EQ(next.actions.feed, letter != 'H');
       EXPECT_EQ(next.actions.end, letter == 'X');
       EXPECT_EQ(next.actions.ready, letter != 's' && letter != 'H' && letter != 'X');
@@ -151,7 +151,7 @@ TEST(SupervisorTable, EveryConditionInEveryState_GoesWhereItMustAndActsSafely) {
 
 class SupervisorTest : public testing::Test {
  protected:
-  /// Half a minute or so, a tenth of a second at a time.
+  /// About half a minute, in steps of a tenth of a second.
   void seconds(int n, bool moving, bool may_idle, const Diagnosis& found = {}) {
     for (int i = 0; i < n * 10; ++i) {
       if (moving) ++progress;

@@ -14,7 +14,7 @@ struct Segment {
   std::string body;
 };
 
-/// The segments before the scan, read by ITU T.81, B.1.1.4; nothing when they do not hold together.
+/// The segments before the scan, parsed according to ITU T.81, B.1.1.4; nothing if they are inconsistent.
 std::optional<std::vector<Segment>> segments(const std::vector<std::uint8_t>& jpeg) {
   std::vector<Segment> found;
   if (jpeg.size() < 4 || jpeg[0] != 0xff || jpeg[1] != 0xd8) return std::nullopt;
@@ -147,7 +147,7 @@ TEST(Jpeg, LinearNumbers_AreShownAsTheirScaleSays) {
   const RaymapConfig config = config_of(PixelFormat::kRgb48);
   RaymapInfo info = some_info();
   info.linear.emplace();
-  for (std::size_t level = 1; level < 256; ++level) {  // a square law, and half of the numbers are white
+  for (std::size_t level = 1; level < 256; ++level) {  // a square law; white is half of the range
     info.linear->shown_from[level] = static_cast<std::uint16_t>(level * level / 2);
   }
   std::vector<std::uint8_t> numbers(256 * 128 * 6);
@@ -169,7 +169,7 @@ TEST(Jpeg, LinearNumbers_AreShownAsTheirScaleSays) {
     ASSERT_NEAR(back[3 * i + 1], 255, 6);
     ASSERT_NEAR(back[3 * i + 2], 99, 6);
   }
-  info.linear->shown_from.fill(65535);  // exposures change: all is black
+  info.linear->shown_from.fill(65535);  // the exposures change: everything is black
   info.linear->shown_from[0] = 0;
   ASSERT_TRUE(encoder.encode(packed_image(config.format, 256, 128, from), info, jpeg));
   for (const std::uint8_t value : decode_rgb(jpeg, 256, 128)) ASSERT_NEAR(value, 0, 2);

@@ -1,4 +1,4 @@
-// The log's sentences: none forges a line, none floods a disk, and what is left out is counted.
+// The log's sentences: none can forge a line, none can flood a disk, and dropped sentences are counted.
 #include "firmware/operate/news.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ constexpr Instant kStart;
 
 Instant after(std::int64_t seconds) { return kStart + Duration::seconds(seconds); }
 
-/// The sum of the numbers that summaries of what was left out begin with.
+/// The sum of the numbers at the start of the summaries of dropped sentences.
 std::uint64_t left_out(const std::vector<std::string>& sentences) {
   std::uint64_t sum = 0;
   for (const std::string& sentence : sentences) {

@@ -34,7 +34,7 @@ TEST(OffsetFilter, AfterLong_TheGainIsTheOneOfTheRiccatiEquation) {
   }
 }
 
-/// Whose drift is the random walk of the model, and whose timestamps are off as specified.
+/// The true drift follows the model's random walk, and the timestamps have the specified noise.
 TEST(OffsetFilter, ATruthThatIsAsTheModelSays_IsWithinOneAndThreeDeviationsAsOftenAsItShould) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
@@ -46,7 +46,7 @@ TEST(OffsetFilter, ATruthThatIsAsTheModelSays_IsWithinOneAndThreeDeviationsAsOft
     OffsetFilter filter;
     filter.restart(offset + error(random), kNoise, clock_spec::kDriftVariancePpm2);
     for (int i = 0; i < 100; ++i) {
-      // Of the walk over t: the drift's step w, and the offset's t w / 2 with a rest of variance q t^3 / 12.
+      // Random walk over t: the drift's step is w, the offset's t w / 2 plus a rest with variance q t^3 / 12.
       const double w = std::sqrt(kDriftNoise * kPeriod) * normal(random);
       offset += drift * kPeriod + w * kPeriod / 2 +
                 std::sqrt(kDriftNoise * kPeriod * kPeriod * kPeriod / 12) * normal(random);

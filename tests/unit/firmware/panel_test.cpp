@@ -14,12 +14,12 @@ constexpr Duration ms(std::int64_t n) { return Duration::milliseconds(n); }
 
 class PanelTest : public testing::Test {
  protected:
-  /// Presses at `from` after now, for so long.
+  /// Presses the button `from` after now, for `length`.
   void press(Duration from, Duration length) {
     button.script(clock.now() + from, true);
     button.script(clock.now() + from + length, false);
   }
-  /// Steps each millisecond; what the button asked for, and when.
+  /// Steps every millisecond; returns what the button requested, and when.
   std::string run(Duration time) {
     std::string actions;
     for (std::int64_t i = 0; i < time.ms(); ++i) {

@@ -13,7 +13,7 @@ namespace {
 constexpr Duration kPeriod = FrameRate{}.period();
 constexpr Instant kBegin = Instant::from_ns(1'000'000'000'000);
 
-/// The n-th exposure of a head whose crystal is so much off.
+/// The n-th exposure of a head whose crystal is off by `ppm`.
 Instant exposure(std::int64_t n, std::int64_t ppm) {
   return kBegin + kPeriod * n + Duration::nanoseconds(kPeriod.ns() * n / 1'000'000 * ppm);
 }
@@ -27,9 +27,9 @@ RC_GTEST_PROP(PhaseLine, AfterManyTimestampsWithNoise_PhaseAndRateAreWithinSixDe
   constexpr std::int64_t kMany = 512;
   for (std::int64_t n = 0; n < kMany; ++n) line.add(exposure(n, ppm) + random.around_zero(jitter));
   const Instant next = exposure(kMany + 3, ppm);
-  // Uniform timestamps have a deviation of jitter / sqrt 3; a line's end has 2 / sqrt 512 of it, its rate 3.5 / 512^1.5.
-  // The filter weights late ones more, for crystals that wander: 1.5 times as much. Six deviations, and the share that
-  // the rate's own variance of 41 ppm has in it: 0.03 ppm.
+  // Uniform timestamps have a deviation of jitter / sqrt 3; a line's end has 2 / sqrt 512 of it, its rate 3.5 /
+  // 512^1.5. The filter gives late timestamps more weight, because crystals wander: 1.5 times. Six deviations, plus the
+  // effect of the rate's own variance of 41 ppm: 0.03 ppm.
   RC_ASSERT(std::abs((line.nearest(next) - next).ns()) <= jitter.ns() * 3062 / 10000 * 3 / 2 + 500);
   RC_ASSERT(std::abs(*line.drift_ppb() - ppm * 1000) <= jitter.ns() * 1'000'000'000 / kPeriod.ns() / 956 * 3 / 2 + 100);
 }
@@ -40,9 +40,9 @@ TEST(PhaseLine, ExactStamps_AreForetoldAtOnceAndGapsChangeNothing) {
   for (std::int64_t n = 0; n < 200; ++n) {
     if (n % 7 != 3) line.add(exposure(n, 40));
   }
-  // The rate's variance from 171 timestamps is 12 x 115^2 / (199^3 x 33 ms^2) = (4.3 ppm)^2, beside (41 ppm)^2 that it had
-  // before: the 0 of before keeps 1.1 %, and the filter's weight on late ones half as much again. 41 periods on they make
-  // 0.9 us, beside what the phase is off.
+  // The rate's variance from 171 timestamps is 12 x 115^2 / (199^3 x 33 ms^2) = (4.3 ppm)^2, compared with (41 ppm)^2
+  // before: the old value of 0 keeps 1.1 %, and half as much again by the filter's weight on late timestamps. After 41
+  // periods this is 0.9 us, in addition to the error of the phase.
   EXPECT_NEAR(static_cast<double>((line.nearest(exposure(240, 40)) - exposure(240, 40)).ns()), 0, 3000);
   EXPECT_NEAR(*line.drift_ppb(), 40'000, 40'000 * 0.011 * 1.5);
 }

@@ -88,7 +88,7 @@ TEST(SetClock, InFreeRun_HeadsOfAnyPhaseWithinAQuarterPeriodShareEverySlot) {
         if (head + 1 == phases.size()) {
           clock.follow(match->slot, at_ms(1000) + kNtsc.start_of(n) + Duration::nanoseconds(sorted[2]));
         }
-        if (n < 50) continue;  // the grid has found the heads by then
+        if (n < 50) continue;  // by then the grid has found the heads
         if (!slot) slot = match->slot;
         RC_ASSERT(match->slot == *slot);
       }
@@ -116,8 +116,8 @@ TEST(SetClock, InFreeRun_AnHourOfDriftSkipsNoSlot) {
   }
 }
 
-// Found by the swarm: at 25 a second, 8 heads; one whose phase lies where two periods meet went to and fro between them,
-// and a set held exposures 52 ms apart.
+// Found by the swarm: 8 heads at 25 frames per second; a head whose phase is at the boundary of two periods alternated
+// between them, and a set held exposures 52 ms apart.
 TEST(SetClock, InFreeRun_AHeadWherePeriodsMeetKeepsItsStep) {
   SetClock clock(kNtsc);
   clock.restart(kNtsc, false, Instant());
@@ -125,7 +125,7 @@ TEST(SetClock, InFreeRun_AHeadWherePeriodsMeetKeepsItsStep) {
   for (std::uint64_t n = 0; n < 200; ++n) {
     const Instant middle = at_ms(1000) + kNtsc.start_of(n);
     const auto steady = clock.match(0, middle, Exposure(), Duration());
-    // Half a period away, give or take a fifth of a millisecond.
+    // Half a period away, +- 0.2 ms.
     const Duration jitter = Duration::microseconds(n % 2 == 0 ? 200 : -200);
     const auto other = clock.match(1, middle + kPeriod / 2 + jitter, Exposure(), Duration());
     ASSERT_TRUE(steady && other);
@@ -137,7 +137,7 @@ TEST(SetClock, InFreeRun_AHeadWherePeriodsMeetKeepsItsStep) {
   }
 }
 
-// Found by the swarm: the copy of a frame that lay far from the grid's middle was given to the next set.
+// Found by the swarm: the copy of a frame far from the grid's middle was assigned to the next set.
 TEST(SetClock, InFreeRun_AFrameThatComesTwiceIsOfTheSameSlotWhereverTheGridWent) {
   SetClock clock(kNtsc);
   clock.restart(kNtsc, false, Instant());
@@ -187,8 +187,8 @@ TEST(SetClock, Restarted_SlotsGoOnRising) {
   EXPECT_GT(after->slot, before->slot);
 }
 
-// Found by the swarm: a head that an older train's last pulse had exposed was stamped 0.1 ms after the new train began,
-// and taken for its pulse 0.
+// Found by the swarm: the last pulse of an older train exposed a head; the frame's timestamp was 0.1 ms after the start
+// of the new train, and the frame was taken for that train's pulse 0.
 TEST(SetClock, Genlocked_WhatWasExposedJustBeforeTheTrainBegan_IsNotOfItsFirstPulse) {
   SetClock clock(kNtsc);
   clock.restart(kNtsc, true, at_ms(2000));
@@ -197,7 +197,7 @@ TEST(SetClock, Genlocked_WhatWasExposedJustBeforeTheTrainBegan_IsNotOfItsFirstPu
     return clock.match(0, at_ms(2000) + after + Duration::microseconds(5), Exposure::microseconds(10), Duration());
   };
   EXPECT_FALSE(exposed(Duration::microseconds(400)));
-  const auto first = exposed(Duration::microseconds(900));  // a stamp may be 0.1 ms early
+  const auto first = exposed(Duration::microseconds(900));  // a timestamp may be 0.1 ms early
   ASSERT_TRUE(first);
   EXPECT_EQ(first->trigger, 0u);
 }

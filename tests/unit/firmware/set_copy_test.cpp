@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kWidth = 7, kHeight = 5;
 
-/// A picture in memory whose rows are padded, as drivers pad them; no two samples alike.
+/// A picture in memory with padded rows, as from drivers; all samples differ.
 struct Padded {
   explicit Padded(PixelFormat format) {
     const ImageView packed = packed_image(format, kWidth, kHeight, static_cast<const std::uint8_t*>(nullptr));

@@ -17,7 +17,7 @@ Result<Settings> read_back(const std::string& file, const Sha256& rig_toml = {})
   return Settings::decode({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, rig_toml);
 }
 
-/// Every value of the longest text, for every head that a rig can have.
+/// The longest value of every setting, for every head that a rig can have.
 std::vector<CaptureChange> longest_changes() {
   constexpr auto k64 = std::numeric_limits<std::int64_t>::max();
   constexpr auto k32 = -std::numeric_limits<std::int32_t>::max();
@@ -88,7 +88,7 @@ TEST(SettingsFile, NewerValues_GoOverOlderOnesAndTheOthersStay) {
   EXPECT_TRUE(std::holds_alternative<GenlockStop>(commands[2]));
 }
 
-/// The error of a file with this text after the line of its rig.toml.
+/// The error for a settings file with this text after the line of its rig.toml.
 std::string refusal(const std::string& text) {
   const auto settings = read_back(Settings::with_checksum("rig_toml = \"" + to_hex(Sha256{}) + "\"\n" + text));
   return settings ? "" : settings.error().message;
@@ -112,7 +112,7 @@ class SettingsWriterTest : public testing::Test {
   hal::sim::SimClock clock;
   SettingsWriter writer;
   Status full = fail(Errc::kDiskFull, "no space");
-  /// One write, and how it ends.
+  /// One write that ends with `end`.
   void write(const Status& end) {
     writer.begun(clock.now());
     writer.ended(end);

@@ -7,7 +7,7 @@ namespace {
 
 class SheddingTest : public testing::Test {
  protected:
-  /// Seconds of 30 sets, of which the blend takes so many.
+  /// Seconds with 30 sets each, of which the blend takes `taken`.
   void seconds(int n, int taken, bool excused = false) {
     for (int i = 0; i < n * 30; ++i) {
       now = now + Duration::microseconds(33'334);

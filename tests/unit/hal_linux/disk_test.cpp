@@ -1,4 +1,4 @@
-// What only a real file system can show.
+// Tests that need a real file system.
 #include "hal/linux/disk.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace {
 
 const std::vector<std::uint8_t> kBytes{'x', 'y'};
 
-// /dev/full is a file on which every write finds no room.
+// /dev/full is a file to which every write fails with ENOSPC.
 TEST(LinuxDisk, NoRoom_IsDiskFullAndNamesTheFile) {
   auto disk = LinuxDisk::open("/dev").value();
   const auto file = disk->open_append("full");
@@ -55,7 +55,7 @@ TEST(LinuxDisk, SymbolicLinkWithinTheFolder_IsFollowed) {
   EXPECT_EQ(disk->read("b", 100).value(), kBytes);
 }
 
-// Whoever reads while another renames sees one of the two, whole.
+// A reader during a rename sees one of the two files, complete.
 TEST(LinuxDisk, ReadWhileRenamed_IsAlwaysOneOfTheTwo) {
   const test::TemporaryFolder folder;
   auto writer = LinuxDisk::open(folder.path().string()).value();

@@ -9,7 +9,7 @@
 namespace nodal::hal::linux_os {
 namespace {
 
-/// What the next descriptor would be: more than before when something was left open.
+/// The number of the next descriptor: larger than before if a descriptor was leaked.
 int next_descriptor() {
   const int fd = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
   ::close(fd);

@@ -31,7 +31,7 @@ class Folder {
   std::string path_;
 };
 
-/// Leaves a socket file behind, as a program does that was killed.
+/// Leaves a socket file behind, as a killed program does.
 void leave_stale_socket(const std::string& path) {
   const int fd = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un where{};
@@ -42,7 +42,7 @@ void leave_stale_socket(const std::string& path) {
   ::close(fd);
 }
 
-/// Reads until the link ends or `n` bytes came.
+/// Reads until the link ends or `n` bytes have arrived.
 std::string read_text(LinkPort& link, std::size_t n, std::string* error = nullptr) {
   std::string text;
   while (text.size() < n) {
@@ -72,7 +72,7 @@ TEST(UnixListener, StaleSocketFile_IsReplaced) {
   EXPECT_TRUE(connect_link("unix:" + (folder / "s")));
 }
 
-// Whoever can read the folder can hold this lock, for as long as they like.
+// Everyone who can read the folder can take this lock, for any time.
 TEST(UnixListener, SomebodyHoldsALockOnTheFolder_ItListensAllTheSame) {
   Folder folder;
   leave_stale_socket(folder / "s");

@@ -1,4 +1,4 @@
-// A V4L2 head in virtual time, on a driver of the test's own.
+// A V4L2 head in virtual time, on a fake driver.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ class V4l2HeadTest : public testing::Test {
     }
     return std::move(*head);
   }
-  /// Clears the driver's hooks at the end of a scope, after the calls that are under way.
+  /// Clears the driver's hooks at the end of a scope, after the calls in progress.
   struct HookRemover {
     void operator()(V4l2HeadTest* test) const {
       if (test->enumerator_) test->enumerator_->settle();
@@ -40,8 +40,8 @@ class V4l2HeadTest : public testing::Test {
     }
   };
   using Hook = std::unique_ptr<V4l2HeadTest, HookRemover>;
-  /// Sets driver_.before or .after for a scope. Workers still close devices when a test's variables are gone, so a hook
-  /// that refers to them must end before they do: declare it after them.
+  /// Sets driver_.before or .after for a scope. Workers still close devices after a test's variables are destroyed, so
+  /// a hook that refers to these variables must be removed earlier: declare it after them.
   [[nodiscard]] Hook before(std::function<int(unsigned long)> hook) {
     driver_.before = std::move(hook);
     return Hook(this);
@@ -54,7 +54,7 @@ class V4l2HeadTest : public testing::Test {
     enumerator_->settle();
     clock_.advance(time);
   }
-  /// What take_frame() says when the next frame is there, or the error before.
+  /// The result of take_frame() once the next frame is there, or an earlier error.
   Result<FrameView> next(HeadPort& head) {
     for (int i = 0; i < 40; ++i) {
       auto frame = head.take_frame();

@@ -1,4 +1,4 @@
-// What a V4L2 head asks of its device, and what it makes of the answers.
+// A V4L2 head's requests to its device, and its handling of the answers.
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 
@@ -87,13 +87,13 @@ TEST_F(V4l2HeadTest, ExposureAndGain_ReachTheDeviceInItsUnitsAndComeBackAsItHasT
     frame = *taken;
     head->release(frame.slot);
   }
-  EXPECT_EQ(driver_.control(V4L2_CID_EXPOSURE_ABSOLUTE), 83);  // of 100 us
-  EXPECT_EQ(driver_.control(V4L2_CID_GAIN), 24);               // of 250 mdB, in steps of 2
+  EXPECT_EQ(driver_.control(V4L2_CID_EXPOSURE_ABSOLUTE), 83);  // in units of 100 us
+  EXPECT_EQ(driver_.control(V4L2_CID_GAIN), 24);               // in units of 250 mdB, in steps of 2
   EXPECT_EQ(frame.in_effect.exposure, Exposure::microseconds(8'300));
   EXPECT_EQ(frame.in_effect.gain, Gain::millidecibels(6'000));
 }
 
-// Were the control set where frames are taken, this test would wait for itself and never end.
+// If take_frame() set the control itself, this test would deadlock.
 TEST_F(V4l2HeadTest, AControlThatTakesForever_FramesGoOnAndCarryTheOldValueUntilItIsDone) {
   driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = {1, 300, 1, 100, 50};
   std::latch answered(1);

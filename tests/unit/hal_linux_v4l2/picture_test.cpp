@@ -1,4 +1,4 @@
-// Layouts, ranges and timestamps: arithmetic on what a driver says.
+// Layouts, ranges and timestamps: calculations on a driver's answers.
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 

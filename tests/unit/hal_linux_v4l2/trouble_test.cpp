@@ -1,4 +1,4 @@
-// A V4L2 head on a driver that fails and lies.
+// A V4L2 head on a driver that fails or returns wrong data.
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 
@@ -174,7 +174,7 @@ TEST_F(V4l2HeadTest, BytesThatCannotBe_AreAVerdictAndTheWholePictureStaysReadabl
     ASSERT_TRUE(frame);
     EXPECT_EQ(frame->verdict, one.verdict) << one.used;
     unsigned sum = 0;
-    for (const PlaneView& plane : frame->image.planes) {  // under the address sanitizer, this is the test
+    for (const PlaneView& plane : frame->image.planes) {  // the address sanitizer checks these accesses
       for (int y = 0; y < plane.height; ++y) {
         for (int x = 0; x < plane.width; ++x) sum += plane.data[y * plane.row_stride + x * plane.pixel_stride];
       }

@@ -10,7 +10,7 @@
 namespace nodal::hal::replay {
 namespace {
 
-/// Advanced by hand.
+/// A clock that the test advances.
 class Clock final : public ClockPort {
  public:
   Instant now() override { return now_; }

@@ -12,7 +12,7 @@ constexpr std::uint64_t kSeeds = 200;
 
 std::vector<std::uint8_t> bytes_of(const std::string& text) { return {text.begin(), text.end()}; }
 
-/// nullopt: not there.
+/// nullopt: the file does not exist.
 std::optional<std::string> content(DiskPort& disk, const std::string& name) {
   const auto bytes = disk.read(name, 1 << 20);
   if (!bytes) return std::nullopt;
@@ -28,7 +28,7 @@ Status write_file(DiskPort& disk, const std::string& name, const std::string& te
   return status;
 }
 
-/// How a file is replaced so that a crash leaves the old or the new one.
+/// Replaces a file so that a crash leaves either the old or the new one.
 Status replace_safely(DiskPort& disk, const std::string& name, const std::string& text) {
   if (auto written = write_file(disk, name + ".tmp", text, true); !written) return written;
   if (auto renamed = disk.rename(name + ".tmp", name); !renamed) return renamed;
@@ -46,7 +46,7 @@ TEST(SimDiskCrash, SyncedFileInASyncedFolder_IsThereWholeWithEverySeed) {
   }
 }
 
-// Write, fsync, rename, fsync of the folder: cut at each operation, the old or the new one is there, whole.
+// Write, fsync, rename, fsync of the folder: cut at every operation, either the old or the new file is there, complete.
 TEST(SimDiskCrash, SafeReplacementCutAnywhere_LeavesTheOldOrTheNewOne) {
   std::set<std::string> seen;
   for (std::uint64_t cut = 0; cut < 5; ++cut) {
@@ -68,7 +68,7 @@ TEST(SimDiskCrash, SafeReplacementCutAnywhere_LeavesTheOldOrTheNewOne) {
   EXPECT_EQ(seen.size(), 2U) << "both happen";
 }
 
-// What the model is for: each step left out shows.
+// The model's purpose: every omitted step is detected.
 TEST(SimDiskCrash, ReplacementWithoutFsync_IsTornWithSomeSeed) {
   int torn = 0;
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
@@ -175,7 +175,7 @@ TEST(SimDiskKill, ProgramKilled_EverythingWrittenIsThereButLastsNoBetter) {
   int lost = 0;
   for (std::uint64_t seed = 0; seed < 50; ++seed) lost += content(*left->after_power_loss(seed), "a") != kOld;
   EXPECT_GT(lost, 10);
-  // The disk that was left is another one.
+  // The disk after the power loss is a separate object.
   ASSERT_TRUE(left->remove("a"));
   EXPECT_EQ(content(disk, "a"), kOld);
 }

@@ -1,4 +1,4 @@
-// The renderer against ten pictures that another program rendered from the same sphere.
+// The renderer against ten pictures that another program rendered of the same sphere.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -63,13 +63,13 @@ Compared compare(const HeadCalibration& head, const Scene& scene, const DecodedI
   return result;
 }
 
-/// Where a parabola through errors at -step, 0, +step has its least.
+/// The minimum of the parabola through the errors at -step, 0, +step.
 double least(double before, double here, double after, double step) {
   return 0.5 * step * (before - after) / (before - 2 * here + after);
 }
 
-// The pictures show detail that the 2048 wide sphere does not hold, so pixels differ by more than noise; but where it
-// is flat only noise is left, the mean is right, and no shift, stretch or turn brings them nearer.
+// The pictures contain detail that the 2048 px wide sphere lacks, so pixels differ by more than noise. But in flat
+// areas only noise is left, the mean is correct, and no shift, scale or rotation reduces the difference.
 TEST(GroundTruth, TenHeadsRenderedElsewhere_TheSameRaysToAFiftiethOfAPixel) {
   if (!std::filesystem::exists(kFolder)) GTEST_SKIP() << "no " << kFolder;
   std::ifstream in(kFolder / "rig_gt.json");

@@ -14,7 +14,7 @@ namespace {
 
 constexpr Duration kPeriod = FrameRate{}.period();
 
-/// A world of small heads with one of them streaming.
+/// A rig of small heads, one of them streaming.
 class StreamingHead : public testing::Test {
  protected:
   explicit StreamingHead(TriggerMode mode = TriggerMode::kFreeRun, const HeadOptions& head = small())
@@ -34,7 +34,7 @@ class StreamingHead : public testing::Test {
     return options;
   }
   SimHead& head() { return world_.head(0); }
-  /// Lets a frame period pass and takes what came.
+  /// Advances by a frame period and takes the frames that arrived.
   std::vector<FrameView> period(bool release = true) {
     world_.clock().advance(kPeriod);
     std::vector<FrameView> frames;
@@ -270,7 +270,7 @@ struct Event {
   friend bool operator==(const Event&, const Event&) = default;
 };
 
-/// A minute with every fault, polled every `poll`; nothing is held, so that polling must not matter.
+/// A minute with every fault, polled every `poll`; no frame is held, so the polling interval must not matter.
 std::vector<Event> minute(std::uint64_t seed, Duration poll) {
   SimRigOptions options;
   options.seed = seed;
@@ -303,7 +303,7 @@ TEST(SimWorld, SameSeed_SameMinuteHoweverItIsPolled) {
   EXPECT_NE(often, minute(43, Duration::milliseconds(3)));
 }
 
-// Whatever is done to a head in whatever order, every frame is somewhere.
+// After any sequence of operations on a head, every frame is accounted for.
 RC_GTEST_PROP(SimHead, AnyHistory_FramesAreConserved, (std::vector<std::uint8_t> script)) {
   SimRigOptions options;
   options.scene = constant_scene({0.5F, 0.5F, 0.5F});
@@ -342,7 +342,7 @@ RC_GTEST_PROP(SimHead, AnyHistory_FramesAreConserved, (std::vector<std::uint8_t>
   }
 }
 
-/// A head before even light with a linear curve, so that a level is proportional to the true exposure.
+/// A head that sees uniform light, with a linear curve, so that a level is proportional to the true exposure.
 class SettingsInEffect : public StreamingHead, public testing::WithParamInterface<int> {
  protected:
   SettingsInEffect() : StreamingHead(TriggerMode::kFreeRun, with_latency(GetParam())) {}
@@ -359,7 +359,7 @@ class SettingsInEffect : public StreamingHead, public testing::WithParamInterfac
     ADD_FAILURE() << "no frame came";
     return {};
   }
-  /// 255 light (exposure / 10 ms) gain, of light 0.5: what the picture itself says.
+  /// 255 light (exposure / 10 ms) gain, with light 0.5: the exposure that the picture itself shows.
   static double level_of(const HeadSettings& settings) {
     return 255 * 0.5 * static_cast<double>(settings.exposure.us()) / 10'000 *
            std::pow(10.0, settings.gain.mdb() / 20'000.0);
@@ -372,7 +372,7 @@ TEST_P(SettingsInEffect, AChangeEveryFrame_EachFrameSaysWhatItsPixelsSayAndWhatW
   for (int n = 0; n < 24; ++n) {
     const FrameView frame = next();
     EXPECT_NEAR(frame.image.planes[0].data[0], level_of(frame.in_effect), 1) << "frame " << n;
-    // Asked after frame k was taken, a moment before frame k + 1 begins.
+    // Requested after frame k was taken, just before frame k + 1 begins.
     const int carried = n - 1 - GetParam();
     if (carried >= 0) {
       EXPECT_EQ(frame.in_effect.exposure, asked[static_cast<std::size_t>(carried)]) << "frame " << n;

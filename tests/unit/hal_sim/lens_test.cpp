@@ -24,7 +24,7 @@ double angle_to_axis(const Direction& d) { return std::atan2(std::hypot(d.x, d.y
 struct Known {
   const char* name;
   LensModel lens;
-  /// Original radius of an angle, written out from the model's definition.
+  /// Original radius for an angle, from the model's definition.
   double (*radius)(double angle);
   double widest;  ///< rad, inside a 500 px circle
 };
@@ -60,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(
                               0.00001 * std::pow(a, 9));
               },
               2.0},
-        // Tsai goes the other way: its radius is the root of r (1 + k1 r^2 + k2 r^4) = f tan(angle), here by Newton.
+        // Tsai is the inverse: its radius is the root of r (1 + k1 r^2 + k2 r^4) = f tan(angle), here by Newton.
         Known{"TsaiOfFigure3", TsaiLens{490, 2.29e-6, 1.65e-11},
               [](double a) {
                 double r = 490 * std::tan(a) / 1.5;
@@ -97,7 +97,7 @@ TEST(LensTruth, HeadTurnedRight_ItsAxisIsToTheRightInTheRig) {
   EXPECT_NEAR(ray->z, 0, 1e-12);
 }
 
-// f_y = aspect * f_x: as many pixels down are less of an angle.
+// f_y = aspect * f_x: the same number of pixels vertically is a smaller angle.
 TEST(LensTruth, PixelAspect_DividesTheRowsAngle) {
   HeadCalibration head = test::plain_head("cam0", 640, 480);
   head.aspect = 1.083;
@@ -133,7 +133,7 @@ TEST(LensTruth, OutsideTheRegion_NoLight) {
   EXPECT_FALSE(lens.ray(500 + 400, 500 + 200)) << "outside of the circle";
 }
 
-// Pixels of a 90 x 90 degree pinhole are a sixth of the sphere.
+// Pixels of a 90 x 90 degree pinhole cover a sixth of the sphere.
 TEST(LensTruth, FootprintsSquared_SumToTheSolidAngle) {
   const LensTruth lens(test::plain_head("cam0", 400, 400));
   double sum = 0;

@@ -1,4 +1,4 @@
-// What the simulated ports do beyond what every port must: faults, drift, and what a test may look at.
+// Features of the simulated ports beyond those of every port: faults, drift, and queries for tests.
 #include <gtest/gtest.h>
 
 #include <vector>
@@ -135,7 +135,7 @@ TEST(SimWatchdog, NotFedInTime_WouldBiteButNotBeforeReady) {
   EXPECT_TRUE(watchdog.would_bite(Duration::seconds(2)));
 }
 
-// So that a seed in a report means the same on every machine and in every later build.
+// A seed in a report must give the same run on every machine and in every later build.
 TEST(Random, KnownStream_StaysTheSame) {
   Random random(1, "trigger");
   Random again(1, "trigger");

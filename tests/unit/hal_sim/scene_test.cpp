@@ -18,7 +18,7 @@ Direction at(double theta, double phi) {
   return {std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
 }
 
-/// A photograph of width 2n, height n, grey, from a rule.
+/// A grey photograph of width 2n, height n, from a function of the pixel.
 template <class Rule>
 ScenePtr photo(int n, Rule rule) {
   std::vector<std::uint8_t> grey;
@@ -34,7 +34,7 @@ TEST(ConstantScene, EveryDirection_IsTheSameLight) {
   EXPECT_TRUE(scene->movers().empty());
 }
 
-// theta = atan2(x, z): the middle column looks forward, a quarter on looks right; phi grows down the rows.
+// theta = atan2(x, z): the middle column is forward, a quarter further is right; phi grows down the rows.
 TEST(PhotoScene, OnePixelBright_IsSeenInItsDirectionOnly) {
   const int n = 64;
   for (const auto& [x, y] : {std::pair{64, 32}, {96, 32}, {32, 32}, {64, 8}, {0, 40}, {127, 50}}) {
@@ -90,13 +90,13 @@ TEST(PhotoScene, WrongShapeOrFormat_SaysWhatIsWanted) {
   EXPECT_EQ(yuv.error().code, Errc::kUnsupported);
 }
 
-// About either pole nothing may depend on theta.
+// At the poles the light must not depend on theta.
 TEST(TownSquare, RoundThePoles_TheLightIsContinuous) {
   const ScenePtr scene = town_square_scene();
   for (const double phi : {-kPi / 2 + 1e-5, kPi / 2 - 1e-5}) {
     const Light first = scene->light(at(0, phi), 1e-3);
     for (int i = 0; i < 100; ++i) {
-      // The compass star's points meet below: red and sand there, nothing else.
+      // The points of the compass star meet below: only red and sand are there.
       const Light light = scene->light(at(i * 0.0628, phi), 1e-3);
       EXPECT_NEAR(light.r, first.r, 0.12);
     }
@@ -118,7 +118,7 @@ TEST(TownSquare, SkyAboveGroundBelow_AndLightIsFiniteAndPositiveEverywhere) {
   EXPECT_GT(above, below);
 }
 
-// A registration or a stitch needs structure wherever it looks.
+// Registration and stitching need structure in every direction.
 TEST(TownSquare, EveryPartOfTheSphere_HasContrast) {
   const ScenePtr scene = town_square_scene();
   for (int part = 0; part < 60; ++part) {
@@ -158,7 +158,7 @@ TEST(Movers, AfterAPeriod_AreWhereTheyWere) {
   }
 }
 
-// The share of a fine grid that a ball covers is the solid angle of its cap.
+// The share of a fine grid that a ball covers equals the solid angle of its cap.
 TEST(Movers, Covered_IsTheSolidAngleOfTheBall) {
   const Mover mover{{0, 1, 0}, {0, 0, 1}, Duration::seconds(10), 0.05, {1, 1, 1}, {0, 0, 0}};
   const PlacedMover placed(mover, Instant{});
@@ -184,7 +184,7 @@ TEST(BarScene, AtAnyTime_CoversItsLuneOfTheSphereAboutWhereItHasTurnedTo) {
     for (double u = -kPi; u < kPi; u += step) covered += placed.cover(at(u, v), 1e-3).share * step * step * std::cos(v);
   }
   EXPECT_NEAR(covered, 0.4, 0.002);
-  // Its middle began at z, which is square to the axis, and has turned by 45 degrees to the right.
+  // Its middle starts at z, perpendicular to the axis, and has turned by 45 degrees to the right.
   const Direction middle{std::sqrt(0.5) * std::cos(tilt), -std::sqrt(0.5) * std::sin(tilt), std::sqrt(0.5)};
   EXPECT_EQ(placed.cover(middle, 1e-3).share, 1.0F);
   EXPECT_EQ(placed.cover({-middle.x, -middle.y, -middle.z}, 1e-3).share, 0.0F);

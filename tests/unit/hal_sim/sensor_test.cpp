@@ -73,7 +73,7 @@ TEST_P(EveryFormat, ConstantGrey_EverySampleIsExactlyThatLevelAndColourIsNeutral
   }
 }
 
-// JFIF's own numbers for pure red: Y 76, Cb 85, Cr 255.5 clipped.
+// JFIF's values for pure red: Y 76, Cb 85, Cr 255.5 clipped.
 TEST_P(EveryFormat, PureRed_IsWhatJfifSays) {
   if (component_count(GetParam()) == 1) GTEST_SKIP() << "grey";
   const auto bytes = render_once(test::plain_head("cam0", 16, 8), with(GetParam()), constant_scene({1, 0, 0}));
@@ -84,7 +84,7 @@ TEST_P(EveryFormat, PureRed_IsWhatJfifSays) {
   EXPECT_EQ(image.planes[2].data[0], rgb ? 0 : 255);
 }
 
-// The same frame in RGB, turned by other code, differs by rounding only.
+// The same frame in RGB, converted by other code, differs by rounding only.
 TEST_P(EveryFormat, TownSquare_IsTheRgbFrameInAnotherFormat) {
   HeadCalibration head = test::plain_head("cam0", 160, 120, 20);
   head.response = {Response::Curve::kSrgb, 1, {}};
@@ -153,14 +153,14 @@ TEST(Sensor, VignettingAndHeadGain_AreWhatTheCalibrationSays) {
 TEST(Sensor, LevelNoise_HasTheStatedDeviationAndNoBias) {
   HeadOptions options = with(PixelFormat::kGrey8);
   options.noise.levels = 3;
-  // Grey is made of three channels of noise each: 3 sqrt(0.299^2 + 0.587^2 + 0.114^2).
+  // Grey is the sum of three channels with independent noise: 3 sqrt(0.299^2 + 0.587^2 + 0.114^2).
   const double expected = 3 * std::sqrt(0.299 * 0.299 + 0.587 * 0.587 + 0.114 * 0.114);
   const Statistics seen = of(render_once(test::plain_head("cam0", 300, 200), options, constant_scene(grey(120))));
   EXPECT_NEAR(seen.mean, 120, 0.05);
   EXPECT_NEAR(seen.deviation, std::sqrt(expected * expected + 1.0 / 12), 0.04);
 }
 
-// Poisson: light l of n electrons is uncertain by sqrt(l n) electrons; gain takes fewer electrons to the same level.
+// Poisson: light l of n electrons has a deviation of sqrt(l n) electrons; gain needs fewer for the same level.
 TEST(Sensor, ShotAndReadNoise_FollowTheElectrons) {
   HeadOptions options = with(PixelFormat::kRgb24);
   options.noise.full_well_electrons = 5'000;
@@ -210,7 +210,7 @@ TEST(Sensor, NoiseFromFrameToFrame_IsNotTheSame) {
   EXPECT_GE(different.size(), 4U);
 }
 
-// Drawn over the still part in blocks, a frame is what it would be if drawn whole.
+// Drawing movers in blocks over the static part must give the same frame as drawing it at once.
 TEST(Sensor, BalloonInView_MovesAndLeavesTheRestAlone) {
   const ScenePtr scene = town_square_scene();
   const HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
@@ -224,7 +224,7 @@ TEST(Sensor, BalloonInView_MovesAndLeavesTheRestAlone) {
   for (std::size_t i = 0; i < first.size(); i += 3) changed += first[i] != later[i];
   EXPECT_GT(changed, 50U);
   EXPECT_LT(changed, first.size() / 3 / 10);
-  // Where the first balloon is, one sees its colours and not the sky.
+  // In the direction of the first balloon its colours are seen, not the sky.
   const Mover& balloon = scene->movers()[0];
   const LensTruth lens(head);
   std::size_t on_it = 0;
@@ -277,8 +277,8 @@ INSTANTIATE_TEST_SUITE_P(Orders, InterlacedSensor,
                          testing::Combine(testing::Values(Fields::kTopFirst, Fields::kBottomFirst),
                                           testing::Values(PixelFormat::kRgb24, PixelFormat::kYuyv)));
 
-// Light that is one at the top rows of a field and none at the others would show a chroma row that mixes fields: the
-// chroma of a field is made of that field's rows alone.
+// The light is one in a field's upper rows and none in the others, so a chroma row that mixed two fields would show: a
+// field's chroma must be made of that field's rows alone.
 TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
   HeadCalibration head = test::plain_head("cam0", 320, 240, 10, 100);
   HeadOptions options = with(PixelFormat::kI420);
@@ -309,7 +309,7 @@ TEST(Sensor, UnchangedStill_IsNotWrittenAgainAndAChangedOneIs) {
   std::vector<std::uint8_t> bytes(256);
   const std::uint64_t holds = sensor.render({}, kNow, 0, bytes, 0);
   ASSERT_NE(holds, 0U);
-  bytes[7] = 99;  // if it were written again, this would be gone
+  bytes[7] = 99;  // rewriting the frame would overwrite this
   EXPECT_EQ(sensor.render({}, kNow, 1, bytes, holds), holds);
   EXPECT_EQ(bytes[7], 99);
   HeadSettings brighter;

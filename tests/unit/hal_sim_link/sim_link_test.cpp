@@ -1,4 +1,4 @@
-// What a test may do to a simulated link, and what a session over it makes of that.
+// The faults that a test can cause in a simulated link, and how a session over it reacts.
 #include "hal/sim/link.h"
 
 #include <gtest/gtest.h>
@@ -71,11 +71,11 @@ TEST(SimLink, FlipBit_ExactlyThatBitOfWhatIsYetToBeWritten) {
   }
 }
 
-/// A session at the end of a link, stepped as a stage steps it.
+/// A session at the end of a link, stepped like a stage.
 struct End {
   End(Role role, std::unique_ptr<SimLink> over) : session(role, make_hello("test")), link(std::move(over)) {}
 
-  /// Whether anything moved.
+  /// Returns whether any byte was moved.
   bool step() {
     bool moved = false;
     std::array<std::uint8_t, 8192> part;
@@ -136,7 +136,7 @@ TEST(SessionOverSimLink, SlowReader_ThePipeFillsAndNothingIsLost) {
   Talk talk;
   talk.host->step();
   talk.rig->step();
-  talk.host->step();  // the first credit is on its way
+  talk.host->step();  // the first credit is in transit
   talk.host->link->in().stalled = true;
   talk.run();
   EXPECT_EQ(talk.host->link->in().bytes.size(), talk.host->link->in().capacity);
@@ -153,7 +153,7 @@ TEST(SessionOverSimLink, AnyBitFlippedOnTheWay_NoWrongByteIsEverTaken) {
     ASSERT_NE(talk.host->session.error(), nullptr) << bit;
     ASSERT_LE(talk.host->got.size(), bit / 8);
     ASSERT_TRUE(std::equal(talk.host->got.begin(), talk.host->got.end(), talk.body->begin())) << bit;
-    // The rig is told, and ends too.
+    // The rig gets the error, and ends too.
     ASSERT_NE(talk.rig->session.error(), nullptr) << bit;
     ASSERT_NE(talk.rig->session.error()->message.find("the host (test) ended the session"), std::string::npos);
   }

@@ -1,4 +1,4 @@
-// The commands that make calibrations from files, as users run them: files in, files and answers out, exit codes.
+// The commands that make calibrations from files, run as by a user: input and output files, answers, exit codes.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// The rig's half of a conversation, in the same thread.
+// The rig's half of a conversation, run in the same thread.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 
 namespace nodal::host {
 
-/// The rig's end of a connection over a simulated link: sends the answers that a test sets.
+/// The rig's end of a connection over a simulated link: sends answers that the test sets.
 class FakeRig {
  public:
   using Answer = std::function<std::optional<wire::Reply>(const wire::Request&)>;

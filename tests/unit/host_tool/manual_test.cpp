@@ -1,4 +1,4 @@
-// The manual page and the program say the same: every command and option of one is in the other.
+// The manual page and the program must agree: every command and option of one is in the other.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -12,7 +12,7 @@
 namespace nodal::host {
 namespace {
 
-/// "calibration upload": {"--unchecked", ...}; "" for what stands under OPTIONS.
+/// "calibration upload": {"--unchecked", ...}; "" for those under OPTIONS.
 using Manual = std::map<std::string, std::set<std::string>>;
 
 Manual read_manual() {
@@ -28,7 +28,7 @@ Manual read_manual() {
       options_follow = true;
       command.clear();
       std::istringstream words(line.substr(10));
-      // Command words are in small letters; what follows (HEAD..., [ID]) stands for something.
+      // Command words are in lower case; placeholders (HEAD..., [ID]) are not.
       for (std::string word; words >> word && std::islower(static_cast<unsigned char>(word[0])) != 0;) {
         command += (command.empty() ? "" : " ") + word;
       }
@@ -50,7 +50,7 @@ Manual read_program() {
   Manual program;
   std::set<std::string> shared;
   for (const CommandWords& command : command_words(line.app())) {
-    if (!command.path.empty() && !command.subcommands.empty()) continue;  // "genlock" itself does nothing
+    if (!command.path.empty() && !command.subcommands.empty()) continue;  // "genlock" itself is not a command
     std::string name;
     for (const std::string& word : command.path) name += (name.empty() ? "" : " ") + word;
     std::set<std::string>& options = program[name];
@@ -96,7 +96,7 @@ TEST(Manual, EveryExitCode_IsExplained) {
     const std::string entry = ".B " + std::to_string(static_cast<int>(help.code)) + "\n";
     const std::size_t at = status.find(entry);
     ASSERT_NE(at, std::string::npos) << entry;
-    const std::string meaning(help.meaning.substr(1));  // its first letter is large there
+    const std::string meaning(help.meaning.substr(1));  // in the manual its first letter is a capital
     EXPECT_EQ(status.compare(at + entry.size() + 1, meaning.size(), meaning), 0) << help.meaning;
   }
 }

@@ -1,4 +1,4 @@
-// Point pairs in files: what is read, and what is said about what cannot be.
+// Reading point pairs from files, and the errors.
 #include "host_tool/input/pairs_file.h"
 
 #include <gtest/gtest.h>
@@ -61,7 +61,7 @@ TEST_F(PairsFile, BrokenCsv_NamesTheFileTheLineAndWhatIsWrong) {
   EXPECT_EQ(read("p.csv", "").error().code, Errc::kMissingField);
 }
 
-// Hugin has pixel centres at integers.
+// In Hugin, pixel centres are at integers.
 constexpr const char* kProject =
     "p f2 w2048 h1024 v360 n\"TIFF_m\"\n"
     "i w640 h480 f0 v90 a0 b0 c0 d0 e0 y0 p0 r0 n\"a.png\"\n"

@@ -23,7 +23,7 @@ ReceivedRaymap raymap_of(const std::string& coding, std::uint32_t width, std::ui
   return raymap;
 }
 
-/// The pixels as libpng's simplified reader gives them: RGB.
+/// The pixels decoded by libpng's simplified reader: RGB.
 std::vector<std::uint8_t> read_png(const std::vector<std::uint8_t>& png) {
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
@@ -35,7 +35,7 @@ std::vector<std::uint8_t> read_png(const std::vector<std::uint8_t>& png) {
 }
 
 TEST(EncodePng, FullRangePrimaries_ComeBackAsTheirRgb) {
-  // JFIF's matrix, by hand: red is Y 76, Cb 85, Cr 255; blue is Y 29, Cb 255, Cr 107.
+  // Calculated by hand from JFIF's matrix: red is Y 76, Cb 85, Cr 255; blue is Y 29, Cb 255, Cr 107.
   const struct {
     std::uint8_t y, u, v;
     int r, g, b;
@@ -79,7 +79,7 @@ TEST(EncodePng, Nv12_IsTheSamePictureAsI420) {
   EXPECT_EQ(*encode_png(raymap_of("NV12", 8, 4, nv12)), *encode_png(raymap_of("I420", 8, 4, i420)));
 }
 
-/// A PNG's chunk by its name (PNG, 5.3), as its bytes.
+/// The bytes of a PNG's chunk, found by its name (PNG, 5.3).
 std::string chunk(const std::vector<std::uint8_t>& png, const std::string& name) {
   for (std::size_t at = 8; at + 12 <= png.size();) {
     const std::size_t length =
@@ -103,7 +103,7 @@ TEST(EncodePng, SixteenBits_ComeBackToTheBitAndAreCalledLinear) {
   EXPECT_EQ(chunk(*png, "gAMA"), std::string("\x00\x01\x86\xa0", 4)) << "100000: a gamma of one";
   EXPECT_EQ(chunk(*png, "sRGB"), "");
   EXPECT_NE(chunk(*png, "tEXt").find("full_exposure_ns=1234567"), std::string::npos);
-  png_image image{};  // whose simplified reader gives linear numbers as they are, in the machine's order
+  png_image image{};  // this reader returns linear numbers unchanged, in native byte order
   image.version = PNG_IMAGE_VERSION;
   ASSERT_NE(png_image_begin_read_from_memory(&image, png->data(), png->size()), 0);
   image.format = PNG_FORMAT_LINEAR_RGB;

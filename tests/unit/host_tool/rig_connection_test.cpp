@@ -221,7 +221,7 @@ TEST(RigConnection, QuietRigThatAnswers_IsWaitedForLongerThanThePatience) {
   const auto event = (*connection)->next_event(kPatience * 4);
   ASSERT_TRUE(event) << event.error().text();
   EXPECT_FALSE(*event);
-  EXPECT_GE(rig.requests.size(), 3U);  // signs of life that it was asked for
+  EXPECT_GE(rig.requests.size(), 3U);  // status requests to check that the rig is alive
 }
 
 TEST(RigConnection, PiecesWhileAnAnswerIsDue_GiveTheRigNoCreditForMore) {
@@ -238,7 +238,7 @@ TEST(RigConnection, PiecesWhileAnAnswerIsDue_GiveTheRigNoCreditForMore) {
   EXPECT_EQ((*connection)->ask(status_request()).error().code, Errc::kTimeout);
   const auto counts = rig.session().counts(stream);
   ASSERT_TRUE(counts);
-  EXPECT_LE(counts->delivered, kHostLosslessWindowBytes >> 20);  // items of 1 MiB; all 8 when each piece gave credit
+  EXPECT_LE(counts->delivered, kHostLosslessWindowBytes >> 20);  // items of 1 MiB; all 8 if every piece granted credit
 }
 
 TEST(RigConnection, AnswerToAQuestionThatWasGivenUp_IsNoAnswerToTheNext) {
@@ -316,7 +316,7 @@ TEST_F(Uploads, WholeLink_ArrivesToTheByte) {
 }
 
 TEST_F(Uploads, LinkCutAgainAndAgain_GoesOnFromTheRigsOffset) {
-  // The document is larger than what three of the four links carry before they break.
+  // The document is larger than three of the four links can carry before they break.
   const std::vector<std::uint8_t> document = document_of(400'000);
   std::vector<std::unique_ptr<FakeRig>> rigs;
   const auto connect = [&]() -> Result<std::unique_ptr<RigConnection>> {
@@ -324,7 +324,7 @@ TEST_F(Uploads, LinkCutAgainAndAgain_GoesOnFromTheRigsOffset) {
     FakeRig& rig = *rigs.back();
     rig.uploads = &receiver_;
     rig.answer = upload_answers(receiver_, taken_);
-    const int steps_to_live = rigs.size() < 4 ? 35 : 1'000'000;  // 35 reads are a whole piece and a torn one
+    const int steps_to_live = rigs.size() < 4 ? 35 : 1'000'000;  // 35 reads: one complete piece and one torn piece
     hal::sim::SimLink* link = rig.link();
     return RigConnection::over(std::move(rig.host_end), "sim:rig", kPatience,
                                [&rig, link, left = steps_to_live](hal::LinkPort&, bool, Duration) mutable {

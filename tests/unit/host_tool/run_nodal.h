@@ -1,4 +1,4 @@
-// `nodal` in this process, as a user runs it.
+// Runs `nodal` in this process, like a user.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 
 namespace nodal::host {
 
-/// One run, with what it printed.
+/// The result of one run, with its output.
 struct Outcome {
   explicit Outcome(const std::vector<std::string>& words) {
     std::vector<const char*> all{"nodal"};

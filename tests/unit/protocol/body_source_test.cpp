@@ -1,4 +1,4 @@
-// Bodies that are read while they are sent.
+// Bodies that are read in pieces while they are sent.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace {
 
 std::uint8_t byte_at(std::uint64_t offset) { return static_cast<std::uint8_t>((offset * 0x9E3779B97F4A7C15U) >> 56); }
 
-/// A body of any size that takes no memory. Counts what is asked of it.
+/// A body of any size that needs no memory. Counts the bytes that were read.
 class Generated final : public BodySource {
  public:
   explicit Generated(std::uint64_t size) : size_(size) {}
@@ -35,17 +35,17 @@ class Generated final : public BodySource {
   const std::uint64_t size_;
 };
 
-/// What arrived of one stream at the host.
+/// The part of one stream that arrived at the host.
 struct Received {
   std::string meta;
   std::uint64_t bytes = 0;
   std::uint64_t total = 0;
-  std::uint64_t wrong = 0;  ///< bytes that are not byte_at() their place
+  std::uint64_t wrong = 0;  ///< bytes that differ from byte_at() of their offset
   bool whole = false;
   std::optional<Error> closed;
 };
 
-/// Takes the host's events of `stream`; `offset` is where the item began in the body.
+/// Takes the host's events of `stream`; `offset` is the body's first byte that is sent.
 void take(Conversation& talk, StreamId stream, std::uint64_t offset, Received& into) {
   for (const Event& event : talk.at_host) {
     if (const auto* piece = std::get_if<BulkPiece>(&event); piece != nullptr && piece->stream == stream) {

@@ -10,7 +10,7 @@
 namespace nodal {
 namespace {
 
-/// Puts a stream's pieces together again and checks every one of them against what was offered.
+/// Assembles a stream's items and checks every piece against what was offered.
 class Collector {
  public:
   void take(const BulkPiece& piece, const std::map<std::uint64_t, BulkItem>& offered) {
@@ -47,7 +47,7 @@ class Collector {
   std::uint64_t at_ = 0;
 };
 
-/// A rig that offers to one stream, a host that reads when it likes, bytes that go in any pieces.
+/// A rig that offers items on one stream, a host that reads at chosen times, bytes split in any way.
 struct BulkWorld {
   explicit BulkWorld(StreamPolicy with) : policy(with), stream(talk.rig->open_stream(with).value()) { talk.run(); }
 
@@ -150,7 +150,7 @@ RC_GTEST_PROP(Bulk, LatestWithAnyCutsAndCredits_NothingTornAndEveryDropCounted, 
 
 TEST(Bulk, LatestWhileThePeerIsSlow_TheNewestReplacesAndTheGapTellsHowMany) {
   BulkWorld world(StreamPolicy::kLatest);
-  for (int i = 0; i < 10; ++i) world.offer(100, 0);  // none has begun: nine are replaced
+  for (int i = 0; i < 10; ++i) world.offer(100, 0);  // sending has begun for none: nine are replaced
   EXPECT_EQ(world.talk.rig->counts(world.stream)->dropped, 9u);
   world.talk.run();
   const auto pieces = only<BulkPiece>(world.talk.at_host);
@@ -190,7 +190,7 @@ TEST(Bulk, PiecesNotTaken_SenderStopsAtTheWindow) {
   }
 }
 
-// A sender that gives itself credit, against a receiver whose program takes nothing.
+// A sender that ignores its credit, and a receiver whose program consumes nothing.
 TEST(Bulk, MoreBytesThanCredit_ProtocolAndNoMoreThanTheWindowIsHeld) {
   BulkReceiver receiver(1);
   ASSERT_TRUE(receiver.open(1, static_cast<std::uint32_t>(StreamPolicy::kLossless)));
@@ -281,7 +281,7 @@ TEST(Bulk, OneRaymapToThreeClients_IsNeverCopiedAndLetGo) {
 TEST(Bulk, StreamClosedWithAnError_PendingIsDroppedAndTheReceiverKnows) {
   BulkWorld world(StreamPolicy::kLossless);
   for (int i = 0; i < 3; ++i) world.offer(200'000, 0);
-  BulkWorld::move(*world.talk.rig, *world.talk.host, 300'000);  // the second has begun
+  BulkWorld::move(*world.talk.rig, *world.talk.host, 300'000);  // sending of the second has begun
   world.talk.rig->close_stream(world.stream, Error{Errc::kDiskFull, "the card is full"});
   world.talk.run();
   EXPECT_EQ(world.talk.host->error(), nullptr);
@@ -321,7 +321,7 @@ TEST(Bulk, CloseAndStopCross_NeitherEndMinds) {
   BulkWorld world(StreamPolicy::kLatest);
   world.offer(10, 0);
   world.talk.rig->close_stream(world.stream);
-  const auto from_rig = take_output(*world.talk.rig);  // the close is on its way
+  const auto from_rig = take_output(*world.talk.rig);  // the close is in transit
   world.talk.host->stop_stream(world.stream, Error{Errc::kCancelled, "enough"});
   ASSERT_TRUE(world.talk.rig->receive(take_output(*world.talk.host)));
   ASSERT_TRUE(world.talk.host->receive(from_rig));

@@ -57,8 +57,8 @@ struct Conversation {
   std::vector<Event> at_host;
   std::vector<Event> at_rig;
 
-  /// Moves bytes both ways until neither end has output. Errors of a dead session are left
-  /// for the test to check.
+  /// Moves bytes both ways until neither end has output. The test checks for errors of a dead session
+  /// itself.
   void run() {
     while (move(*host, *rig, at_rig) + move(*rig, *host, at_host) > 0) {}
   }

@@ -22,7 +22,7 @@ Bytes frame(FrameHeader header, const Bytes& payload) {
   return bytes;
 }
 
-/// A frame with a header field overwritten and its own CRC put right again.
+/// A frame with one header field overwritten and the header's CRC recomputed.
 Bytes forged(Bytes bytes, std::size_t at, std::uint32_t value, std::size_t width) {
   for (std::size_t i = 0; i < width; ++i) bytes[at + i] = static_cast<std::uint8_t>(value >> (8 * i));
   ByteWriter(std::span(bytes).subspan(24, 4)).u32(crc32c(std::span(bytes).first(24)));
@@ -40,7 +40,7 @@ Error first_error(std::span<const std::uint8_t> bytes) {
 
 const Bytes kHi{'h', 'i'};
 
-// The layout of framing.h by hand; the CRCs by the definition, bit by bit, in another language.
+// The layout of framing.h, written by hand; the CRCs computed bit by bit from the definition, in another language.
 TEST(Framing, RequestFrame_LiesAsDocumented) {
   const Bytes expected{'N', 'O', 'D', 'L', 1, 2,    0xCD, 0xAB, 4,    3,    2,    1,    0,    0,   0,
                        0,   2,   0,   0,   0, 0xC2, 0xD9, 0x9D, 0xF5, 0xC5, 0x5B, 0x20, 0x97, 'h', 'i'};
@@ -98,7 +98,7 @@ TEST(FrameDecoder, SomebodyWhoSpeaksSomethingElse_ProtocolSaysSo) {
 
 TEST(FrameDecoder, NewerFraming_VersionMismatchNamesBoth) {
   Bytes bytes = frame({FrameType::kRequest, 0, 0, 0}, kHi);
-  bytes[4] = 9;  // its CRC may be computed in another way in that version, so it stays
+  bytes[4] = 9;  // that version may compute its CRC in another way, so the CRC is unchanged
   const Error error = first_error(bytes);
   EXPECT_EQ(error.code, Errc::kVersionMismatch);
   EXPECT_NE(error.message.find("version 9"), std::string::npos);

@@ -1,5 +1,5 @@
-// A short conversation with every kind of frame in it, cut at every byte and with every bit flipped: no end
-// ever crashes, hangs, believes a wrong byte, or says something unclear.
+// A short conversation with every kind of frame, cut at every byte and with every bit flipped: no end ever crashes,
+// hangs, accepts a wrong byte, or gives an unclear error.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -56,7 +56,7 @@ Recording record() {
   return log;
 }
 
-/// What one end saw, and how it ended, in a form that can be compared.
+/// The events and the end of one session, in a form that can be compared.
 struct Seen {
   std::vector<std::string> events;
   std::string error;
@@ -80,8 +80,8 @@ std::string describe(const Event& event) {
   return std::visit(Visitor{}, event);
 }
 
-/// Plays a direction of the recording to a fresh end, `piece` bytes at a time. The end has made the streams
-/// that the recording talks about.
+/// Plays one direction of the recording to a new end, `piece` bytes at a time. The end has opened the streams that the
+/// recording uses.
 Seen play(Role to, std::span<const std::uint8_t> bytes, std::size_t piece) {
   Session session(to, make_hello("test"));
   if (to == Role::kHost) (void)session.open_stream(StreamPolicy::kLossless);
@@ -91,7 +91,7 @@ Seen play(Role to, std::span<const std::uint8_t> bytes, std::size_t piece) {
     const auto part = bytes.first(std::min(piece, bytes.size()));
     bytes = bytes.subspan(part.size());
     (void)session.receive(part);
-    take_output(session);  // credits go out, as they would
+    take_output(session);  // sends the credits, as in a real conversation
     for (const Event& event : take_events(session)) seen.events.push_back(describe(event));
   }
   if (session.error() != nullptr) {

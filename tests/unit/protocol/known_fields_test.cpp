@@ -7,7 +7,7 @@
 namespace nodal {
 namespace {
 
-constexpr std::uint32_t kFarField = 9999;  // no message of ours has so many
+constexpr std::uint32_t kFarField = 9999;  // no message of ours has so many fields
 
 std::string unknown_field(std::size_t bytes) {
   const auto varint = [](std::uint64_t value) {
@@ -18,7 +18,7 @@ std::string unknown_field(std::size_t bytes) {
   return varint(kFarField << 3 | 2) + varint(bytes) + std::string(bytes, 'x');
 }
 
-/// A request of each kind that exists, by its field number.
+/// One request of each existing kind, by its field number.
 std::vector<wire::Request> every_request() {
   std::vector<wire::Request> all;
   for (std::uint32_t number = 1; number < 200; ++number) {

@@ -1,4 +1,4 @@
-// Signatures of the real ssh-keygen, and everything that must not pass for one.
+// Signatures of the real ssh-keygen, and everything that must not be accepted as one.
 #include "protocol/ssh_signature.h"
 
 #include <gtest/gtest.h>
@@ -74,7 +74,7 @@ TEST_F(SshSignature, WithAnyCharacterChangedOrCutOff_IsRefused) {
   for (std::size_t at = 0; at < whole.size(); ++at) {
     std::string damaged = whole;
     damaged[at] = damaged[at] == 'A' ? 'B' : 'A';
-    // What follows the end line is no part of the signature.
+    // Text after the end line is not part of the signature.
     const bool after = at >= whole.find("END SSH SIGNATURE-----") + 22;
     EXPECT_EQ(verify(damaged).has_value(), after) << at;
     if (at < whole.size() - 1) {

@@ -9,7 +9,7 @@ namespace {
 
 std::span<const std::uint8_t> whole(const SharedBytes& bytes) { return *bytes; }
 
-/// What firmware does with a host's messages: the receiver is the rig's, the rest a session's.
+/// The firmware's handling of a host's messages: the receiver belongs to the rig, the rest to a session.
 class RigSide {
  public:
   explicit RigSide(UploadReceiver& receiver) : receiver_(receiver) {}
@@ -53,7 +53,7 @@ class RigSide {
   std::map<StreamId, UploadStream> streams_;
 };
 
-/// What the host tool does: begin, send from the offset, commit when all is out.
+/// The host tool's procedure: begin, send from the offset, commit after all bytes are sent.
 class HostSide {
  public:
   explicit HostSide(SharedBytes document) : sender_(std::move(document)) {}
@@ -127,9 +127,9 @@ TEST(Upload, LinkCutAtEveryByte_ResumedAndIdentical) {
     RigSide rig(receiver);
     HostSide first(document);
     ASSERT_NO_FATAL_FAILURE(talk_until(first, rig, cut));
-    if (first.done) break;             // the cut came after everything
-    if (!rig.taken.empty()) continue;  // the answer was lost; the document was not
-    RigSide rig_again(receiver);       // streams died with the session, the receiver did not
+    if (first.done) break;             // the cut came after the last byte
+    if (!rig.taken.empty()) continue;  // the answer was lost, but not the document
+    RigSide rig_again(receiver);       // the session's streams are gone, the receiver is not
     HostSide second(document);
     ASSERT_NO_FATAL_FAILURE(talk_until(second, rig_again, SIZE_MAX));
     ASSERT_TRUE(second.done) << cut;
@@ -228,7 +228,7 @@ TEST(Upload, MoreDocumentsThanRoom_TheOneUntouchedLongestMakesRoom) {
   const std::vector<std::uint8_t> five(5);
   ASSERT_TRUE(receiver.begin(a.sha256(), 10));
   ASSERT_TRUE(receiver.begin(b.sha256(), 10));
-  ASSERT_TRUE(receiver.write(a.sha256(), 0, five));  // a is newer than b now
+  ASSERT_TRUE(receiver.write(a.sha256(), 0, five));  // a is now newer than b
   ASSERT_TRUE(receiver.begin(c.sha256(), 10));
   EXPECT_EQ(receiver.write(b.sha256(), 0, five).error().code, Errc::kNotFound);
   EXPECT_EQ(receiver.begin(a.sha256(), 10).value(), 5u);

@@ -19,7 +19,7 @@ struct Known {
   std::uint32_t crc;
 };
 
-// RFC 3720, appendix B.4, whose CRCs are listed byte by byte, the lowest first; and the catalogue's check value.
+// RFC 3720, appendix B.4 (CRCs listed byte by byte, lowest first), and the catalogue's check value.
 std::vector<Known> known_answers() {
   std::vector<std::uint8_t> rising(32), falling(32);
   for (std::size_t i = 0; i < 32; ++i) {

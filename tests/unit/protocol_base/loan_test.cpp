@@ -46,7 +46,7 @@ TEST(LoanDeathTest, WritingWithASecondHolder_IsAProgrammersError) {
   EXPECT_DEATH(first.edit() = 1, "holders");
 }
 
-// Four threads hold the same values; each value that comes back was read whole by all of them.
+// Four threads hold the same values; each value that is returned has been read completely by all of them.
 TEST(Loan, HoldersOnFourThreads_NoValueComesBackWhileAnyOfThemReads) {
   constexpr int kThreads = 4;
   constexpr std::uint64_t kValues = 2000;

@@ -54,9 +54,9 @@ TEST(BoundedQueue, Cleared_EmptyAndLetsGoOfAll) {
   EXPECT_EQ(value.use_count(), 1);
 }
 
-// The thread sanitizer's build is what makes this telling.
+// This test is most useful when built with the thread sanitizer.
 TEST(SpscRing, TwoThreads_EveryValueArrivesOnceInOrder) {
-  constexpr int kValues = 20'000;  // on a busy machine every seventh waits for the other thread's turn
+  constexpr int kValues = 20'000;  // on a busy machine every seventh value waits for the other thread to be scheduled
   SpscRing<std::unique_ptr<int>> ring(7);
   std::thread writer([&] {
     for (int i = 0; i < kValues;) {

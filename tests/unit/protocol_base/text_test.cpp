@@ -8,7 +8,7 @@ namespace {
 constexpr const char* kReplaced = "\xEF\xBF\xBD";
 
 TEST(ValidUtf8, WellFormed_Unchanged) {
-  // One, two, three and four bytes, and the borders of each: RFC 3629 section 3.
+  // Characters of one, two, three and four bytes, and the limits of each: RFC 3629 section 3.
   for (const char* text : {"", "nodal", "\x7F", "\xC2\x80", "\xDF\xBF", "\xE0\xA0\x80", "\xED\x9F\xBF", "\xEE\x80\x80",
                            "\xEF\xBF\xBF", "\xF0\x90\x80\x80", "\xF4\x8F\xBF\xBF"}) {
     EXPECT_EQ(valid_utf8(text), text);

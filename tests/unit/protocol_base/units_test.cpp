@@ -8,7 +8,7 @@
 namespace nodal {
 namespace {
 
-// A year of NTSC: the start of frame n is exact to the nanosecond, where adding up periods would drift.
+// A year of NTSC: the start of frame n is exact to the nanosecond; summing periods would accumulate errors.
 TEST(FrameRate, AYearOfNtsc_StartOfFrameDoesNotDrift) {
   const FrameRate ntsc{30000, 1001};
   const std::uint64_t n = 30000ULL * 31557;  // 31557 * 1001 s, about a year
@@ -16,7 +16,7 @@ TEST(FrameRate, AYearOfNtsc_StartOfFrameDoesNotDrift) {
   EXPECT_EQ(ntsc.start_of(1).ns(), 33'366'666);
 }
 
-// Rates that hosts sent and that made 64 bits overflow, within milliseconds, a minute and two hours.
+// Rates from hosts that made 64 bits overflow after milliseconds, a minute and two hours.
 TEST(FrameRate, TermsThatOverflowed_AreReducedOrRefused) {
   EXPECT_EQ(FrameRate::make(4294967295, 4294967295), (FrameRate{1, 1}));
   EXPECT_EQ(FrameRate::make(299700300, 10000000), std::nullopt);
@@ -29,8 +29,8 @@ TEST(FrameRate, TermsThatOverflowed_AreReducedOrRefused) {
   EXPECT_EQ(FrameRate::make(UINT64_MAX, UINT64_MAX), (FrameRate{1, 1}));
 }
 
-// A hundred years of any accepted rate: starts rise by a period or one nanosecond more, and first_after() is the
-// inverse of start_of().
+// A hundred years at any accepted rate: successive starts differ by a period or one nanosecond more, and first_after()
+// is the inverse of start_of().
 RC_GTEST_PROP(FrameRate, AnyAcceptedRate_AHundredYearsOfFramesRiseByOnePeriodEach, ()) {
   const auto n = *rc::gen::inRange<std::uint64_t>(1, FrameRate::kMaxTerm + 1);
   const auto d = *rc::gen::inRange<std::uint64_t>(1, FrameRate::kMaxTerm + 1);

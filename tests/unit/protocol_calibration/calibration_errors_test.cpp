@@ -1,4 +1,4 @@
-// Every way a document can be wrong gives one error that names the head and the field and says what to do.
+// Every error of a document gives one message that names the head and the field and says how to correct it.
 #include <gtest/gtest.h>
 
 #include <functional>

@@ -12,7 +12,7 @@ namespace nodal {
 namespace {
 
 double between(double low, double high) {
-  // Full mantissas, so that the shortest digits are put to the test.
+  // Full mantissas, to test the shortest-digits output.
   const double part = static_cast<double>(*rc::gen::arbitrary<std::uint32_t>()) / 4294967296.0;
   return low + (high - low) * std::sqrt(part);
 }
@@ -97,13 +97,13 @@ RC_GTEST_PROP(Calibration, CanonicalForm_HasSortedKeysAndNoWhiteSpaceOutsideStri
   bool in_string = false;
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text[i] == '"') in_string = !in_string;
-    if (text[i] == '\\') ++i;  // what is escaped ends no string
+    if (text[i] == '\\') ++i;  // an escaped character does not end the string
     RC_ASSERT(in_string || (text[i] != ' ' && text[i] != '\n'));
   }
 }
 
 TEST(Calibration, CanonicalForm_IsFixedForever) {
-  // Uploads, takes and tables are named by this text's SHA-256: it must never change for a version.
+  // Uploads, takes and tables are named by this text's SHA-256, so it must never change within a version.
   Calibration calibration{"r", "", {figure3_head()}};
   calibration.heads[0].response = {Response::Curve::kGamma, 2.2, {}};
   EXPECT_EQ(

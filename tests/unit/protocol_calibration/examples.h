@@ -1,4 +1,4 @@
-// Documents that the calibration tests start from.
+// Documents on which the calibration tests are based.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace nodal {
 
-/// Figure 3's lens of the paper on an NTSC picture.
+/// The lens of the paper's Figure 3 with an NTSC picture.
 inline HeadCalibration figure3_head() {
   HeadCalibration head;
   head.name = "cam5";
@@ -41,7 +41,7 @@ inline HeadCalibration fisheye_head() {
 
 inline Calibration two_heads() { return {"test rig", "made for tests", {figure3_head(), fisheye_head()}}; }
 
-/// `text` with its one occurrence of `from` made `to`.
+/// `text` with its only occurrence of `from` replaced by `to`.
 inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
   if (at == std::string::npos) return "replaced(): not found: " + from;

@@ -17,7 +17,7 @@ TEST(LensRange, TsaiWithPositiveCoefficients_ReachesAlmostNinetyDegrees) {
 }
 
 TEST(LensRange, TsaiWithNegativeKappa_EndsWhereOnePlusThreeKappaRSquaredVanishes) {
-  // d/dr (r + k r^3) = 0 at r = 1 / sqrt(-3 k); r_ideal is 2/3 of it there.
+  // d/dr (r + k r^3) = 0 at r = 1 / sqrt(-3 k); there r_ideal is 2/3 of r.
   const double k = -1e-6;
   const double r = 1 / std::sqrt(3e-6);
   const LensRange range = lens_range(TsaiLens{500, k, 0});

@@ -1,4 +1,4 @@
-// Masks in the calibration document: read, written, bounded.
+// Masks in the calibration document: parsing, writing, limits.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -74,7 +74,7 @@ TEST(CalibrationMasks, MoreThanThereMayBe_AreRefusedWhateverTheirSize) {
   EXPECT_TRUE(check_calibration(masked({comb})));
   comb.push_back({5, 5});
   expect_refused(masked({comb}), "more than 256 corners");
-  std::string many = "[[[1,1]";  // as many as fit into a document
+  std::string many = "[[[1,1]";  // as many as a document can hold
   while (many.size() + 3000 < kMaxCalibrationBytes) many += ",[1,2]";
   for (const std::string& masks : {many + "]]", "[" + many.substr(0, 500'000) + "]],[[1,2]]]", std::string("7"),
                                    std::string("[7]"), std::string("[[7]]"), std::string("[[[7]]]"),

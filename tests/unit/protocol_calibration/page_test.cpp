@@ -1,4 +1,4 @@
-// CALIBRATION.md's example is a calibration, and its worked numbers are what the program computes.
+// CALIBRATION.md's example is a valid calibration, and its worked numbers equal the program's.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// What must hold for every table, every picture, every tone and every kernel.
+// Properties of every table, picture, tone and kernel.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -35,7 +35,7 @@ Kind random_kind(RandomTables& tables) {
   }
 }
 
-/// A random table over noise; each head is missing with a chance of one in `missing_in`, never for 0.
+/// A random table over noise; each head is missing with probability 1 / missing_in, never for 0.
 Scene random_scene(RandomTables& tables, int width, int height, int head_width, int head_height, int missing_in) {
   const Kind kind = random_kind(tables);
   Scene scene{tables.table(kind.raymap, kind.head, width, height, 3, head_width, head_height), {}, {}, {}};
@@ -82,7 +82,7 @@ RC_GTEST_PROP(BlendRows, AnyTablePicturesAndTone_GiveWhatTheDefinitionSays, (std
 }
 
 #if defined(__aarch64__)
-constexpr std::size_t kTilesByEveryKernel = 50'000;  // as a rule emulated
+constexpr std::size_t kTilesByEveryKernel = 50'000;  // as a rule an emulated kernel
 #else
 constexpr std::size_t kTilesByEveryKernel = 1'000'000;
 #endif
@@ -93,7 +93,7 @@ TEST(BlendRows, AMillionTilesByEveryKernel_AreTheSameBytes) {
   std::size_t tiles = 0;
   while (tiles < kTilesByEveryKernel) {
     Scene scene = random_scene(tables, 256, 128, 64, 48, 0);
-    scene.tone.confidence.reset();  // that way is the same code for all of them, and slow
+    scene.tone.confidence.reset();  // confidence uses the same slow code in all kernels
     for (int again = 0; again < 12; ++again) {
       scene.tone = tables.tone(scene.table);
       const Picture expected = blended(Kernel::kScalar, scene);
@@ -151,7 +151,7 @@ TEST(BlendRows, YuyvUyvyAndNv12ReadInPlace_EqualTheSamePlanesApart) {
   for (const PixelFormat format : {PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy}) {
     const BlendTable table = tables.table(PixelFormat::kI420, format, 100, 80, 1, 70, 46);
     const Picture packed = noise(tables.random(), format, 70, 46);
-    // The same samples, each component in rows of its own.
+    // The same samples, each component in its own plane.
     std::array<std::vector<std::uint8_t>, 3> planes;
     ImageView apart = packed.view();
     for (std::size_t c = 0; c < 3; ++c) {
@@ -180,7 +180,7 @@ TEST(BlendRows, PixelsThatLieAnywhere_AreThoseOfTheirTilesInEveryFormat) {
     Scene scene = random_scene(tables, 1 + tables.below(90), 2 * (1 + tables.below(20)), 40, 30, 8);
     scene.tone.fade.reset();
     const Picture in_order = blended(Kernel::kScalar, scene);
-    std::array<std::vector<std::pair<int, int>>, 2> at;  // by grid: where its pixels go
+    std::array<std::vector<std::pair<int, int>>, 2> at;  // by grid: the positions of its pixels
     for (std::size_t g = 0; g < scene.table.grids.size(); ++g) {
       GridTable& grid = scene.table.grids[g];
       for (int p = 0; p < grid.width * grid.height; ++p) at[g].emplace_back(p % grid.width, p / grid.width);

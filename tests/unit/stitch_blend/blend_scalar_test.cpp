@@ -1,4 +1,4 @@
-// The blend against answers worked out on paper.
+// The blend against results calculated by hand.
 #include <gtest/gtest.h>
 
 #include "small_tables.h"
@@ -25,7 +25,7 @@ Picture flat(std::uint8_t level) { return grey2x2(level, level, level, level); }
 
 constexpr int kHalf = kOnePixel / 2;
 
-/// A curve that is the sample itself.
+/// The identity curve: each sample maps to itself.
 template <class Curve>
 Curve straight() {
   Curve curve;
@@ -41,7 +41,7 @@ TEST(BlendRows, FractionsOfOneLook_MixTheFourSamplesBilinearly) {
   const Picture head = grey2x2(0, 100, 200, 40);
   const BlendTable table =
       grey_row({{{0, 0, 0}}, {{0, kHalf, 0}}, {{0, 0, kHalf}}, {{0, kHalf, kHalf}}, {{0, kHalf / 2, kHalf}}}, 1, 2);
-  // The first is its sample itself. Last: top 25, bottom 160, half way 92.5, and halves go up.
+  // The first pixel is the sample itself. The last: top 25, bottom 160, half way 92.5, rounded up.
   EXPECT_EQ(blend_grey(table, {head.view()}), (std::vector<std::uint8_t>{0, 50, 100, 85, 93}));
 }
 
@@ -53,7 +53,7 @@ TEST(BlendRows, WeightsOfTwoHeads_GiveTheWeightedMean) {
 TEST(BlendRows, VignettingAndHeadGain_MultiplyAboutBlackAndClamp) {
   BlendTable table = grey_row({{{0, 0, 0}}, {{0, 0, 0}}, {{0, 0, 0}}}, 1, 2);
   table.vignetting_scale = 1024;                 // gains are in quarters of 8192
-  table.grids[0].gains = {{16384, 8160, 0, 0}};  // 2, then a hair less than 3 and 4
+  table.grids[0].gains = {{16384, 8160, 0, 0}};  // 2, then slightly less than 3 and 4
   EXPECT_EQ(blend_grey(table, {flat(60).view()}), (std::vector<std::uint8_t>{120, 180, 240}));
   table.sources[0].gain[0] = kOneGain / 2;
   EXPECT_EQ(blend_grey(table, {flat(60).view()}), (std::vector<std::uint8_t>{60, 90, 120}));
@@ -62,7 +62,7 @@ TEST(BlendRows, VignettingAndHeadGain_MultiplyAboutBlackAndClamp) {
   table.sources[0].gain[0] = kOneGain;
   table.components[0].black = 16;  // 16 + 44 * 2, 16 + 44 * 3, 16 + 44 * 4
   EXPECT_EQ(blend_grey(table, {flat(60).view()}), (std::vector<std::uint8_t>{104, 148, 192}));
-  EXPECT_EQ(blend_grey(table, {flat(0).view()})[2], 0);  // 16 - 16 * 4 is under what a byte holds
+  EXPECT_EQ(blend_grey(table, {flat(0).view()})[2], 0);  // 16 - 16 * 4 is below 0
 }
 
 TEST(BlendRows, PixelNobodyLooksAt_IsTheComponentsBlack) {
@@ -76,7 +76,7 @@ TEST(BlendRows, HeadMissing_OthersTakeItsShare) {
   const Picture a = flat(10);
   const Picture b = flat(31);
   const BlendTable table = grey_row({{{0, 0, 0, 16384}, {1, 0, 0, 10923}, {2, 0, 0, 5461}}, {{0, 0, 0}}}, 3, 2);
-  // Head 0 gone: (10 * 10923 + 31 * 5461) / 16384 = 16.9998; and what it alone saw is black.
+  // Head 0 is missing: (10 * 10923 + 31 * 5461) / 16384 = 16.9998; pixels that only head 0 sees are black.
   EXPECT_EQ(blend_grey(table, {ImageView{}, a.view(), b.view()}), (std::vector<std::uint8_t>{17, 0}));
   EXPECT_EQ(blend_grey(table, {ImageView{}, ImageView{}, ImageView{}}), (std::vector<std::uint8_t>{0, 0}));
 }
@@ -98,7 +98,7 @@ TEST(BlendRows, CurveOfOneHead_BendsItsSamplesAlone) {
   tone.heads[1].curve[0] = straight<ToneCurve>();
   EXPECT_EQ(blend_grey(table, {flat(50).view(), flat(50).view()}, tone), (std::vector<std::uint8_t>{50, 50}));
   for (std::size_t i = 0; i < 33; ++i) tone.heads[1].curve[0]->knots[i] = static_cast<std::int16_t>(i * i * 30);
-  // 50 levels are sample 6400, a quarter of the way from knot 6 to 7: 1080 + 390 / 4 = 1177.5, 9.2 levels.
+  // Level 50 is sample 6400, a quarter of the way from knot 6 to 7: 1080 + 390 / 4 = 1177.5, or 9.2 levels.
   EXPECT_EQ(blend_grey(table, {flat(50).view(), flat(50).view()}, tone), (std::vector<std::uint8_t>{50, 9}));
 }
 
@@ -109,7 +109,7 @@ TEST(BlendRows, OutputCurve_TakesThePlaceOfTheScale) {
   EXPECT_EQ(blend_grey(table, {flat(60).view()}, tone)[0], 120);
   tone.output[0].curve = straight<OutputCurve>();
   EXPECT_EQ(blend_grey(table, {flat(60).view()}, tone)[0], 60);
-  tone.output[0].curve->knots[15] = 0;  // 60 levels are light 7680, knot 15
+  tone.output[0].curve->knots[15] = 0;  // level 60 is light 7680, knot 15
   EXPECT_EQ(blend_grey(table, {flat(60).view()}, tone)[0], 0);
   EXPECT_EQ(blend_grey(table, {flat(62).view()}, tone)[0], 32);  // half way to knot 16, 64 levels
 }

@@ -1,4 +1,4 @@
-// blend.h's definition, pixel by pixel in wide arithmetic and without any of the kernels' shortcuts.
+// The definition in blend.h, pixel by pixel in wide arithmetic, without any of the kernels' optimizations.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ class Definition {
   Definition(const BlendTable& table, const std::vector<ImageView>& heads, const SetTone& tone)
       : table_(table), heads_(heads), tone_(tone) {}
 
-  /// The level, or number of 16 bits, of component c at (x, y) of its grid.
+  /// The level, or the 16-bit number, of component c at (x, y) of its grid.
   int level(int c, int x, int y) const {
     if (!tone_.fade || !has_chroma(table_.format) || c == 0) return blended(c, x, y);
     int luma = 2;
@@ -54,7 +54,7 @@ class Definition {
 
   struct Share {
     const PatchRecord* record = nullptr;
-    int x = 0, y = 0;  ///< in 1/4096 of a sample of the patch
+    int x = 0, y = 0;  ///< in 1/4096 samples of the patch
     std::int64_t weight = 0;
     std::int64_t vignetting = 0;
   };
@@ -69,7 +69,7 @@ class Definition {
     return sum;
   }
 
-  /// What every record gives to a pixel, weights as they are after heads are missing or not to be trusted.
+  /// The contribution of every record to a pixel, with weights corrected for missing heads and confidence.
   std::vector<Share> shares_at(const GridTable& grid, int c, int x, int y) const {
     const Tile& tile = grid.tiles[grid.tile_index(x / 8, y / 8)];
     const std::size_t count = (&tile + 1)->record - tile.record;
@@ -125,7 +125,7 @@ class Definition {
 
   bool gone(HeadIndex head) const { return heads_[head].planes[0].data == nullptr; }
 
-  /// The level that confidence goes by.
+  /// The level by which confidence is looked up.
   int seen(const Share& share, int c) const {
     if (in_8_bits(table_.format) == PixelFormat::kRgb24) {
       int level = 0;

@@ -34,13 +34,13 @@ TEST(PreparePicture, OneBrightSample_StandsOutMoreAndItsNeighboursLess) {
   Picture picture(PixelFormat::kGrey8, 5, 4, 100);
   picture.bytes[7] = 140;  // at (2, 1)
   BlendTable::Source source{PixelFormat::kGrey8, 5, 4};
-  source.sharpen = 4;  // itself 140 + 4 * 160 / 64; two to its sides 100 - 4 * 40 / 64 = 97.5, halves up
+  source.sharpen = 4;  // itself 140 + 4 * 160 / 64; two samples away 100 - 4 * 40 / 64 = 97.5, rounded up
   EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0]),
             (std::vector<std::uint8_t>{100, 100, 100, 100, 100, 98,  100, 150, 100, 98,  //
                                        100, 100, 100, 100, 100, 100, 100, 98,  100, 100}));
   picture.bytes[7] = 255;
   source.sharpen = 16;
-  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[7], 255);  // 255 + 155 is more than white
+  EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[7], 255);  // 255 + 155 exceeds white
   EXPECT_EQ(bytes_of(Prepared(source, picture).views[0].planes[0])[5], 61);   // 100 - 155 / 4 = 61.25
 }
 
@@ -61,7 +61,7 @@ TEST(PreparePicture, Levels_AreMeansOfFourEachOfTheOneBefore) {
   const Prepared prepared(source, picture);
   EXPECT_EQ(bytes_of(prepared.views[1].planes[0]), (std::vector<std::uint8_t>{4, 11, 0, 255}));  // 4.25, 10.5, 0.25
   EXPECT_EQ(bytes_of(prepared.views[2].planes[0]), std::vector<std::uint8_t>{68});               // 67.5
-  source.sharpen = 8;  // which is for the first level alone
+  source.sharpen = 8;                                                                            // affects only level 0
   EXPECT_EQ(bytes_of(Prepared(source, picture).views[1].planes[0]), (std::vector<std::uint8_t>{4, 11, 0, 255}));
 }
 

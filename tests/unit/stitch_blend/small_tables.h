@@ -1,4 +1,4 @@
-// Hand-made tables and pictures, small enough to work out on paper, and random ones that a validated table could be.
+// Tables and pictures by hand, small enough to calculate on paper, and random ones within a valid table's ranges.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace nodal::blend::test {
 
-/// A picture with its own memory.
+/// A picture that owns its memory.
 struct Picture {
   Picture(PixelFormat format_, int width_, int height_, std::uint8_t fill = 0)
       : format(format_), width(width_), height(height_), bytes(packed_size(format_, width_, height_), fill) {}
@@ -23,7 +23,7 @@ struct Picture {
   std::vector<std::uint8_t> bytes;
 };
 
-/// A sample of a picture, of 16 bits where its format has such.
+/// A sample of a picture; 16 bits if the format has 16-bit samples.
 inline int sample_of(const ImageView& image, int c, int x, int y) {
   const PlaneView& plane = image.planes[static_cast<std::size_t>(c)];
   const std::uint8_t* at = plane.data + y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride;
@@ -40,15 +40,15 @@ inline constexpr std::uint16_t kOneGain = 1 << kGainBits;
 inline constexpr int kOneWeight = 1 << kWeightBits;
 inline constexpr std::uint16_t kOnePixel = 1 << kFractionBits;
 
-/// What one head gives to one pixel of a table made by hand.
+/// One head's contribution to one pixel of a hand-made table.
 struct Look {
   HeadIndex head = 0;
-  int x = 0;  ///< in 1/4096 samples of the picture, which is at most 16 wide and high
+  int x = 0;  ///< in 1/4096 samples of the picture, which is at most 16 x 16
   int y = 0;
   int weight = kOneWeight;
 };
 
-/// The grey raymap of one row of up to eight pixels, pixel i made of looks[i]; one record a head.
+/// The table of a grey raymap with one row of up to eight pixels; looks[i] makes pixel i; one record per head.
 inline BlendTable grey_row(const std::vector<std::vector<Look>>& looks, int heads, int side) {
   BlendTable table;
   table.format = PixelFormat::kGrey8;
@@ -81,8 +81,8 @@ inline BlendTable grey_row(const std::vector<std::vector<Look>>& looks, int head
   return table;
 }
 
-/// Draws tables over `heads` heads of one size: every way of giving coordinates and of sharing pixels can appear, with
-/// every value a validated table may have.
+/// Draws random tables over `heads` heads of one size: all ways of storing coordinates and of sharing pixels can occur,
+/// with all values that a valid table may have.
 class RandomTables {
  public:
   explicit RandomTables(std::uint32_t seed) : random_(seed) {}
@@ -121,7 +121,7 @@ class RandomTables {
     return table;
   }
 
-  /// Some of everything that a set may ask of its blend.
+  /// A random tone that uses some of every feature.
   SetTone tone(const BlendTable& table) {
     SetTone tone = calibrated_tone(table);
     if (below(3) == 0) {
@@ -160,7 +160,7 @@ class RandomTables {
       add_record(grid, heads, plane);
       const bool last = r + 1 == records;
       if (how == Sharing::kBilinear && !last) {
-        const int most = kOneWeight / records;  // from 0 to most in i, in j, or in both
+        const int most = kOneWeight / records;  // from 0 to most along i, along j, or along both
         const int slope = most / 7 / (1 + below(100)), both = below(most / 49 + 1);
         const std::array<int, 4> ways[] = {{most, 0, 0, 0}, {0, slope, 0, 0}, {most, 0, -slope, 0}, {0, 0, 0, both}};
         for (const int q : ways[below(4)]) grid.weights.push_back(static_cast<std::int16_t>(-q));
@@ -202,7 +202,7 @@ class RandomTables {
     grid.records.push_back(record);
   }
 
-  /// Spans as short as they may be, or longer.
+  /// Sets the record's rows: the shortest possible span, or a longer one.
   void name_rows(PatchRecord& record) {
     std::array<int, 4> first{kPatch, kPatch, kPatch, kPatch};
     int lowest = 0;
@@ -228,7 +228,7 @@ class RandomTables {
     return q[0] + q[1] * i + q[2] * j + q[3] * i * j + q[4] * i * i + q[5] * j * j;
   }
 
-  /// Below `end` and not negative all over a tile.
+  /// A polynomial with values in 0 .. end - 1 over a whole tile.
   Quadratic polynomial(int end) {
     const int room = end - 1;
     Quadratic q{};
@@ -241,7 +241,7 @@ class RandomTables {
     }
     const int start = below(std::max(1, end - most));
     q[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(start));
-    if (below(2) == 0 && start + most < 32768) {  // and falling ones, too
+    if (below(2) == 0 && start + most < 32768) {  // also falling ones
       q[0] = static_cast<std::int16_t>(start + most);
       for (std::size_t k = 1; k < 6; ++k) q[k] = static_cast<std::int16_t>(-q[k]);
     }

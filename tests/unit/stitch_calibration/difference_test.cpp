@@ -68,7 +68,7 @@ TEST(Difference, OneHeadTurnedByATenthOfADegree_IsToldInDegreesAndPixels) {
   const auto d = difference_of(rig(), moved);
   ASSERT_TRUE(d);
   EXPECT_NEAR(d->heads[2].raw_deg, 0.1, 1e-9);
-  // The best common turn takes a quarter of it away.
+  // The best common rotation removes a quarter of it.
   EXPECT_NEAR(d->heads[2].turned_deg, 0.075, 0.001);
   EXPECT_NEAR(d->heads[0].turned_deg, 0.025, 0.001);
   // A roll of 0.075 degrees moves the corner, 400 px from the centre, by 0.52 px.
@@ -85,7 +85,7 @@ TEST(Difference, LensGainAndVignetting_AreToldInTheirUnits) {
   const auto d = difference_of(rig(), other);
   ASSERT_TRUE(d);
   EXPECT_NEAR(d->heads[1].lens_max_px, 4, 1e-6);  // 1 % of the corner's 400 px
-  // One stop in one of twelve channels: a twelfth is exposure.
+  // One stop in one of twelve channels: a twelfth counts as exposure.
   EXPECT_NEAR(d->heads[3].gain_stops[0], 1 - 1.0 / 12, 1e-12);
   EXPECT_NEAR(d->heads[3].gain_stops[1], -1.0 / 12, 1e-12);
   EXPECT_NEAR(d->heads[0].vignetting_stops, 1, 1e-9);         // half the light in the corner

@@ -1,4 +1,4 @@
-// Whole calibrations from rendered photographs: noise, blur, tilt, uneven light, lenses as in the paper.
+// Complete calibrations from rendered photographs: noise, blur, tilt, uneven light, lenses as in the paper.
 #include "stitch/calibration/lens/calibrate.h"
 
 #include <gtest/gtest.h>
@@ -58,7 +58,7 @@ std::vector<LensPhotograph> photographs(const ph::Scene& scene, const ph::Lens& 
   return photos;
 }
 
-/// What the calibration says, in the renderer's words.
+/// The calibrated lens in the renderer's form.
 ph::Lens as_rendered(const HeadCalibration& head, const ph::Lens& truth) {
   ph::Lens lens = truth;
   lens.cx = head.center_x;
@@ -77,7 +77,7 @@ ph::Lens as_rendered(const HeadCalibration& head, const ph::Lens& truth) {
   return lens;
 }
 
-/// How far apart two lenses put the rays of a picture, px rms over its pixels; no turn is taken out.
+/// The distance between the pixels that two lenses give to a picture's rays, px rms; no rotation is removed.
 double mapping_error_px(const ph::Lens& found, const ph::Lens& truth, double farthest_px) {
   double sum = 0;
   int count = 0;

@@ -94,7 +94,7 @@ TEST(PlaneFinder, Derivatives_AreWhatDifferencesSay) {
   constexpr double kStep = 1e-6;
   for (int k = 0; k < 3; ++k) {
     const Eigen::Vector3d e = kStep * Eigen::Vector3d::Unit(k);
-    // Moving the pattern by e moves the point that the ray meets the other way.
+    // Moving the pattern by e moves the ray's intersection in the opposite direction.
     const Eigen::Vector2d by_move = (PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), e)).at(ray)->at -
                                      PlaneFinder(pose.moved(Eigen::Vector3d::Zero(), -e)).at(ray)->at) /
                                     (2 * kStep);

@@ -1,5 +1,5 @@
-// The same head, the same noise, blur, tilt and uneven light: our pattern and calibration against a chessboard and
-// cv::calibrateCamera. Where Debian's python3-opencv is not installed, the test is skipped with a message.
+// With the same head, noise, blur, tilt and uneven light: our pattern and calibration against a chessboard and
+// cv::calibrateCamera. Skipped with a message if Debian's python3-opencv is not installed.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 namespace ph = nodal::photographer;
 using nlohmann::json;
 
-constexpr const char* kPython = "/usr/bin/python3";  // Debian's, which sees Debian's modules
+constexpr const char* kPython = "/usr/bin/python3";  // Debian's interpreter, which finds Debian's modules
 
 bool there_is_opencv() {
   return std::system((std::string(kPython) + " -c 'import cv2, numpy' > /dev/null 2>&1").c_str()) == 0;
@@ -47,7 +47,7 @@ ph::Shot any_light(std::uint64_t seed) {
   return shot;
 }
 
-/// Where a lens puts a ray, px; `found` maps rays, `truth` says which ray each pixel has.
+/// The pixel of a ray; `found` projects rays, `truth` gives the ray of each pixel.
 using Project = std::function<std::array<double, 2>(const std::array<double, 3>& ray)>;
 
 struct MappingError {
@@ -55,7 +55,7 @@ struct MappingError {
   double worst = 0;
 };
 
-/// For people, and for tests/bench/lens, which reads the test's report.
+/// For human readers, and for tests/bench/lens, which parses the test's report.
 void tell(const std::string& method, std::size_t photographs, const MappingError& error, double seconds) {
   const json row{{"method", method},
                  {"photographs", photographs},
@@ -125,8 +125,8 @@ MappingError opencvs(const ph::Lens& truth) {
   const ph::Scene scene = ph::chessboard(11, 8);
   const fs::path folder = fs::path(testing::TempDir()) / "nodal_chessboard";
   fs::create_directories(folder);
-  // More than twice as many photographs as we take, all corners of the board inside each, the board in every part of
-  // the picture, as its manual asks for. Tilt, about, spin, x, y, distance.
+  // More than twice as many photographs as ours, with all corners of the board inside each and the board in every part
+  // of the picture, as OpenCV's manual recommends. Tilt, axis of the tilt, spin, x, y, distance.
   constexpr std::array<std::array<double, 6>, 15> kPlaces{{{5, 0, 0, 0, -0.02, 0.72},
                                                            {25, 20, 3, 0, 0, 0.75},
                                                            {25, 110, -5, 0.03, 0.0, 0.75},

@@ -22,7 +22,7 @@ double at(const PatternRaster& raster, int x, int y) {
 }
 
 TEST(Pattern, PrintedYesterday_IsStillTheSameBytes) {
-  // A print hangs on the wall for years: this digest may never change for this spec.
+  // Printed patterns are used for years: this digest must never change for this spec.
   const PatternRaster raster = *make_pattern({320, 226, 7});
   EXPECT_EQ(to_hex(sha256(raster.values)), "c5d315f3beb6242ff7ae4bd49903673dbd5411d67ceeabe58477f09857e59973");
 }
@@ -35,7 +35,7 @@ TEST(Pattern, AnotherSeed_IsAnotherPattern) {
 }
 
 TEST(Pattern, EveryOctaveOfSize_HoldsDetail) {
-  // Variance of the means of blocks, less that of blocks twice as large, is the detail between the two sizes.
+  // The variance of block means, minus that of blocks twice as large, is the detail between the two sizes.
   const PatternRaster& raster = small_pattern();
   std::vector<double> variance;
   for (int block = 2; block <= 128; block *= 2) {

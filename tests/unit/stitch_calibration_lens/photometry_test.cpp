@@ -24,7 +24,7 @@ struct Photographs {
   double slope = 0.2;
 };
 
-/// Samples as a sensor of this encoding would give them.
+/// Samples from a sensor with this encoding.
 template <class Encode>
 std::vector<LightSample> samples(const Photographs& photographs, double radius, Encode encode) {
   std::mt19937 engine(3);
@@ -63,7 +63,7 @@ TEST(FitPhotometry, GammaCurveUnderSlantingLight_IsFoundWithItsFallOffAndGains) 
 }
 
 TEST(FitPhotometry, CurveThatIsNoGamma_IsFittedByAPolynomial) {
-  // light = 1.6 e - 2.2 e^2 + 1.6 e^3, steep, flat, steep: no power of e comes near it.
+  // light = 1.6 e - 2.2 e^2 + 1.6 e^3, steep, flat, steep: no gamma curve is close to it.
   const auto encode = [](double light) {
     double low = 0, high = 1.5;
     for (int n = 0; n < 50; ++n) {
@@ -73,8 +73,8 @@ TEST(FitPhotometry, CurveThatIsNoGamma_IsFittedByAPolynomial) {
     return low;
   };
   const double radius = std::hypot(360, 240);
-  // Black must be black: how much light a print's black sends back is as good as a bend of the curve at its
-  // foot.
+  // Black must be black: light reflected by the print's black cannot be distinguished from a different curve near
+  // zero.
   Photographs photographs;
   photographs.flare = 0;
   const auto photometry = fit_photometry(samples(photographs, radius, encode), 3, head(), radius);

@@ -13,7 +13,7 @@ namespace {
 constexpr double kF = 490, kK1 = 2.29e-6, kK2 = 1.65e-11;
 const Eigen::Vector2d kCenter(360, 240);
 
-/// Where the pattern's point falls: the paper's lens, inverted by bisection.
+/// The pixel of the pattern's point X: the paper's lens, inverted by bisection.
 Eigen::Vector2d project(const Pose& pose, const Eigen::Vector2d& X) {
   const Eigen::Vector3d p = pose.R * Eigen::Vector3d(X.x(), X.y(), 0) + pose.t;
   const double ideal = kF * std::hypot(p.x(), p.y()) / p.z();

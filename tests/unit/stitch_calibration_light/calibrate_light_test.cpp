@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kSide = 200;
 
-/// Six fisheyes with gains of their own, a fall-off and a curve.
+/// Six fisheyes with different gains, a fall-off and a curve.
 Calibration lit_rig() {
   Calibration rig = test::six_fisheyes(kSide);
   for (std::size_t h = 0; h < rig.heads.size(); ++h) {
@@ -27,7 +27,7 @@ Calibration lit_rig() {
   return rig;
 }
 
-/// The rig as one knows it before: geometry alone, and a straight line for a curve.
+/// The rig before its light calibration: geometry only, and a linear curve.
 Calibration geometry_of(Calibration rig) {
   for (HeadCalibration& head : rig.heads) {
     head.gain = {1, 1, 1};
@@ -51,14 +51,14 @@ double fall_off(const HeadCalibration& head, double px) {
   return 1 + s * (v[0] + s * (v[1] + s * v[2]));
 }
 
-/// The largest difference of gain, stops, and of fall-off where heads overlap.
+/// Compares gains (stops), and fall-offs where heads overlap.
 void expect_light_of(const Calibration& truth, const Calibration& found, double gain_stops, double part) {
   for (std::size_t h = 0; h < truth.heads.size(); ++h) {
     for (std::size_t c = 0; c < 3; ++c) {
       EXPECT_NEAR(std::log2(found.heads[h].gain[c] / truth.heads[h].gain[c]), 0, gain_stops)
           << truth.heads[h].name << " channel " << c;
     }
-    // A fall-off is known up to what all heads share in their middles, where no other looks.
+    // Fall-off is determined up to a factor common to all heads in their centres, where no other head looks.
     for (const double px : {0.75, 0.85, 0.95}) {
       const double ours = fall_off(found.heads[h], px * kSide / 2) / fall_off(found.heads[h], 0.7 * kSide / 2);
       const double theirs = fall_off(truth.heads[h], px * kSide / 2) / fall_off(truth.heads[h], 0.7 * kSide / 2);
@@ -139,7 +139,7 @@ TEST(CalibrateLight, HeadThatSharesNothing_KeepsItsGainAndIsNamed) {
   const Calibration truth = lit_rig();
   Calibration prior = geometry_of(truth);
   for (HeadCalibration& head : prior.heads) head.response = truth.heads[0].response;
-  prior.heads[4].region.circle = Region::Circle{kSide / 2.0, kSide / 2.0, 30};  // of it only the middle is good
+  prior.heads[4].region.circle = Region::Circle{kSide / 2.0, kSide / 2.0, 30};  // only its centre is usable
   prior.heads[4].gain = {1.1, 1.2, 1.3};
   const auto frames = film(truth, 0);
   const auto found = calibrate_light(prior, {{"one", frames.frames(), {}}}, {});
@@ -148,7 +148,7 @@ TEST(CalibrateLight, HeadThatSharesNothing_KeepsItsGainAndIsNamed) {
   EXPECT_EQ(found->calibration.heads[4], prior.heads[4]);
   ASSERT_FALSE(found->notes.empty());
   EXPECT_NE(found->notes[0].find("'cam4' shares too little"), std::string::npos);
-  // The others are compared among themselves.
+  // The other heads are compared with each other.
   const auto apart = [](const Calibration& c) { return std::log2(c.heads[0].gain[1] / c.heads[1].gain[1]); };
   EXPECT_NEAR(apart(found->calibration), apart(truth), 0.02);
 }

@@ -1,4 +1,4 @@
-// The ten-head rig whose truth an independent program wrote down: gains within 15 %, a fall-off, noise.
+// The ten-head rig whose true values an independent program wrote: gains within 15 %, a fall-off, noise.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +38,7 @@ TEST(SyntheticRig, GainsAndFallOffOfOneSet_ComeBackToAHundredthOfAStop) {
 
   const auto found = calibrate_light(prior, {set}, {});
   ASSERT_TRUE(found) << found.error().text();
-  double mean = 0;  // of the true gains, which the pictures do not determine
+  double mean = 0;  // of the true gains; the pictures do not determine it
   for (const HeadCalibration& head : truth->calibration.heads) mean += std::log2(head.gain[1]) / 10;
   for (std::size_t h = 0; h < 10; ++h) {
     const HeadCalibration& ours = found->calibration.heads[h];

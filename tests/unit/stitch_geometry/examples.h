@@ -13,7 +13,7 @@
 
 namespace nodal::geometry {
 
-/// Figure 3's coefficients; the focal of a 97-degree horizontal field.
+/// Figure 3's coefficients, with the focal length of a 97-degree horizontal field.
 inline TsaiLens figure3_lens() { return {490, 2.29e-6, 1.65e-11}; }
 
 inline std::vector<std::pair<std::string, LensModel>> every_kind_of_lens() {
@@ -44,7 +44,7 @@ inline HeadCalibration head_with(const LensModel& lens) {
   head.aspect = 1.083;
   head.lens = lens;
   head.R_head_rig = rows_of(to_R_head_rig({30, -20, 75}));
-  // A region so small that every lens covers it, unless a test asks for more.
+  // A region so small that every lens covers it, unless a test sets a larger one.
   head.region = {352, 224, 372, 244, {}};
   head.vignetting = {362.3, 233.9, 423, {-0.2, -0.08, 0}};
   return head;

@@ -20,7 +20,7 @@ Head made(const HeadCalibration& calibration) {
   return *head;
 }
 
-/// A ray at angle `a` from the head's axis, in the direction psi about it.
+/// A ray at angle `a` from the head's axis, in the direction psi around the axis.
 Ray ray_at(const Head& head, double a, double psi) {
   const Eigen::Vector3d d(std::sin(a) * std::cos(psi), std::sin(a) * std::sin(psi), std::cos(a));
   return head.R_head_rig().transpose() * Ray::towards(d);
@@ -61,7 +61,7 @@ TEST(Head, RayBehindAFisheye_FallsWhereItsAngleSays) {
 RC_GTEST_PROP(EveryHead, UnprojectOfProject_IsTheRay, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
     const Head head = made(head_with(model));
-    // Right up to the turning point; there the identity holds to the root of rounding.
+    // Also close to the turning point, where the identity holds only to the square root of rounding.
     const bool near_end = *rc::gen::arbitrary<bool>();
     const double part = between(0, 1);
     const double a = head.lens().max_angle() * (near_end ? 1 - 1e-6 * part : part);
@@ -103,7 +103,7 @@ RC_GTEST_PROP(EveryHead, Jacobian_IsTheDifferenceQuotientOfProject, ()) {
       const std::optional<Pixel> plus = head.project(rotation_about(w) * ray);
       const std::optional<Pixel> minus = head.project(rotation_about(-w) * ray);
       RC_ASSERT(plus.has_value() && minus.has_value());
-      // A turn by w moves the ray by w x ray.
+      // A rotation by w moves the ray by w x ray.
       const Eigen::Vector2d by_jacobian = projection->J * Eigen::Vector3d::Unit(axis).cross(ray.direction());
       const Eigen::Vector2d by_difference((plus->x - minus->x) / (2 * h), (plus->y - minus->y) / (2 * h));
       RC_ASSERT((by_jacobian - by_difference).norm() <= 1e-4 * (1 + by_difference.norm()));
@@ -116,7 +116,7 @@ RC_GTEST_PROP(EveryHead, Density_IsPixelsPerSteradianAsDifferencesMeasureThem, (
     const Head head = made(head_with(model));
     const double end = std::min(head.lens().max_angle(), 1.4);
     const Ray ray = ray_at(head, end * between(0, 0.97), between(-kPi, kPi));
-    // A small square about the ray, its sides along two tangents; the area of its picture is its density.
+    // A small square around the ray, along two tangents; the area of its picture is the density.
     const Eigen::Vector3d t1 = ray.direction().unitOrthogonal();
     const Eigen::Vector3d t2 = ray.direction().cross(t1);
     const double h = 1e-5;
@@ -159,8 +159,8 @@ TEST(HeadRegion, DistanceToEdge_IsToTheNearestOfRectangleCircleAndLens) {
   calibration.max_angle = 0.7;  // ends 210 px from the centre
   const Head head = made(calibration);
   EXPECT_NEAR(head.distance_to_edge({362.3, 233.9}), 210, 1e-9);
-  EXPECT_NEAR(head.distance_to_edge({362.3, 25}), 1.1, 1e-9);   // the lens's end, before the top edge
-  EXPECT_NEAR(head.distance_to_edge({362.3, 5}), -18.9, 1e-9);  // outside of everything
+  EXPECT_NEAR(head.distance_to_edge({362.3, 25}), 1.1, 1e-9);   // the lens's limit, before the top edge
+  EXPECT_NEAR(head.distance_to_edge({362.3, 5}), -18.9, 1e-9);  // outside the lens
   EXPECT_NEAR(head.distance_to_edge({362.3 + 205, 233.9}), 5, 1e-9);
   EXPECT_TRUE(head.contains({362.3 + 209.9, 233.9}));
   EXPECT_FALSE(head.contains({362.3 + 210.1, 233.9}));

@@ -1,4 +1,4 @@
-// What must hold for every lens over all of its domain.
+// Properties of every lens over its whole domain.
 #include <gtest/gtest.h>
 
 #include <rapidcheck/gtest.h>
@@ -10,8 +10,8 @@
 namespace nodal::geometry {
 namespace {
 
-/// Angles all over the domain, crowded at both ends: the axis, where formulas divide by 0, and the turning
-/// point, where inverses are steep.
+/// Angles over the whole domain, denser at both ends: at the axis formulas divide by 0, and at the turning point
+/// inverses are steep.
 double angle_of(const Lens& lens) {
   const double part = between(0, 1);
   const double end = lens.max_angle();
@@ -31,8 +31,8 @@ RC_GTEST_PROP(EveryLens, AngleOfRadiusOfAngle_IsTheAngle, ()) {
     RC_ASSERT(r.has_value());
     const std::optional<double> back = lens.angle(*r);
     RC_ASSERT(back.has_value());
-    // Rounding moves r by some 1e-16 of itself; the slope says what that is in angle, and at a turning point,
-    // where the slope is 0, the curvature does: sqrt of it.
+    // Rounding changes r by about 1e-16 of its value. The slope converts this to an angle; at a turning point, where
+    // the slope is 0, the curvature does: the square root of it.
     const double noise = 4e-16 * (1 + *r);
     const double slope = lens.slope(a, *r);
     const double tolerance = 1e-14 + std::min(noise / std::max(slope, 1e-300), 4e-6);
@@ -43,7 +43,7 @@ RC_GTEST_PROP(EveryLens, AngleOfRadiusOfAngle_IsTheAngle, ()) {
 RC_GTEST_PROP(EveryLens, RadiusOfAngleOfRadius_IsTheRadius, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
     const Lens lens = *Lens::make(model);
-    // Up to radii that a picture can have; a Tsai lens's own end is far outside of any.
+    // Up to radii that occur in pictures; a Tsai lens's own limit is far beyond.
     const double r = std::min(lens.max_radius(), 3000.0) * between(0, 1);
     const std::optional<double> a = lens.angle(r);
     RC_ASSERT(a.has_value());
@@ -65,8 +65,8 @@ RC_GTEST_PROP(EveryLens, RadiusRisesWithTheAngle, ()) {
 RC_GTEST_PROP(EveryLens, Slope_IsTheRadiusesDifferenceQuotient, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
     const Lens lens = *Lens::make(model);
-    // Differences no longer follow short of 89.99 degrees, where a pinhole's slope grows without end, and short of
-    // a Tsai lens's turning point, where its inverse's does.
+    // Finite differences fail close to 89.99 degrees, where a pinhole's slope is unbounded, and close to a Tsai lens's
+    // turning point, where its inverse's slope is.
     const double end = std::min(0.99 * lens.max_angle(), 1.35);
     const double h = 1e-5;
     const double a = h + (end - 2 * h) * between(0, 1);

@@ -1,4 +1,4 @@
-// Lenses against numbers worked out elsewhere: by hand, by OpenCV's formula, by the paper's figure.
+// Lenses against independent numbers: by hand, by OpenCV's formula, from the paper's figure.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -24,10 +24,10 @@ TEST(Tsai, Figure3_StretchesByOneAndAHalfAtTheSideAndNearlyTwoInTheCorner) {
   const double at_side = 360 * (1 + 2.29e-6 * 129600 + 1.65e-11 * 129600.0 * 129600.0);
   EXPECT_NEAR(at_side / 360, 1.574, 5e-4);
   EXPECT_NEAR(*lens.angle(360), std::atan(at_side / 490), 1e-15);
-  // The farthest corner of 720x480 from (360.8, 224.6), the aspect of 1.083 taken out: r = 432.0.
+  // The farthest corner of 720x480 from (360.8, 224.6), with the aspect of 1.083 divided out: r = 432.0.
   const double corner = std::hypot(360.8, (480 - 224.6) / 1.083);
   EXPECT_NEAR(std::tan(*lens.angle(corner)) * 490 / corner, 2.0, 0.02);
-  // The notes' 1.94 is at the opposite corner, 224.6 up: r = 416 from its side.
+  // The notes' value 1.94 is for the opposite corner, 224.6 px up: r = 416 from its side.
   EXPECT_NEAR(std::tan(*lens.angle(std::hypot(360.8, 224.6))) * 490 / std::hypot(360.8, 224.6), 1.94, 0.02);
 }
 

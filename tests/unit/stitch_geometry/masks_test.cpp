@@ -1,4 +1,4 @@
-// Masks against geometry worked out another way.
+// Masks against geometry computed in another way.
 #include "stitch/geometry/masks.h"
 
 #include <gtest/gtest.h>
@@ -39,7 +39,7 @@ TEST(Masks, EdgesThatCross_HideEveryPartThatTheyEnclose) {
   EXPECT_LT(bow_tie.distance({20, 50}, 1e9), 0);
   EXPECT_LT(bow_tie.distance({80, 50}, 1e9), 0);
   EXPECT_GT(bow_tie.distance({50, 20}, 1e9), 0);
-  Polygon star;  // its middle is gone around twice
+  Polygon star;  // the outline winds twice around its centre
   for (int k = 0; k < 5; ++k) {
     const double a = 4 * std::numbers::pi * k / 5;
     star.push_back({50 + 40 * std::sin(a), 50 - 40 * std::cos(a)});
@@ -75,7 +75,7 @@ RC_GTEST_PROP(Masks, AnyPolygons_InsideIsWhereTheAnglesToTheCornersSumToATurn, (
       }
       inside = inside || std::abs(turn) > 1;
     }
-    if (nearest < 0.1) continue;  // the sum is in doubt on an edge
+    if (nearest < 0.1) continue;  // on an edge the sum is unreliable
     const double distance = masks.distance(at, 1e9);
     RC_ASSERT((distance < 0) == inside);
     if (!inside) RC_ASSERT(std::abs(distance - nearest) < 0.05);

@@ -1,4 +1,4 @@
-// Raymap layouts: what each one's own mathematics says, and what must hold for all.
+// Raymap layouts: the formulas of each, and the properties of all.
 #include <gtest/gtest.h>
 
 #include <rapidcheck/gtest.h>
@@ -44,7 +44,7 @@ TEST(EveryLayout, SolidAngles_SumToTheSphere) {
 
 RC_GTEST_PROP(EveryLayout, PixelOfItsRay_IsThePixel, ()) {
   for (const auto& layout : every_layout()) {
-    // Inside a pixel: on the seams a ray has two places.
+    // Inside a pixel, because on the seams a ray has two positions.
     const double x = *rc::gen::inRange(0, layout->width()) + between(0.01, 0.99);
     const double y = *rc::gen::inRange(0, layout->height()) + between(0.01, 0.99);
     const std::optional<Ray> ray = layout->ray(x, y);
@@ -73,7 +73,7 @@ RC_GTEST_PROP(EveryLayout, SolidAngle_IsTheAreaThatThePixelsRaysSpan, ()) {
     if (layout->scattered()) continue;
     const int i = *rc::gen::inRange(0, layout->width());
     const int j = *rc::gen::inRange(0, layout->height());
-    // Gauss's four points of |dr/dx x dr/dy| over the pixel.
+    // Gauss's four-point rule for |dr/dx x dr/dy| over the pixel.
     const double g = 0.5 / std::sqrt(3.0), h = 1e-4;
     double area = 0;
     for (const double x : {i + 0.5 - g, i + 0.5 + g}) {
@@ -113,13 +113,13 @@ TEST(Equirectangular, RowsOfSolidAngle_AreDifferencesOfSines) {
 }
 
 TEST(Cube, LargestToSmallestSolidAngle_TendsToThreeRootThree) {
-  // At a face's middle against its corner (§4.2).
+  // The centre of a face compared with its corner (§4.2).
   const auto layout = made("cube", 3 * 2000, 2 * 2000);
   const double ratio = layout->solid_angle(1000, 1000) / layout->solid_angle(0, 0);
   EXPECT_NEAR(ratio, 3 * std::sqrt(3.0), 0.006);
   const auto coarse = made("cube", 3 * 1000, 2 * 1000);
   const double coarse_ratio = coarse->solid_angle(500, 500) / coarse->solid_angle(0, 0);
-  EXPECT_NEAR(2 * ratio - coarse_ratio, 3 * std::sqrt(3.0), 1e-5);  // extrapolated to no pixel at all
+  EXPECT_NEAR(2 * ratio - coarse_ratio, 3 * std::sqrt(3.0), 1e-5);  // extrapolated to a pixel size of zero
 }
 
 TEST(Cube, FacesLieAsCbmpSaysAndStandUpright) {
@@ -127,14 +127,14 @@ TEST(Cube, FacesLieAsCbmpSaysAndStandUpright) {
   const auto expect_ray = [&](double x, double y, const Ray& ray) {
     EXPECT_LE(angle_between(*layout->ray(x, y), ray), 1e-14) << x << "," << y;
   };
-  // Middles: right left up / down front back.
+  // Face centres: right left up / down front back.
   expect_ray(50, 50, Ray::towards(1, 0, 0));
   expect_ray(150, 50, Ray::towards(-1, 0, 0));
   expect_ray(250, 50, Ray::towards(0, -1, 0));
   expect_ray(50, 150, Ray::towards(0, 1, 0));
   expect_ray(150, 150, Ray::towards(0, 0, 1));
   expect_ray(250, 150, Ray::towards(0, 0, -1));
-  // Half way to the right and half way up from a middle.
+  // Half way to the right and half way up from a face's centre.
   expect_ray(75, 25, Ray::towards(1, -0.5, -0.5));
   expect_ray(175, 25, Ray::towards(-1, -0.5, 0.5));
   expect_ray(275, 25, Ray::towards(0.5, -1, -0.5));

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// Where the head's own axis ends up in the rig.
+/// The direction in the rig of a vector in the head's frame.
 Eigen::Vector3d in_rig(const YawPitchRoll& pose, const Eigen::Vector3d& in_head) {
   return to_R_head_rig(pose).transpose() * in_head;
 }
@@ -28,10 +28,10 @@ TEST(Rotation, YawIsToTheRight_PitchIsUp_RollIsClockwise) {
   const Eigen::Vector3d right(1, 0, 0), down(0, 1, 0), forward(0, 0, 1);
   expect_near(in_rig({90, 0, 0}, forward), right);
   expect_near(in_rig({0, 90, 0}, forward), -down);
-  // Rolled clockwise by 90 degrees as seen from behind, the head's right hand points down.
+  // Rolled clockwise by 90 degrees as seen from behind, the head's right side points down.
   expect_near(in_rig({0, 0, 90}, right), down);
   expect_near(in_rig({0, 0, 90}, forward), forward);
-  // First yaw, then pitch up from there: straight up whatever the yaw.
+  // Yaw first, then pitch up: straight up for any yaw.
   expect_near(in_rig({57, 90, 0}, forward), -down);
 }
 

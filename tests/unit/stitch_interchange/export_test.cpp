@@ -1,4 +1,4 @@
-// What is written for another program and read back is the same rig, as nearly as the format says it can be.
+// A rig written for another program and read back is the same, to the accuracy that the format reports.
 #include "stitch/interchange/export.h"
 
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ struct RoundTrip {
   std::vector<std::string> notes;
 };
 
-/// Writes, reads back, compares. OpenCV's files hold one camera each and no rig: they are put together again.
+/// Writes, reads back and compares. OpenCV's files hold one camera each and no rig; they are combined again.
 RoundTrip there_and_back(const Calibration& rig, ExportFormat format, const ExportOptions& options = {}) {
   RoundTrip trip;
   const auto exported = export_calibration(rig, format, options);

@@ -1,4 +1,4 @@
-// Test files from beside the checkout.
+// Test data from outside the checkout.
 #pragma once
 
 #include <optional>
@@ -6,7 +6,7 @@
 
 namespace nodal::interchange {
 
-/// A file below the shared folder's data/; nothing when it is not there.
+/// Reads a file below the shared folder's data/; nothing if it does not exist.
 std::optional<std::string> shared_file(const std::string& path);
 
 }  // namespace nodal::interchange

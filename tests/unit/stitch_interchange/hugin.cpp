@@ -18,10 +18,10 @@ using geometry::Pixel;
 
 struct Place {
   std::size_t image;
-  Pixel pixel;  // Hugin's: centres at integers
+  Pixel pixel;  // Hugin's convention: centres at integers
 };
 
-/// Where Hugin puts the places in the panorama, in its own pixels.
+/// Hugin's pixels for the given points of the panorama.
 std::vector<Pixel> by_hugin(const std::string& project, const std::vector<Place>& places) {
   const std::filesystem::path folder =
       std::filesystem::path(testing::TempDir()) / ("nodal_hugin_" + std::to_string(std::random_device()()));

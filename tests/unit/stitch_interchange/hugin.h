@@ -1,4 +1,4 @@
-// Hugin's own tools, where they are installed.
+// Runs Hugin's own tools, where they are installed.
 #pragma once
 
 #include <cstddef>
@@ -11,8 +11,8 @@ namespace nodal::interchange {
 
 bool there_is_pano_trafo();
 
-/// The largest distance, in picture pixels, between where `heads` and Hugin's project see the same ray; pictures are
-/// sampled on a grid inside the heads' regions. Infinite, with a failed expectation, when Hugin does not answer.
+/// The largest distance, in picture pixels, between the pixels that `heads` and Hugin's project give to the same ray,
+/// on a grid inside the heads' regions. Infinite, with a failed expectation, if Hugin does not answer.
 double worst_disagreement(const std::string& project, const std::vector<geometry::Head>& heads, int panorama_width);
 
 }  // namespace nodal::interchange

@@ -1,4 +1,4 @@
-// Truncated, hostile and foreign project files: one clear error each.
+// Truncated, hostile and foreign project files: each gives one clear error.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,4 +1,4 @@
-// Hugin's numbers, worked out by hand.
+// Hugin's numbers, calculated by hand.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -27,7 +27,7 @@ TEST(ImportPto, Rectilinear_HasItsFocalAndCentre) {
   const auto& lens = std::get<RectilinearLens>(head.lens);
   ASSERT_EQ(lens.coefficients.size(), 1u);
   EXPECT_NEAR(lens.coefficients[0], 500, 1e-10);  // 500 / tan 45
-  EXPECT_EQ(head.center_x, 510);                  // (1000 - 1) / 2 + 10, and 1/2 for the pixel's centre
+  EXPECT_EQ(head.center_x, 510);                  // (1000 - 1) / 2 + 10, plus 1/2 for the pixel's centre
   EXPECT_EQ(head.center_y, 296);
   EXPECT_EQ(head.aspect, 1);
   EXPECT_TRUE(import.notes.empty()) << import.notes[0];
@@ -79,7 +79,7 @@ TEST(ImportPto, ExposuresWhiteBalanceAndVignetting_BecomeGainAndVignetting) {
       "i w800 h600 f0 v60 Eev10 Er1.2 Eb0.8 Va2 Vb-0.4 Vc0.1 Vd-0.02 Vx4 Vy-6 n\"a\"\n"
       "i w800 h600 f0 v60 Eev12 Er1 Eb1 n\"b\"\n");
   const HeadCalibration& head = import.calibration.heads[0];
-  // The mean is 11; the first let in twice the light.
+  // The mean is 11; the first picture received twice the light.
   EXPECT_NEAR(head.gain[1], 2, 1e-12);
   EXPECT_NEAR(head.gain[0], 2.4, 1e-12);
   EXPECT_NEAR(head.gain[2], 1.6, 1e-12);
@@ -95,7 +95,7 @@ TEST(ImportPto, ExposuresWhiteBalanceAndVignetting_BecomeGainAndVignetting) {
 TEST(ImportPto, MeanResponse_IsHuginsOwn) {
   const auto import = imported("i w800 h600 f0 v60 Eev1 n\"a\"\ni w800 h600 f0 v60 Eev2 n\"b\"\n");
   const Response& response = import.calibration.heads[0].response;
-  // What nona 2022 makes, in 16 bits, of these values at Eev 0 in a panorama at E1, E2, E4 and E-1.
+  // Nona 2022's 16-bit output for these values at Eev 0 in a panorama at E1, E2, E4 and E-1.
   struct {
     double stops, in, out;
   } const kByNona[] = {{1, 512.0 / 2047, 0.14862287},  {1, 1024.0 / 2047, 0.3054551},  {1, 1536.0 / 2047, 0.51270314},

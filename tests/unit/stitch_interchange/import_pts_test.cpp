@@ -1,4 +1,4 @@
-// PTGui's numbers, worked out by hand.
+// PTGui's numbers, calculated by hand.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// Two fisheyes linked to a dummy line, as PTGui 9 writes them, with Windows line ends.
+/// Two fisheyes linked to a dummy line, in PTGui 9's format, with Windows line ends.
 constexpr std::string_view kProject =
     "# ptGui project file\r\n"
     "#-vignettingparams \r\n"

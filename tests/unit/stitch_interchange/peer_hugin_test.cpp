@@ -1,5 +1,5 @@
-// Imported and exported projects against Hugin itself: its pano_trafo says where a picture's pixel falls in the
-// panorama, and our head must see that panorama pixel's ray at the same place.
+// Imported and exported projects against Hugin itself: its pano_trafo gives the panorama pixel of a picture's pixel,
+// and our head must project that panorama pixel's ray to the same picture pixel.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@
 namespace nodal::interchange {
 namespace {
 
-/// The same for heads as we import them from that project.
+/// The same for heads that we import from that project.
 double imported_disagreement(const std::string& project, int panorama_width) {
   const Result<ImportResult> import = import_pto(project, "peer");
   EXPECT_TRUE(import) << (import ? "" : import.error().text());
@@ -40,7 +40,7 @@ TEST(PeerHugin, KodakFisheyesOf224Degrees_AgreeToAFiftiethOfAPixel) {
 
 TEST(PeerHugin, EveryLensTypeWithEveryNumberSet_AgreesToAFiftiethOfAPixel) {
   NODAL_PANO_TRAFO_OR_SKIP();
-  // Portrait and landscape, both signs of every angle, links, crops: what the files above lack.
+  // Portrait and landscape, both signs of every angle, links, crops: cases that the files above lack.
   const std::string project =
       "p f2 w4000 h2000 v360 n\"TIFF\"\n"
       "i w1000 h600 f0 v70 a0.01 b-0.03 c0.02 d7.5 e-3.25 y20 p-35 r12 n\"a.png\"\n"
@@ -53,7 +53,7 @@ TEST(PeerHugin, EveryLensTypeWithEveryNumberSet_AgreesToAFiftiethOfAPixel) {
   EXPECT_LE(worst, 0.02);
 }
 
-/// A rig whose lenses are not Hugin's: two heads of the paper's kind, square pixels, and a fisheye of 200 degrees.
+/// A rig with lenses that Hugin lacks: two heads of the paper's kind, square pixels, and a fisheye of 200 degrees.
 Calibration foreign_rig() {
   Calibration rig;
   rig.name = "foreign";

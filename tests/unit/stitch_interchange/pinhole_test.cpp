@@ -1,4 +1,4 @@
-// OpenCV's and Kalibr's lenses, their formulas written out here, against the heads that come of their files.
+// OpenCV's and Kalibr's lenses, by their formulas written here, against the heads imported from their files.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -35,7 +35,7 @@ Vector2d opencv_project(const std::vector<double>& k, const Vector3d& p) {
   return {500 * xd + 321.25, 510.5 * yd + 236.75};
 }
 
-/// The largest distance over the picture between head and formula, and the rms.
+/// The largest distance and the rms, over the picture, between head and formula.
 struct Off {
   double most = 0, rms = 0;
 };
@@ -89,7 +89,7 @@ TEST(ImportOpenCv, TangentialTerms_BecomeAShiftAndATurnAndTheRestIsTold) {
   ASSERT_TRUE(import) << import.error().text();
   const Off off = off_from(import->calibration.heads[0], 36, [&](const Vector3d& p) { return opencv_project(k, p); });
   EXPECT_LT(off.rms, 0.2);
-  // Left out, they would cost px: 2 p1 x y f is 0.4 px in the corners, p1 3 y^2 f 0.3.
+  // Their omission would cost pixels: 2 p1 x y f is 0.4 px in the corners, p1 3 y^2 f is 0.3 px.
   ASSERT_FALSE(import->notes.empty());
   EXPECT_NE(import->notes[0].find("tangential"), std::string::npos);
   EXPECT_NE(import->notes[0].find("px rms"), std::string::npos);
@@ -144,7 +144,7 @@ TEST(ImportOpenCvCameras, AFileEach_AreHeadsInTheOrderGivenEachWithItsOwnLens) {
 }
 
 TEST(ImportOpenCvCameras, TwoOfOneName_TheSecondIsCalledAsItsFile) {
-  // ROS calls every camera so.
+  // ROS gives every camera this name.
   const std::string camera = opencv("-0.1, 0.02, 0., 0., 0.", "camera_name: narrow_stereo\n");
   const auto import =
       import_opencv_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
@@ -174,7 +174,7 @@ std::string kalibr_camera(int n, const std::string& model, const std::string& in
 }
 
 TEST(ImportKalibr, ChainOfThree_MultipliesItsRotations) {
-  // 90 degrees to the right, then 90 degrees up: the third looks where the second's up is.
+  // 90 degrees to the right, then 90 degrees up: the third camera looks in the second's up direction.
   const std::string right = "  T_cn_cnm1:\n  - [0, 0, -1, 0.1]\n  - [0, 1, 0, 0]\n  - [1, 0, 0, 0]\n  - [0, 0, 0, 1]\n";
   const std::string up = "  T_cn_cnm1:\n  - [1, 0, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, -1, 0, 0]\n  - [0, 0, 0, 1]\n";
   const std::string lens = "500, 500, 319.5, 239.5";

@@ -1,4 +1,4 @@
-// Projects of real rigs that other programs wrote.
+// Projects of real rigs written by other programs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -54,7 +54,7 @@ TEST(RealProjects, RooftopRigOfThreeFisheyes_ItsMatchedPointsAgreeBetweenHeads) 
   EXPECT_EQ(import->calibration.heads[0].width, 3840);
   EXPECT_TRUE(has_note(*import, "Vignetting"));
   EXPECT_TRUE(has_note(*import, "Masks"));
-  // Another program's feature matches on the same rig; its frames' pixels are the pictures'.
+  // Another program's feature matches for the same rig; its frame pixels equal picture pixels.
   const nlohmann::json project = nlohmann::json::parse(ptv);
   std::vector<ControlPoint> points;
   for (const auto& p : project["pano"]["calibration_control_points"]["matched_control_points"]) {
@@ -66,8 +66,8 @@ TEST(RealProjects, RooftopRigOfThreeFisheyes_ItsMatchedPointsAgreeBetweenHeads) 
   ASSERT_EQ(points.size(), 137u);
   const std::vector<double> angles = residuals(import->calibration, points);
   report(angles);
-  // Much of it is parallax on the roof and the fit of the project: the other program's own calibration leaves 1.57
-  // degrees on its own points. A wrong sign anywhere would leave tens.
+  // Much of the distance is parallax on the roof, and the fit of the project: the other program's own calibration
+  // leaves 1.57 degrees on its own points. A wrong sign would give tens of degrees.
   EXPECT_LE(angles[angles.size() / 2], 1.4);
   EXPECT_LE(angles.back(), 7);
 }
@@ -79,8 +79,8 @@ TEST(RealProjects, PtguiRingOfFiveFisheyes_ControlPointDistancesAreThoseThatPtgu
   ASSERT_EQ(import->calibration.heads.size(), 5u);
   const Result<std::vector<geometry::Head>> heads = geometry::make_heads(import->calibration);
   ASSERT_TRUE(heads) << heads.error().text();
-  // PTGui notes beside each point how far, in px of the second picture, the first one's ray misses it. That
-  // depends on every number of both lenses and poses, and on where a pixel's centre is.
+  // PTGui notes beside each point the distance, in px of the second picture, of the first one's ray from it. This
+  // depends on every number of both lenses and poses, and on the pixel centre convention.
   const std::regex noted("\nc [^\n]* t0\\s*\n# Control Point No \\d+: ([0-9.eE+-]+)");
   std::vector<double> distances;
   for (std::sregex_iterator at(pts.begin(), pts.end(), noted), end; at != end; ++at)
@@ -111,7 +111,7 @@ TEST(RealProjects, KodakPairOfFisheyes_Imports) {
   EXPECT_TRUE(has_note(*import, "circular fisheye without a crop"));
   EXPECT_TRUE(has_note(*import, "Ra..Re"));
   EXPECT_EQ(import->control_points.size(), 19u);
-  // Exposure 4.93 and 5.06: the mean is between, and a head exposed for more light (a larger Eev) got less.
+  // Exposure 4.93 and 5.06: the mean is between; a head exposed for more light (a larger Eev) received less.
   const auto& gain = import->calibration.heads[0].gain;
   EXPECT_NEAR(gain[1], std::exp2((5.0622693313378 - 4.93288580414146) / 2), 1e-12);
   EXPECT_NEAR(import->calibration.heads[1].gain[2] * gain[1], 1.02579556508196, 1e-12);

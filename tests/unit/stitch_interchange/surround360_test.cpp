@@ -1,4 +1,4 @@
-// Facebook's rigs, its camera's formulas written out here.
+// Facebook's rigs, with its camera's formulas written here.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -36,7 +36,7 @@ Vector2d their_pixel(const json& camera, const Vector3d& world) {
           camera["focal"][1].get<double>() * bent * p.y() / xy + camera["principal"][1].get<double>()};
 }
 
-/// The largest distance between their pixels and ours, where our heads see; ours of their world's axes.
+/// The largest distance between their pixels and ours, where our heads see; world axes are converted.
 double worst(const json& rig, const Calibration& calibration) {
   const auto heads = *geometry::make_heads(calibration);
   double most = 0;
@@ -61,7 +61,7 @@ TEST(ImportSurround360, RigOfSixteenFisheyes_SeesWhatItsOwnCodeSees) {
   const auto import = import_project(text, "fb360");
   ASSERT_TRUE(import) << import.error().text();
   EXPECT_EQ(import->calibration.heads.size(), 16u);
-  // Their axes are rounded: a hundredth of an arc second.
+  // Their axes are rounded: to a hundredth of an arc second.
   EXPECT_LT(worst(json::parse(text), import->calibration), 1e-4);
   EXPECT_NE(import->notes.at(0).find("nodal point"), std::string::npos);
 }

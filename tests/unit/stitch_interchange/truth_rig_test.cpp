@@ -1,4 +1,4 @@
-// Heads against pictures that a program with nothing of ours rendered from a known sphere.
+// Heads against pictures of a known sphere, rendered by a program that shares no code with ours.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -18,7 +18,7 @@ namespace {
 using geometry::Head;
 using geometry::Pixel;
 
-/// Bilinear, around the sphere's back; channel c at continuous coordinates.
+/// Bilinear, wrapping around the back of the sphere; channel c at continuous coordinates.
 double sample(const ImageView& image, double x, double y, std::size_t c) {
   const PlaneView& plane = image.planes[c];
   const double u = x - 0.5, v = std::clamp(y - 0.5, 0.0, plane.height - 1.001);
@@ -31,7 +31,7 @@ double sample(const ImageView& image, double x, double y, std::size_t c) {
   return (1 - b) * ((1 - a) * at(i, j) + a * at(i + 1, j)) + b * ((1 - a) * at(i, j + 1) + a * at(i + 1, j + 1));
 }
 
-/// How a head's picture differs from the sphere seen through it: by a shift (px), a factor, and what is left.
+/// The difference between a head's picture and the sphere seen through it: a shift (px), a factor, and the rest.
 struct Difference {
   Eigen::Vector2d shift;
   double factor;

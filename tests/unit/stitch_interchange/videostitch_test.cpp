@@ -1,4 +1,4 @@
-// VideoStitch's projects: real ones, and a made-up one whose numbers are followed by hand.
+// VideoStitch's projects: real ones, and an invented one whose numbers are calculated by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -81,7 +81,7 @@ TEST(ImportVideoStitch, RooftopRig_ItsOwnMatchedPointsAgree) {
   const std::vector<double> angles = point_angles(*import);
   ASSERT_EQ(angles.size(), 137u);
   RecordProperty("median_deg", std::to_string(angles[68]));
-  // One sign or focal length wrong is tens of degrees.
+  // A wrong sign or focal length would give tens of degrees.
   EXPECT_LT(angles[68], 0.3);
   EXPECT_LT(angles[123], 0.8);
 }
@@ -94,8 +94,8 @@ TEST(ImportVideoStitch, RooftopRig_IsTheSameRigAsPtguiMeasured) {
   ASSERT_TRUE(a && b);
   const auto difference = calibration::difference_of(a->calibration, b->calibration);
   ASSERT_TRUE(difference) << difference.error().text();
-  // The two programs disagree on the lens's centre by 50 px, which is 3 degrees of turn; the rays of a pixel
-  // agree better.
+  // The two programs' lens centres differ by 50 px, which is 3 degrees of rotation; the rays of a pixel agree
+  // better.
   EXPECT_LT(difference->turned_rms_deg, 4);
   for (const calibration::HeadDifference& head : difference->heads) EXPECT_LT(head.turned_deg, 5) << head.name;
 }
@@ -109,7 +109,7 @@ TEST(ImportVideoStitch, OtherRealProjects_AreRead) {
   ASSERT_TRUE(four->calibration.heads[0].region.circle);
   EXPECT_NEAR(four->calibration.heads[0].region.circle->radius, 1031, 1e-9);
   const auto heads = *geometry::make_heads(four->calibration);
-  // Four heads a quarter turn apart, as the product is built.
+  // Four heads a quarter turn apart, like the product.
   EXPECT_NEAR(geometry::angle_between(heads[0].axis(), heads[1].axis()) / kDegree, 143.7, 1);
   const auto six = import_project(louvre, "louvre");
   ASSERT_TRUE(six) << six.error().text();

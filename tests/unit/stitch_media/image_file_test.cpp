@@ -57,7 +57,7 @@ TEST(DecodeJpeg, EachSampling_ComesInItsNaturalFormatCloseToTheOriginal) {
   }
 }
 
-// Grey of one level is that level in every plane, black and white included: full range, not video range.
+// A uniform grey gives that level in every plane, including black and white: full range, not video range.
 TEST(DecodeJpeg, BlackAndWhite_AreZeroAnd255InI420) {
   for (const int level : {0, 255}) {
     const std::vector<std::uint8_t> flat(3 * 32 * 32, static_cast<std::uint8_t>(level));
@@ -75,7 +75,7 @@ class Broken : public testing::TestWithParam<bool> {
   }
 };
 
-// Never a picture of which the rest is grey.
+// Never a picture whose missing part is grey.
 TEST_P(Broken, CutAtEveryByte_IsOneErrorThatNamesThePicture) {
   const auto whole = good();
   ASSERT_TRUE(decode_image(whole, "whole"));
@@ -88,7 +88,7 @@ TEST_P(Broken, CutAtEveryByte_IsOneErrorThatNamesThePicture) {
   EXPECT_EQ(decode_image(std::span(whole).first(whole.size() / 2), "half").error().code, Errc::kTruncated);
 }
 
-// A flipped bit may leave a valid JPEG; it must never crash, and the size is what was promised.
+// A flipped bit may leave a valid JPEG; reading must not crash, and the size must be as in the header.
 TEST_P(Broken, BytesChanged_NeverMoreThanAnError) {
   const auto whole = good();
   std::uint64_t draw = 99;
@@ -117,7 +117,7 @@ TEST(DecodeJpeg, FewBytesThatClaimAGreatPicture_AreRefusedBeforeMemoryIsTaken) {
   const std::array<std::uint8_t, 2> frame_header{0xFF, 0xC0};
   const auto found = std::ranges::search(bytes, frame_header);
   ASSERT_FALSE(found.empty());
-  // Behind the marker: length (2), precision (1), height (2), width (2), high byte first.
+  // After the marker: length (2), precision (1), height (2), width (2), high byte first.
   found.begin()[5] = found.begin()[7] = 0x7F;
   const auto image = decode_image(bytes, "great.jpg");
   ASSERT_FALSE(image);
@@ -146,7 +146,7 @@ TEST(ReadImage, NotAPicture_SaysSoByName) {
 TEST(ReadImageHeader, BehindALotOfMetadata_IsFound) {
   const test::TemporaryFolder folder;
   auto jpeg = test::jpeg_of(picture(), kWidth, kHeight, Sampling::k420);
-  // Three APP1 segments of 65533 bytes behind the start marker.
+  // Three APP1 segments of 65533 bytes after the start marker.
   for (int i = 0; i < 3; ++i) {
     std::vector<std::uint8_t> segment{0xFF, 0xE1, 0xFF, 0xFF};
     segment.resize(2 + 0xFFFF, 'x');
@@ -175,7 +175,7 @@ TEST(ConvertImage, EveryFormatToEveryOther_KeepsASmoothPicture) {
   }
 }
 
-// JFIF 1.02: Y = 0.299 R + 0.587 G + 0.114 B and so on; chroma sits where PlaneGrid says.
+// JFIF 1.02: Y = 0.299 R + 0.587 G + 0.114 B and so on; chroma positions as in PlaneGrid.
 TEST(ConvertImage, KnownColours_AreJfifs) {
   for (const auto& [rgb, yuv] : {std::pair{std::array{255, 0, 0}, std::array{76, 85, 255}},
                                  {std::array{0, 255, 0}, std::array{150, 44, 21}},
@@ -190,7 +190,7 @@ TEST(ConvertImage, KnownColours_AreJfifs) {
   }
 }
 
-// A ramp of colour from left to right: where chroma is sampled shows as a shift of its values.
+// A colour ramp from left to right: a wrong chroma position shows as an offset of the values.
 TEST(ConvertImage, ChromaPlacement_FollowsThePlaneGrid) {
   std::vector<std::uint8_t> rgb;
   for (int y = 0; y < 8; ++y) {

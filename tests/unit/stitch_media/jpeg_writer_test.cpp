@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kWidth = 48, kHeight = 32;
 
-/// Slopes in every component, so that transposed or swapped planes are seen.
+/// Ramps in every component, so that transposed or swapped planes are detected.
 std::vector<std::uint8_t> slopes(PixelFormat format) {
   std::vector<std::uint8_t> bytes(packed_size(format, kWidth, kHeight));
   const MutableImageView image = packed_image(format, kWidth, kHeight, bytes.data());
@@ -35,8 +35,8 @@ std::vector<std::uint8_t> written(PixelFormat format, const std::vector<std::uin
   return file;
 }
 
-// At quality 100 coefficients are coded in steps of 1: samples come back within 1.5 levels. B = Y + 1.772 (U - 128) adds
-// the errors of two components: 1.5 (1 + 1.772) < 4.2.
+// At quality 100 coefficients have steps of 1: samples come back within 1.5 levels. B = Y + 1.772 (U - 128) adds the
+// errors of two components: 1.5 (1 + 1.772) < 4.2.
 TEST(JpegWriter, EveryFormat_IsReadBackWithinTheErrorOfItsCoding) {
   for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kRgb24}) {
     const auto pixels = slopes(format);
@@ -57,7 +57,7 @@ TEST(JpegWriter, Nv12_IsTheFileOfTheSamePictureInI420) {
 TEST(JpegWriter, XmpAndComment_StandBehindJfifInThisOrder) {
   const auto file = written(PixelFormat::kGrey8, slopes(PixelFormat::kGrey8), "<xmp/>", "a comment");
   const std::string text(file.begin(), file.end());
-  // ITU T.81 B.1.1.4: ff, marker, two bytes of length that count themselves.
+  // ITU T.81 B.1.1.4: ff, marker, two bytes of length, which include themselves.
   const std::string app1 =
       std::string("\xff\xe1\x00\x25", 4) + std::string("http://ns.adobe.com/xap/1.0/\0", 29) + "<xmp/>";
   const std::string com = std::string("\xff\xfe\x00\x0b", 4) + "a comment";

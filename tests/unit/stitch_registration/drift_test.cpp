@@ -1,4 +1,4 @@
-// Which heads of a rendered rig have moved since it was calibrated.
+// Detection of the heads of a rendered rig that have moved since calibration.
 #include "stitch/registration/drift.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace {
 constexpr int kSide = 200;
 constexpr double kPixelsADegree = kSide / 130.0;
 
-/// The head turned about its own axes: up, right, clockwise.
+/// Rotates the head about its own axes: up, right, clockwise.
 void bump(HeadCalibration& head, double up_deg, double right_deg, double roll_deg) {
   const Eigen::Vector3d about = Eigen::Vector3d(up_deg, right_deg, roll_deg) * std::numbers::pi / 180;
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(head.R_head_rig.data());
@@ -32,7 +32,7 @@ const Calibration& calibrated() {
   return rig;
 }
 
-/// The calibrated rig, as it stands.
+/// The calibrated rig, unmoved.
 const test::RenderedRig& still() {
   static const test::RenderedRig rig = filmed(calibrated());
   return rig;

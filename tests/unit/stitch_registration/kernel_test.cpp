@@ -1,4 +1,4 @@
-// The inner loops against the double-precision geometry, and their derivatives against finite differences.
+// The inner loops against double-precision geometry, and their derivatives against finite differences.
 #include "stitch/registration/tile_kernel.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ std::vector<HeadCalibration> every_lens() {
           head_with(EquidistantLens{{260, 30, -12, 2}}), head_with(KannalaBrandtLens{250, {0.02, -0.004, 0, 0}})};
 }
 
-// A picture smooth enough that its differences between pixels are its derivatives.
+// A picture so smooth that differences between pixels are its derivatives.
 std::vector<float> smooth_picture() {
   std::vector<float> values;
   for (int j = 0; j < kHeight; ++j) {
@@ -47,7 +47,7 @@ std::vector<float> smooth_picture() {
   return values;
 }
 
-// Rays all over what the head sees.
+// Rays over all that the head sees.
 Tile rays_of(const geometry::Head& head) {
   Tile tile{};
   std::mt19937 random(7);
@@ -119,7 +119,7 @@ TEST(Kernel, EverySoughtNumberOfEveryLens_DerivativeIsTheFiniteDifference) {
     const auto here = light_at(state);
     differentiate(seen.sight, slots, 0, *here);
     for (int k = 0; k < slots.count; ++k) {
-      // A step that moves the picture by half a pixel, or its light by a percent.
+      // A step that moves the picture by half a pixel, or changes its light by a percent.
       const bool turn = k < slots.focal, focal = k == slots.focal, light = k >= slots.gain;
       const double step = turn ? 1e-3 : focal ? 2e-3 : light ? 0.01 : 0.5;
       Eigen::VectorXd by = Eigen::VectorXd::Zero(slots.count);
@@ -188,7 +188,7 @@ TEST(Kernel, MaxNorm_OnlyTheWorstHeadCountsAndHuberTakesTheTail) {
   EXPECT_FLOAT_EQ(rays->cost[5], 25);
   EXPECT_FLOAT_EQ(pointers[0]->active[5], 0);
   EXPECT_FLOAT_EQ(pointers[2]->active[5], 1);
-  // Huber on the ray's rms difference d = sqrt(38/3): 3 (2 k d - k^2) past k.
+  // Huber's norm of the ray's rms difference d = sqrt(38/3): 3 (2 k d - k^2) above k.
   ASSERT_TRUE(compare(pointers, 3, tile, 2, false, *rays));
   EXPECT_NEAR(rays->cost[5], 3 * (2 * 2 * std::sqrt(38.0 / 3) - 4), 1e-4);
 }

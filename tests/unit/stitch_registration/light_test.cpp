@@ -1,4 +1,4 @@
-// Gains and fall-off of heads that share only their rims: what is determined, and what is not.
+// Gains and fall-off of heads that overlap only at their rims: what is determined, and what is not.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,7 +12,7 @@
 namespace nodal::registration {
 namespace {
 
-/// Two fisheyes back to back that see a little more than their half each.
+/// Two fisheyes back to back, each with a field slightly larger than a hemisphere.
 Calibration back_to_back(int side = 240, double view_deg = 196) {
   Calibration rig = test::six_fisheyes(side, view_deg);
   rig.heads = {rig.heads[0], rig.heads[0]};
@@ -31,12 +31,12 @@ std::vector<HeadState> states_of(const Calibration& rig) {
 }
 
 TEST(FallOffSeen, RimsOnlyOrHalfTheView_IsTheSpreadOfTheRadiusSquared) {
-  // Equidistant, 98 degrees out: shared is from 82 to 98 degrees, (82/98)^2 to 1, evenly over the sphere's band.
+  // Equidistant, up to 98 degrees: the overlap is from 82 to 98 degrees, (82/98)^2 to 1, evenly over the sphere's band.
   for (const double seen : fall_off_seen(states_of(back_to_back()))) {
     EXPECT_NEAR(seen, 0.9 * (1 - std::pow(82.0 / 98, 2)), 0.03);
   }
   for (const double seen : fall_off_seen(states_of(test::six_fisheyes(160)))) EXPECT_GT(seen, 0.5);
-  Calibration one_apart = back_to_back();  // and a third that looks where the first does
+  Calibration one_apart = back_to_back();  // and a third that looks in the first one's direction
   one_apart.heads.push_back(one_apart.heads.front());
   const std::vector<double> seen = fall_off_seen(states_of(one_apart));
   EXPECT_GT(seen[0], 0.85);

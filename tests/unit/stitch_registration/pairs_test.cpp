@@ -1,4 +1,4 @@
-// Point pairs of rigs whose geometry is known: made by projecting the same rays into the heads.
+// Point pairs of rigs with known geometry, made by projecting the same rays into the heads.
 #include "stitch/registration/pairs.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 namespace nodal::registration {
 namespace {
 
-// Rays all over the sphere, in every two heads that see them.
+// Rays over the whole sphere, for every two heads that see them.
 std::vector<PointPair> pairs_of(const Calibration& truth, int rays, double noise_px, std::uint64_t seed) {
   const std::vector<geometry::Head> heads = geometry::make_heads(truth).value();
   std::mt19937_64 random(seed);
@@ -60,7 +60,7 @@ TEST(Pairs, NoiseOfHalfAPixel_ErrorIsWhatTheUncertaintySays) {
       ++heads;
     }
   }
-  // sigma is of the worst axis and against the first head, the error is of all three about the common mean.
+  // sigma is for the worst axis and relative to the first head; the error is over all three, relative to the mean.
   EXPECT_GT(std::sqrt(squares / heads), 0.4);
   EXPECT_LT(std::sqrt(squares / heads), 2.0);
 }

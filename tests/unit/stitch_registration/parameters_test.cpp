@@ -67,7 +67,7 @@ TEST(StepToMinimum, AFallOffThatWouldBrighten_StopsAtTheBestPlaceThatIsPlausible
   const Parameters parameters(heads, light, held);
   Normal normal(2, 2);
   normal.cost = normal.measure = 1;
-  for (int h = 0; h < 2; ++h) {  // two bowls, oblong and askew
+  for (int h = 0; h < 2; ++h) {  // two elongated, rotated bowls
     double* const block = normal.block(h, h);
     block[0] = 3;
     block[1] = block[2] = 1;
@@ -78,7 +78,7 @@ TEST(StepToMinimum, AFallOffThatWouldBrighten_StopsAtTheBestPlaceThatIsPlausible
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data()) = -bowl * goal.head<2>();
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data() + 2) = -bowl * goal.tail<2>();
   const Eigen::VectorXd step = parameters.basis() * step_to_minimum(parameters, heads, normal, Curvature::kOwn, 0);
-  // The best of a fine grid of plausible fall-offs, tried one by one.
+  // The minimum over a fine grid of plausible fall-offs, tested one by one.
   double best = 1e9;
   for (double a = -0.3; a < 0.3; a += 0.001) {
     for (double b = -0.5; b < 0.5; b += 0.001) {

@@ -38,7 +38,7 @@ TEST(Blurred, AParabola_RisesByTheVariance) {
   EXPECT_NEAR(blur.values[10 * 60 + 30] - 0.25, 4.0, 0.08);
 }
 
-// The spread of a lone bright pixel, in the head's own angles, along and across the radius.
+// The spread of a single bright pixel, in the head's own angles, along and across the radius.
 struct Spread {
   double along_rad = 0, across_rad = 0;
 };
@@ -71,7 +71,7 @@ TEST(BlurredInAngle, FarFromTheAxisOfAStretchingLens_TheSpreadInAngleIsTheSameBo
   head.lens = TsaiLens{490, 2.29e-6, 1.65e-11};
   head.aspect = 1.083;
   const double sigma = 2.0 / 440;
-  // What the pixel and the kernel's interpolation blur is counted in and not in the picture, in px a side.
+  // The blur of the pixel and of the kernel's interpolation: included in the count but not in the picture, px per side.
   const double counted = level_variance(0);
   for (const auto& [x, y] : {std::pair{360, 240}, {650, 240}, {640, 420}, {360, 440}, {90, 70}}) {
     const Spread spread = spread_of(head, x, y, sigma);

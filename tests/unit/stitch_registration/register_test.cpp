@@ -1,4 +1,4 @@
-// Whole registrations of small rendered rigs.
+// Complete registrations of small rendered rigs.
 #include "stitch/registration/registration.h"
 
 #include <gtest/gtest.h>
@@ -52,7 +52,7 @@ TEST(Register, HeadsTurnedByDegrees_StandToAFractionOfAPixelAndTheirLightIsFound
 }
 
 TEST(Register, AnObjectFixedToOneHead_TurnsItUnlessItIsMasked) {
-  // A striped board in the overlap of head 0 and its right neighbour: as sharp as the scene, and not in it.
+  // A striped board in the overlap of head 0 and its right neighbour: as sharp as the scene, but not part of it.
   Calibration truth = town().truth;
   std::vector<std::uint8_t> painted;
   std::vector<ImageView> frames = town().frames();

@@ -1,4 +1,4 @@
-// Frames that cannot be registered, or not all of them: who is named, what is kept, what is said.
+// Frames that cannot be registered completely: which heads are named, what is kept, which messages are given.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -113,7 +113,7 @@ TEST(Register, HeadsThatShareNothing_AreToldSo) {
 }
 
 TEST(Register, WrongLensModel_IsRefused) {
-  // The same field of view at the edge, by another law: 20 px off half way.
+  // The same field of view at the edge, but another lens law: 20 px different half way.
   Calibration prior = town().truth;
   for (HeadCalibration& head : prior.heads) {
     const double edge = 65 * std::numbers::pi / 180;

@@ -62,7 +62,7 @@ Peer by_ceres(const problems::Function& function, const Eigen::VectorXd& start, 
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   EXPECT_TRUE(summary.IsSolutionUsable()) << summary.BriefReport();
-  return {x, 2 * summary.final_cost};  // its cost is half the sum of squares
+  return {x, 2 * summary.final_cost};  // Ceres's cost is half the sum of squares
 }
 
 constexpr DescentOptions kExact{.most_steps = 300, .enough = 1e-15};
@@ -96,7 +96,7 @@ TEST(PeerCeres, BoundedRosenbrock_SamePlace) {
   problems::BoxProblem problem(problems::rosenbrock, Eigen::Vector2d(-2, -2), most);
   const Eigen::VectorXd from = start;
   const auto own = descend_from(from, problem.evaluate(from), problem, kExact);
-  // Ceres ends a little before the corner of valley and bound; the cost there, 0.25, is known.
+  // Ceres stops slightly before the corner of valley and bound; the cost there is 0.25.
   EXPECT_LT((own.state - peer.x).norm(), 1e-2);
   EXPECT_LE(own.at.cost, peer.cost);
 }

@@ -1,4 +1,4 @@
-// Levenberg-Marquardt on problems whose answers are known, and at the ends of what it may be given.
+// Levenberg-Marquardt on problems with known solutions, and at the limits of its input.
 #include "stitch/solve/levenberg_marquardt.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ TEST(Descend, RosenbrocksValley_EndsAtItsFloor) {
   EXPECT_NEAR(end.state[1], 1, 1e-7);
   EXPECT_LT(end.at.cost, 1e-15);
   EXPECT_TRUE(end.settled);
-  EXPECT_LT(end.tried, 60);  // the published runs of this start take some twenty to thirty
+  EXPECT_LT(end.tried, 60);  // published runs from this start take twenty to thirty
 }
 
 TEST(Descend, PowellsSingularFunction_GoesToItsDegenerateMinimum) {
@@ -33,7 +33,7 @@ TEST(Descend, PowellsSingularFunction_GoesToItsDegenerateMinimum) {
 }
 
 TEST(Descend, RankDeficientProblem_SolvesWhatIsDetermined) {
-  // Only x0 + x1 is determined: 3. The step is the shortest, so their difference stays.
+  // Only x0 + x1 = 3 is determined. The step is the shortest, so the difference stays the same.
   const auto sum_only = [](const Eigen::VectorXd& x) {
     problems::Residuals at{Eigen::VectorXd(2), Eigen::MatrixXd(2, 2)};
     at.r << x[0] + x[1] - 3, 2 * (x[0] + x[1] - 3);
@@ -46,7 +46,7 @@ TEST(Descend, RankDeficientProblem_SolvesWhatIsDetermined) {
 }
 
 TEST(Descend, StepsThatLeadToNoNumber_AreRefused) {
-  // The root's argument is negative right of x = 2; its minimum is at the very edge.
+  // The root's argument is negative for x > 2; the minimum is exactly at that limit.
   const auto root = [](const Eigen::VectorXd& x) {
     problems::Residuals at{Eigen::VectorXd(1), Eigen::MatrixXd(1, 1)};
     at.r << std::sqrt(2 - x[0]);
@@ -55,9 +55,9 @@ TEST(Descend, StepsThatLeadToNoNumber_AreRefused) {
   };
   const auto end = solved(root, Eigen::VectorXd::Constant(1, -3.0), kExact);
   EXPECT_TRUE(std::isfinite(end.at.cost));
-  EXPECT_LT(end.at.cost, 5);  // that of the start
+  EXPECT_LT(end.at.cost, 5);  // the start's cost
   EXPECT_LE(end.state[0], 2);
-  EXPECT_GT(end.tried, end.steps);  // some were refused: the first leads to x = 7
+  EXPECT_GT(end.tried, end.steps);  // some steps were refused: the first leads to x = 7
 }
 
 TEST(Descend, StartThatIsNoNumber_IsGivenBackUnsettled) {
@@ -85,7 +85,7 @@ TEST(Descend, NoParameters_IsSettledAtOnce) {
 }
 
 TEST(Descend, BoundedRosenbrock_EndsWhereTheBoundsLetIt) {
-  // With x0 <= 0.5 the valley's lowest place is (0.5, 0.25): the residual 1 - x0 is 0.5 there.
+  // With x0 <= 0.5 the valley's minimum is at (0.5, 0.25): the residual 1 - x0 is 0.5 there.
   problems::BoxProblem problem(problems::rosenbrock, Eigen::Vector2d(-2, -2), Eigen::Vector2d(0.5, 2));
   const Eigen::VectorXd start = Eigen::Vector2d(-1.2, 1);
   const auto end = descend_from(start, problem.evaluate(start), problem, kExact);
@@ -104,7 +104,7 @@ TEST(Descend, Outliers_PullLittleUnderHubersNorm) {
 }
 
 TEST(DescendReweighted, WeightsThatFollowTheState_EndWhereTheirOwnEquationsHold) {
-  // Weights 1 / |r| make least squares the least sum of distances, whose place on a line is the median.
+  // Weights 1 / |r| make least squares minimize the sum of distances; on a line that is the median.
   const std::vector<double> seen{1, 2, 3, 50, 70};
   std::vector<double> weights;
   const auto end = descend_reweighted(
@@ -131,7 +131,7 @@ TEST(Descend, WhereNoStepPromisesAnything_IsSettledWithoutAnotherEvaluation) {
     ++evaluations;
     Evaluation e{NormalEquations(1)};
     const double one = 1;
-    for (const double at : {-1.0, 1.0}) e.equations.add(&one, x - at, 1);  // lowest at 0
+    for (const double at : {-1.0, 1.0}) e.equations.add(&one, x - at, 1);  // minimum at 0
     e.cost = (x + 1) * (x + 1) + (x - 1) * (x - 1);
     return e;
   };
@@ -147,7 +147,7 @@ TEST(Descend, StepThatPromisesLessThanIsSure_IsTakenWithoutAnotherEvaluation) {
     ++evaluations;
     Evaluation e{NormalEquations(1)};
     const double one = 1;
-    for (const double at : {-1.0, 1.2}) e.equations.add(&one, x - at, 1);  // lowest at 0.1, a hundredth less
+    for (const double at : {-1.0, 1.2}) e.equations.add(&one, x - at, 1);  // minimum at 0.1, lower by a hundredth
     e.cost = (x + 1) * (x + 1) + (x - 1.2) * (x - 1.2);
     return e;
   };

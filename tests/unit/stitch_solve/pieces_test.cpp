@@ -13,7 +13,7 @@
 namespace nodal::solve {
 namespace {
 
-/// Spreads the work over `threads` threads, the last pieces first.
+/// Distributes the work over `threads` threads, the last pieces first.
 ForEach on_threads(int threads) {
   return [threads](int count, const std::function<void(int)>& work) {
     std::atomic<int> left{count};
@@ -27,7 +27,7 @@ ForEach on_threads(int threads) {
   };
 }
 
-/// A decay fitted to 4000 values whose sizes differ by orders, so that the order of a sum shows in its last bits.
+/// A decay fitted to 4000 values of very different sizes, so that the order of a sum affects its last bits.
 Evaluation decay(const Eigen::VectorXd& x, const ForEach& for_each) {
   constexpr int kPieces = 24, kEach = 167;
   return sum_of_pieces(kPieces, Evaluation{NormalEquations(2)}, for_each, [&](int piece, Evaluation& sum) {

@@ -1,4 +1,4 @@
-// Least-squares problems whose answers are known, for the solver and for the peer it is held against.
+// Least-squares problems with known solutions, for the solver and for its peer Ceres.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,14 +11,14 @@
 
 namespace nodal::solve::problems {
 
-/// Residuals and their Jacobian (a row a residual) at x.
+/// Residuals and their Jacobian (one row per residual) at x.
 struct Residuals {
   Eigen::VectorXd r;
   Eigen::MatrixXd J;
 };
 using Function = std::function<Residuals(const Eigen::VectorXd& x)>;
 
-/// (1, 1), from (-1.2, 1).
+/// Solution (1, 1), start (-1.2, 1).
 inline Residuals rosenbrock(const Eigen::VectorXd& x) {
   Residuals at{Eigen::VectorXd(2), Eigen::MatrixXd(2, 2)};
   at.r << 10 * (x[1] - x[0] * x[0]), 1 - x[0];
@@ -26,7 +26,7 @@ inline Residuals rosenbrock(const Eigen::VectorXd& x) {
   return at;
 }
 
-/// Powell's: 0, from (3, -1, 0, 1); the Jacobian is singular there.
+/// Powell's problem: solution 0, start (3, -1, 0, 1); the Jacobian is singular at the solution.
 inline Residuals powell_singular(const Eigen::VectorXd& x) {
   const double a = x[1] - 2 * x[2], b = x[0] - x[3];
   Residuals at{Eigen::VectorXd(4), Eigen::MatrixXd::Zero(4, 4)};

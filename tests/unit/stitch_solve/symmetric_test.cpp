@@ -6,7 +6,7 @@ namespace nodal::solve {
 namespace {
 
 TEST(SolveSymmetric, SingularSystem_GivesTheLeastSolution) {
-  // x + y = 2 twice over: of all solutions (1, 1) is the shortest.
+  // x + y = 2, twice: of all solutions (1, 1) is the shortest.
   Eigen::Matrix2d H;
   H << 1, 1, 1, 1;
   const Eigen::VectorXd x = solve_symmetric(H, Eigen::Vector2d(2, 2), {}, {.least_pivot = 1e-9});
@@ -32,7 +32,7 @@ TEST(SolveSymmetric, Damping_IsAShareOfEachDiagonalElement) {
 
 TEST(SolveSymmetric, FixedAndUnseenUnknowns_StayZeroAndDoNotDisturbTheOthers) {
   Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
-  H.topLeftCorner<3, 3>() << 4, 1, 2, 1, 3, 5, 2, 5, 6;  // indefinite with row 2, not without it
+  H.topLeftCorner<3, 3>() << 4, 1, 2, 1, 3, 5, 2, 5, 6;  // indefinite with row 2, but not without it
   const Eigen::VectorXd x = solve_symmetric(H, Eigen::Vector4d(6, 7, 8, 9), {false, false, true, false}, {});
   EXPECT_NEAR(4 * x[0] + x[1], 6, 1e-12);
   EXPECT_NEAR(x[0] + 3 * x[1], 7, 1e-12);
@@ -46,7 +46,7 @@ TEST(SolveSymmetric, NothingToSolve_IsNothing) {
 }
 
 TEST(SolveBounded, BowlWithACorner_EndsInTheCornerWhereBothBoundsPull) {
-  // |x - (3, 2)|^2 / 2 with x0 <= 1, x1 <= 1.5: a box cuts each coordinate by itself.
+  // |x - (3, 2)|^2 / 2 with x0 <= 1, x1 <= 1.5: a box limits each coordinate separately.
   const std::vector<Bound> box{{Eigen::Vector2d(1, 0), 1}, {Eigen::Vector2d(0, 1), 1.5}};
   const Eigen::VectorXd x = solve_bounded(Eigen::Matrix2d::Identity(), Eigen::Vector2d(3, 2), box, {});
   EXPECT_NEAR(x[0], 1, 1e-9);
@@ -61,7 +61,7 @@ TEST(SolveBounded, BoundThatIsNotMet_ChangesNothing) {
 }
 
 TEST(SolveBounded, SlantedBound_MeetsTheConditionsOfAMinimum) {
-  // Karush, Kuhn and Tucker: on the bound, and the remaining gradient is a positive multiple of its row.
+  // Karush-Kuhn-Tucker: on the bound, the remaining gradient is a positive multiple of the bound's row.
   Eigen::Matrix2d H;
   H << 3, 1, 1, 2;
   const Eigen::Vector2d g(5, 4), row(1, 2);

@@ -29,7 +29,7 @@ TEST(EncodedGain, GammaResponse_UndoesTheFactorExactlyAtEveryLevel) {
   }
 }
 
-/// The largest error in levels of 255 that a gain leaves over all values that a change of light does not clip.
+/// The largest error of a gain in levels of 255, over all values that the change of light does not clip.
 double worst_level(const Response& response, double factor, double gain) {
   double worst = 0;
   for (int level = 0; level < 256; ++level) {
@@ -47,7 +47,7 @@ TEST(EncodedGain, SrgbResponse_IsWithinTwoLevelsWhereAPlainInverseIsOffByTens) {
   for (const double factor : {0.7, 0.85, 1.15, 1.4}) {
     EXPECT_LT(worst_level(srgb, factor, gain.undo(factor)), 3.2) << factor;
     EXPECT_GT(worst_level(srgb, factor, 1 / factor), 10) << factor;
-    // No gain 1 % to either side leaves a smaller sum of squares: that is what least squares means.
+    // A gain 1 % larger or smaller gives a larger sum of squares: the definition of least squares.
     const auto squares = [&](double c) {
       double sum = 0;
       for (int i = 0; i < 4096; ++i) {
@@ -64,7 +64,7 @@ TEST(EncodedGain, SrgbResponse_IsWithinTwoLevelsWhereAPlainInverseIsOffByTens) {
 }
 
 TEST(EncodedGain, PolynomialThatIsAPower_IsNearThatPower) {
-  const Response square{Response::Curve::kPolynomial, 1, {0.0001, 0.9999}};  // light = encoded^2, all but
+  const Response square{Response::Curve::kPolynomial, 1, {0.0001, 0.9999}};  // light = encoded^2, almost
   const EncodedGain gain(square);
   EXPECT_NEAR(gain.undo(0.64), 1 / 0.8, 1e-3);
   EXPECT_NEAR(gain.undo(1.44), 1 / 1.2, 1e-3);

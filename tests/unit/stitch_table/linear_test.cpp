@@ -1,4 +1,4 @@
-// Raymaps of 16 bits: numbers proportional to light, against the light worked out in double precision.
+// 16-bit raymaps: numbers proportional to light, compared with the light in double precision.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -27,7 +27,7 @@ constexpr int kHeight = 16;
 
 Response response_of(Response::Curve curve, double gamma = 1) { return {curve, gamma, {}}; }
 
-/// Six heads of one response that see each other's rims, and their table, made once.
+/// Six heads with one response, overlapping at their rims, and their table, made once.
 struct LitRig {
   explicit LitRig(const Response& response)
       : rig(lit_by(response)),
@@ -50,7 +50,7 @@ struct Blended {
   std::vector<std::uint16_t> numbers;
 };
 
-/// Of GREY heads; levels[h] fills head h's picture.
+/// For GREY heads; levels[h] fills head h's picture.
 Blended blend_flat(const LitRig& lit, const std::vector<std::uint8_t>& levels,
                    const std::vector<ExposedHead>& exposed) {
   const blend::SetTone tone = blend::linear_tone(lit.table, lit.tones, exposed);
@@ -72,15 +72,15 @@ Blended blend_flat(const LitRig& lit, const std::vector<std::uint8_t>& levels,
 struct Case {
   const char* name;
   Response response;
-  /// How far a number may be off, of 65535: see the test.
+  /// largest error, of 65535: see the test
   double bound;
   friend void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
 };
 
-/// Of a head whose gain is not one, light is rounded when it is made of the sample, when the gain acts, and by the gain
-/// itself, which is whole 2^-15: half each, so 1.5 of 32640, and the scale of exposures, whole 1/1024 stops rounded twice,
-/// is a 0.00068th of light. Light is a power p of them, so that 1.5 become 1.5 p 65535 / 32640 at the most. Curves are
-/// straight over 8 levels: h^2 f'' / 16 when they run in the middle, f'' at most 2.95 for sRGB, are 12 of 65535.
+/// Error budget. If a head's gain is not one, light is rounded when it is computed from the sample, when the gain is
+/// applied, and through the gain's own rounding to 2^-15: half a unit each, so 1.5 of 32640. The scale of exposures, in
+/// whole 1/1024 stops rounded twice, adds 0.068 % of light. Light is a power p of the values, so 1.5 become at most 1.5
+/// p 65535 / 32640. Curves are linear over 8 levels: h^2 f'' / 16, f'' at most 2.95 for sRGB, is 12 of 65535.
 class Linear : public testing::TestWithParam<Case> {};
 
 TEST_P(Linear, EveryLevelByHeadsOfAnyExposure_IsItsLightWithinTheBound) {
@@ -89,8 +89,8 @@ TEST_P(Linear, EveryLevelByHeadsOfAnyExposure_IsItsLightWithinTheBound) {
   double worst_alone = 0;
   for (const int stops : {0, 1, 2, 4}) {
     for (int level = 0; level < 256; level += stops == 0 ? 1 : 5) {
-      // Only the first head, ahead, is exposed more; the level is its. All others see the same light, which is
-      // rounded to their levels, so that only what the first alone sees is compared.
+      // Only the first head, which looks forward, has a longer exposure; `level` is its level. The others see the same
+      // light rounded to their levels, so only pixels that the first head alone sees are compared.
       std::vector<ExposedHead> exposed(6, {10 * kStop, 0});
       exposed[0].exposure += stops * kStop;
       std::vector<std::uint8_t> levels(6, 0);
@@ -137,8 +137,8 @@ TEST(LinearScale, FourStopsApart_WhiteIsTheMeansAndMoreIsHeldBackBelowIt) {
   const Blended blended = blend_flat(lit, std::vector<std::uint8_t>(6, 0), exposed);
   const auto& from = blended.scale.shown_from;
   EXPECT_NEAR(*blended.scale.full, 8 * kStop, 1);
-  // Half of white, as the mean of the exposures sees it, is sRGB 188, above 178 = 0.7 of 255 where holding back begins;
-  // a quarter is 137, and stays.
+  // Half of white at the mean exposure is sRGB 188, above 178 = 0.7 of 255, where compression begins; a quarter is 137
+  // and is not compressed.
   EXPECT_NEAR(from[137], 65535 / 4 / 4, 65535 / 4 * 0.006);
   EXPECT_GT(from[188], 65535 / 4 / 2);
   EXPECT_GT(from[255], 65535 * 0.8) << "all that the darker heads see is shown";
@@ -155,7 +155,7 @@ TEST(LinearTone, AHeadSetToAnotherGamma_GivesTheSameLight) {
     std::vector<std::uint8_t> levels(6, as_calibrated);
     levels[0] = as_set;
     const Blended blended = blend_flat(lit, levels, exposed);
-    // Straight pieces do not follow x^(1 / 2.2) near its beginning: whoever sets heads so for good calibrates them so.
+    // Linear pieces do not follow x^(1 / 2.2) near 0; heads with such a setting should be calibrated with it.
     const double bound = as_set < 8 ? 0.009 : 0.003;
     EXPECT_NEAR(blended.numbers[kHeight / 2 * kWidth + kWidth / 2], 65535 * as_set / 255.0, 65535 * bound) << light;
     exposed[0].gamma = 2200;
@@ -165,7 +165,7 @@ TEST(LinearTone, AHeadSetToAnotherGamma_GivesTheSameLight) {
   }
 }
 
-/// What double precision makes of a pixel, as light of 65535, and by how much a level more of every head would change it.
+/// A pixel in double precision, as light of 65535, and its change if every head's level rose by one.
 struct Expected {
   double number = 0;
   double per_level = 0;
@@ -188,7 +188,7 @@ RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelO
   const auto layout = geometry::make_layout("equirectangular", 40, 20).value();
   table::TableOptions options;
   options.sharpen = 0;
-  options.levels = 1;  // the double blend has no smaller pictures
+  options.levels = 1;  // the double-precision blend has no pyramid levels
   const auto table = table::compile_blend_table(rig, *layout, format, formats, options);
   RC_PRE(table.has_value());
   std::vector<Picture> pictures;
@@ -199,7 +199,7 @@ RC_GTEST_PROP(LinearBlend, AnyRigWithGainsVignettingAndExposures_IsWithinALevelO
     const std::size_t channels = rgb ? 3 : 1;
     const auto width = static_cast<std::size_t>(head.width);
     for (std::size_t i = 0; i < picture.bytes.size(); ++i) {
-      // Smooth: a 32nd of a sample, which places may be off by, is to be far below a level.
+      // Smooth: a 1/32 sample error of the coordinates must be far below a level.
       const double along = static_cast<double>(i / channels % width + i / channels / width) / head.width;
       picture.bytes[i] =
           static_cast<std::uint8_t>(120 + 30 * std::sin(turn + along + static_cast<double>(i % channels)));

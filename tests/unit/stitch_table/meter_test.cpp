@@ -37,7 +37,7 @@ TEST(MeterTable, Cells_AddUpToTheSphereAndAHeadSeesThePartOfItThatItsFieldSpans)
 }
 
 TEST(MeterTable, ABrightPole_CountsByTheSphereItCoversAndNotByPixels) {
-  // A head that looks up, light 1/2 within 20 degrees of the zenith and 1/8 beyond.
+  // A head that looks up; light 1/2 within 20 degrees of the zenith and 1/8 outside.
   Calibration calibration = one_head();
   calibration.heads[0].R_head_rig = {1, 0, 0, 0, 0, 1, 0, -1, 0};
   const auto table = compile_meter_table(calibration).value();
@@ -51,7 +51,7 @@ TEST(MeterTable, ABrightPole_CountsByTheSphereItCoversAndNotByPixels) {
   const ImageView picture = packed_image(PixelFormat::kGrey8, 200, 200, std::as_const(pixels).data());
   const blend::SphereLight seen = blend::meter(table, {&picture, 1}, std::array<blend::ExposedHead, 1>{});
   const double cap =
-      (1 - std::cos(20 * std::numbers::pi / 180)) / 2 * 6;  // of what it sees; by pixels it would be 0.104
+      (1 - std::cos(20 * std::numbers::pi / 180)) / 2 * 6;  // of what it sees; counted by pixels it would be 0.104
   EXPECT_NEAR(seen.light, 1024 * (cap * std::log2(128 / 255.0) + (1 - cap) * std::log2(32 / 255.0)), 60);
 }
 
@@ -69,7 +69,7 @@ TEST(Meter, AHeadClips_ItsNeighbourThatDoesNotSaysHowBrightItIs) {
   const double truth = 1024 * std::log2(100 / 255.0) - 8 * kStop;
   EXPECT_NEAR(seen.heads[0].light, truth, 2);
   EXPECT_EQ(seen.heads[0].clipped, seen.heads[0].solid_angle);
-  // Alone it only knows that it is at least so bright.
+  // Alone it gives only a lower bound.
   const std::array<ImageView, 2> alone{pictures[0], ImageView{}};
   seen = blend::meter(table, alone, settings);
   EXPECT_NEAR(seen.heads[0].light, -12 * kStop, 2);

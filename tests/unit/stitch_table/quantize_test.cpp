@@ -48,7 +48,7 @@ RC_GTEST_PROP(ShareOut, AnyWeights_SumToExactlyOneAndAreWithinOneStepOfTheirShar
 TEST(QuantizeCoordinate, PlacesInThePlane_AreRoundedAndKeptWhereTheRightNeighbourIsInside) {
   EXPECT_EQ(quantize_coordinate(10.25, 64), 10 * 4096 + 1024);
   EXPECT_EQ(quantize_coordinate(10.99995, 64), 11 * 4096);  // nearer to 11 than to 10 + 4095/4096
-  EXPECT_EQ(quantize_coordinate(63, 64), 63 * 4096 - 1);    // the last, as nearly as its left neighbour can say it
+  EXPECT_EQ(quantize_coordinate(63, 64), 63 * 4096 - 1);    // the last, as near as its left neighbour can represent it
   EXPECT_EQ(quantize_coordinate(0, 64), 0);
 }
 

@@ -10,14 +10,14 @@
 namespace nodal::table {
 namespace {
 
-/// The ray of a place on an ideal pinhole's picture, from the principal point.
+/// The ray of a point of an ideal pinhole's picture, relative to the principal point.
 Eigen::Vector3d pinhole(double x, double y, double focal) { return Eigen::Vector3d(x, y, focal).normalized(); }
 
 std::array<Eigen::Vector3d, 4> neighbours(double x, double y, double focal) {
   return {pinhole(x, y, focal), pinhole(x + 1, y, focal), pinhole(x, y + 1, focal), pinhole(x + 1, y + 1, focal)};
 }
 
-/// §4.5, as printed.
+/// The formula in §4.5, as printed.
 double papers_alpha(double x, double focal) {
   const double below = std::atan(std::floor(x) / focal);
   return (std::atan(x / focal) - below) / (std::atan(std::ceil(x) / focal) - below);
@@ -44,7 +44,7 @@ TEST(RayFractions, FocalGrowing_BecomeThePixelsFractions) {
     EXPECT_NEAR(at.x, 0.3, 0.5 / focal);
     EXPECT_NEAR(at.y, 0.2, 0.5 / focal);
   }
-  // And at a short focal they are not: linearly interpolating rays is not linearly interpolating pixels.
+  // At a short focal length they differ: linear interpolation of rays is not linear interpolation of pixels.
   EXPECT_GT(std::abs(papers_alpha(2.5, 3.0) - 0.5), 0.02);
 }
 
@@ -74,7 +74,7 @@ RC_GTEST_PROP(RayFractions, AnyRayBetweenItsNeighbours_IsTheirBilinearMeanOnTheS
   const double y = std::floor(uniform(-1, 1) * focal);
   const double a = uniform(0, 1);
   const double b = uniform(0, 1);
-  // Turned anywhere, since nothing may depend on where the ray points.
+  // In any rotation, because the result must not depend on the ray's direction.
   const Eigen::Quaterniond turn =
       Eigen::Quaterniond(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(0.1, 1)).normalized();
   const Eigen::Vector3d ray = turn * pinhole(x + a, y + b, focal);
@@ -82,7 +82,7 @@ RC_GTEST_PROP(RayFractions, AnyRayBetweenItsNeighbours_IsTheirBilinearMeanOnTheS
   for (Eigen::Vector3d& neighbour : around) neighbour = turn * neighbour;
 
   const Fractions at = ray_fractions(TangentPlane(ray), around, {a, b});
-  // Each neighbour as direction times angle from the ray, by the definition of the logarithm map.
+  // Each neighbour as direction times angle from the ray: the definition of the logarithm map.
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   const double shares[] = {(1 - at.x) * (1 - at.y), at.x * (1 - at.y), (1 - at.x) * at.y, at.x * at.y};
   for (std::size_t k = 0; k < 4; ++k) {

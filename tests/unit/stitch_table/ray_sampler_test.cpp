@@ -35,7 +35,7 @@ RC_GTEST_PROP(RaySampler, AnyRig_SamplesLieWhereTheHeadsProjectionSaysAndWeighDe
     row.sample(0, y);
     for (int x = 0; x < 24; ++x) {
       const geometry::Ray ray = layout->ray(x + 0.5, y + 0.5).value();
-      // Straight from stitch/geometry, head by head.
+      // Computed directly by stitch/geometry, head by head.
       std::vector<RaySample> expected;
       double sum = 0;
       for (std::size_t h = 0; h < rig.heads.size(); ++h) {
@@ -67,7 +67,7 @@ RC_GTEST_PROP(RaySampler, AnyRig_SamplesLieWhereTheHeadsProjectionSaysAndWeighDe
   }
 }
 
-// Row k of a field is row 2k + parity of the frame; chroma that is halved is of rows 4k + parity and 4k + 2 + parity.
+// Row k of a field is row 2k + parity of the frame; subsampled chroma comes from rows 4k + parity and 4k + 2 + parity.
 RC_GTEST_PROP(RaySampler, AFieldOfAnyRig_IsSampledWhereItsRowsLieInTheFrame, (std::uint32_t seed, bool bottom)) {
   std::mt19937 random(seed);
   Calibration rig = random_rig_with_light(random);
@@ -98,7 +98,7 @@ RC_GTEST_PROP(RaySampler, AFieldOfAnyRig_IsSampledWhereItsRowsLieInTheFrame, (st
           const int rows = rig.heads[whole.head].height / (grid == 1 ? 4 : 2);
           double row = (whole.y - parity) / 2;
           if (grid == 1) {
-            // Of YUYV the frame's chroma is taken from rows 2k, the field's from 4k + parity.
+            // For YUYV the frame's chroma comes from rows 2k, the field's from 4k + parity.
             const bool all_rows = formats[whole.head] == PixelFormat::kYuyv;
             row = all_rows ? (2 * whole.y - parity) / 4 : (2 * (whole.y + 0.5) - 1.5 - parity) / 4;
           }
@@ -127,7 +127,7 @@ TEST(RaySampler, FramesThatHaveNoTwoFields_AreRefusedByHeadAndRows) {
 }
 
 RC_GTEST_PROP(RaySampler, RigAndRaymapRotatedTogether_NothingChanges, (std::uint32_t seed)) {
-  /// Another layout, looked at from a rig that is turned.
+  /// Another layout, seen from a rotated rig.
   class Turned final : public geometry::RaymapLayout {
    public:
     Turned(const geometry::RaymapLayout& layout, const Eigen::Matrix3d& R_new_old)
@@ -180,8 +180,8 @@ RC_GTEST_PROP(RaySampler, RigAndRaymapRotatedTogether_NothingChanges, (std::uint
 }
 
 TEST(RaySampler, ChromaOfEveryFormat_IsSampledWhereItLies) {
-  // One pinhole looking ahead; the chroma sample k of a format has its centre at this luma coordinate. Of YUYV and UYVY
-  // every second row is taken, 0 first.
+  // One pinhole looking forward; a format's chroma sample k has its centre at this luma coordinate. For YUYV and UYVY
+  // every second row is used, starting with row 0.
   Calibration rig;
   rig.name = "one";
   rig.heads.push_back(test::head_at("one", 64, 48, TsaiLens{40, 0, 0}, {0, 0, 0}));
@@ -203,13 +203,13 @@ TEST(RaySampler, ChromaOfEveryFormat_IsSampledWhereItLies) {
       for (int x = 0; x < 96; ++x) {
         if (row.at(x).empty()) continue;
         const RaySample& s = row.at(x)[0];
-        // The raymap is I420: its chroma sample (x, y) is the ray at (2x + 1, 2y + 1).
+        // The raymap is I420: its chroma sample (x, y) has the ray of (2x + 1, 2y + 1).
         const geometry::Angles angles = layout->ray(2 * x + 1, 2 * y + 1).value().angles();
         const double u = 32 + 40 * std::tan(angles.theta);
         const double v = 24 + 40 * std::tan(angles.phi) / std::cos(angles.theta);
         const double at_x = c.first_x + s.x * c.step_x;
         const double at_y = c.first_y + s.y * c.step_y;
-        // Within half a sample of the edge the edge's own is taken.
+        // Within half a sample of the edge the edge sample is used.
         EXPECT_NEAR(at_x, std::clamp(u, c.first_x, c.first_x + 31 * c.step_x), 1e-7) << pixel_format_name(c.format);
         EXPECT_NEAR(at_y, std::clamp(v, c.first_y, c.first_y + (48 / c.step_y - 1) * c.step_y), 1e-7);
         ++seen;
@@ -244,15 +244,15 @@ TEST(RaySampler, RayInterpolation_MovesSamplesByLittleAndOnlyWithinTheirFourNeig
       }
     }
   }
-  // f(1-f)/2 times the curvature of the arctangent, 1/f at 45 degrees, f = 9: at most 0.014; both axes, 0.03.
+  // f(1-f)/2 times the curvature of the arctangent, 1/f at 45 degrees, f = 9: at most 0.014; for both axes 0.03.
   EXPECT_GT(largest, 0.005);
   EXPECT_LT(largest, 0.03);
 }
 
 TEST(RaySampler, RayInterpolationThatMovesPlacesByLessThanAThousandth_IsLeftOut) {
-  // Along the radius x of a pinhole, the middle between two samples moves by an eighth of the arctangent's curvature by
-  // its slope, 2 x / (f^2 + x^2): by less than 1/1024 everywhere for f = 200, and for f = 100, which is what chroma sees,
-  // up to x = 48.
+  // Along the radius x of a pinhole, the midpoint between two samples is off by an eighth of the arctangent's curvature
+  // divided by its slope, 2 x / (f^2 + x^2): less than 1/1024 everywhere for f = 200; for f = 100, which applies to
+  // chroma, up to x = 48.
   const Calibration rig = cube_rig(530);
   const auto layout = equirectangular(64);
   const std::vector<PixelFormat> formats(6, PixelFormat::kI420);

@@ -1,4 +1,4 @@
-// Small rigs to compile tables for.
+// Small rigs for compiling tables.
 #pragma once
 
 #include <random>
@@ -26,7 +26,7 @@ inline HeadCalibration head_at(const std::string& name, int width, int height, L
   return head;
 }
 
-/// Six ideal pinholes of 106 degrees looking out of a cube: they cover the sphere.
+/// Six ideal pinholes of 106 degrees, looking out of a cube: together they cover the sphere.
 inline Calibration cube_rig(int side) {
   Calibration rig;
   rig.name = "cube";
@@ -38,7 +38,7 @@ inline Calibration cube_rig(int side) {
   return rig;
 }
 
-/// One to six heads of every lens model, anywhere, some with a circle for a region, an aspect, a centre aside.
+/// One to six heads with any lens model and orientation, some with a circular region, an aspect, a decentred lens.
 inline Calibration random_rig(std::mt19937& random) {
   const auto uniform = [&](double low, double high) {
     return low + (high - low) * (static_cast<double>(random()) / 4294967296.0);
@@ -62,7 +62,7 @@ inline Calibration random_rig(std::mt19937& random) {
     head.center_y += uniform(-2, 2);
     head.aspect = uniform(0.9, 1.1);
     if (!std::holds_alternative<TsaiLens>(head.lens)) head.max_angle = uniform(1.0, 1.5);
-    if (head.lens.index() >= 2) head.max_angle *= 2;  // fisheyes look behind themselves
+    if (head.lens.index() >= 2) head.max_angle *= 2;  // fisheyes see behind themselves
     if (random() % 3 == 0) head.region.circle = {head.center_x, head.center_y, uniform(0.3, 0.5) * width};
     if (random() % 4 == 0) {
       const auto corner = [&] { return Region::Point{uniform(-5, width + 5.0), uniform(-5, height + 5.0)}; };
@@ -73,7 +73,7 @@ inline Calibration random_rig(std::mt19937& random) {
   return rig;
 }
 
-/// The same with gains and vignetting within a factor of 1.6 of nothing.
+/// The same with gains and vignetting of up to a factor of 1.6.
 inline Calibration random_rig_with_light(std::mt19937& random) {
   Calibration rig = random_rig(random);
   const auto uniform = [&](double low, double high) {

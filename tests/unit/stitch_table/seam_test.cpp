@@ -1,4 +1,4 @@
-// Seams against geometry: their place, width, continuity and symmetry on the sphere follow from the rig alone.
+// Seams against geometry: their position, width, continuity and symmetry on the sphere follow from the rig alone.
 #include "stitch/table/seam.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ using test::head_at;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// Any rays, one a pixel.
+/// Any rays, one per pixel.
 class Rays final : public geometry::RaymapLayout {
  public:
   explicit Rays(std::vector<Vector3d> rays) : RaymapLayout(static_cast<int>(rays.size()), 1), rays_(std::move(rays)) {}
@@ -87,7 +87,7 @@ std::vector<Vector3d> sphere(int count) {
 double share(const std::array<SeamCandidate, 2>& two) { return two[1].weight / (two[0].weight + two[1].weight); }
 
 TEST(Seam, ScoresWithOppositeSlopes_MakeALinearRampOfTheWidthAskedFor) {
-  // Scores 1 +- t at distance t from the seam, slopes +-1: the relative difference is t, exactly.
+  // Scores 1 +- t at distance t from the seam, slopes +-1: the relative difference is exactly t.
   for (const double t : {0.0, 0.001, 0.004, 0.0049, 0.0051, 0.2}) {
     std::array<SeamCandidate, 2> two{SeamCandidate{1 + t, {1, 0}}, SeamCandidate{1 - t, {-1, 0}}};
     apply_seam(two, 0.01);
@@ -115,7 +115,7 @@ TEST(Seam, HeadsThatAreTheSameEverywhere_ShareAndNeverDivideByNothing) {
   std::array<SeamCandidate, 2> same{SeamCandidate{0.9, {0, 0}}, SeamCandidate{0.9, {0, 0}}};
   apply_seam(same, 0.01);
   EXPECT_EQ(share(same), 0.5);
-  std::array<SeamCandidate, 2> level{SeamCandidate{0.9, {0, 0}}, SeamCandidate{0.8, {0, 0}}};  // no seam anywhere near
+  std::array<SeamCandidate, 2> level{SeamCandidate{0.9, {0, 0}}, SeamCandidate{0.8, {0, 0}}};  // no seam nearby
   apply_seam(level, 0.01);
   EXPECT_EQ(share(level), 0);
 }
@@ -141,7 +141,7 @@ TEST(Seam, OfTwoFisheyesBackToBack_IsTheGreatCircleBetweenThemAndAsWideAsItSays)
         if (both && first == 0) first = at[k];
         if (both) last = at[k];
       }
-      // The distance is estimated to first order, so errors grow with the square of the width over the overlap, 40 degrees.
+      // The distance is a first-order estimate, so errors grow with the square of width / overlap (40 degrees).
       const double part = width / 40;
       EXPECT_LT(off, 0.001 + 2 * part * part);
       EXPECT_NEAR(last - first, width, width * (0.005 + 4 * part * part)) << "turned by " << turn;
@@ -165,7 +165,7 @@ TEST(Seam, OfAnyWidth_WeightsSumToOneAndNoHeadHasWeightAtItsEdge) {
         if (inside < 0) {
           EXPECT_EQ(weights[k][h], 0);
         }
-        // 1 px of the 150 to the middle: a score of 0.011, beside about 0.5 of heads that see the ray well inside.
+        // 1 px of the 150 to the centre: a score of 0.011, compared with about 0.5 for heads well inside.
         if (inside < 1) {
           EXPECT_LT(weights[k][h], 0.03) << width;
         }
@@ -176,7 +176,7 @@ TEST(Seam, OfAnyWidth_WeightsSumToOneAndNoHeadHasWeightAtItsEdge) {
 }
 
 TEST(Seam, OfACube_IsThePlaneBetweenEachTwoFacesAndTheSameForAllOfThem) {
-  // A cube's 24 turns take the rig to itself: what head h weighs at a ray, head g(h) weighs at the turned ray.
+  // A cube's 24 rotations map the rig to itself: head h weighs a ray as head g(h) weighs the rotated ray.
   const Calibration rig = cube_rig(200);
   const auto rays = sphere(3000);
   const auto before = weights_of(rig, rays, seam_of(4));
@@ -193,7 +193,7 @@ TEST(Seam, OfACube_IsThePlaneBetweenEachTwoFacesAndTheSameForAllOfThem) {
       for (std::size_t k = 0; k < rays.size(); ++k) EXPECT_NEAR(before[k][h], after[k][g], 1e-5);
     }
   }
-  // More than half a ramp from every plane |x| = |y| the face that the ray meets has it alone.
+  // More than half a ramp from every plane |x| = |y|, the face that the ray meets has the whole weight.
   for (std::size_t k = 0; k < rays.size(); ++k) {
     const Vector3d d = rays[k].cwiseAbs();
     Eigen::Index face = 0;
@@ -211,8 +211,8 @@ TEST(Seam, OfACube_IsThePlaneBetweenEachTwoFacesAndTheSameForAllOfThem) {
 }
 
 TEST(Seam, AlongAnyPath_WeightsAreContinuous) {
-  // Great circles in every direction over the corners of three heads. A ramp of 4 degrees rises by 1/4 a degree; where
-  // three heads meet, and where a region's nearest edge changes, it may be a few times as steep, but nothing jumps.
+  // Great circles in every direction over the corners of three heads. A ramp of 4 degrees rises by 1/4 per degree;
+  // where three heads meet, and where a region's nearest edge changes, it may be a few times as steep, but never jumps.
   const Calibration rig = cube_rig(300);
   constexpr double kStepDeg = 0.02;
   for (const Vector3d& start : sphere(60)) {

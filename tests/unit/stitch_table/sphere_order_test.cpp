@@ -1,4 +1,4 @@
-// Raymaps whose neighbouring pixels hold no neighbouring rays.
+// Raymaps whose neighbouring pixels do not hold neighbouring rays.
 #include "stitch/table/sphere_order.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@
 namespace nodal::table {
 namespace {
 
-/// The rays of an equirectangular raymap, each somewhere else.
+/// The rays of an equirectangular raymap in random order.
 class Shuffled final : public geometry::RaymapLayout {
  public:
   Shuffled(int width, int height, std::mt19937& random)
@@ -50,7 +50,7 @@ struct Shot {
   std::vector<test::Picture> pictures;
   std::vector<ImageView> heads;
 
-  /// Waves of 30 samples, so that what a table may be off by is well below a level.
+  /// Waves of 30 samples, so that a table's errors are well below a level.
   Shot(PixelFormat format, std::mt19937& random) : formats(6, format) {
     for (HeadCalibration& head : rig.heads) {
       head.vignetting.coefficients = {-0.1, 0, 0};
@@ -76,12 +76,12 @@ RC_GTEST_PROP(ScatteredRaymap, AnyOrder_IsWhatDoublePrecisionSaysPixelByPixel, (
   const Shot shot(format, random);
   const Shuffled layout(static_cast<int>(20 + random() % 60), static_cast<int>(20 + random() % 40), random);
   TableOptions options;
-  options.levels = 1;  // which the reference knows nothing of
+  options.levels = 1;  // the reference has no pyramid levels
   const blend::BlendTable table = compile_blend_table(shot.rig, layout, format, shot.formats, options).value();
   const test::PreparedHeads prepared(table, shot.heads);
   const RaySampler sampler = RaySampler::make(shot.rig, layout, format, shot.formats, options).value();
   const std::vector<test::RealPlane> real = test::blend_in_double(sampler, shot.heads);
-  // By every kernel, in rows of tiles as they come.
+  // With every kernel, in rows of tiles.
   for (const blend::Kernel kernel : blend::kernels()) {
     test::Picture raymap(format, layout.width(), layout.height(), 77);
     for (int row = 0; row < layout.height();) {
@@ -124,7 +124,7 @@ TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
 }
 
 TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
-  // A Fibonacci spiral, in no order; its rays are 4 pi / n apart, as an area.
+  // A Fibonacci spiral in random order; each ray represents an area of 4 pi / n.
   class Spiral final : public geometry::RaymapLayout {
    public:
     Spiral() : RaymapLayout(128, 64) {}
@@ -157,9 +157,9 @@ TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
     for (std::size_t p = 0; p < 64; ++p) {
       for (std::size_t q = 0; q < p; ++q) widest = std::max(widest, geometry::angle_between(ray(p), ray(q)));
     }
-    wide += widest > 1.4 * std::sqrt(2.0) * side ? 1 : 0;  // a square's diagonal, with room for what rays are off
+    wide += widest > 1.4 * std::sqrt(2.0) * side ? 1 : 0;  // a square's diagonal, with a margin for the rays' positions
   }
-  EXPECT_LE(wide, 14);  // around the poles, and where a strip ends and the next one begins
+  EXPECT_LE(wide, 14);  // around the poles, and where one strip ends and the next begins
   std::vector<std::uint32_t> all(places);
   std::ranges::sort(all);
   EXPECT_EQ(std::ranges::adjacent_find(all), all.end());

@@ -61,7 +61,7 @@ TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   for (const blend::PatchRecord& record : table->grids[1].records) {
     lowest = std::max(lowest, record.top + record.last_row() + 1);
   }
-  EXPECT_EQ(lowest, 23);  // of 24 rows: YUYV and UYVY have 48, of which every second is read
+  EXPECT_EQ(lowest, 23);  // of 24 rows: YUYV and UYVY have 48, and every second one is read
 }
 
 TEST(TableCompiler, MasksThatHideEverything_AreNamedWithTheirSolidAngle) {

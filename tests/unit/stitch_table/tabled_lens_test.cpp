@@ -30,7 +30,7 @@ TEST(TabledLens, EveryModelOverItsWholeDomain_IsTheLensItself) {
         EXPECT_NEAR(radius->radius, expected, 4 * TabledLens::kTolerance)
             << "model " << model.index() << " at " << angle;
         const double slope = lens->slope(angle, expected);
-        // At the very end of a lens that turns back the slope has no end, and rounding decides its sign.
+        // At the very end of a lens that turns back the slope is unbounded, and rounding determines its sign.
         if (slope > 0 && slope < 1e6) {
           EXPECT_NEAR(radius->slope, slope, 1e-6 * slope + 1e-3) << "model " << model.index() << " at " << angle;
         }

@@ -1,4 +1,4 @@
-// Tables taken apart again, and held against the samples they were made from.
+// Decodes tables and compares them with the samples from which they were made.
 #include "stitch/table/tile_builder.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ struct Given {
   std::vector<std::array<double, 2>> places;  ///< in samples of level 0
 };
 
-/// What the table gives a pixel of grid g, by head, read as blend_table.h says.
+/// The samples that the table gives to a pixel of grid g, by head, decoded as in blend_table.h.
 std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g, int x, int y) {
   const blend::GridTable& grid = table.grids[g];
   const blend::Tile& tile = grid.tiles[grid.tile_index(x / 8, y / 8)];
@@ -53,7 +53,7 @@ std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g
     for (std::size_t way = 0; way < 2; ++way) {
       const int local = record.listed() ? grid.coordinates[record.list() * 128 + 64 * way + p]
                                         : sum(way == 0 ? record.x : record.y) & 0xffff;
-      // The blend cuts x off at 7 bits, on average half of one.
+      // The blend truncates x to 7 bits, which loses half a unit on average.
       const double in_level = (way == 0 ? record.left : record.top) + (local - (way == 0 ? 16 : 0)) / 4096.0;
       at[way] = (in_level + 0.5) * (1 << record.pyramid_level()) - 0.5;
     }
@@ -106,7 +106,7 @@ RC_GTEST_PROP(TileBuilder, AnyRig_TableIsWithinItsBoundsOfTheSamplesItWasMadeFro
   }
 }
 
-/// A fisheye of 200 px a radian that looks at the zenith and as far as 1.1 rad from it.
+/// A fisheye of 200 px per radian that looks at the zenith, with a field of 1.1 rad around it.
 Calibration fisheye_upwards() {
   Calibration rig;
   rig.name = "up";
@@ -116,13 +116,13 @@ Calibration fisheye_upwards() {
 }
 
 TEST(TileBuilder, StepsOfTwoAndAHalfSamplesAlongMeridians_TakeHalvesAlsoWhereCirclesOfLatitudeAreShort) {
-  // A row down is 200 pi / 256 = 2.45 samples everywhere; a column along is 2.45 a, where the ray is a from the zenith.
+  // A row down is 200 pi / 256 = 2.45 samples; a column along is 2.45 a, with a the angle from the zenith.
   const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
   const auto layout = geometry::make_layout("equirectangular", 512, 256).value();
   const auto table = compile_blend_table(fisheye_upwards(), *layout, PixelFormat::kGrey8, formats);
   ASSERT_TRUE(table.has_value());
   for (const blend::PatchRecord& record : table->grids[0].records) EXPECT_EQ(record.pyramid_level(), 1);
-  EXPECT_EQ(table->sources[0].sharpen, 0);  // of pictures that nothing is taken from
+  EXPECT_EQ(table->sources[0].sharpen, 0);  // not sharpened: no detail is lost
 }
 
 TEST(TileBuilder, StepsOfAWholeSampleAndAHalf_TakeThePictureItself) {
@@ -143,7 +143,7 @@ TEST(FitQuadratic, ValuesOfAQuadratic_GiveItBack) {
         truth[0] + truth[1] * i + truth[2] * j + truth[3] * i * j + truth[4] * i * i + truth[5] * j * j;
   }
   EXPECT_EQ(fit_quadratic(values, ~PixelMask{0}), truth);
-  const auto half = fit_quadratic(values, 0x0f0f0f0f0f0f0f0f);  // half of them say as much, but for the last bits
+  const auto half = fit_quadratic(values, 0x0f0f0f0f0f0f0f0f);  // half of them give the same fit, up to rounding
   for (int p = 0; p < 64; ++p) {
     const int i = p % 8, j = p / 8;
     if (i > 3) continue;
@@ -158,7 +158,7 @@ TEST(FitBilinear, RoundedCoefficients_MakeUpForEachOther) {
   const auto fit = fit_bilinear(values, ~PixelMask{0});
   for (int p = 0; p < 64; ++p) {
     const int i = p % 8, j = p / 8;
-    // Cutting the coefficients off one by one would be 24 off in the corner.
+    // Truncating each coefficient separately would give an error of 24 in the corner.
     EXPECT_NEAR(fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j, 20000 + i * j / 2.0, 9);
   }
 }

@@ -27,7 +27,7 @@ TEST(Soften, AnyTop_RisesWithoutStepsAndNeverFasterThanTheLight) {
   for (const std::int64_t top : {33'000, 45'000, 61'344, 250'000}) {
     for (std::int64_t value = 0; value < top; ++value) {
       const std::int64_t step = soften(value + 1, top, 32'640) - soften(value, top, 32'640);
-      ASSERT_GE(step, -1) << value;  // rounding down twice
+      ASSERT_GE(step, -1) << value;  // rounded down twice
       ASSERT_LE(step, 2) << value;
     }
     EXPECT_GT(soften(top, top, 32'640), soften(top - top / 50, top, 32'640));
@@ -76,8 +76,8 @@ std::array<double, 2> chroma_of(const std::array<double, 3>& light, double facto
 }
 
 TEST(ChromaOfSrgbHeads, FourStopsApart_IsUndoneToALevelNearlyAlwaysAndToTwoAndAHalfAtMost) {
-  // Chroma is a difference of curved values, which no factor undoes exactly; this is how wrong one factor is, of colours
-  // from grey to three of four parts of one channel gone, unclipped in the head.
+  // Chroma is a difference of curved values, so no factor corrects it exactly; this measures the error of one factor,
+  // for colours from grey to one channel reduced by three quarters, unclipped in the head.
   const blend::SetTone tone = tone_four_stops_apart(PixelFormat::kI420);
   int colours = 0;
   int over_one = 0;

@@ -16,7 +16,7 @@ using blend::BlendTable;
 const BlendTable& good_table() {
   static const BlendTable table = [] {
     Calibration rig = test::cube_rig(24);
-    rig.heads.pop_back();  // a hole
+    rig.heads.pop_back();  // leaves a hole
     for (HeadCalibration& head : rig.heads) head.vignetting.coefficients = {-0.1, 0, 0};
     const std::vector<PixelFormat> formats{PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
                                            PixelFormat::kUyvy, PixelFormat::kI420};
@@ -27,7 +27,7 @@ const BlendTable& good_table() {
   return table;
 }
 
-/// A tile of the first grid that several records share by lists or coefficients.
+/// A tile of the first grid whose weights are listed or bilinear, shared by several records.
 blend::Tile& shared_tile(BlendTable& table) {
   for (blend::Tile& tile : table.grids[0].tiles) {
     if (tile.how() != blend::Sharing::kAlone && (&tile + 1)->record > tile.record + 1) return tile;
@@ -35,7 +35,7 @@ blend::Tile& shared_tile(BlendTable& table) {
   throw std::logic_error("no tile is shared");
 }
 
-/// A record of the first grid with polynomials.
+/// A record of the first grid with polynomial coordinates.
 blend::PatchRecord& plain_record(BlendTable& table) {
   for (blend::PatchRecord& record : table.grids[0].records) {
     if (!record.listed()) return record;

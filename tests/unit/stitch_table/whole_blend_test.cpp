@@ -1,4 +1,4 @@
-// Calibration to pixels: what the compiled table and the integer blend do together.
+// From calibration to pixels: the compiled table and the integer blend together.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -16,7 +16,7 @@
 namespace nodal::test {
 namespace {
 
-/// A raymap format with the head formats that may be mixed into it.
+/// A raymap format with head formats that can be blended into it.
 struct Formats {
   PixelFormat raymap;
   std::vector<PixelFormat> heads;
@@ -86,8 +86,8 @@ RC_GTEST_PROP(WholeBlend, ConstantScene_IsExactlyThatConstantWhereAHeadLooksAndB
   }
 }
 
-/// Waves of 60 levels and no more than 6 levels from sample to sample: what the table may be off by, 1/32 of a sample and
-/// 1.5/256 of a weight, is then well below a level.
+/// Waves of 60 levels with at most 6 levels between samples: the table's errors, 1/32 of a sample and 1.5/256 of a
+/// weight, are then well below a level.
 Heads waves(const Calibration& rig, const std::vector<PixelFormat>& formats, std::mt19937& random) {
   Heads heads(rig, formats, [] { return std::uint8_t{0}; });
   for (Picture& picture : heads.pictures) {
@@ -114,7 +114,7 @@ RC_GTEST_PROP(WholeBlend, AnyRig_IsWithinOneLevelOfDoublePrecision, (std::uint32
   const auto layout = geometry::make_layout("equirectangular", 40, 20).value();
   table::TableOptions options;
   options.sharpen = static_cast<int>(random() % 4);
-  options.levels = 1;  // the double blend has no smaller pictures
+  options.levels = 1;  // the double-precision blend has no pyramid levels
   const auto table = table::compile_blend_table(rig, *layout, formats.raymap, formats.heads, options);
   RC_PRE(table.has_value());
   const Heads heads = waves(rig, formats.heads, random);
@@ -125,7 +125,7 @@ RC_GTEST_PROP(WholeBlend, AnyRig_IsWithinOneLevelOfDoublePrecision, (std::uint32
 }
 
 TEST(WholeBlend, MinifiedCheckerboard_IsItsMeanInsteadOfItsAliases) {
-  const Calibration rig = cube_rig(512);  // 256 x 128 has a sample for every 3.1 of theirs, each way
+  const Calibration rig = cube_rig(512);  // 256 x 128 has one sample per 3.1 picture samples, in each direction
   const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
   const table::RaymapSpec spec{"equirectangular", 256, 128, PixelFormat::kGrey8};
   int at = -1;
@@ -139,7 +139,7 @@ TEST(WholeBlend, MinifiedCheckerboard_IsItsMeanInsteadOfItsAliases) {
     options.sharpen = 0;
     const Picture raymap = blended(table::compile_blend_table(rig, spec, formats, options).value(), heads.views);
     int least = 255, most = 0;
-    for (int x = 0; x < 256; ++x) {  // the middle row, away from the poles that no layout minifies sideways
+    for (int x = 0; x < 256; ++x) {  // the middle row; near the poles every layout magnifies sideways
       const int level = raymap.bytes[static_cast<std::size_t>(64 * 256 + x)];
       least = std::min(least, level);
       most = std::max(most, level);
@@ -154,7 +154,7 @@ TEST(WholeBlend, QuarterTurnOfTheRig_ShiftsTheRaymapByAQuarterOfItsWidth) {
   std::mt19937 random(9);
   const Calibration rig = random_rig(random);
   Calibration turned = rig;
-  // Everything a quarter to the right: the ray (x, y, z) of old is (z, y, -x) now.
+  // The rig rotated by a quarter turn to the right: the old ray (x, y, z) is now (z, y, -x).
   const Eigen::Matrix3d R_new_old = (Eigen::Matrix3d() << 0, 0, 1, 0, 1, 0, -1, 0, 0).finished();
   for (HeadCalibration& head : turned.heads) {
     head.R_head_rig = geometry::rows_of(geometry::matrix_of(head.R_head_rig) * R_new_old.transpose());
@@ -171,8 +171,8 @@ TEST(WholeBlend, QuarterTurnOfTheRig_ShiftsTheRaymapByAQuarterOfItsWidth) {
     shifted.insert(shifted.end(), row, row + 3 * 64);
   }
   const Difference off = difference(before.bytes, shifted);
-  // 64 columns are whole tiles; only sines of angles a quarter apart differ in their last bit, which all but never
-  // crosses a step of the table, or decides what a tile is made of.
+  // 64 columns are whole tiles. Only sines of angles a quarter turn apart differ in their last bit, which hardly ever
+  // changes a quantized value of the table or a tile's content.
   EXPECT_LE(off.differing, 64U * 3);
 }
 
@@ -198,8 +198,8 @@ TEST_P(HeadLost, OthersFillInWhereTheyHaveWeightAndOnlyTheRestGoesBlack) {
     black += validity.bytes[i] == 0 ? 1 : 0;
     shared += validity.bytes[i] > 0 && validity.bytes[i] < 255 ? 1 : 0;
   }
-  // A sixth of the sphere is 1365 pixels near the equator's row count of this raymap; a seam leaves all of it to the head
-  // but half of a ramp of 10 degrees.
+  // A sixth of the sphere is about 1365 pixels at this raymap's rows near the equator; with a seam the head loses only
+  // half of a ramp of 10 degrees.
   EXPECT_GT(black, 500);
   EXPECT_GT(shared, 300);
 }
