@@ -27,7 +27,7 @@ namespace {
 
 constexpr int kBandRows = 64;
 
-/// Lines that are written whole need not be read first.
+/// Lines that are written completely need not be read first.
 void store_past_caches(std::uint8_t* to, std::uint64_t value) {
 #if defined(__x86_64__)
   _mm_stream_si64(reinterpret_cast<long long*>(to), static_cast<long long>(value));
@@ -43,7 +43,7 @@ struct Variant {
   std::string peer = "OpenCV remap + blend";
 };
 
-/// One workload's variants.
+/// One workload with its variants.
 class Course {
  public:
   Course(Workload work, bool quick) : work_(std::move(work)), quick_(quick), rounds_(quick ? 9 : 31) {
@@ -129,7 +129,7 @@ void Course::add_peers() {
   kept_.push_back(out);
   const int bands = (height + kBandRows - 1) / kBandRows;
   for (const int threads : {1, 2}) {
-    // Every byte of the heads once into a register, every byte of the raymap once from one.
+    // Reads every byte of the heads once into a register, and writes every byte of the raymap once from one.
     add("roofline", "-", threads, pixels, 0, [&input, out, bands](std::size_t set, Pool& pool) {
       pool.run(bands, [&](int band) {
         std::array<std::uint64_t, 8> sum{};
@@ -169,7 +169,7 @@ void Course::add_peers() {
     add("OpenCV remap + blend", "native", threads, pixels, peer->table_bytes(), opencv_frame_);
 }
 
-/// By two threads, as fast as they can.
+/// With two threads, as fast as they can.
 std::shared_ptr<blend::BlendTable> Course::compile(const std::string& name, const geometry::RaymapLayout& layout,
                                                    PixelFormat format, std::span<const PixelFormat> formats,
                                                    const table::TableOptions& options) {
@@ -244,7 +244,7 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   }
 }
 
-/// A frame blended, against the blend in double precision before it is rounded.
+/// Compares a blended frame with the blend in double precision before rounding.
 void Course::judge(const blend::BlendTable& table, const geometry::RaymapLayout& layout, const Films& films,
                    const table::TableOptions& options, Finding& found) {
   std::vector<std::uint8_t> memory(packed_size(table.format, table.width, table.height));
@@ -312,7 +312,7 @@ void Course::report(std::vector<Finding>& findings) {
   for (Variant& v : variants_) {
     v.found.ms = v.times.median_ms();
     const double whole = static_cast<double>(work_.raymap.width) * work_.raymap.height / 1e6;
-    // Where a raymap of another size is made, OpenCV is taken to need as much for a pixel.
+    // For a raymap of another size OpenCV is assumed to need the same time per pixel.
     v.found.ratio_to_opencv = ms_of(v.peer, v.found.threads) * v.found.mpixels / whole / v.found.ms;
     v.found.roofline_share = ms_of("roofline", v.found.threads) / v.found.ms;
     findings.push_back(v.found);

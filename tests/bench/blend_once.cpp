@@ -1,5 +1,5 @@
-// blend_once KERNEL [--light]: blends one raymap of r10 by one thread, for a profiler that counts instructions: only those
-// of the blend count (callgrind --instr-atstart=no). Prints the raymap's pixels.
+// blend_once KERNEL [--light]: blends one raymap of r10 with one thread, for a profiler that counts instructions. Only
+// those of the blend count (callgrind --instr-atstart=no). Prints the number of the raymap's pixels.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #if __has_include(<valgrind/callgrind.h>)
@@ -16,7 +16,7 @@
 namespace nodal::bench {
 namespace {
 
-/// Pictures whose samples are of any level: what a kernel does hardly depends on them.
+/// Pictures with random samples: a kernel's cost hardly depends on the samples.
 FilmedSet noise(const Calibration& rig) {
   FilmedSet set;
   std::uint32_t state = 1;

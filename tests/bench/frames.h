@@ -1,4 +1,4 @@
-// What the blend's variants read and write, frame by frame: more of it than the caches hold.
+// The input and output of the blend's variants, frame by frame: more memory than the caches hold.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace nodal::bench {
 
-/// Pictures in a format, several times over.
+/// Several copies of the pictures in one format.
 class Films {
  public:
   Films(const Calibration& rig, PixelFormat format, std::size_t count) {
@@ -28,7 +28,7 @@ class Films {
   std::vector<FilmedSet> sets_;
 };
 
-/// Raymaps to write to, in lines of 64 bytes.
+/// Raymaps to write to; rows begin at multiples of 64 bytes.
 class Outputs {
  public:
   Outputs(PixelFormat format, int width, int height) {
@@ -45,7 +45,7 @@ class Outputs {
   std::vector<MutableImageView> images_;
 };
 
-/// Sharpened pictures of the heads and smaller ones, for tables that ask for them, in memory that is kept from frame to frame.
+/// Sharpened and downscaled pictures of the heads, for tables that use them, in memory that is reused for every frame.
 class Levels {
  public:
   explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
@@ -67,8 +67,8 @@ class Levels {
   std::vector<ImageView> views_;
 };
 
-/// As speed is measured unless said otherwise: with feathers, so that figures compare with older ones, without sharpening,
-/// and `light` with tone curves and gains.
+/// The options for speed measurements unless stated otherwise: with feathers, for comparison with older figures;
+/// without sharpening; `light` adds tone curves and gains.
 inline table::TableOptions options_of(bool light) {
   table::TableOptions options;
   options.transition = table::Transition::kFeather;
@@ -77,7 +77,7 @@ inline table::TableOptions options_of(bool light) {
   return options;
 }
 
-/// A curve for every head: costs what any does, and leaves samples as they are.
+/// An identity curve for every head: it costs as much as any other curve.
 inline void add_curves(blend::SetTone& tone) {
   for (blend::HeadTone& head : tone.heads) {
     auto& knots = head.curve[0].emplace().knots;
@@ -87,7 +87,7 @@ inline void add_curves(blend::SetTone& tone) {
   }
 }
 
-/// A whole raymap, in bands.
+/// Blends a whole raymap in bands.
 inline void blend_frame(blend::Kernel kernel, const blend::BlendTable& table, blend::Pictures pictures,
                         const blend::SetTone& tone, const MutableImageView& raymap, Pool& pool) {
   constexpr int kRows = 64;

@@ -20,7 +20,7 @@
 namespace nodal::bench {
 namespace {
 
-/// What a point is measured of: all but what a sweep varies is as here.
+/// The parameters of one measurement; a sweep varies one of them.
 struct Setting {
   int heads = 10;
   double heads_a_ray = 1.6;
@@ -29,7 +29,7 @@ struct Setting {
   auto operator<=>(const Setting&) const = default;
 };
 
-/// One rig's frames and the tables of them, plain and with tone and gain.
+/// One rig's frames and its tables, plain and with tone and gain.
 struct Rig {
   explicit Rig(const Setting& setting) : work(spread(setting.heads, setting.heads_a_ray, setting.width)) {
     film = bench::film(work.rig, PixelFormat::kI420, 1);
@@ -64,16 +64,16 @@ struct Point {
   }
 };
 
-/// What is varied, and how its numbers are shown.
+/// The varied parameter, and how it is shown.
 struct Sweep {
-  std::string name;  ///< of the file
+  std::string name;  ///< file name
   std::string title;
   std::string x_label;
-  std::string x_unit;  ///< as the law says it
-  std::string note;    ///< what is not varied
+  std::string x_unit;  ///< as used in the law
+  std::string note;    ///< the constant parameters
   std::vector<Setting> settings;
   std::function<double(const Setting&)> x;
-  bool inverse = false;  ///< the law is in 1 / x
+  bool inverse = false;  ///< whether the law is in 1 / x
 };
 
 double mpixels(const Setting& s) { return s.width * (s.width / 2.0) / 1e6; }
@@ -118,7 +118,7 @@ std::vector<Sweep> sweeps() {
   return all;
 }
 
-/// Settings that several sweeps share are one point, and those that differ in threads alone share a rig.
+/// Settings that several sweeps share are measured once; settings that differ only in threads share a rig.
 class Points {
  public:
   Point& at(const Setting& setting) {
@@ -132,7 +132,7 @@ class Points {
     return *points_.back();
   }
 
-  /// A frame of each point in turn: all together touch more memory than caches hold.
+  /// Measures one frame of each point in turn: together they use more memory than the caches hold.
   void measure(int rounds) {
     std::map<int, std::unique_ptr<Pool>> pools;
     for (const auto& point : points_) {
@@ -171,7 +171,7 @@ class Points {
 struct Law {
   double a = 0, b = 0;
   bool inverse = false;
-  double worst = 0;  ///< largest deviation, of what was measured
+  double worst = 0;  ///< largest deviation relative to the measurement
 
   Law(const std::vector<PlotPoint>& points, bool in_inverse) : inverse(in_inverse) {
     const auto n = static_cast<double>(points.size());

@@ -1,5 +1,5 @@
-// How the blend's cost grows: with the raymap's pixels, with how much the heads overlap, with how many they are, and
-// with threads.
+// How the blend's cost grows with the raymap's pixels, with the heads' overlap, with the number of heads, and with the
+// number of threads.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace nodal::bench {
 
-/// Measures every point, adds it to `findings`, and writes pixels.svg, overlap.svg, heads.svg and threads.svg, each with
-/// the law that its points follow, to `folder`, which is made when it is not there. False when they could not be written.
+/// Measures every point, adds it to `findings`, and writes pixels.svg, overlap.svg, heads.svg and threads.svg, each
+/// with the law fitted to its points, to `folder`, which is created if needed. Returns false if they cannot be written.
 bool measure_growth(const std::string& folder, bool quick, std::vector<Finding>& findings);
 
 }  // namespace nodal::bench

@@ -8,9 +8,9 @@
 namespace nodal {
 namespace {
 
-/// What `tests/bench/instructions` counted when this was written, on Debian 12: valgrind 3.19, and g++ 12.2 at -O3. It
-/// does not depend on the machine nor on what else it does, so it may be held where milliseconds may not. A change that
-/// makes the blend quicker lowers it; one that costs more has to say here what for.
+/// The count of `tests/bench/instructions` on Debian 12 (valgrind 3.19, g++ 12.2 -O3). It does not depend on the
+/// machine or its load, so it can be a test limit, unlike milliseconds. A faster blend lowers it; a change that raises
+/// it must state the reason here.
 constexpr double kInstructionsAPixel = 16.50;
 constexpr double kMargin = 0.05;
 

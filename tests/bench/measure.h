@@ -1,4 +1,4 @@
-// How long a frame takes, on a machine that does other things too.
+// Measures the time of a frame on a machine that also runs other programs.
 #pragma once
 
 #include <atomic>
@@ -22,8 +22,8 @@ class Pool {
   std::unique_ptr<State> state_;
 };
 
-/// Times of one variant's frames. By one thread they are processor time: what others do meanwhile costs caches, not
-/// time. By several they are the clock's, of frames that no other program interrupted, as far as there are any.
+/// Times of one variant's frames. With one thread this is processor time, so other programs affect only the caches.
+/// With several threads it is clock time, of frames that no other program interrupted if there are any.
 class Times {
  public:
   explicit Times(int threads) : threads_(threads) {}
@@ -36,7 +36,7 @@ class Times {
   std::vector<double> undisturbed_;
 };
 
-/// The clock's, and what all threads of the process have worked, ms.
+/// Clock time, and processor time of all threads of the process, ms.
 double clock_time_ms();
 double process_time_ms();
 

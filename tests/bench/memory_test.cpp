@@ -1,4 +1,4 @@
-// What nodald takes of the board's memory while it films the reference rigs for a host that pulls JPEGs.
+// nodald's memory on the board while it films the reference rigs for a host that pulls JPEGs.
 #include <gtest/gtest.h>
 #include <turbojpeg.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kMiB = 1024.0 * 1024.0;
 
-/// A packed I420 picture as a JPEG that is read back as one.
+/// Writes a packed I420 picture as a JPEG that decodes to I420.
 void write_jpeg(const std::filesystem::path& file, const ImageView& picture) {
   const tjhandle coder = tjInitCompress();
   unsigned char* jpeg = nullptr;
@@ -30,9 +30,9 @@ void write_jpeg(const std::filesystem::path& file, const ImageView& picture) {
 
 /// In MiB, by /proc/PID/status.
 struct Resident {
-  double now = 0;   ///< all of it
-  double own = 0;   ///< without programs' and libraries' code
-  double most = 0;  ///< since the start
+  double now = 0;   ///< total
+  double own = 0;   ///< without the code of programs and libraries
+  double most = 0;  ///< maximum since the start
 };
 
 Resident resident(pid_t pid) {
@@ -46,7 +46,7 @@ Resident resident(pid_t pid) {
   return found;
 }
 
-/// A rig whose heads show one picture each, on a nodald of its own.
+/// A nodald with a rig whose heads repeat one picture each.
 class MemoryOf {
  public:
   explicit MemoryOf(const Workload& work) : work_(work) {
@@ -64,8 +64,8 @@ class MemoryOf {
     write("rig.toml", toml);
   }
 
-  /// After three calibrations, of which two came while another ran, and raymaps of each. Heads' pictures count, one a
-  /// head: a camera's driver has its frames in memory, too.
+  /// Measures after three calibrations, two of which were uploaded while another one was in use, and raymaps with each.
+  /// One picture per head is included, because a camera's driver also keeps its frames in memory.
   Resident measure() {
     test::Process daemon(
         {NODAL_BIN_DIR "/nodald", "--config", (folder_ / "rig.toml").string(), "--blend-threads", "2"});

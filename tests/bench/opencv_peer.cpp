@@ -15,7 +15,7 @@ void remap(const PlaneView& from, const cv::Mat& map1, const cv::Mat& map2, cv::
   cv::remap(mat_of(from), to, map1, map2, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
 }
 
-/// take(x, y, sample, weight) for every head that sees a ray of a band, weights in 1/255.
+/// Calls take(x, y, sample, weight) for every head that sees a ray of a band; weights in 1/255.
 template <class Take>
 void each_sample(const table::RaySampler& sampler, int grid, int top, int rows, int width, Take take) {
   table::RowSampler row(sampler);
@@ -33,19 +33,19 @@ void each_sample(const table::RaySampler& sampler, int grid, int top, int rows, 
   }
 }
 
-/// Some rows of a grid of the raymap.
+/// Some rows of one grid of the raymap.
 class Band {
  public:
   virtual ~Band() = default;
   virtual double bytes() const = 0;
-  /// Adds what heads give to `sums`, in 1/255, ray by ray.
+  /// Adds the heads' contributions to `sums`, in 1/255, ray by ray.
   virtual void add(std::span<const ImageView> heads, std::size_t c, std::vector<std::uint16_t>& sums,
                    cv::Mat& warped) const = 0;
-  /// Puts what one head gives alone over what the sums came to.
+  /// Overwrites rays that one head sees alone with that head's samples.
   virtual void cover(std::span<const ImageView> heads, std::size_t c, const cv::Mat& plane) const = 0;
 };
 
-/// Rays in order: runs of columns where a head looks.
+/// Ordered rays: runs of columns that a head sees.
 class OrderedBand : public Band {
  public:
   OrderedBand(const table::RaySampler& sampler, int grid, int top, int rows, int width) : top_(top), width_(width) {
@@ -107,9 +107,9 @@ class OrderedBand : public Band {
   }
 
  private:
-  static constexpr int kUnit = 16;  ///< columns are told apart in units of this many
+  static constexpr int kUnit = 16;  ///< runs are in units of this many columns
 
-  /// For a head where each pixel lies, and how much of it is taken, in 1/255.
+  /// For one head, the position and the weight in 1/255 of every pixel.
   struct Dense {
     cv::Mat x, y, weight;
   };
@@ -117,7 +117,7 @@ class OrderedBand : public Band {
     HeadIndex head = 0;
     bool alone = false;
     cv::Rect area;
-    cv::Mat map1, map2;  ///< as cv::convertMaps makes them for CV_16SC2
+    cv::Mat map1, map2;  ///< in the format of cv::convertMaps for CV_16SC2
     cv::Mat weight;      ///< 8 bits
   };
 
@@ -133,7 +133,7 @@ class OrderedBand : public Band {
   std::vector<Piece> pieces_;
 };
 
-/// Rays in no order: for every head a list.
+/// Unordered rays: a list per head.
 class ListedBand : public Band {
  public:
   ListedBand(const table::RaySampler& sampler, int grid, int top, int rows, int width)
@@ -168,10 +168,10 @@ class ListedBand : public Band {
   void cover(std::span<const ImageView>, std::size_t, const cv::Mat&) const override {}
 
  private:
-  /// What one head sees of the band's rays, in rows of kColumns for cv::remap.
+  /// The rays of the band that one head sees, in rows of kColumns for cv::remap.
   struct Seen {
     static constexpr int kColumns = 512;
-    cv::Mat map1, map2;                ///< as cv::convertMaps makes them for CV_16SC2
+    cv::Mat map1, map2;                ///< in the format of cv::convertMaps for CV_16SC2
     std::vector<std::uint32_t> index;  ///< of the ray in the band
     std::vector<std::uint8_t> weight;  ///< in 1/255
 
@@ -194,7 +194,7 @@ struct OpenCvPeer::State {
 };
 
 OpenCvPeer::OpenCvPeer(const table::RaySampler& sampler, RaysAre rays) : state_(std::make_unique<State>()) {
-  cv::setNumThreads(1);  // bands are its threads' work
+  cv::setNumThreads(1);  // the bench's own threads process the bands
   for (int g = 0; g < 2; ++g) {
     const table::RaySampler::Grid& grid = sampler.grids()[static_cast<std::size_t>(g)];
     const int rows = g == 0 ? kBandRows : kBandRows / 2;

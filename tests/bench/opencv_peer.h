@@ -1,7 +1,7 @@
-// The best that a user of OpenCV gets: cv::remap by fixed-point maps, plane by plane, in bands. Of raymaps whose rays are in
-// order, only where a head looks: straight into the raymap where it looks alone, and mixed by a loop of its own elsewhere.
-// Of a list of rays in no order, for every head a list of where it sees those that it sees, and a loop that adds what came
-// of it to the rays.
+// The best that a user of OpenCV can achieve: cv::remap with fixed-point maps, plane by plane, in bands. For raymaps
+// with ordered rays, only where a head looks: directly into the raymap where it looks alone, and blended by a
+// hand-written loop elsewhere. For an unordered list of rays, a list per head of the rays that it sees, and a loop that
+// adds the remapped samples to the rays.
 #pragma once
 
 #include <memory>
@@ -13,9 +13,9 @@ namespace nodal::bench {
 
 enum class RaysAre : std::uint8_t { kInOrder, kInNoOrder };
 
-/// I420 heads into an I420 raymap, as the ray samples say; gains are left alone.
+/// Blends I420 heads into an I420 raymap by the given ray samples; without gains.
 ///
-/// Threading: band() on any number of threads at once.
+/// Threading: band() may run on any number of threads at once.
 class OpenCvPeer {
  public:
   OpenCvPeer(const table::RaySampler& sampler, RaysAre rays);
@@ -23,7 +23,7 @@ class OpenCvPeer {
   static constexpr int kBandRows = 64;
   int bands() const;
   void band(std::span<const ImageView> heads, const MutableImageView& raymap, int band) const;
-  /// What its maps and weights take.
+  /// The memory of its maps and weights.
   double table_bytes() const;
 
  private:

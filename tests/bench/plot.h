@@ -1,4 +1,4 @@
-// A figure of measured points and the law they follow, as SVG for a browser.
+// A figure of measured points and their fitted law, as SVG for a browser.
 #pragma once
 
 #include <functional>
@@ -24,7 +24,7 @@ struct Plot {
   std::string title;
   std::string x_label;
   std::string y_label;
-  std::string note;                ///< below: what was the same for all points
+  std::string note;                ///< below the figure: the parameters common to all points
   std::vector<PlotSeries> series;  ///< at most four
 };
 

@@ -20,7 +20,7 @@ namespace {
 constexpr int kHeads = 10, kWidth = 720, kHeight = 480;
 constexpr double kVignettingRadius = 423;
 
-// The town square without what moves through it, so that the true sphere can be rendered by itself.
+// The town square without its movers, so that the true sphere can be rendered separately.
 class Still final : public hal::sim::Scene {
  public:
   explicit Still(hal::sim::ScenePtr scene) : scene_(std::move(scene)) {}
@@ -32,7 +32,7 @@ class Still final : public hal::sim::Scene {
   hal::sim::ScenePtr scene_;
 };
 
-// Evenly over the sphere along a spiral, each rolled at random.
+// Evenly spread over the sphere on a spiral, each with a random roll.
 Eigen::Matrix3d stand_of(int head, std::mt19937_64& random) {
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0)), height = 1 - (2 * head + 1.0) / kHeads;
   const double across = std::sqrt(1 - height * height), turn = golden * head;

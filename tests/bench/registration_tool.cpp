@@ -1,5 +1,5 @@
-// What tests/bench/registration needs beside the programs it compares: rigs rendered with a known truth, starting
-// points away from it, and how far a result is from it.
+// Tools for tests/bench/registration besides the compared programs: renders rigs with known truth, makes starting
+// points away from it, and measures a result's distance from it.
 #include <CLI/CLI.hpp>
 #include <Eigen/Core>
 #include <Eigen/SVD>
@@ -60,7 +60,7 @@ test_data::TruthRig truth_of(const fs::path& folder) {
   return must(test_data::read_truth_rig(read_text(folder / "rig_gt.json")), (folder / "rig_gt.json").string());
 }
 
-// Where a case starts from: the truth, spoilt by what the case says.
+// A case's start: the truth plus the given errors.
 struct Spoil {
   double least_deg = 2, most_deg = 5, focal_percent = 0, center_px = 0, kappa_percent = 0;
 };
@@ -122,7 +122,7 @@ double picture_psnr(const fs::path& folder, const fs::path& raymap) {
   return test::score(got.view(), truth.view(), *layout).psnr_db;
 }
 
-// The same rig turned as a whole, so that it stands as the truth does.
+// Rotates the whole rig so that it is aligned with the truth.
 Calibration aligned(const Calibration& truth, Calibration found, const std::vector<bool>& counted) {
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
@@ -140,7 +140,7 @@ Calibration aligned(const Calibration& truth, Calibration found, const std::vect
   return found;
 }
 
-// One head's picture becomes sky: a slow shade and the other pictures' noise.
+// Replaces one head's picture by sky: a slow gradient with the other pictures' noise.
 void make_sky(const fs::path& folder, const fs::path& out, int head, std::uint64_t seed) {
   fs::remove_all(out);
   fs::create_directories(out);

@@ -1,4 +1,4 @@
-// What the benchmark found, as a table to read and as JSON to keep.
+// The results of a benchmark, as a table and as JSON.
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@ struct Finding {
   std::string isa;
   int threads = 1;
   double ms = 0;
-  double ratio_to_opencv = 0;  ///< how many times quicker; 0 where there is nothing to compare with
-  double roofline_share = 0;   ///< of 1: what reading every sample and writing every pixel once would take, by ms
+  double ratio_to_opencv = 0;  ///< how many times faster; 0 if there is no OpenCV variant
+  double roofline_share = 0;   ///< 0 .. 1: the time to read every sample and write every pixel once, divided by ms
   double psnr_db = 0;          ///< against the double-precision blend; 0: not measured
   double max_error = 0;
   double table_bytes_per_pixel = 0;

@@ -28,7 +28,7 @@ HeadCalibration head_at(int index, int width, int height, LensModel lens, geomet
   return head;
 }
 
-/// Points on the sphere that push each other away, from a spiral on.
+/// Points on the sphere that repel each other, starting from a spiral.
 std::vector<Eigen::Vector3d> spread_points(int count) {
   std::vector<Eigen::Vector3d> points;
   for (int k = 0; k < count; ++k) {

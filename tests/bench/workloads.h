@@ -1,4 +1,4 @@
-// The two reference rigs that every figure of speed is made on, and what they film.
+// The two reference rigs of all speed measurements, and their pictures.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ struct Workload {
   table::RaymapSpec raymap;
 };
 
-/// Ten heads 720x480 of 100 degrees with a barrel of -0.1 (four up, four down, two at the poles) into 2048x1024 I420.
+/// Ten 720x480 heads of 100 degrees with a barrel of -0.1 (four up, four down, two at the poles), 2048x1024 I420.
 Workload r10();
 /// Eight fisheyes 1920x1080 (six upright, two at the poles) into 3840x1920 I420.
 Workload r8();
-/// `heads` alike, spread evenly over the sphere, of which `heads_a_ray` see a ray in the mean, into width x width / 2
-/// I420. Their lenses keep areas (2 f sin(a / 2)), and at their axes pixels are as fine as the raymap's at its equator:
-/// of how many heads they are, neither the heads' pixels altogether nor their overlap depend.
+/// `heads` equal heads, spread evenly over the sphere, of which on average `heads_a_ray` see a ray, into width x width
+/// / 2 I420. Their lenses are equal-area (2 f sin(a / 2)), and at their axes pixels are as fine as the raymap's at its
+/// equator: neither their total pixels nor their overlap depend on the number of heads.
 Workload spread(int heads, double heads_a_ray, int width);
 
-/// width * height points of Hammersley's, evenly over the sphere: ray k of a row after the other is at the height
-/// y = (2 k + 1) / n - 1, turned by k's bits the other way round.
+/// width * height Hammersley points, evenly spread over the sphere: ray k (row by row) is at the height y = (2 k + 1) /
+/// n - 1, rotated by the reversed bits of k.
 class Hammersley final : public geometry::RaymapLayout {
  public:
   Hammersley(int width, int height) : RaymapLayout(width, height) {}
@@ -36,20 +36,20 @@ class Hammersley final : public geometry::RaymapLayout {
   bool scattered() const override { return true; }
   std::optional<geometry::Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override;
-  /// Nothing here looks for rays.
+  /// Not used by the benchmark.
   std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
 };
 
-/// The pictures of all heads for one trigger, packed, with memory of their own.
+/// The pictures of all heads for one trigger, packed, in their own memory.
 struct FilmedSet {
   std::vector<std::vector<std::uint8_t>> memory;
   std::vector<ImageView> heads;
 };
 
-/// The rig in a scene of waves of every fineness down to two pixels, and a little noise. Every head sees the same
-/// scene, as light falls into it and its gain makes it; what they see is full range, no head is clipped.
+/// Pictures of a scene with waves of all frequencies down to two pixels, and a little noise. Every head sees the same
+/// scene under its fall-off and gain; values are full range, no head clips.
 FilmedSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed);
-/// The same in other memory.
+/// A copy in other memory.
 FilmedSet copy(const FilmedSet& set);
 
 }  // namespace nodal::bench

@@ -1,5 +1,5 @@
-// A raymap in somebody else's 360-degree viewer: pannellum in headless Chromium. Its picture of the sphere is held
-// against the view that geometry demands of the same JPEG.
+// A raymap in an independent 360-degree viewer: pannellum in headless Chromium. Its picture is compared with the view
+// that geometry gives for the same JPEG.
 #include <gtest/gtest.h>
 #include <png.h>
 #include <turbojpeg.h>
@@ -59,14 +59,14 @@ struct View {
 constexpr int kWidth = 640;
 constexpr int kHeight = 480;
 
-/// What a pinhole of 90 degrees that looks along `view` sees of the sphere at pixel (x, y), bilinear.
+/// The sphere's value that a 90-degree pinhole looking along `view` sees at pixel (x, y), bilinear.
 double expected(const Picture& sphere, View view, int x, int y, int channel) {
   const double degrees = std::numbers::pi / 180;
   const double right = x + 0.5 - kWidth / 2.0;
   const double down = y + 0.5 - kHeight / 2.0;
   const double ahead = kWidth / 2.0;  // tan 45 = 1
   const double cp = std::cos(view.pitch * degrees), sp = std::sin(view.pitch * degrees);
-  const double level_down = down * cp - ahead * sp;  // pitch up turns the axis against "down"
+  const double level_down = down * cp - ahead * sp;  // positive pitch rotates the axis up, against "down"
   const double level_ahead = down * sp + ahead * cp;
   const double theta = std::atan2(right, level_ahead) + view.yaw * degrees;
   const double phi = std::atan2(level_down, std::hypot(right, level_ahead));
@@ -78,7 +78,7 @@ double expected(const Picture& sphere, View view, int x, int y, int channel) {
          b * ((1 - a) * sphere.at(i, j + 1, channel) + a * sphere.at(i + 1, j + 1, channel));
 }
 
-/// Over the middle of the picture: pannellum puts its compass and logo at the rim.
+/// Only over the middle of the picture: pannellum draws its compass and logo at the edge.
 double psnr(const Picture& shot, const Picture& sphere, View view) {
   double sum = 0;
   int count = 0;
@@ -100,7 +100,7 @@ class Pannellum : public RigTest {
     if (!fs::exists(viewer_ / "pannellum.js") || std::system("command -v chromium >/dev/null") != 0) {
       GTEST_SKIP() << "chromium or pannellum is not here; tests/browser/fetch gets them";
     }
-    // Larger than the other command line tests' rig, so that there is something to look at.
+    // Larger than the rig of the other command line tests, so that the picture has detail.
     std::string toml = read("rig.toml");
     toml.replace(toml.find("width = 256"), 11, "width = 1024");
     toml.replace(toml.find("height = 128"), 12, "height = 512");
@@ -116,7 +116,7 @@ class Pannellum : public RigTest {
     for (const char* file : {"pannellum.js", "pannellum.css"}) {
       fs::copy_file(viewer_ / file, path(file), fs::copy_options::overwrite_existing);
     }
-    // The type is not told: pannellum reads it from the file's GPano metadata.
+    // The page does not state the type: pannellum reads it from the file's GPano metadata.
     write("page.html",
           "<!doctype html><link rel=stylesheet href=pannellum.css><script src=pannellum.js></script>"
           "<style>html,body,#p{margin:0;width:640px;height:480px;overflow:hidden}</style><div id=p></div><script>"
@@ -149,7 +149,7 @@ TEST_F(Pannellum, RaymapFromTheRig_IsSeenAsTheSphereItIs) {
                     fs::copy_options::overwrite_existing);
     }
     EXPECT_GT(psnr(shot, sphere, view), 30) << "yaw " << view.yaw << ", pitch " << view.pitch;
-    // The same picture is far from what a viewer would see that looks 20 degrees aside.
+    // The same picture is very different from a view 20 degrees to the side.
     EXPECT_LT(psnr(shot, sphere, {view.yaw + 20, view.pitch}), 20);
   }
 }

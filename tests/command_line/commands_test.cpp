@@ -1,4 +1,4 @@
-// Every command of the real `nodal` against a real nodald, as a user would type them.
+// Every command of the real `nodal` against a real nodald, as a user types them.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <turbojpeg.h>
@@ -71,7 +71,7 @@ TEST_F(Commands, PngAndRaw_HoldTheSameSphereAsEachOtherSays) {
   EXPECT_EQ(sidecar["planes"][2]["offset"], 256 * 128 * 5 / 4);
 }
 
-/// rig.toml with heads and raymap of these formats.
+/// rig.toml with heads and raymap in these formats.
 std::string in_formats(std::string rig, const std::string& heads, const std::string& raymap) {
   std::string out;
   for (std::size_t at = 0; at < rig.size();) {
@@ -97,7 +97,7 @@ TEST_F(Commands, LinearRaymap_IsPulledInSixteenBitsAndAsAJpeg) {
   ASSERT_TRUE(wait_until([&] { return pulled("r.raw")["exposure_ns"][1] == 2'000'000; }));
   const Json raymap = pulled("r.raw");
   EXPECT_EQ(raymap["coding"], "RGB48");
-  // Without vignetting the numbers reach up to what the head that is exposed least can see.
+  // Without vignetting the numbers reach the maximum of the head with the shortest exposure.
   EXPECT_NEAR(raymap["full_exposure_ns"].get<double>(), 2'000'000, 4'000);
   const std::string raw = read("r.raw");
   ASSERT_EQ(raw.size(), 256U * 128 * 6);
@@ -181,12 +181,12 @@ TEST_F(Commands, GenlockStopAndAnotherRate_AreSeen) {
 }
 
 TEST_F(Commands, AButtonInRigToml_StartsMarksAndStopsWithoutAHost) {
-  // A press, one while it runs, and one that is held.
+  // One press, one while it runs, and one long press.
   write("rig.toml",
         "[panel]\nbutton = \"sim:1+0.2,3+0.2,4+1.8\"\nstatus = \"sim:\"\ntally = \"sim:\"\n" + read("rig.toml"));
   start_nodald();
   EXPECT_TRUE(wait_until([&] {
-    nodald().complained();  // it logs every host that comes
+    nodald().complained();  // it logs every new host
     const Json status = nodal_json({"status"}).at(0);
     return status["marks"].size() == 1 && nodal_json({"genlock", "show"}).at(0)["state"] == "off";
   }));

@@ -21,7 +21,7 @@ using test::Finished;
 using test::Process;
 using Words = std::vector<std::string>;
 
-/// Seconds that all its threads have computed, by /proc/PID/stat.
+/// CPU seconds of all its threads, from /proc/PID/stat.
 double computed(const Process& process) {
   std::ifstream file("/proc/" + std::to_string(process.pid()) + "/stat");
   std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -34,11 +34,11 @@ double computed(const Process& process) {
   return ticks / static_cast<double>(::sysconf(_SC_CLK_TCK));
 }
 
-/// Pictures that take each of the commands far longer than a test waits for its end.
+/// Pictures for which each of the commands takes far longer than the test waits.
 class Interrupt : public testing::Test {
  protected:
   static constexpr int kSide = 640;
-  static constexpr double kBegun = 0.15;  ///< s of computing; the shortest of the commands takes 0.5 on a quick machine
+  static constexpr double kBegun = 0.15;  ///< s of CPU time; the shortest of the commands takes 0.5 s on a fast machine
 
   static void SetUpTestSuite() {
     folder_ = new test::TemporaryFolder;
@@ -51,7 +51,7 @@ class Interrupt : public testing::Test {
                         test::png_of(rig.bytes[h], kSide, kSide, 1));
     }
     std::ofstream(*folder_ / "prior.json") << to_json(test::turned(truth, 1, 3, 3));
-    // No photograph of a pattern, which costs a search of every one.
+    // Not a photograph of a pattern, so every search for it is exhaustive.
     std::mt19937 random(5);
     for (const char* name : {"a.png", "b.png", "c.png"}) {
       std::vector<std::uint8_t> noise(std::size_t{2000} * 1500);

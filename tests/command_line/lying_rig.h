@@ -1,4 +1,4 @@
-// A rig that says what a test wants, in frames that hold together and mean nothing good.
+// A rig that sends whatever a test wants: valid frames with wrong content.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,9 @@ namespace nodal::command_line {
 
 /// Listens on a Unix socket and serves one host at a time, frame by frame, without a session's checks.
 ///
-/// Threading: thread-bound; step() does what there is to do now.
-/// Ownership: the socket goes with the object.
-/// Errors: a host that hangs up is forgotten.
+/// Threading: thread-bound; step() does the pending work.
+/// Ownership: the destructor removes the socket.
+/// Errors: none; a host that disconnects is dropped.
 class LyingRig {
  public:
   explicit LyingRig(const std::string& socket);
@@ -29,18 +29,18 @@ class LyingRig {
   void step();
 
  protected:
-  /// What it answers; it may send any frames.
+  /// Answers a request; it may send any frames.
   virtual void on(const wire::Request& request) = 0;
 
   void reply(const wire::Request& request, wire::Reply reply);
   void frame(FrameType type, StreamId stream, const std::string& payload);
   void open_stream(StreamId stream, StreamPolicy policy);
-  /// A piece of an item whose body is said to have `total` bytes, with `body` at its beginning.
+  /// Sends the first piece of an item: it announces `total` bytes of body, and contains `body`.
   void first_piece(StreamId stream, std::uint64_t item, const std::string& meta, std::uint64_t total,
                    const std::string& body);
 
   wire::Hello hello;
-  /// Bytes that wait until the host takes them.
+  /// Bytes that the host has not taken yet.
   std::size_t waiting() const { return out_.size(); }
 
  private:

@@ -1,4 +1,4 @@
-// A rig with false messages cannot make `nodal` take memory, hang, crash, or write control characters on a terminal.
+// A rig with false messages cannot make `nodal` use much memory, hang, crash, or send control characters to a terminal.
 #include "lying_rig.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ class ScriptedRig final : public LyingRig {
   }
 };
 
-constexpr StreamId kStream = 2;  // the first that a rig opens
+constexpr StreamId kStream = 2;  // the first stream that a rig opens
 
 void start_pull(ScriptedRig& rig, const wire::Request& request) {
   wire::Reply started;
@@ -55,13 +55,13 @@ class LyingRigs : public RigTest {
  protected:
   LyingRigs() : rig_(path("nodal.sock")) {}
 
-  /// `nodal WORDS` with 600 MB of address space, against a rig that lies so. `timeout` is nodal's; a busy machine needs
-  /// the usual one, for answers that are long.
+  /// Runs `nodal WORDS` with 600 MB of address space against this rig. `timeout` is nodal's; long answers need the
+  /// usual one on a busy machine.
   Finished against(std::function<void(ScriptedRig&, const wire::Request&)> respond, const std::string& words,
                    const std::string& timeout = "10s") {
     rig_.respond = std::move(respond);
 #ifdef __SANITIZE_ADDRESS__
-    const std::string limit;  // it takes terabytes of address space for itself
+    const std::string limit;  // the sanitizer needs terabytes of address space
 #else
     const std::string limit = "ulimit -v 600000; ";
 #endif
@@ -245,7 +245,7 @@ TEST_F(LyingRigs, StreamsWithoutEndInPlaceOfAnAnswer_EndWithinTheirWindows) {
   const auto respond = [&asked](ScriptedRig& rig, const wire::Request&) {
     if (std::exchange(asked, true)) return;
     rig.open_stream(kStream, StreamPolicy::kLossless);
-    for (std::uint64_t item = 0; item < 100; ++item) {  // 6 MB, and no more than 4 MiB may be under way
+    for (std::uint64_t item = 0; item < 100; ++item) {  // 6 MB; at most 4 MiB may be in transit
       rig.first_piece(kStream, item, "", 60'000, std::string(60'000, 'x'));
     }
   };

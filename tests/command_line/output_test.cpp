@@ -1,4 +1,4 @@
-// What `nodal` says when its answer cannot be written, when a signal ends it, and when the rig hangs.
+// The messages of `nodal` when its answer cannot be written, when a signal ends it, and when the rig hangs.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -22,7 +22,7 @@ class Output : public RigTest {
   }
   Finished shell(const std::string& script) const { return start_shell(script)->wait(); }
 
-  /// A pull that has delivered raymaps and goes on.
+  /// A pull that has delivered raymaps and continues.
   std::unique_ptr<Process> pull_under_way(Words words) const {
     words.insert(words.begin(), {"--json", "raymap", "pull", "--out", path("live.jpg")});
     std::unique_ptr<Process> pull = start(words);

@@ -1,4 +1,4 @@
-// `nodal register` on a real rig, from no more than its data sheet.
+// `nodal register` on a real rig, starting from its data sheet only.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -26,7 +26,7 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippe
   const auto register_it = [&](std::vector<std::string> words) {
     words.insert(words.begin(), "register");
     words.insert(words.end(), pictures.begin(), pictures.end());
-    // On one raymap, so that the two figures mean the same.
+    // With one raymap size, so that the two figures are comparable.
     for (const char* word : {"--vignetting", "fixed", "--no-search", "--width", "2048", "--json", "-o"})
       words.emplace_back(word);
     words.push_back((folder / "found.json").string());
@@ -43,8 +43,8 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheet_DifferLessThanWithTheShippe
   for (const json& head : by_data_sheet["heads"]) EXPECT_TRUE(head["placed"].get<bool>()) << head["why_not"];
 }
 
-/// The mean squared difference that heads keep when only their light is fitted, and how the pairs agree: the same question
-/// of every calibration.
+/// The mean squared difference between heads when only their light is fitted, and the residuals of the pairs: the same
+/// measure for every calibration.
 json judged(const std::string& calibration, const std::vector<std::string>& pictures, const std::string& scratch) {
   std::vector<std::string> words{NODAL_BIN_DIR "/nodal", "--json", "register", calibration, "--free", "light",
                                  "--vignetting",         "own",    "--width",  "2048",      "-o",     scratch};
@@ -82,7 +82,7 @@ TEST(RealRegistration, ThreeFisheyesFromTheDataSheetAlone_EverySeamLinesUpBetter
   ASSERT_EQ(done.code, 0) << done.err;
   const json by_us = judged(found, pictures, (folder / "judged.json").string());
   EXPECT_LT(by_us["objective_after"].get<double>(), by_maker["objective_after"].get<double>());
-  for (std::size_t pair = 0; pair < 3; ++pair) {  // fine detail lines up at every seam, also of windows in rows
+  for (std::size_t pair = 0; pair < 3; ++pair) {  // fine detail is aligned at every seam, also for rows of windows
     EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), 0.3);
     EXPECT_GT(by_us["pairs"][pair]["agreement"].get<double>(), by_maker["pairs"][pair]["agreement"].get<double>());
   }
@@ -93,13 +93,13 @@ TEST(RealRegistration, TwoFisheyesBackToBack_AreNotPlacedByTheirRimsButTheirExpo
   if (!fs::exists(rig / "FR" / "GPFR0003_img1.jpg")) GTEST_SKIP() << rig << " is not there: no real rig is registered";
   const test::TemporaryFolder folder;
   const auto run = [&](const std::string& free) {
-    // The circle and the field of view of the maker's data sheet.
+    // The circle and the field of view from the maker's data sheet.
     return test::Process({NODAL_BIN_DIR "/nodal", "--json", "register", "--nominal", "2x190", "--circle", "779,742,765",
                           "--free", free, "-o", (folder / "found.json").string(), rig / "FR" / "GPFR0003_img1.jpg",
                           rig / "BK" / "GPBK0003_img1.jpg"})
         .wait(std::chrono::seconds(110));
   };
-  // A hand, a sleeve and a book cross the rims, and each lens sees them from its own place.
+  // A hand, a sleeve and a book cross the rims; each lens sees them from its own position.
   const test::Finished placed = run("rotations");
   EXPECT_EQ(placed.code, 4) << placed.out;
   EXPECT_FALSE(fs::exists(folder / "found.json"));

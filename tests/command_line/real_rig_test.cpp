@@ -1,5 +1,5 @@
-// A real rig, from another program's project to a pulled raymap: three fisheyes on a rooftop, against the stitch
-// that Hugin's nona and enblend made of the same numbers.
+// A real rig, from another program's project to a pulled raymap: three fisheyes on a rooftop, compared with the stitch
+// by Hugin's nona and enblend from the same numbers.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ double mean_step(const ImageView& image, int left, int right) {
   return sum / image.height;
 }
 
-/// Sum of absolute differences of a window of `a` and the same window of `b`, moved.
+/// Sum of absolute differences between a window of `a` and the shifted window of `b`.
 long window_difference(const ImageView& a, const ImageView& b, int x0, int y0, int side, int dx, int dy) {
   long sum = 0;
   for (int y = y0; y < y0 + side; ++y) {
@@ -59,7 +59,7 @@ struct Shifts {
   int within_one_pixel = 0;
 };
 
-/// Of the windows between the rows that have detail both ways: how many lie where the reference has them.
+/// Of the windows between the rows with detail in both directions: how many are at the reference's position.
 Shifts shifts_against(const ImageView& raymap, const ImageView& reference, int top, int bottom) {
   constexpr int kSide = 48;
   constexpr int kReach = 4;
@@ -87,8 +87,8 @@ Shifts shifts_against(const ImageView& raymap, const ImageView& reference, int t
 
 using RealRig = RigTest;
 
-// What is near the rooftop rig differs: its heads are a hand apart, and enblend cuts where Nodal mixes. So the bounds
-// on the whole are loose, and those on what is far away (above the horizon, where parallax is nothing) are not.
+// Near the rooftop rig the stitches differ: its heads are a hand apart, and enblend cuts where Nodal blends. So bounds
+// for the whole are loose; those for distant objects (above the horizon, almost no parallax) are tight.
 TEST_F(RealRig, RooftopImportedReplayedUploadedPulled_IsTheReferenceStitch) {
   const fs::path data = fs::path(NODAL_SHARED_DIR) / "data" / "stitchem_3cam";
   if (!fs::exists(data / "3_Cam_-_Sample.pts")) GTEST_SKIP() << data << " is not there: no real rig is stitched";

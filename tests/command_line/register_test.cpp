@@ -1,4 +1,4 @@
-// `nodal register` as a user runs it, on pictures of a rendered rig.
+// `nodal register` run as by a user, on pictures of a rendered rig.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ class RegisterCommand : public testing::Test {
     return rig;
   }
 
-  // Pictures called as the heads are, and a calibration some degrees off.
+  // Pictures named after the heads, and a calibration that is some degrees off.
   void write(const test::RenderedRig& rig, double least_deg = 1, double most_deg = 3) {
     std::filesystem::create_directories(folder_ / "frames");
     for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
@@ -129,7 +129,7 @@ TEST_F(RegisterCommand, HeadsAnywhereAndPointPairs_AreRegisteredFromThere) {
   write(town(), 60, 170);
   const Finished alone = run({path("prior.json"), path("frames"), "-o", path("found.json")});
   EXPECT_EQ(alone.code, 4) << alone.out;
-  // Points a hand would set, to half a pixel: the corners of a cube about the rig, each in three heads.
+  // Points as set by hand, to half a pixel: the corners of a cube around the rig, each seen by three heads.
   std::string csv = "head_a,x_a,y_a,head_b,x_b,y_b\n";
   const std::vector<geometry::Head> heads = geometry::make_heads(town().truth).value();
   for (int corner = 0; corner < 8; ++corner) {
@@ -173,7 +173,7 @@ TEST_F(RegisterCommand, PicturesThatDoNotFitTheCalibration_AreCountedAndNamed) {
 }
 
 TEST_F(RegisterCommand, NominalRig_IsAsTheDataSheetHasItAndNeedsNoCalibration) {
-  // Three fisheyes round the horizon, their truth a little off the data sheet.
+  // Three fisheyes around the horizon; their truth differs slightly from the data sheet.
   Calibration truth = test::six_fisheyes(kSide, 190);
   truth.heads = {truth.heads[0], truth.heads[1], truth.heads[3]};
   for (HeadCalibration& head : truth.heads) head.region.circle = Region::Circle{80, 80, 80};

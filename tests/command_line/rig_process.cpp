@@ -30,7 +30,7 @@ calibration = "truth.json"
 }  // namespace
 
 Calibration six_heads(const std::string& name, int side) {
-  // Rows are the head's axes in the rig: right, down, forward.
+  // Rows are the head's axes in the rig frame: right, down, forward.
   const std::array<std::array<double, 9>, 6> places{{{1, 0, 0, 0, 1, 0, 0, 0, 1},
                                                      {0, 0, -1, 0, 1, 0, 1, 0, 0},
                                                      {-1, 0, 0, 0, 1, 0, 0, 0, -1},

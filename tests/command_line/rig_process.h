@@ -1,4 +1,4 @@
-// A real nodald on a small simulated rig, and the real `nodal` that talks to it.
+// A real nodald on a small simulated rig, and the real `nodal` as its client.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -20,28 +20,28 @@ using ::nodal::test::Process;
 using ::nodal::test::wait_until;
 using Words = std::vector<std::string>;
 
-/// Six rectilinear heads of 100 degrees, `side` px square, that look along the axes: forward, right, back, left,
-/// up, down. Every ray is seen by one to three. `name` is all that differs between two of the same size.
+/// Six rectilinear heads of 100 degrees, `side` px square, that look along the axes: forward, right, back, left, up,
+/// down. Every ray is seen by one to three heads. Two results of the same size differ only in `name`.
 Calibration six_heads(const std::string& name, int side = 96);
 
-/// A folder of the test's own with rig.toml, truth.json and six.json, and a nodald that runs on it.
+/// A temporary folder with rig.toml, truth.json and six.json, and a nodald that runs in it.
 class RigTest : public ::testing::Test {
  protected:
   RigTest();
   ~RigTest() override;
 
-  /// Starts nodald, or starts it again on the same store, and waits until it listens.
+  /// Starts or restarts nodald on the same store, and waits until it listens.
   void start_nodald();
   Process& nodald() { return *nodald_; }
 
-  /// Runs `nodal WORDS` on this rig to its end.
+  /// Runs `nodal WORDS` on this rig and waits for its end.
   Finished nodal(Words words) const;
-  /// The same with --json: its documents, one a line.
+  /// The same with --json; returns its documents, one per line.
   std::vector<Json> nodal_json(Words words) const;
   std::unique_ptr<Process> start(Words words) const;
   /// Uploads six.json, starts the genlock and waits until it is locked.
   void bring_up() const;
-  /// Writes a program that NODAL_SSH can name: a shell script with BRIDGE for the command that bridges.
+  /// Writes a program for NODAL_SSH: a shell script in which BRIDGE is replaced by the bridge command.
   void fake_ssh(const std::string& script);
 
   std::string path(const std::string& name) const { return (folder_ / name).string(); }

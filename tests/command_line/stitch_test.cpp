@@ -1,4 +1,4 @@
-// `nodal stitch` as a user runs it, on pictures of a rendered rig; its pixels against those of nodald.
+// `nodal stitch` run as by a user, on pictures of a rendered rig; its pixels are compared with nodald's.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ class StitchCommand : public RigTest {
         test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 1.0, 5, 3});
     return rig;
   }
-  /// rig.json, and the pictures of the town in `folder`.
+  /// Writes rig.json, and the pictures of the town in `folder`.
   void write_pictures(const std::string& folder) {
     write("rig.json", to_json(town().truth));
     std::filesystem::create_directories(path(folder));
@@ -43,8 +43,8 @@ class StitchCommand : public RigTest {
   }
 };
 
-/// Correlation of a whole sphere's green with the light of the town, over solid angle: exposure is a factor, so it does
-/// not count; noise, edges and people who walk about do. Places that clip the pictures are left out.
+/// Correlation of a whole sphere's green channel with the light of the town, weighted by solid angle. It is independent
+/// of exposure, but not of noise, edges and walking people. Clipped areas are left out.
 double correlation_with_town(const DecodedImage& sphere) {
   const auto layout = geometry::make_layout("equirectangular", sphere.width, sphere.height).value();
   const auto scene = hal::sim::town_square_scene(3);
@@ -71,7 +71,7 @@ TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
   const Finished run = nodal(words);
   ASSERT_EQ(run.code, 0) << run.err;
   const DecodedImage sphere = media::read_image(path("sphere.png"), PixelFormat::kRgb24).value();
-  // Equidistant: 160 px across 130 degrees are 70.5 px a radian, 443.1 px around.
+  // Equidistant: 160 px for 130 degrees are 70.5 px per radian, 443.1 px for the whole circle.
   EXPECT_EQ(sphere.width, 444);
   EXPECT_EQ(sphere.height, 222);
   EXPECT_GT(correlation_with_town(sphere), 0.95);
@@ -133,7 +133,7 @@ TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
   EXPECT_EQ(size_of({"--width", "100", "--bits", "16"}), std::pair(100, 50));
 }
 
-/// Two fisheyes of 190 degrees back to back, whose picture circles lie apart in their pictures.
+/// Two fisheyes of 190 degrees back to back, with picture circles at different positions.
 test::RenderedRig two_fisheyes() {
   Calibration rig = test::six_fisheyes(kSide, 190);
   rig.heads = {rig.heads[0], rig.heads[2]};
@@ -148,7 +148,7 @@ test::RenderedRig two_fisheyes() {
     head.lens = EquidistantLens{{circles[h].radius / head.max_angle}};
   }
   test::RenderedRig rendered = test::render_rig(rig, hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 0, 5, 3});
-  for (std::size_t h = 0; h < 2; ++h) {  // the lens leaves the sensor dark beyond its circle
+  for (std::size_t h = 0; h < 2; ++h) {  // outside its circle the lens leaves the sensor dark
     for (int i = 0; i < kSide * kSide; ++i) {
       const double from_middle = std::hypot(i % kSide + 0.5 - circles[h].x, i / kSide + 0.5 - circles[h].y);
       if (from_middle < circles[h].radius) continue;

@@ -1,4 +1,4 @@
-// What goes wrong on the way: every failure has its exit code and its one clear sentence, and loses nothing.
+// Failures: each has its exit code and one clear sentence, and loses no data.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mount.h>
@@ -113,7 +113,7 @@ TEST_F(Trouble, NodaldStoppedDead_IsATimeoutNotAHang) {
 
 TEST_F(Trouble, NobodyReadsTheLog_TheRigGoesOnAndEndsWhenTold) {
   start_nodald();
-  nodald().narrow();  // every host that comes and goes is two lines
+  nodald().narrow();  // every connection logs two lines
   for (int i = 0; i < 60; ++i) {
     const Finished status = nodal({"status"});
     ASSERT_EQ(status.code, 0) << "after " << i << " hosts: " << status.err;
@@ -186,8 +186,8 @@ TEST_F(Trouble, SshToARigWhereNodaldDoesNotRun_SaysSo) {
 
 TEST_F(Trouble, LinkThatBreaksInTheMiddleOfAnUpload_IsMadeAnewAndGoesOn) {
   start_nodald();
-  // Blanks make the document long enough for several pieces; the first two links die after 150 and 300 kB. (The
-  // bridge makes its output non-blocking, and with it the input of dd, were they not kept apart by cat.)
+  // Spaces make the document long enough for several pieces; the first two links break after 150 and 300 kB. (cat
+  // separates dd from the bridge, which makes its output, and with it dd's input, non-blocking.)
   write("long.json", to_json(six_heads("long")) + std::string(600'000, ' '));
   fake_ssh("n=$(cat " + path("links") +
            " 2>/dev/null || echo 0)\n"

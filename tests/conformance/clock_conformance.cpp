@@ -1,4 +1,4 @@
-// What every ClockPort must hold.
+// The tests that every ClockPort must pass.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -57,7 +57,7 @@ TEST_P(ClockConformance, AskedFromManyThreads_NoneSeesItGoBackwards) {
   EXPECT_EQ(backwards, 0);
 }
 
-// The kernel's own account of the same clock, by another road.
+// The kernel's value of the same clock, read in another way.
 TEST_P(ClockConformance, RealTime_IsTheKernelsMonotonicClock) {
   if (!GetParam().real) GTEST_SKIP() << "virtual time";
   const auto steady = [] { return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1); };

@@ -1,4 +1,4 @@
-// What every DiskPort must hold. An implementation takes part by a DiskWorld.
+// The tests that every DiskPort must pass. To add an implementation: add a DiskWorld.
 #include <gtest/gtest.h>
 
 #include <functional>

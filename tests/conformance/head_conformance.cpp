@@ -10,7 +10,7 @@ namespace nodal::hal {
 namespace {
 
 Sha256 content(const FrameView& frame) {
-  // Planes may lie anywhere; sample by sample is what a consumer reads.
+  // Planes may have any layout, so pictures are compared sample by sample.
   std::vector<std::uint8_t> samples;
   for (const PlaneView& plane : frame.image.planes) {
     if (plane.data == nullptr) continue;
@@ -118,7 +118,7 @@ TEST_P(HeadConformance, StoppedInAnyStateAnyNumberOfTimes_StartsAgain) {
   EXPECT_EQ(next(*head).verdict, FrameVerdict::kGood);
 }
 
-// Stops at Fibonacci counts: between frames, with frames lent and not, just after a start.
+// Stops after Fibonacci numbers of frames: between frames, with and without lent frames, directly after a start.
 TEST_P(HeadConformance, StoppedAfterManyCountsOfFrames_EveryRestartDeliversGoodFrames) {
   const auto head = open();
   for (const int count : {1, 2, 3, 5, 8, 13, 21, 34, 55, 89}) {
@@ -126,7 +126,7 @@ TEST_P(HeadConformance, StoppedAfterManyCountsOfFrames_EveryRestartDeliversGoodF
     for (int i = 0; i < count; ++i) {
       const FrameView frame = next(*head);
       ASSERT_EQ(frame.verdict, FrameVerdict::kGood) << "frame " << i << " of " << count;
-      if (i + 1 < count || count % 2 == 0) head->release(frame.slot);  // odd counts stop with one lent
+      if (i + 1 < count || count % 2 == 0) head->release(frame.slot);  // odd counts stop with one frame lent
     }
     head->stop();
   }
@@ -205,7 +205,7 @@ TEST_P(HeadConformance, ReleasedWrongly_NothingHappens) {
   const auto head = open_streaming();
   const FrameView frame = next(*head);
   head->stop();
-  head->release(frame.slot);  // stop() took it back already
+  head->release(frame.slot);  // stop() has taken it back already
   head->release(0xFFFF);
   ASSERT_TRUE(head->start(TriggerMode::kFreeRun));
   const FrameView again = next(*head);
@@ -377,7 +377,7 @@ TEST_P(HeadConformance, UnpluggedWhileStreaming_EveryCallSaysSoByNameAndLentFram
   const Sha256 held = content(lent);
   if (!world_->unplug()) GTEST_SKIP() << "this head cannot be unplugged here";
   world_->pass(head->format().rate.period() * 3);
-  // What arrived before may still be taken.
+  // Earlier frames may still be taken.
   auto frame = head->take_frame();
   for (int i = 0; i < 64 && frame; ++i) frame = head->take_frame();
   const std::vector<Status> statuses{frame ? Status{} : fail(frame.error()),

@@ -1,4 +1,4 @@
-// What every HeadPort and HeadEnumerator must hold. An implementation takes part by a HeadWorld and a kind of it in
+// The tests that every HeadPort and HeadEnumerator must pass. To add an implementation: add a HeadWorld and its kind to
 // head_worlds.cpp.
 #pragma once
 
@@ -15,20 +15,20 @@
 
 namespace nodal::hal {
 
-/// A place with one head that is not open yet, whose frames come by themselves in free run.
+/// An environment with one head, not open yet, that sends frames by itself in free run.
 class HeadWorld {
  public:
   virtual ~HeadWorld() = default;
   virtual HeadEnumerator& enumerator() = 0;
   virtual std::string path() = 0;
   virtual ClockPort& clock() = 0;
-  /// Lets time pass: virtual worlds advance, real ones wait.
+  /// Lets time pass: virtual worlds advance their clock, real ones wait.
   virtual void pass(Duration time) = 0;
-  /// What pulses the head's trigger input; null when there is nothing.
+  /// The source of pulses for the head's trigger input; null if there is none.
   virtual TriggerPort* trigger() { return nullptr; }
-  /// Pulls the head's plug; false when this world cannot.
+  /// Unplugs the head; false if this world cannot.
   virtual bool unplug() { return false; }
-  /// Plugs it in again while the old head's object is still there; false when this world cannot.
+  /// Plugs it in again while the old head's object still exists; false if this world cannot.
   virtual bool replug() { return false; }
 };
 
@@ -42,7 +42,7 @@ class HeadConformance : public testing::TestWithParam<HeadWorldKind> {
  protected:
   std::unique_ptr<HeadPort> open();
   std::unique_ptr<HeadPort> open_streaming();
-  /// The next frame, waiting a few periods for it; fails the test when none comes.
+  /// Waits up to a few periods for the next frame; fails the test if there is none.
   FrameView next(HeadPort& head);
 
   std::unique_ptr<HeadWorld> world_ = GetParam().make();

@@ -44,7 +44,7 @@ HeadWorldKind sim_kind(const std::string& name, const std::function<void(sim::He
           }};
 }
 
-/// Picture files played as a head.
+/// A head that plays picture files.
 class ReplayHeadWorld final : public HeadWorld {
  public:
   ReplayHeadWorld(const std::string& name, int files, std::uint64_t keep_bytes) : name_(name) {

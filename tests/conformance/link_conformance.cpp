@@ -9,7 +9,7 @@
 namespace nodal::hal {
 namespace {
 
-constexpr int kPatience = 20'000;  // calls that may give nothing before a test gives up
+constexpr int kPatience = 20'000;  // calls without result before a test gives up
 
 struct Pair {
   std::unique_ptr<LinkWorld> world;
@@ -48,7 +48,7 @@ void write_all(LinkWorld& world, LinkPort& link, std::span<const std::uint8_t> b
   ASSERT_TRUE(bytes.empty());
 }
 
-/// Reads until `n` bytes are there or the link fails.
+/// Reads until `n` bytes have arrived or the link fails.
 std::vector<std::uint8_t> read_bytes(LinkWorld& world, LinkPort& link, std::size_t n) {
   std::vector<std::uint8_t> all;
   std::array<std::uint8_t, 5000> part;
@@ -61,7 +61,7 @@ std::vector<std::uint8_t> read_bytes(LinkWorld& world, LinkPort& link, std::size
   return all;
 }
 
-/// The error that ends reading; every byte before it goes to `rest`.
+/// Reads to the end; returns the final error and appends the bytes before it to `rest`.
 Errc read_to_end(LinkWorld& world, LinkPort& link, std::vector<std::uint8_t>& rest) {
   std::array<std::uint8_t, 4096> part;
   for (int i = 0; i < kPatience; ++i) {
@@ -203,7 +203,7 @@ TEST_P(LinkConformance, HostLeavesBeforeItIsAccepted_ListenerGoesOn) {
   auto host = world->connect();
   const std::vector<std::uint8_t> one{1};
   write_all(*world, *host, one);
-  // The first may be accepted and closed, or never show up; the second is there.
+  // The first may be accepted and closed, or never appear; the second must be accepted.
   bool heard = false;
   for (int i = 0; i < kPatience && !heard; ++i) {
     world->wait_knocking();

@@ -1,4 +1,4 @@
-// What every LinkPort and LinkListenerPort must hold. An implementation takes part by a LinkWorld and one
+// The tests that every LinkPort and LinkListenerPort must pass. To add an implementation: add a LinkWorld and one
 // INSTANTIATE_TEST_SUITE_P line.
 #pragma once
 
@@ -14,19 +14,19 @@
 
 namespace nodal::hal {
 
-/// A place where links are made.
+/// An environment in which links are made.
 class LinkWorld {
  public:
   virtual ~LinkWorld() = default;
   virtual LinkListenerPort& listener() = 0;
   virtual std::unique_ptr<LinkPort> connect() = 0;
-  /// Drops the listener; links live on.
+  /// Destroys the listener; links stay open.
   virtual void drop_listener() = 0;
-  /// Until there is something to read, or room to write, as far as this world takes time for that.
+  /// Waits until there is something to read, or room to write, if this world needs time for that.
   virtual void wait_readable(LinkPort& link) = 0;
   virtual void wait_writable(LinkPort& link) = 0;
   virtual void wait_knocking() = 0;
-  /// The process that calls connect(), as the rig's end must report it; nothing where the kernel does not.
+  /// The process that calls connect(), as the rig's end must report it; nothing if the kernel does not report it.
   virtual std::optional<PeerIdentity> host_identity() const = 0;
 };
 

@@ -1,4 +1,4 @@
-// The worlds of links that there are.
+// The LinkWorlds of all implementations.
 #include <poll.h>
 #include <stdlib.h>
 #include <unistd.h>
@@ -74,7 +74,7 @@ class SocketWorld final : public LinkWorld {
   std::unique_ptr<LinkListenerPort> listener_;
 };
 
-/// Pairs of pipes, as a program sees its standard input and output.
+/// Pairs of pipes, like a program's standard input and output.
 class PipeWorld final : public LinkWorld {
  public:
   class Listener final : public LinkListenerPort {

@@ -68,7 +68,7 @@ TEST_P(PinConformance, InputDriven_EveryEdgeComesOnceInOrderOfTime) {
   for (int i = 0; i < 20; ++i) {
     world_->drive_input(i % 2 == 0);
     world_->pass(Duration::milliseconds(10));
-    if (i % 3 != 0) continue;  // edges wait until they are taken
+    if (i % 3 != 0) continue;  // edges are queued until they are taken
     while (auto edge = world_->input().take_edge().value()) seen.push_back(*edge);
   }
   while (auto edge = world_->input().take_edge().value()) seen.push_back(*edge);

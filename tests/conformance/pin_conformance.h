@@ -1,5 +1,5 @@
-// What every OutputPinPort and InputPinPort must hold. An implementation takes part by a world that can look at the
-// wire from outside.
+// The tests that every OutputPinPort and InputPinPort must pass. To add an implementation: add a world that can measure
+// the line outside the port.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ class PinWorld {
   /// The output's level, measured outside the port.
   virtual bool output_wire() = 0;
   virtual InputPinPort& input() = 0;
-  /// Somebody else drives the input, which began low.
+  /// Drives the input from outside; it is low at first.
   virtual void drive_input(bool high) = 0;
   virtual Instant now() = 0;
   virtual void pass(Duration time) = 0;

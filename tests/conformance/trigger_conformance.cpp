@@ -9,7 +9,7 @@ namespace {
 
 TEST_P(TriggerConformance, NotStarted_NoPulses) { EXPECT_TRUE(edges_during(Duration::seconds(1)).empty()); }
 
-// At 30000/1001 the period is not a whole number of nanoseconds; pulse n stays at n * 1001 / 30000 s all the same.
+// At 30000/1001 the period is not a whole number of nanoseconds; pulse n must still be at n * 1001 / 30000 s.
 TEST_P(TriggerConformance, Started_PulsesCountFromZeroOnTheExactGridOfTheRate) {
   ASSERT_TRUE(trigger().start({}));
   const auto all = edges_during(Duration::seconds(20));
@@ -70,7 +70,7 @@ TEST_P(TriggerConformance, ImpossibleSettings_AreBadValuesAndARunningTrainGoesOn
   EXPECT_GE(edges_during(Duration::milliseconds(500)).size(), 14U);
 }
 
-// A board that was suspended for ten years at 1000 pulses a second missed 3 * 10^11 of them.
+// A board that was suspended for ten years at 1000 pulses per second missed 3 * 10^11 pulses.
 TEST_P(TriggerConformance, LongPause_TheNewestPulsesComeAndTheStepIsBounded) {
   TriggerSettings fast;
   fast.rate = {1000, 1};
@@ -82,7 +82,7 @@ TEST_P(TriggerConformance, LongPause_TheNewestPulsesComeAndTheStepIsBounded) {
   const auto after = edges();
   ASSERT_FALSE(after.empty());
   EXPECT_LE(after.size(), 1000U);
-  // On the grid still, and up to now: the newest is less than a period and the jitter old.
+  // Still on the grid, and up to now: the newest is at most a period plus the jitter old.
   const std::uint64_t periods = after.back().number - before.back().number;
   EXPECT_GE(periods, static_cast<std::uint64_t>(pause.ms()) - 1);
   EXPECT_LE(periods, static_cast<std::uint64_t>(pause.ms()) + 1);
@@ -90,7 +90,7 @@ TEST_P(TriggerConformance, LongPause_TheNewestPulsesComeAndTheStepIsBounded) {
   EXPECT_LE(std::abs(off), 2 * world_->jitter().ns());
 }
 
-// While the stage that owns the port may hang in it, another thread ends the program.
+// While the port's stage may hang in a call, another thread ends the program.
 TEST_P(TriggerConformance, MadeSafeByAnotherThread_NoPulseComesAnyMoreAndNothingStartsItAgain) {
   ASSERT_TRUE(trigger().start({}));
   edges_during(Duration::milliseconds(500));

@@ -1,4 +1,4 @@
-// What every TriggerPort must hold. An implementation takes part by a TriggerWorld.
+// The tests that every TriggerPort must pass. To add an implementation: add a TriggerWorld.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,9 +18,9 @@ class TriggerWorld {
   virtual ~TriggerWorld() = default;
   virtual TriggerPort& trigger() = 0;
   virtual void pass(Duration time) = 0;
-  /// The longest pause that pass() can make of this world's time.
+  /// The longest pause that pass() can simulate in this world.
   virtual Duration longest_pause() const { return Duration::seconds(10LL * 365 * 86'400); }
-  /// How far a pulse may be from where it should be, to each side.
+  /// The largest deviation of a pulse from the grid, in both directions.
   virtual Duration jitter() const { return {}; }
 };
 
@@ -38,7 +38,7 @@ class TriggerConformance : public testing::TestWithParam<TriggerWorldKind> {
     while (auto edge = trigger().take_edge().value()) all.push_back(*edge);
     return all;
   }
-  /// Lets time pass in small steps, as a daemon would, and takes what comes.
+  /// Lets time pass in small steps, like a daemon, and takes the edges.
   std::vector<TriggerEdge> edges_during(Duration time) {
     std::vector<TriggerEdge> all;
     for (int i = 0; i < 100; ++i) {

@@ -1,4 +1,4 @@
-// Triggers and pins that run on this machine alone, under the tests that every one must pass.
+// Triggers and pins that need no hardware, with the tests that every implementation must pass.
 #include <algorithm>
 #include <stdexcept>
 
@@ -34,8 +34,8 @@ class SimPinWorld final : public PinWorld {
   sim::SimInputPin input_{clock_};
 };
 
-/// The lamps and the button of nodald, on chips in virtual time. Off is the safe level: of a lamp that is on when its
-/// line is low, the wire is read inverted.
+/// The lamps and the button of nodald on fake GPIO chips in virtual time. Off is the safe level; for a lamp that is on
+/// when its line is low, the wire is read inverted.
 class GpioPinWorld final : public PinWorld {
  public:
   explicit GpioPinWorld(bool active_low) : active_low_(active_low) {
@@ -96,7 +96,7 @@ class ReplayTriggerWorld final : public TriggerWorld {
   replay::Deck deck_{clock_, {}};
 };
 
-/// Of TriggerPort's two kinds on GPIO lines: pulses that the port's thread sends, with or without a line that reads them
+/// The two kinds of TriggerPort on GPIO lines: pulses sent by the port's thread, with or without a line that reads them
 /// back. A pause is a suspended board: its threads run again 10 ms before the pause ends.
 class GpioTriggerWorld final : public TriggerWorld {
  public:

@@ -7,7 +7,7 @@ namespace nodal::hal {
 
 namespace {
 
-/// Opening is waited for, and so is whatever a call left to the device's worker, before time goes on.
+/// Waits for opening, and for the jobs of the device's worker, before time advances.
 class V4l2World final : public HeadWorld, public HeadEnumerator {
  public:
   V4l2World(const v4l2::HeadRequest& request, const std::function<void(test::V4l2Driver&)>& adjust) : driver_(clock_) {

@@ -1,5 +1,5 @@
-// The conformance of every WatchdogPort: the supervisor gets all notifications in order. An implementation takes part
-// by a world that listens.
+// The tests that every WatchdogPort must pass: the supervisor receives all notifications in order. To add an
+// implementation: add a world that receives them.
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -94,7 +94,7 @@ class SimWatchdogWorld final : public WatchdogWorld {
   sim::SimWatchdog watchdog_{clock_};
 };
 
-/// Listens where systemd would, by sd_notify(3)'s own words.
+/// Receives notifications like systemd, according to sd_notify(3).
 class SystemdWorld final : public WatchdogWorld {
  public:
   explicit SystemdWorld(bool abstract) {

@@ -26,7 +26,7 @@ using swarm::Hostile;
 using swarm::HostileKind;
 using swarm::Line;
 
-constexpr int kTurnMs = 10;  ///< of every attacker: a flood is 600 requests a second, a storm 150 connections
+constexpr int kTurnMs = 10;  ///< of every attacker: a flood is 600 requests per second, a storm 150 connections
 constexpr int kOfAKind = 2;
 constexpr Duration kChangesEvery = Duration::milliseconds(50);
 constexpr Duration kUploadsEvery = Duration::seconds(2);
@@ -35,7 +35,7 @@ Instant steady_now() {
   return Instant::from_ns(std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1));
 }
 
-/// Makes every change that a control client may make, within and beyond the limits.
+/// Makes every change that a control client may make, with values within and beyond the limits.
 class Changer {
  public:
   Changer(Hostile::Connect connect, std::string document)
@@ -95,7 +95,7 @@ class Changer {
     return request;
   }
 
-  /// The calibration in force under a name that would forge a line of a log and command a terminal.
+  /// Uploads the calibration in force under a name with line breaks and terminal control characters.
   void upload() {
     std::string document = document_;
     const std::size_t name = document.find("\"name\"");

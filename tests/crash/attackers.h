@@ -1,4 +1,4 @@
-// A process of clients that attack a nodald at its socket, all ways at once, at bounded rates and the lowest priority.
+// A process of clients that attack a nodald's socket in all ways at once, at bounded rates and the lowest priority.
 #pragma once
 
 #include <sys/types.h>
@@ -8,20 +8,20 @@
 
 namespace nodal::crash {
 
-/// What they do beside loading the rig.
+/// The attackers' changes, besides the load.
 enum class Attack : std::uint8_t {
-  kLoad,    ///< nothing: no setting changes
-  kChange,  ///< they change what a control client may: rates, exposures, and calibrations with names that forge lines
+  kLoad,    ///< no changes of settings
+  kChange,  ///< changes as by a control client: rates, exposures, and calibrations with line breaks in their names
 };
 
-/// Forked from a program of one thread; its end is killed with the object, and with the program.
+/// Forked from a single-threaded program; killed by the destructor and at the program's end.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the process.
-/// Errors: running() is false when it could not be started, or died.
+/// Errors: running() is false if it could not be started, or died.
 class Attackers {
  public:
-  /// `document`: the calibration that is in force.
+  /// `document`: the calibration in force.
   Attackers(Attack attack, const std::string& socket, const std::string& document);
   ~Attackers();
   Attackers(const Attackers&) = delete;

@@ -89,7 +89,7 @@ Besieged::~Besieged() {
 }
 
 bool Besieged::start() {
-  // Its log goes to a file, so that a full pipe never holds it up.
+  // Logs to a file, because a full pipe would block it.
   nodald_.emplace(std::vector<std::string>{"/bin/sh", "-c", "exec \"$0\" --config \"$1\" 2>\"$2\"", nodald({}).front(),
                                            (folder_ / "rig.toml").string(), (folder_ / "log").string()});
   return set_up();
@@ -120,7 +120,7 @@ bool Besieged::set_up() {
   genlock.mutable_genlock()->set_rate_numerator(genlock_->rate_numerator());
   genlock.mutable_genlock()->set_rate_denominator(genlock_->rate_denominator());
   if (!done(exposure) || !done(heads) || !done(genlock)) return false;
-  // A machine that is too slow for the rig never says "running"; what was set must be in effect all the same.
+  // On a machine that is too slow the rig never reports "running"; the settings must be in effect all the same.
   bool in_effect = false;
   for (const auto end = Clock::now() + kSettlesWithin; Clock::now() < end; ::poll(nullptr, 0, 100)) {
     const auto status = host->status();
@@ -155,7 +155,7 @@ std::optional<PhaseReport> Besieged::watch(const std::string& phase, std::chrono
     }
     ::poll(nullptr, 0, 1);
   }
-  // A request that still waits has waited so long at least.
+  // A pending request has waited at least until now.
   for (const Asker* asker : {&steady_, &newcomer_}) {
     if (Clock::now() > asker->due) {
       report_.latencies_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - asker->due).count());
@@ -194,7 +194,7 @@ void Besieged::turn_of_puller(Clock::time_point now) {
     if (!puller_) return;
     wire::Request request;
     request.set_id(next_id_++);
-    request.mutable_pull();  // JPEG, the newest, until it is stopped
+    request.mutable_pull();  // JPEG, newest only, until stopped
     (void)puller_->session().send(request);
   }
   bool refused = false;
@@ -230,7 +230,7 @@ void Besieged::turn_of(Asker& asker, Clock::time_point now) {
     const auto* reply = std::get_if<wire::Reply>(&*event);
     if (!reply || reply->id() != asker.asked) continue;
     asker.asked.reset();
-    if (!reply->has_status()) continue;  // refused: it tries again
+    if (!reply->has_status()) continue;  // refused; it tries again
     status_ = reply->status();
     if (!first_status_) first_status_ = status_;
     report_.latencies_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - asker.due).count());

@@ -1,4 +1,4 @@
-// A nodald under observation: what it gives to good clients, and what it costs.
+// A nodald under observation: the service to good clients, and its resource use.
 #pragma once
 
 #include <chrono>
@@ -15,31 +15,31 @@
 
 namespace nodal::crash {
 
-/// What was seen during one phase.
+/// The observations of one phase.
 struct PhaseReport {
   std::string name;
   double seconds = 0;
-  std::uint64_t raymaps = 0;         ///< that the good puller got
-  std::uint64_t sets = 0;            ///< that the rig made
-  std::string lost;                  ///< of them, by reason; "none"
+  std::uint64_t raymaps = 0;         ///< received by the good puller
+  std::uint64_t sets = 0;            ///< made by the rig
+  std::string lost;                  ///< lost sets by reason; "none"
   std::vector<double> latencies_ms;  ///< of the good clients' requests, sorted
-  std::uint64_t resident_bytes = 0;  ///< most
-  std::uint64_t descriptors = 0;     ///< most
+  std::uint64_t resident_bytes = 0;  ///< maximum
+  std::uint64_t descriptors = 0;     ///< maximum
   std::uint64_t log_bytes = 0, settings_bytes = 0;
-  std::uint64_t reconnects = 0;  ///< of good clients that the rig had dropped
+  std::uint64_t reconnects = 0;  ///< by good clients that the rig had disconnected
   double rate() const { return static_cast<double>(raymaps) / seconds; }
   double log_bytes_a_minute() const { return static_cast<double>(log_bytes) * 60 / seconds; }
   double median_ms() const { return latencies_ms.empty() ? 0 : latencies_ms[latencies_ms.size() / 2]; }
   double worst_ms() const { return latencies_ms.empty() ? 0 : latencies_ms.back(); }
 };
 
-/// nodald on a copy of a rig's folder (rig.toml and the calibration that its [sim] names), with three good clients: one
-/// pulls the newest JPEG raymaps, one asks for the status four times a second, and every 5 s a newcomer does. They try
-/// again when they are refused or dropped; a request's time counts from when it was first wanted.
+/// nodald on a copy of a rig's folder (rig.toml and the calibration named in its [sim]), with three good clients: one
+/// pulls the newest JPEG raymaps, one requests the status four times per second, and one connects anew every 5 s. They
+/// retry when refused or disconnected; a request's time counts from the first attempt.
 ///
 /// Threading: thread-bound.
-/// Ownership: owns the process, and a folder that is gone after it.
-/// Errors: start() and watch() are false when nodald is not there or does not answer; why() says it.
+/// Ownership: owns the process, and a temporary folder.
+/// Errors: start() and watch() return false if nodald does not run or does not answer; why() gives the reason.
 class Besieged {
  public:
   explicit Besieged(const std::filesystem::path& rig);
@@ -49,11 +49,11 @@ class Besieged {
 
   /// Starts nodald, uploads the calibration, sets exposures, starts the genlock.
   bool start();
-  /// The same settings again, after others changed them.
+  /// Restores the settings after others changed them.
   bool set_up();
-  /// Observes for so long.
+  /// Observes for the given time.
   std::optional<PhaseReport> watch(const std::string& phase, std::chrono::seconds how_long);
-  /// SIGTERM; its exit code.
+  /// Sends SIGTERM; returns the exit code.
   int stop();
 
   std::string socket() const { return (folder_ / "sock").string(); }
@@ -62,12 +62,12 @@ class Besieged {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// A client that asks for the status and measures.
+  /// A client that requests the status and measures the response time.
   struct Asker {
     std::unique_ptr<swarm::Line> line;
     std::chrono::milliseconds every;
     bool newcomer = false;
-    Clock::time_point due{};  ///< since when it wants an answer
+    Clock::time_point due{};  ///< time of the first attempt
     Clock::time_point next_try{};
     std::optional<std::uint64_t> asked;
   };
@@ -80,7 +80,7 @@ class Besieged {
 
   std::filesystem::path folder_;
   std::string document_, why_;
-  std::optional<wire::Genlock> genlock_;  ///< as rig.toml has it
+  std::optional<wire::Genlock> genlock_;  ///< as in rig.toml
   std::optional<test::Process> nodald_;
   Asker steady_, newcomer_;
   std::unique_ptr<swarm::Line> puller_;

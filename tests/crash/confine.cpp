@@ -1,5 +1,5 @@
-// confine FILE PROGRAM [ARGUMENT...]: runs a program under the seccomp filter that systemd makes of nodald.service, for
-// machines where systemd does not run. FILE holds the names of the permitted system calls, one a line.
+// confine FILE PROGRAM [ARGUMENT...]: runs a program under the seccomp filter that systemd would make from
+// nodald.service, for machines without systemd. FILE contains the names of the permitted system calls, one per line.
 #include <asm/unistd.h>
 #include <sched.h>
 #include <seccomp.h>
@@ -18,7 +18,7 @@ constexpr std::uint64_t kNamespaces =
     CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
 constexpr std::uint64_t kWriteAndExecute = PROT_WRITE | PROT_EXEC;
 
-/// What the unit's other lines restrict further, argument by argument; false for calls that have no such line.
+/// The unit's restrictions by argument; false for calls without such a restriction.
 bool permit_some(scmp_filter_ctx filter, const std::string& name) {
   const auto permit = [&](const scmp_arg_cmp& condition) {
     (void)seccomp_rule_add(filter, SCMP_ACT_ALLOW, seccomp_syscall_resolve_name(name.c_str()), 1, condition);
@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   std::ifstream names(argv[1]);
   for (std::string name; std::getline(names, name);) {
     const int number = seccomp_syscall_resolve_name(name.c_str());
-    if (number == __NR_SCMP_ERROR || permit_some(filter, name)) continue;  // of another architecture
+    if (number == __NR_SCMP_ERROR || permit_some(filter, name)) continue;  // a call of another architecture
     (void)seccomp_rule_add(filter, SCMP_ACT_ALLOW, number, 0);
   }
   if (seccomp_load(filter) != 0) {

@@ -1,4 +1,4 @@
-// The end by force, without a rig: what is called, what is said, and the exit code.
+// The forced end, without a rig: what is called, which message is written, and the exit code.
 #include "firmware/daemon/end_deadline.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ using std::chrono::milliseconds;
 
 void make_safe() { (void)!::write(STDERR_FILENO, "safe. ", 6); }
 
-/// Its argument runs on a thread of its own while outputs are protected.
+/// Runs `work` on a separate thread while outputs are protected.
 [[noreturn]] void run_protected(void (*work)()) {
   EndDeadline deadline;
   const EndDeadline::Protection protection = deadline.protect(make_safe);

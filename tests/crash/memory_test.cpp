@@ -1,4 +1,4 @@
-// nodald when the system refuses it memory: at its start, and to each of its threads while the rig runs.
+// nodald when memory allocation fails: at its start, and in each of its threads while the rig runs.
 #include <gtest/gtest.h>
 
 #include <fcntl.h>
@@ -20,7 +20,7 @@ namespace {
 
 using std::chrono::seconds;
 
-// Whatever the limit, it serves or says in one sentence why it cannot.
+// With every limit it either serves, or gives the reason in one sentence.
 TEST(Memory, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
   int refused = 0;
   for (const int mib : {60, 80, 120, 180, 260, 380}) {
@@ -34,7 +34,7 @@ TEST(Memory, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
     })) << daemon.complained();
     daemon.signal(SIGTERM);
     const test::Finished finished = daemon.wait(seconds(20));
-    // 1 when threads are there and the first steps of a stage find no memory.
+    // 1 if threads were created, but the first steps of a stage fail.
     EXPECT_TRUE(finished.code == 0 || finished.code == 1 || finished.code == 3)
         << finished.code << " at " << mib << " MiB\n"
         << finished.err;
@@ -49,7 +49,7 @@ TEST(Memory, TooFewAddressesToStart_EndsWith3AndSaysWhatToChange) {
   EXPECT_GT(refused, 0);
 }
 
-/// A nodald whose threads can be refused memory.
+/// A nodald in which allocations of one thread can be refused.
 class Refused : public testing::Test {
  protected:
   Refused() {
@@ -62,7 +62,7 @@ class Refused : public testing::Test {
   }
   ~Refused() override { ::munmap(refusal_, sizeof(Refusal)); }
 
-  /// Starts it, and waits until its calibration is in force and raymaps come.
+  /// Starts it, and waits until its calibration is in force and raymaps arrive.
   void start() {
     daemon_.emplace(nodald({"--config", folder_.config()}), environment_);
     host_ = LinkHost::connect(folder_.socket());
@@ -87,7 +87,7 @@ class Refused : public testing::Test {
     refusal_->on.store(1);
   }
 
-  /// Work for every stage; false when the rig is gone.
+  /// Work for every stage; false if the rig has ended.
   bool keep_busy(int round) {
     wire::Request exposure;
     exposure.mutable_head_set()->add_heads(0);
@@ -127,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(Threads, RefusedThread,
                            return name;
                          });
 
-// The threads that blend are the many ones; they have all they need from the start.
+// There are several blending threads; they allocate all their memory at the start.
 TEST_F(Refused, ToTheBlend_ChangesNothingSinceItAsksForNone) {
   start();
   refuse("nodal-blend");
@@ -142,7 +142,7 @@ TEST_F(Refused, ToTheBlend_ChangesNothingSinceItAsksForNone) {
 TEST_F(Refused, ForATable_CostsThatCalibrationAndTheOldOneGoesOn) {
   start();
   const std::string before = host_->status()->calibration_id();
-  refuse("nodal-keeper", 48 * 1024);  // what its table takes at least; documents of this rig are far shorter
+  refuse("nodal-keeper", 48 * 1024);  // its table needs at least this; documents of this rig are far smaller
   ASSERT_TRUE(host_->upload_and_commit(to_json(scenario::small_calibration("second"))));
   const auto refused = commit_answered();
   ASSERT_TRUE(refused) << daemon_->complained();

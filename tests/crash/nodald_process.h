@@ -1,4 +1,4 @@
-// The real nodald, as a process on a folder of its own, and a host that talks to it.
+// The real nodald, as a process with its own folder, and a host that talks to it.
 #pragma once
 
 #include <filesystem>
@@ -12,7 +12,7 @@
 
 namespace nodal::crash {
 
-/// A folder that is gone after the test, with truth.json and rig.toml of the small rig.
+/// A temporary folder with truth.json and rig.toml of the small rig.
 class RigFolder {
  public:
   RigFolder();
@@ -29,20 +29,20 @@ std::vector<std::string> nodald(std::vector<std::string> arguments);
 class LinkHost {
  public:
   explicit LinkHost(std::unique_ptr<hal::LinkPort> link);
-  /// A host connected to a nodald that may still be starting; null when none answers within so many seconds.
+  /// Connects to a nodald that may still be starting; null if none answers in time.
   static std::unique_ptr<LinkHost> connect(const std::string& socket, int seconds = 30);
 
   std::optional<wire::Reply> ask(wire::Request request, int seconds = 30);
   void post(wire::Request request);
-  /// Everything of an upload but its answer.
+  /// Does an upload except for waiting for its answer.
   bool upload_and_commit(const std::string& document);
   std::optional<wire::RigStatus> status();
-  /// Waits a moment for bytes either way; false when the link is gone.
+  /// Waits briefly for bytes in either direction; false if the link is closed.
   bool pump();
   std::optional<wire::Reply> take_reply(std::uint64_t id);
   std::uint64_t last_id() const { return next_id_ - 1; }
 
-  std::size_t raymaps = 0;  ///< whole ones that were pulled
+  std::size_t raymaps = 0;  ///< complete raymaps that were pulled
 
  private:
   std::unique_ptr<hal::LinkPort> link_;

@@ -1,4 +1,4 @@
-// nodald itself: started, asked, killed in the middle of a swap, started again.
+// nodald itself: started, used, killed during a calibration swap, started again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -60,8 +60,8 @@ TEST(Nodald, StartedAskedAndStopped_GivesRaymapsAndAccountsForEveryFrame) {
 TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   const RigFolder folder;
   std::string now;
-  // After the commit so much conversation goes by until the kill: more after an old one was found, less after a new
-  // one, so that most kills fall into the swap however fast this machine is.
+  // The number of messages between the commit and the kill: raised after the old calibration was found, lowered after a
+  // new one, so that most kills hit the swap on machines of any speed.
   int patience = 0;
   int old_ones = 0;
   int new_ones = 0;
@@ -98,10 +98,10 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   EXPECT_GT(new_ones, 0);
 }
 
-/// A fifo without writer: open() for reading blocks.
+/// A FIFO without a writer: open() for reading blocks.
 void make_fifo(const std::filesystem::path& file) { ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0); }
 
-/// The process is killed, and the code another, when it does not end by itself.
+/// Kills the process, which changes the code, if it does not end by itself.
 void expect_end(test::Process& daemon, int code) {
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, code) << daemon.complained();
@@ -123,7 +123,7 @@ TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
   std::filesystem::remove(folder.path / "truth.json");
   make_fifo(folder.path / "truth.json");
   test::Process daemon(nodald({"--config", folder.config()}));
-  int writer = -1;  // opens only once nodald has opened the fifo to read
+  int writer = -1;  // opens only once nodald has opened the FIFO for reading
   ASSERT_TRUE(test::wait_until([&] {
     writer = ::open((folder.path / "truth.json").c_str(), O_WRONLY | O_NONBLOCK);
     return writer >= 0;
@@ -132,7 +132,7 @@ TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
   ::close(writer);
 }
 
-// Any user who may read the folder can hold such a lock.
+// Every user who can read the folder can hold such a lock.
 TEST(Nodald, SomebodyHoldsALockOnItsSocketsFolder_ItServesAndEndsWhenTold) {
   const RigFolder folder;
   const int held = ::open(folder.path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

@@ -1,5 +1,5 @@
-// In place of the C library's allocation, for programs that it is preloaded into: when a test says so, requests of the
-// threads of one name are refused, as the system refuses them when memory runs out.
+// Replaces the C library's allocation functions by preloading: when a test enables it, allocations of threads with a
+// given name fail, as if memory had run out.
 #include "refuse_memory.h"
 
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-// nodald.service: how far its sandbox goes by systemd's own measure, and that nodald works in it.
+// nodald.service: systemd's own rating of its sandbox, and that nodald works in it.
 //
 // systemd is not process 1 where tests run, so the second test builds the sandbox by hand, and says which lines it
 // covers: User=, Group=, UMask=, NoNewPrivileges=, CapabilityBoundingSet=, ProtectSystem=strict with StateDirectory= and
@@ -35,7 +35,7 @@ std::string run(const std::vector<std::string>& command) {
 
 using Calls = std::set<std::string>;
 
-/// systemd's sets of system calls, by `systemd-analyze syscall-filter`: "@name", then its members, indented.
+/// systemd's sets of system calls, from `systemd-analyze syscall-filter`: "@name", then its members, indented.
 std::map<std::string, Calls> call_sets() {
   std::map<std::string, Calls> sets;
   std::istringstream lines(run({"systemd-analyze", "--no-pager", "syscall-filter"}));
@@ -58,11 +58,11 @@ void expand(const std::map<std::string, Calls>& sets, const std::string& name, C
   for (const std::string& member : set->second) expand(sets, member, into);
 }
 
-/// What the unit's SystemCallFilter= lines permit: the first one lists, later ones add or, with ~, take away.
+/// The calls that the unit's SystemCallFilter= lines permit: the first line lists, later ones add or, with ~, remove.
 Calls permitted_calls() {
   const auto sets = call_sets();
   Calls permitted;
-  expand(sets, "@default", permitted);  // always, says systemd.exec(5)
+  expand(sets, "@default", permitted);  // always permitted, see systemd.exec(5)
   std::ifstream unit(kUnit);
   for (std::string line; std::getline(unit, line);) {
     constexpr std::string_view kKey = "SystemCallFilter=";
@@ -83,7 +83,7 @@ Calls permitted_calls() {
   return permitted;
 }
 
-/// nodald in a sandbox like the unit's; `folder` is all it may write.
+/// Runs nodald in a sandbox like the unit's; it can only write to `folder`.
 std::vector<std::string> confined(const RigFolder& folder) {
   const std::filesystem::path list = folder.path / "calls";
   std::ofstream out(list);

@@ -1,4 +1,4 @@
-// siege: attacks a nodald all ways at once and prints what good clients saw before, during and after, in one table.
+// siege: attacks a nodald in all ways at once; prints a table of what good clients measured before, during and after.
 #include <algorithm>
 #include <charconv>
 #include <chrono>
@@ -13,19 +13,19 @@
 namespace nodal::crash {
 namespace {
 
-// What must hold in every phase, against the quiet one.
+// Limits for every phase, relative to the quiet phase.
 constexpr double kMostResident = 1.5;
 constexpr double kLogBytesAtOnce = 32 << 10, kLogBytesAMinute = 32 << 10;
 constexpr std::uint64_t kSettingsBytes = 64 << 10;
-constexpr double kEveryReplyMs = 30'000;  ///< of a machine that does anything else beside: the reply comes
-// Of a machine that does nothing else.
+constexpr double kEveryReplyMs = 30'000;  ///< on a busy machine
+// On a machine that runs nothing else.
 constexpr double kReplyMs = 2'000;
 constexpr double kLeastRate = 0.95;
 
 struct Options {
   std::string rig;  ///< a folder; empty: the small rig of the tests
   std::int64_t quiet_s = 120, attack_s = 3600;
-  bool timed = true;  ///< speeds are judged, too
+  bool timed = true;  ///< whether speeds are tested too
 };
 
 void print_header() {

@@ -1,4 +1,4 @@
-// The disk dies in every single operation of a calibration's way into force; afterwards the rig starts again.
+// The disk fails in every single operation of a calibration swap; afterwards the rig is started again.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -25,7 +25,7 @@ firmware::RigConfig tiny_config() {
   return config;
 }
 
-/// The keeper with a blend that takes every table at once.
+/// The keeper with a blend stage that accepts every table at once.
 class Keeping {
  public:
   explicit Keeping(SimDisk& disk) : keeper(tiny_config(), disk, out_, back_) { run(); }
@@ -56,7 +56,7 @@ class Keeping {
 
  public:
   CalibrationKeeper keeper;
-  std::optional<Sha256> running;  ///< what the blend has
+  std::optional<Sha256> running;  ///< the calibration that the blend uses
   Instant now;
 };
 
@@ -64,7 +64,7 @@ Calibration numbered(int n) { return scenario::small_calibration("number " + std
 
 KeeperRequest::Install install(const Calibration& calibration) { return {to_json(calibration), {}}; }
 
-/// What may be in force once the power is back, and that it is there whole.
+/// The calibrations that may be in force after the power loss; the one in force must be complete.
 void expect_either(std::unique_ptr<SimDisk> disk, const std::optional<Sha256>& old, const Sha256& fresh,
                    const std::string& when) {
   auto store = CalibrationStore::open(*disk);
@@ -76,13 +76,13 @@ void expect_either(std::unique_ptr<SimDisk> disk, const std::optional<Sha256>& o
     const auto loaded = store->load(*store->in_force());
     ASSERT_TRUE(loaded) << when << ": " << loaded.error().text();
   }
-  // And a rig that starts on it runs just that, and takes the new one.
+  // A rig that starts on this disk uses that calibration, and accepts the new one.
   Keeping again(*disk);
   EXPECT_EQ(again.running, store->in_force()) << when;
   EXPECT_TRUE(again.ask(KeeperRequest::List{})) << when;
 }
 
-/// Kills the disk at every operation of `act` on a disk that `arrange` made, and looks at what is left of it.
+/// Fails the disk at every operation of `act` on a disk made by `arrange`, and checks the result.
 void kill_everywhere(const std::function<void(Keeping&)>& arrange, const std::function<Status(Keeping&)>& act,
                      const std::optional<Sha256>& old, const Sha256& fresh, int seeds,
                      std::uint64_t least_operations = 10) {
@@ -97,7 +97,7 @@ void kill_everywhere(const std::function<void(Keeping&)>& arrange, const std::fu
     EXPECT_EQ(keeping.running, fresh);
     operations = disk.operations() - before;
   }
-  // A file comes by create, write, fsync, rename, fsync of the folder: the document, then which one is in force.
+  // A file is written by create, write, fsync, rename, fsync of the folder: first the document, then the one in force.
   ASSERT_GE(operations, least_operations);
   for (std::uint64_t k = 0; k < operations; ++k) {
     SimDisk disk;
@@ -107,7 +107,7 @@ void kill_everywhere(const std::function<void(Keeping&)>& arrange, const std::fu
     const Status done = act(keeping);
     ASSERT_TRUE(disk.dead()) << k;
     const std::string when = "killed in operation " + std::to_string(k) + " of " + std::to_string(operations);
-    // After a reply of success the rig must not find the old one.
+    // After a successful reply the old calibration must not be in force.
     const std::optional<Sha256> may_be_old = done ? std::optional<Sha256>(fresh) : old;
     expect_either(disk.after_kill(), may_be_old, fresh, when + ", program only");
     for (int seed = 0; seed < seeds; ++seed) {

@@ -1,6 +1,6 @@
-// Prints the SHA-256 of blend tables and of the raymaps they make, compiled and blended on the machine it runs on:
-// two machines that print the same stitch the same bytes. Pictures are integer noise; the rigs have every lens model,
-// every pixel format, gains, vignetting, responses, and one is ten heads of Figure 3's lens.
+// Prints the SHA-256 of blend tables and of their raymaps, compiled and blended on this machine: two machines with the
+// same output stitch the same bytes. Pictures are integer noise; the rigs have all lens models, pixel formats, gains,
+// vignetting and responses, and one has ten heads with Figure 3's lens.
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -45,7 +45,7 @@ HeadCalibration head_at(int index, int width, int height, LensModel lens, geomet
   return head;
 }
 
-/// The paper's: four heads up, four down, two at the poles.
+/// The paper's rig: four heads up, four down, two at the poles.
 Calibration ten_heads() {
   Calibration rig;
   rig.name = "ten heads";
@@ -60,7 +60,7 @@ Calibration ten_heads() {
   return rig;
 }
 
-/// Symmetric on purpose: rays that fall exactly between samples and weights that are exactly alike.
+/// Symmetric on purpose: rays exactly between samples, and exactly equal weights.
 Calibration symmetric() {
   Calibration rig;
   rig.name = "symmetric";
@@ -93,7 +93,7 @@ void add(Sha256Stream& hash, const void* data, std::size_t bytes) {
   hash.update({static_cast<const std::uint8_t*>(data), bytes});
 }
 
-/// Whether it worked.
+/// Returns whether it worked.
 bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std::vector<PixelFormat>& formats) {
   const Result<blend::BlendTable> table = table::compile_blend_table(rig, spec, formats);
   if (!table) {

@@ -1,4 +1,4 @@
-// The whole stitch against a sphere that another program rendered: synthetic_10head and its true rig.
+// The whole stitch against a sphere rendered by another program: synthetic_10head and its true rig.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -35,7 +35,7 @@ std::string read_text(const fs::path& file) {
 
 class GroundTruth : public testing::Test {
  protected:
-  /// Everything that is read once: the rig, the heads' pictures, the true sphere.
+  /// All data, read once: the rig, the heads' pictures, the true sphere.
   struct Data {
     test_data::TruthRig rig;
     std::vector<DecodedImage> pictures;
@@ -75,7 +75,7 @@ class GroundTruth : public testing::Test {
     return heads;
   }
 
-  /// These heads share their nodal point exactly and are known exactly: nothing has to be hidden by mixing widely.
+  /// These heads share their nodal point exactly and are known exactly, so no wide blending is needed to hide errors.
   static table::TableOptions one_nodal_point() {
     table::TableOptions options;
     options.transition = table::Transition::kFeather;
@@ -94,7 +94,7 @@ class GroundTruth : public testing::Test {
 
   static Score score_of(const Picture& raymap) { return score(raymap.view(), data().truth.view(), *data().layout); }
 
-  /// Whether camera c of rig_gt.json sees a direction, by that file's own words and nothing of Nodal's.
+  /// Whether camera c of rig_gt.json sees a direction, by that file's own conventions, without Nodal's code.
   static bool sees(const nlohmann::json& c, const std::array<double, 3>& d) {
     std::array<double, 3> q{};
     for (std::size_t i = 0; i < 3; ++i) {
@@ -119,8 +119,8 @@ TEST_F(GroundTruth, RaymapOnBoard_IsAsNearToTheTrueSphereAsBilinearMixingAllows)
   const Picture raymap = on_board(one_nodal_point());
   const Score got = score_of(raymap);
   RecordProperty("psnr_db", std::to_string(got.psnr_db));
-  // Measured 36.65. Hugin with the true rig and its vignetting optimizer gets 31.6, 4x4 Catmull-Rom 36.9: less
-  // is a fault, and so would be unexplained improvement.
+  // Measured 36.65. Hugin with the true rig and its vignetting optimizer gets 31.6, 4x4 Catmull-Rom 36.9: a lower value
+  // is an error, and so is an unexplained improvement.
   EXPECT_GE(got.psnr_db, 36.6);
   EXPECT_LE(got.psnr_db, 36.75);
 }
@@ -152,7 +152,7 @@ TEST_F(GroundTruth, PixelsWithoutAHead_AreExactlyThoseTheTrueRigDoesNotSee) {
       const bool covered = validity.bytes[s] != 0;
       holes += covered ? 0 : 1;
       open += covered ? 0 : data().layout->solid_angle(x, y);
-      if (covered && (x % 16 != 0 || y % 16 != 0)) continue;  // every hole, and a sixteenth each way of the rest
+      if (covered && (x % 16 != 0 || y % 16 != 0)) continue;  // every hole, and every 16th pixel each way of the rest
       const double theta = ((x + 0.5) / kWidth - 0.5) * 2 * pi;
       const std::array<double, 3> d{std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
       bool seen = false;
@@ -160,7 +160,7 @@ TEST_F(GroundTruth, PixelsWithoutAHead_AreExactlyThoseTheTrueRigDoesNotSee) {
       EXPECT_EQ(covered, seen) << "pixel " << x << ", " << y;
     }
   }
-  // The ten heads leave a hole of 2e-5 of the sphere, seen as a black speck south of the front.
+  // The ten heads leave a hole of 2e-5 of the sphere, a black dot south of the front.
   EXPECT_LT(open / (4 * pi), 3e-5);
   EXPECT_LT(holes, 200);
 }
@@ -168,7 +168,7 @@ TEST_F(GroundTruth, PixelsWithoutAHead_AreExactlyThoseTheTrueRigDoesNotSee) {
 TEST_F(GroundTruth, EachStepLeftOut_CostsWhatItIsWorth) {
   struct Step {
     const char* name;
-    double least, most;  // dB lost
+    double least, most;  // loss in dB
     void (*leave_out)(table::TableOptions&);
   };
   const double whole = score_of(on_board(one_nodal_point())).psnr_db;
@@ -200,14 +200,14 @@ TEST_F(GroundTruth, HeadsInI420_LoseOnlyWhatHalvedColourCosts) {
                     kHeight);
   const auto rgb = media::convert_image(raymap.view(), PixelFormat::kRgb24);
   const double by_yuv = score(rgb.view(), data().truth.view(), *data().layout).psnr_db;
-  // What the same halving does to the true sphere itself: nothing blended in I420 can do better.
+  // The effect of the same chroma subsampling on the true sphere: the upper limit for any I420 blend.
   const auto halved =
       media::convert_image(media::convert_image(data().truth.view(), PixelFormat::kI420).view(), PixelFormat::kRgb24);
   const double ceiling = score(halved.view(), data().truth.view(), *data().layout).psnr_db;
   std::printf("by I420 %.2f dB; the true sphere through I420 %.2f dB\n", by_yuv, ceiling);
   EXPECT_LT(by_yuv, ceiling);
   const auto power = [](double db) { return std::pow(10, -db / 10); };
-  // Its error is at most that of RGB and that of halving, added up, and a half more.
+  // Its error is at most the sum of RGB's and of subsampling's, plus a half.
   EXPECT_LT(power(by_yuv), 1.5 * (power(36.5) + power(ceiling)));
 }
 

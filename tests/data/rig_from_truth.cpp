@@ -1,5 +1,5 @@
-// rig_from_truth FOLDER OUT: makes OUT/calibration.json and OUT/rig.toml of a rendered rig's rig_gt.json, so that
-// nodald replays its pictures and its raymap can be held against the true sphere.
+// rig_from_truth FOLDER OUT: writes OUT/calibration.json and OUT/rig.toml from a rendered rig's rig_gt.json, so that
+// nodald replays its pictures and its raymap can be compared with the true sphere.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>

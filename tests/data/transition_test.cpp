@@ -1,4 +1,4 @@
-// How sharp the raymap is where heads overlap, by transition, on real rigs and on the rendered one.
+// The sharpness of the raymap where heads overlap, by transition, on real rigs and on the rendered one.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -70,7 +70,7 @@ struct Set {
   }
 };
 
-/// Pixels that two or more heads see, 8 px or more inside their regions.
+/// Pixels seen by two or more heads, at least 8 px inside their regions.
 std::vector<bool> overlap_of(const Set& set) {
   const auto layout = set.layout();
   std::vector<geometry::Head> heads = geometry::make_heads(set.rig).value();
@@ -129,7 +129,7 @@ class Contrast {
   }
 
  private:
-  /// Over the overlap, each pixel counted by its solid angle.
+  /// Over the overlap, weighted by solid angle.
   template <class Detail>
   double mean(Detail detail) const {
     double sum = 0, weight = 0;
@@ -174,7 +174,7 @@ std::optional<Set> fusion() {
   Set set;
   for (const char* name : {"FR/GPFR0003_img1.jpg", "BK/GPBK0003_img1.jpg"}) {
     set.pictures.push_back(media::read_image(folder / name, PixelFormat::kRgb24).value());
-    // parameter-examples/video-3k-mode.txt: circle and field of view.
+    // From parameter-examples/video-3k-mode.txt: circle and field of view.
     HeadCalibration head;
     head.name = set.rig.heads.empty() ? "front" : "back";
     head.width = set.pictures.back().view().width;
@@ -187,7 +187,7 @@ std::optional<Set> fusion() {
     head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height),
                    Region::Circle{779, 742, 760}};
     head.vignetting = {779, 742, 765, {}};
-    head.gain.fill(set.rig.heads.empty() ? 0.816 : 1.225);  // as `nodal register --free light` finds them
+    head.gain.fill(set.rig.heads.empty() ? 0.816 : 1.225);  // the result of `nodal register --free light`
     set.rig.heads.push_back(head);
   }
   set.rig.name = "fusion";

@@ -1,4 +1,4 @@
-// Registration against a rig whose pictures another program rendered: synthetic_10head and its true rotations.
+// Registration of a rig rendered by another program: synthetic_10head and its true rotations.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -33,7 +33,7 @@ class TrueRotations : public testing::Test {
     }
   }
 
-  /// How far off registration leaves heads that start so far off, their light unknown.
+  /// The rotation error after registration from a start with such errors and unknown light.
   double rms_from(double least_deg, double most_deg, std::uint64_t seed) const {
     Calibration prior = test::turned(truth_, least_deg, most_deg, seed);
     FrameSet frames;
@@ -51,7 +51,7 @@ class TrueRotations : public testing::Test {
   std::vector<DecodedImage> pictures_;
 };
 
-// A fortieth of what Hugin and OpenCV leave (tests/bench/registration): a hundredth of a pixel is 0.0013 degrees.
+// A fortieth of Hugin's and OpenCV's error (tests/bench/registration); a hundredth of a pixel is 0.0013 degrees.
 constexpr double kBarDeg = 0.0005;
 
 TEST_F(TrueRotations, HeadsTwoToFiveDegreesOff_AreFoundToAFractionOfAHundredthPixel) {

@@ -9,9 +9,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kVignettingRadius = 423;  // as rig_gt.json's convention says
+constexpr double kVignettingRadius = 423;  // from rig_gt.json's convention
 
-/// Fields of one camera; the first one missing is remembered.
+/// Fields of one camera; the first missing one is recorded.
 class Camera {
  public:
   explicit Camera(const json& fields) : fields_(fields) {}
@@ -85,7 +85,7 @@ Result<TruthRig> read_truth_rig(std::string_view text) {
                   "cameras[" + std::to_string(rig.images.size() - 1) + "] has no " + camera.missing());
     }
   }
-  // Twelve digits of a rotation are not all of it: reading the document back makes it orthonormal.
+  // Twelve digits of a rotation are not exact: parsing the document makes it orthonormal.
   Result<Calibration> checked = parse_calibration(to_json(rig.calibration));
   if (!checked) return fail(checked.error());
   rig.calibration = std::move(*checked);

@@ -16,11 +16,11 @@ struct TruthRig {
   std::vector<std::string> images;
 };
 
-/// Reads rig_gt.json. It has pixel centres at integers; its vignetting is v(r) = 1 + v2 p^2 + v4 p^4, p = r / 423
-/// with r from the lens's centre, aspect taken out. Errors name the camera and the field.
+/// Parses rig_gt.json. Its pixel centres are at integers; its vignetting is v(r) = 1 + v2 p^2 + v4 p^4, p = r / 423,
+/// with r from the lens's centre and the aspect divided out. Errors name the camera and the field.
 Result<TruthRig> read_truth_rig(std::string_view json);
 
-/// rig.toml for it, with replay heads on the pictures in `folder` (absolute), in `format` (RGB24, I420, ...).
+/// rig.toml for it, with replay heads for the pictures in `folder` (absolute), in `format` (RGB24, I420, ...).
 std::string replay_rig_toml(const TruthRig& rig, std::string_view folder, std::string_view format, int width);
 
 }  // namespace nodal::test_data

@@ -1,7 +1,7 @@
-// A blend table, spoilt anywhere: what the proof lets pass is blended by every kernel, from and into memory of exactly the
-// size that pictures have, where a sanitizer sees one byte too far. Kernels must agree on what comes out.
-//
-// An input is which table, and then steps of 8 bytes: which number of which grid, the place in its list, what it becomes.
+// A blend table with random changes: tables that pass validation are blended by every kernel, from and into memory
+// of exactly the pictures' size, so that a sanitizer detects one byte too far. All kernels must give the same
+// result. The input is the number of the table, then steps of 8 bytes: the number's kind and grid, its index, its
+// new value.
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
@@ -20,7 +20,7 @@ using namespace nodal;
 using blend::BlendTable;
 using blend::GridTable;
 
-/// A head that looks along an axis, 90 degrees wide and high.
+/// A head that looks along an axis, with a field of 90 x 90 degrees.
 HeadCalibration square_head(int side, const std::array<double, 9>& rotation) {
   HeadCalibration head;
   head.name = "head";
@@ -33,7 +33,7 @@ HeadCalibration square_head(int side, const std::array<double, 9>& rotation) {
   return head;
 }
 
-/// Heads that look forward, right, back and left; none looks up or down.
+/// Heads that look forward, right, back and left; none up or down.
 Calibration ring(int side) {
   Calibration rig;
   rig.name = "ring";
@@ -51,7 +51,7 @@ BlendTable compiled(int side, const table::RaymapSpec& raymap, const std::vector
   return *table;
 }
 
-/// With every pixel's own place, as if the raymap had been a list.
+/// The table with a position for every pixel, as if the raymap were a list of rays.
 BlendTable with_places(BlendTable table) {
   GridTable& grid = table.grids[0];
   grid.places.assign(grid.tile_count() * blend::kTilePixels, GridTable::kNowhere);
@@ -69,7 +69,7 @@ const std::vector<BlendTable>& good_tables() {
   static const std::vector<BlendTable> tables{
       compiled(24, {"equirectangular", 40, 20, kI420}, {kI420, kNv12, kYuyv, kUyvy}),
       compiled(33, {"cube", 72, 48, kRgb24}, {kRgb24, kRgb24, kRgb24, kRgb24}),
-      compiled(160, {"equirectangular", 72, 36, kGrey8}, {kGrey8, kGrey8, kGrey8, kGrey8}),  // smaller levels
+      compiled(160, {"equirectangular", 72, 36, kGrey8}, {kGrey8, kGrey8, kGrey8, kGrey8}),  // uses smaller levels
       compiled(24, {"equirectangular", 40, 20, kRgb48}, {kRgb24, kRgb24, kRgb24, kRgb24}),
       with_places(compiled(24, {"equirectangular", 40, 20, kGrey8}, {kGrey8, kGrey8, kGrey8, kGrey8})),
   };

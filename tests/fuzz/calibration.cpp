@@ -1,4 +1,4 @@
-// The calibration document, fed anything: what is accepted can be written, read back and used.
+// The calibration parser with any input: an accepted document can be written, read back and used.
 #include <cmath>
 #include <cstdint>
 #include <string_view>
@@ -26,7 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const double part : {0.0, 0.1, 0.5, 0.9, 1.0}) {
       const geometry::Pixel pixel{part * head.width(), (1 - part) * head.height()};
       if (!head.contains(pixel)) continue;
-      // Where the picture is good, everything is a number.
+      // Inside the region, all results are finite.
       const auto ray = head.unproject(pixel);
       NODAL_ASSERT(ray.has_value());
       const auto back = head.project(*ray);

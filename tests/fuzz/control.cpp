@@ -1,6 +1,6 @@
-// What hosts may do to a rig, through Control: requests of every kind with extreme values and unknown fields, frames
-// and bytes that are no requests, uploads, pulls that are not read, connections, restarts, a full disk, time. The input
-// is a sequence of operations on a whole small rig; stand.h says what must hold after each of them.
+// All that hosts may do to a rig, through Control: requests of every kind with extreme values and unknown fields,
+// frames and bytes that are not requests, uploads, unread pulls, connections, restarts, a full disk, time. The input is
+// a sequence of operations on a whole small rig; stand.h lists the checks after each of them.
 #include <algorithm>
 
 #include "draw_request.h"
@@ -15,7 +15,7 @@ using namespace nodal;
 using namespace nodal::fuzz;
 
 constexpr std::size_t kMostOperations = 40;
-constexpr std::size_t kMostGuests = 12;  ///< more than the rig talks to
+constexpr std::size_t kMostGuests = 12;  ///< more than the rig accepts
 constexpr std::size_t kMostVandals = 4;
 constexpr int kMostLongChecks = 1;
 constexpr unsigned kCalibratedOneIn = 64;
@@ -23,7 +23,7 @@ constexpr Duration kAfterwards = Duration::milliseconds(200);
 
 class Operations {
  public:
-  /// Most inputs are of a rig without a calibration, which starts thirty times as fast, for it compiles no table.
+  /// Most inputs use a rig without a calibration, which starts thirty times faster because it compiles no table.
   explicit Operations(std::span<const std::uint8_t> input)
       : in_(input),
         stand_(in_.u8() % kCalibratedOneIn == 0 ? Stand::new_disk() : std::make_unique<hal::sim::SimDisk>()) {}
@@ -61,7 +61,7 @@ class Operations {
     }
   }
 
-  /// Mostly less than a second. Some faults of a rate show after several.
+  /// Mostly less than a second; some faults of a rate appear only after several seconds.
   void pass_time() {
     constexpr unsigned kLong = 0xF0;
     const unsigned how = in_.u8();
@@ -90,19 +90,19 @@ class Operations {
     Guest* const host = guest();
     for (unsigned i = 0; host && i < times; ++i) {
       if (!host->post(request, stand_.served())) break;
-      if (i % 8 == 7) stand_.settle();  // no more than a client may have open
+      if (i % 8 == 7) stand_.settle();  // a client may not have more requests open
     }
     stand_.settle();
     last_ = request;
   }
 
-  /// Many times: what one request leaves behind adds up.
+  /// Many times, because small leaks add up.
   void post_again() {
     constexpr std::size_t kLarge = 2048;
     post(last_, 1 + in_.u8() % (last_.ByteSizeLong() < kLarge ? 64 : 32));
   }
 
-  /// The input's bytes as they are, when they are a message at all.
+  /// The input's bytes unchanged, if they are a message at all.
   void post_raw() {
     wire::Request request;
     if (request.ParsePartialFromString(text(in_))) post(request, 1);
@@ -129,8 +129,8 @@ class Operations {
     stand_.settle();
   }
 
-  /// A calibration under any name, for good or on trial. Few of them fit the rig, since a table costs as much time as a
-  /// hundred requests; the others have a head too few.
+  /// A calibration with any name, permanently or on trial. Few of them fit the rig, because compiling a table takes the
+  /// time of a hundred requests; the others lack a head.
   void upload() {
     const unsigned how = in_.u8();
     std::string json = document(how < 0xE0, how % 2);
@@ -140,7 +140,7 @@ class Operations {
     if (how & 4) trial = how & 8 ? telling(in_) : 2'000'000'000;
     send_document({json.begin(), json.end()}, json.size(), trial);
   }
-  /// Written once each, which costs as much as ten requests.
+  /// Serialized once each, because that takes the time of ten requests.
   static const std::string& document(bool short_of_a_head, std::size_t which) {
     static const auto made = [] {
       std::array<std::array<std::string, swarm::kCalibrations>, 2> all;
@@ -164,7 +164,7 @@ class Operations {
   void send_document(std::vector<std::uint8_t> bytes, std::uint64_t length, std::optional<std::uint64_t> trial_ns) {
     Guest* const host = guest();
     if (!host) return;
-    stand_.expect_bytes(4 * bytes.size());  // received, parsed, stored, and its older generation
+    stand_.expect_bytes(4 * bytes.size());  // received, parsed, stored, and its previous generation
     const std::string name = sha256_to_wire(sha256(bytes));
     wire::Request request;
     request.mutable_upload_begin()->set_length(length);
@@ -192,7 +192,7 @@ class Operations {
     const unsigned how = in_.u8();
     if (long_checks_left_-- <= 0) return;
     if (how % 4 != 0) return stand_.check_restart();
-    stand_.disk_fails(true);  // what was not synced yet may be lost
+    stand_.disk_fails(true);  // unsynced data may be lost
     stand_.restart(stand_.disk().after_power_loss(how));
   }
 

@@ -11,10 +11,10 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-/// Fields that no message has: one large one, or many small ones of every wire type under several numbers.
+/// Fields that no message has: one large one, or many small ones with all wire types and several numbers.
 std::string unknown_fields(std::size_t bytes, unsigned kind) {
   enum WireType : std::uint32_t { kVarint, kFixed64, kLengthDelimited, kGroup, kGroupEnd, kFixed32 };
-  constexpr std::array<std::uint32_t, 3> kNumbers = {1999, 536'870'911, 100'000};  // the second is the greatest
+  constexpr std::array<std::uint32_t, 3> kNumbers = {1999, 536'870'911, 100'000};  // the second is the largest possible
   std::string fields;
   const auto varint = [&](std::uint64_t value) {
     for (; value >= 0x80; value >>= 7) fields.push_back(static_cast<char>((value & 0x7F) | 0x80));
@@ -71,7 +71,7 @@ void draw(ByteReader& in, wire::HeadSetRequest& set) {
   if (which & 4) set.set_red_q12(telling32(in));
   if (which & 8) set.set_blue_q12(telling32(in));
   if (which & 16) set.set_gamma(telling32(in));
-  if (which & 32) {  // what heads accept
+  if (which & 32) {  // values that heads accept
     set.set_exposure_ns(10'000 + std::uint64_t{in.u16()} * 100);
     set.clear_heads();
   }
@@ -108,9 +108,9 @@ void draw(ByteReader& in, wire::PullRequest& pull) {
   if (which & 8) pull.set_count(telling(in));
 }
 
-/// Draws what is within; the message itself, so that unknown fields can be added to it.
+/// Draws the content; returns the inner message, so that unknown fields can be added to it.
 MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
-  // What is set and stored comes as often as all else.
+  // Requests that change stored settings are as frequent as all others together.
   constexpr std::array<unsigned, 16> kSetting = {2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 3, 4, 2, 16, 17, 18};
   const unsigned kind = in.u8() % 32;
   switch (kind < 16 ? kind : kSetting[kind - 16]) {
@@ -141,7 +141,7 @@ MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
     case 15: return *request.mutable_audit_log();
     case 16: return *request.mutable_hosts();
     case 17: request.mutable_host_end()->set_number(telling(in)); return *request.mutable_host_end();
-    default: return request;  // asks nothing that this rig knows
+    default: return request;  // an empty request, which this rig does not know
   }
 }
 

@@ -1,4 +1,4 @@
-// Requests of every kind with telling values, drawn from a fuzzer's input.
+// Draws requests of every kind with revealing values from a fuzzer's input.
 #pragma once
 
 #include "protocol/base/bytes.h"
@@ -6,8 +6,8 @@
 
 namespace nodal::fuzz {
 
-/// One request of any kind of wire::Request; half of them also have unknown fields, in the request or in
-/// the message within it, up to what a request frame may hold.
+/// One request of any kind of wire::Request; half of them also have unknown fields, in the request or in its inner
+/// message, up to the limit of a request frame.
 wire::Request draw_request(ByteReader& in);
 
 }  // namespace nodal::fuzz

@@ -1,4 +1,4 @@
-// Frame rates by their definition, in 128 bits and without FrameRate's own formulas: what the targets hold it against.
+// Frame rates by their definition, in 128 bits and without FrameRate's formulas, as a reference for the fuzz targets.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ inline std::uint64_t common_divisor(std::uint64_t a, std::uint64_t b) {
   return a * twos;
 }
 
-/// What FrameRate::make() has to give.
+/// The expected result of FrameRate::make().
 inline std::optional<FrameRate> allowed_rate(std::uint64_t numerator, std::uint64_t denominator) {
   if (numerator == 0 || denominator == 0) return std::nullopt;
   if (Wide{numerator} > Wide{denominator} * 1000 || Wide{denominator} > Wide{numerator} * 1000) return std::nullopt;
@@ -32,10 +32,10 @@ inline std::optional<FrameRate> allowed_rate(std::uint64_t numerator, std::uint6
   return FrameRate{static_cast<std::uint32_t>(numerator / divisor), static_cast<std::uint32_t>(denominator / divisor)};
 }
 
-/// When frame n begins, in nanoseconds times the rate's numerator, so that nothing is rounded.
+/// The start of frame n in nanoseconds times the rate's numerator, which needs no rounding.
 inline Wide exact_start(FrameRate rate, std::uint64_t n) { return Wide{n} * rate.denominator * 1'000'000'000U; }
 
-/// Whether frame n begins within the nanosecond `at`; at the farthest instant, or there or later.
+/// Whether frame n starts within the nanosecond `at`; for the farthest time, whether it starts then or later.
 inline bool begins_at(FrameRate rate, std::uint64_t n, Duration at) {
   if (at < Duration()) return false;
   const Wide from = static_cast<Wide>(at.ns()) * rate.numerator;
@@ -43,7 +43,7 @@ inline bool begins_at(FrameRate rate, std::uint64_t n, Duration at) {
   return from <= start && (at.ns() == FrameRate::kFarthestNs || start < from + rate.numerator);
 }
 
-/// How many frames begin within the first `elapsed` and its last nanosecond, found by bisection.
+/// The number of frames that start within the first `elapsed`, including its last nanosecond; by bisection.
 inline std::uint64_t frames_begun(FrameRate rate, Duration elapsed) {
   if (elapsed < Duration()) return 0;
   const Wide end = (static_cast<Wide>(elapsed.ns()) + 1) * rate.numerator;

@@ -1,6 +1,6 @@
-// The frame decoder, fed anything. The input's first byte says how: bit 0, that every frame header's CRCs and
-// sequence are put right first, so that what lies behind those checks is reached too; the rest, how the
-// bytes are cut.
+// The frame decoder with any input. The first byte selects the mode: bit 0: all frame headers' CRCs and sequence
+// numbers are corrected first, so that the code after those checks is reached too; other bits: how the bytes are
+// split.
 #include "protocol/framing.h"
 
 #include <algorithm>
@@ -40,7 +40,7 @@ Decoded decode(std::span<const std::uint8_t> bytes, std::minstd_rand* cut) {
         break;
       }
       if (!*frame) {
-        NODAL_ASSERT(part.empty());  // it takes everything, or gives a frame
+        NODAL_ASSERT(part.empty());  // it consumes everything, or returns a frame
         break;
       }
       NODAL_ASSERT((*frame)->payload.size() <= max_payload_bytes((*frame)->header.type));
@@ -57,7 +57,7 @@ void put_u32(std::vector<std::uint8_t>& bytes, std::size_t at, std::uint32_t val
   ByteWriter(std::span(bytes).subspan(at, 4)).u32(value);
 }
 
-/// Walks the frames as their lengths say, and corrects sequence and CRCs.
+/// Walks the frames by their lengths, and corrects sequence numbers and CRCs.
 void put_right(std::vector<std::uint8_t>& bytes) {
   std::uint32_t sequence = 0;
   for (std::size_t at = 0; bytes.size() - at >= kFrameHeaderBytes;) {

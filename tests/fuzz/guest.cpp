@@ -6,7 +6,7 @@
 namespace nodal::fuzz {
 namespace {
 
-/// A host that keeps the protocol keeps few replies that nobody takes.
+/// A correct host keeps only few replies that nothing takes.
 constexpr std::size_t kRepliesKept = 4;
 constexpr std::size_t kUnsentKept = 256U << 10;
 
@@ -101,7 +101,7 @@ Vandal::Vandal(hal::sim::SimLinkListener& listener) : link_(listener.connect()) 
 
 void Vandal::send_frame(std::uint8_t type, std::uint32_t stream, std::span<const std::uint8_t> payload) {
   const FrameHeader header{static_cast<FrameType>(type), 0, stream, sequence_++};
-  payload = payload.first(std::min(payload.size(), max_payload_bytes(header.type)));  // the encoder asserts no less
+  payload = payload.first(std::min(payload.size(), max_payload_bytes(header.type)));  // the encoder asserts this limit
   send_bytes(encode_frame_header(header, payload));
   send_bytes(payload);
 }

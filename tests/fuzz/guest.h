@@ -1,4 +1,4 @@
-// Hosts as a fuzzer has them: one that keeps the protocol and asks anything, and one that writes whatever bytes.
+// The fuzzer's hosts: one that follows the protocol and sends any request, and one that writes any bytes.
 #pragma once
 
 #include <cstdint>
@@ -15,37 +15,37 @@
 
 namespace nodal::fuzz {
 
-/// A host that keeps the protocol. It remembers when it asked what, so that a reply that never comes is seen.
+/// A host that follows the protocol. It records the time of every request, so that a missing reply is detected.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns its end of the link.
-/// Errors: none; a conversation that has ended is dead().
+/// Errors: none; dead() is true after the conversation has ended.
 class Guest {
  public:
   Guest(hal::sim::SimLinkListener& listener, std::string name);
 
-  /// Sends a request under an id of its own; the id, or nothing when the session does not take it.
+  /// Sends a request with its own id; returns the id, or nothing if the session refuses it.
   std::optional<std::uint64_t> post(wire::Request request, Duration served);
   /// Opens a lossless stream and sends one item on it, as an upload does.
   void send_item(std::string meta, std::vector<std::uint8_t> body);
-  /// Moves bytes both ways. True when any moved.
+  /// Moves bytes in both directions. Returns whether any moved.
   bool pump();
-  /// Stops reading, or goes on. What was asked until then has its second again.
+  /// Stops or resumes reading. The time limit of pending requests starts again.
   void set_reading(bool reading, Duration served);
   bool reading() const { return reading_; }
   bool dead() const { return gone_ || session_.error() != nullptr; }
 
-  /// Takes the reply to a request, once it is there.
+  /// Takes the reply to a request, if it has arrived.
   std::optional<wire::Reply> take_reply(std::uint64_t id);
-  /// The request that has waited longest, in time during which the rig was served; nothing when it cannot be answered
-  /// because this host does not read.
+  /// How long the oldest request has waited while the rig was stepped; nothing if it cannot be answered because this
+  /// host does not read.
   std::optional<Duration> longest_wait(Duration served) const;
   std::uint64_t replies() const { return replies_seen_; }
 
  private:
   struct Asked {
     Duration at;
-    bool may_take_long = false;  ///< the blend must take a table first, and a lossless client may hold it up
+    bool may_take_long = false;  ///< the blend must first use a new table, and a lossless client may delay that
   };
   bool read_some();
 
@@ -57,7 +57,7 @@ class Guest {
   bool reading_ = true, gone_ = false;
 };
 
-/// A host that says hello and then writes frames of any type and content, or bytes that are none.
+/// A host that sends a Hello and then frames of any type and content, or invalid bytes.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns its end of the link.
@@ -68,7 +68,7 @@ class Vandal {
 
   void send_frame(std::uint8_t type, std::uint32_t stream, std::span<const std::uint8_t> payload);
   void send_bytes(std::span<const std::uint8_t> bytes);
-  /// Throws away what comes, and writes what waits. True when any moved.
+  /// Discards received bytes and writes pending ones. Returns whether any moved.
   bool pump();
   bool dead() const { return gone_; }
 

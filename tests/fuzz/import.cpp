@@ -1,4 +1,4 @@
-// Project files of other programs, fed anything: a checked calibration comes out, or an error with a message.
+// Project files of other programs with any content: the result is a checked calibration, or an error with a message.
 #include <cstdint>
 #include <string_view>
 
@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       continue;
     }
     NODAL_ASSERT(check_calibration(result->calibration).has_value());
-    // What was imported can be written down and read again.
+    // An imported calibration can be written and read again.
     const Result<Calibration> again = parse_calibration(to_json(result->calibration));
     NODAL_ASSERT(again.has_value());
     NODAL_ASSERT(calibration_id(*again) == calibration_id(result->calibration));

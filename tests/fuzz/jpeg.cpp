@@ -1,4 +1,4 @@
-// The JPEG reader, by which head pictures and scenes are opened.
+// The JPEG reader, which opens head pictures and scenes.
 #include "picture.h"
 #include "stitch/media/jpeg_reader.h"
 

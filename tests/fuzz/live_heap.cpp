@@ -19,13 +19,13 @@
 namespace nodal::fuzz {
 
 void keep_freed_memory() {
-  constexpr int kEnough = 32 << 20;  // the most that the second takes
+  constexpr int kEnough = 32 << 20;  // the largest block that is not returned
   (void)mallopt(M_TRIM_THRESHOLD, kEnough);
   (void)mallopt(M_MMAP_THRESHOLD, kEnough);
 }
 
 #ifdef NODAL_SANITIZER_HEAP
-// mallinfo2() knows nothing of a sanitizer's allocator, whose own figure includes what waits in its quarantine.
+// mallinfo2() does not know a sanitizer's allocator, whose own figure includes its quarantine.
 namespace {
 
 std::int64_t live = 0;

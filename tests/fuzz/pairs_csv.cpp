@@ -1,5 +1,5 @@
-// Point pairs in CSV, against a rig of three heads. What is accepted names two heads, holds finite numbers, and is read
-// back from what is written of it.
+// Point pairs in CSV, for a rig of three heads. Accepted pairs name two heads and hold finite numbers, and can be
+// written and read back.
 #include <cmath>
 #include <string>
 

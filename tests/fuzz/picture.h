@@ -1,4 +1,4 @@
-// A picture file of any bytes, for the targets png and jpeg.
+// A picture file with any bytes, for the targets png and jpeg.
 #pragma once
 
 #include <cstddef>
@@ -13,14 +13,14 @@
 namespace nodal::fuzz {
 
 inline constexpr std::size_t kLongestPicture = 16U << 10;
-/// What decoding may take: the picture (image_file.h limits it by the file's length) three times over, for a decoder's own
-/// coefficients and rows.
+/// The memory that decoding may use: three times the picture (image_file.h limits it by the file's length), for the
+/// decoder's own coefficients and rows.
 inline constexpr std::size_t kPictureMemory =
     3 * (media::kSmallImageBytes + media::kMaxExpansion * kLongestPicture) + (std::size_t{32} << 20);
-/// More pixels are left out: each of a progressive JPEG's scans takes time for every one.
+/// Larger pictures are skipped: every scan of a progressive JPEG takes time for every pixel.
 inline constexpr std::size_t kMostPixels = 1U << 20;
 
-/// Decodes it as it is and to another format. What is decoded has the bytes that its size says.
+/// Decodes it to its own and to another format. The result has the number of bytes that its size requires.
 template <class Header>
 void decode_any(std::span<const std::uint8_t> bytes, Header header) {
   static const bool limited = (limit_memory(kPictureMemory), true);
@@ -28,7 +28,7 @@ void decode_any(std::span<const std::uint8_t> bytes, Header header) {
   if (bytes.size() > kLongestPicture) return;
   const auto size = header(bytes, "fuzz");
   if (size && static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) > kMostPixels) {
-    // Only whether it is refused, or would be decoded within its memory, matters here.
+    // Here it only matters whether it is refused, or would be decoded within its memory.
     const std::uint64_t decoded = packed_size(size->natural, size->width, size->height);
     if (decoded <= media::kSmallImageBytes + media::kMaxExpansion * bytes.size()) return;
     NODAL_ASSERT(!media::decode_image(bytes, "fuzz").has_value());

@@ -1,4 +1,4 @@
-// The PNG reader, by which head pictures and scenes are opened.
+// The PNG reader, which opens head pictures and scenes.
 #include "picture.h"
 #include "stitch/media/png_reader.h"
 

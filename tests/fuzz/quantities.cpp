@@ -1,4 +1,4 @@
-// Everything a user writes on nodal's command line that is not a file's name: each parser, on any text.
+// All values on nodal's command line except file names: each parser with any text.
 #include "host_tool/console/quantities.h"
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace {
 
 using namespace nodal;
 
-constexpr std::int64_t kDayNs = std::int64_t{86'400} * 1'000'000'000;  // the longest that quantities.cpp takes
+constexpr std::int64_t kDayNs = std::int64_t{86'400} * 1'000'000'000;  // the limit in quantities.cpp
 
 void parse_all(const std::string& text) {
   if (const auto value = host::parse_duration(text)) {
@@ -27,7 +27,7 @@ void parse_all(const std::string& text) {
   }
   if (const auto value = host::parse_gain(text)) {
     const auto again = host::parse_gain(host::show_gain(value->mdb()));
-    // What is shown has two digits behind the point.
+    // The shown text has two decimals.
     NODAL_ASSERT(!again || std::abs(std::int64_t{again->mdb()} - value->mdb()) <= 10);
   }
   if (const auto value = host::parse_white_balance(text)) NODAL_ASSERT(value->red_q12 > 0 && value->blue_q12 > 0);
@@ -35,7 +35,7 @@ void parse_all(const std::string& text) {
   if (const auto value = host::parse_stops(text)) NODAL_ASSERT(*value <= 8000);
   if (const auto rate = host::parse_rate(text)) {
     NODAL_ASSERT(rate->numerator > 0 && rate->denominator > 0);
-    // A rate that is accepted has frames that begin one after another, however long it runs.
+    // An accepted rate has increasing frame starts for any duration.
     Duration before = rate->start_of(0);
     for (const std::uint64_t frame : {std::uint64_t{1}, std::uint64_t{1} << 16, std::uint64_t{1} << 31}) {
       const Duration begin = rate->start_of(frame);

@@ -1,6 +1,6 @@
-// Frame rates wherever they come from, and all that counts frames by them: FrameRate itself against arithmetic of its
-// own, rig.toml and stored settings, the set clock, the drift meter, and the triggers and heads that must catch up after
-// any pause within a bounded number of steps. The input's first byte chooses which.
+// Frame rates from all sources, and all code that counts frames by them: FrameRate itself against independent
+// arithmetic, rig.toml and stored settings, the set clock, the drift meter, and the triggers and heads, which must
+// catch up after any pause in a bounded number of steps. The input's first byte selects which.
 #include <array>
 #include <charconv>
 #include <string>
@@ -45,7 +45,7 @@ void check_arithmetic(ByteReader& in) {
   }
 }
 
-/// A rate as a text: mostly a fraction, else letters of one.
+/// A rate as text: mostly a fraction, else random characters of one.
 std::string rate_text(ByteReader& in) {
   const unsigned kind = in.u8();
   const std::string numerator = std::to_string(telling(in)), denominator = std::to_string(telling(in));
@@ -61,7 +61,7 @@ std::string rate_text(ByteReader& in) {
   return letters;
 }
 
-/// Digits, or two numbers of them with a slash between: the rate that it says, when it is allowed.
+/// Digits, or two numbers with a slash: the rate, if it is allowed.
 std::optional<FrameRate> rate_said(const std::string& said) {
   const auto number = [](std::string_view digits) -> std::uint64_t {
     if (digits.empty() || digits.find_first_not_of("0123456789") != std::string_view::npos) return 0;
@@ -106,7 +106,7 @@ void check_settings(ByteReader& in) {
   NODAL_ASSERT(start.rate == rate && start.pulse_width == Duration::nanoseconds(pulse));
 }
 
-/// Up to 100 years, as the clock of a rig may say.
+/// Up to 100 years of the rig's clock.
 constexpr std::int64_t kCentury = std::int64_t{100} * 365 * 86'400 * 1'000'000'000;
 Instant any_instant(ByteReader& in) {
   return Instant::from_ns(static_cast<std::int64_t>(telling(in) % static_cast<std::uint64_t>(kCentury)));
@@ -134,7 +134,7 @@ void check_set_clock(ByteReader& in) {
       edge = {edge.number + 1 + in.u8() % 3, now};
       continue;
     }
-    // As capture lets them through: received now, exposed up to a second and four periods before.
+    // As capture passes them: received now, exposed up to a second and four periods earlier.
     const std::size_t head = what % newest.size();
     const Instant middle = now - Duration::nanoseconds((Duration::seconds(1) + period * 4).ns() * in.u8() / 255);
     const auto exposure = Exposure::microseconds(in.u16());
@@ -151,8 +151,8 @@ void check_set_clock(ByteReader& in) {
 void check_drift(ByteReader& in) {
   const std::optional<FrameRate> rate = drawn_rate(in);
   if (!rate) return;
-  // Up to a tenth to either side, and gaps of up to three periods: more than half a period from one moment to the next
-  // is no drift.
+  // Drift of up to a tenth, and gaps of up to three periods: more than half a period between two times does not count
+  // as drift.
   const std::int64_t ppb = static_cast<std::int64_t>(in.u32() % 200'000'001) - 100'000'000;
   const unsigned gap = 1 + in.u8() % 4;
   const Instant from = any_instant(in);
@@ -168,8 +168,8 @@ void check_drift(ByteReader& in) {
   }
   const auto measured = meter.ppb();
   NODAL_ASSERT(measured.has_value());
-  // The meter's halves are up to half of its 512 periods apart, or of so many moments with gaps; it takes no distance
-  // of more than 8 s between them, and each half's mean is rounded to a nanosecond and to a period.
+  // The meter's halves are up to half of its 512 periods apart, or of as many times with gaps; it ignores distances
+  // above 8 s between them, and each half's mean is rounded to a nanosecond and to a period.
   const double span_ns = static_cast<double>(rate->period().ns()) * 256;
   if (span_ns * static_cast<double>(ppb < 0 ? -ppb : ppb) / kBillion > 7e9) return;
   const double rounding = 4e9 / span_ns * 4 + static_cast<double>(ppb < 0 ? -ppb : ppb) / 64 + 4;

@@ -19,7 +19,7 @@ namespace {
 constexpr int kPauses = 12;
 constexpr std::int64_t kCentury = std::int64_t{100} * 365 * 86'400 * 1'000'000'000;
 
-/// Moves the clock on, mostly by up to a second, else by anything until a century is over.
+/// Advances the clock, mostly by up to a second, else by any time up to a century in total.
 void pause(ByteReader& in, hal::sim::SimClock& clock) {
   const bool long_one = in.u8() % 4 == 0;
   const auto by = static_cast<std::int64_t>(telling(in, long_one ? 62 : 30));
@@ -36,11 +36,11 @@ hal::TriggerSettings drawn_settings(ByteReader& in) {
   return settings;
 }
 
-/// Counts the pulses that reach a head; they come in order.
+/// Counts the pulses that reach a head; they must be in order.
 class Sink final : public hal::sim::PulseSink {
  public:
   void on_pulse(std::uint64_t number, Instant) override {
-    NODAL_ASSERT(number >= next_);  // between: unseen, or lost on the line
+    NODAL_ASSERT(number >= next_);  // those between were unseen, or lost on the line
     next_ = number + 1;
     ++seen;
   }
@@ -51,7 +51,7 @@ class Sink final : public hal::sim::PulseSink {
   std::uint64_t next_ = 0;
 };
 
-/// Takes all edges; they rise, begin where the rate says, and are no more than a trigger may keep.
+/// Takes all edges: their numbers rise, their times follow the rate, and their count is within the trigger's limit.
 std::optional<std::uint64_t> drain(hal::TriggerPort& port, FrameRate rate, Instant from, bool exact) {
   constexpr int kMostEdges = 1024;
   std::optional<std::uint64_t> newest;
@@ -193,7 +193,7 @@ void check_replay_head(ByteReader& in) {
   const Status started = (*port)->start(pulsed ? hal::TriggerMode::kExternal : hal::TriggerMode::kFreeRun);
   NODAL_ASSERT(started);
   const Instant from = pulsed ? clock.now() : Instant();
-  // Pulse 0 has gone out when a pulsed head starts; a free one has the grid's frames until now behind it.
+  // When a head in external mode starts, pulse 0 has been sent; in free run, the grid's frames so far are in the past.
   const std::uint64_t before = frames_begun(*rate, clock.now() - from);
   for (int i = 0; i < kPauses && in.left() > 0; ++i) {
     pause(in, clock);
@@ -206,7 +206,7 @@ void check_replay_head(ByteReader& in) {
       (*port)->release((*frame)->slot);
     }
     const std::uint64_t begun = frames_begun(*rate, clock.now() - from) - before;
-    // The oldest that found a buffer are those that come; the device's count goes on over all.
+    // The oldest frames that found a buffer arrive; the device's counter counts all frames.
     NODAL_ASSERT(!newest || *newest < static_cast<std::uint32_t>(begun) || begun > UINT32_MAX);
   }
 }

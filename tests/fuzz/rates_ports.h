@@ -9,14 +9,14 @@
 
 namespace nodal::fuzz {
 
-/// One that is allowed, or nothing.
+/// An allowed rate, or nothing.
 inline std::optional<FrameRate> drawn_rate(ByteReader& in) {
   const std::uint32_t numerator = telling32(in), denominator = telling32(in);
   return FrameRate::make(numerator, denominator);
 }
 
-// Each starts one at a rate drawn from the input, moves its clock on by lengths that are drawn, to a hundred years in
-// all, and asserts that what came is what exact arithmetic says, in a bounded number of steps.
+// Each starts a port at a rate drawn from the input, advances its clock by drawn durations, up to a hundred years in
+// total, and asserts that the results equal exact arithmetic, in a bounded number of steps.
 void check_sim_trigger(ByteReader& in);
 void check_sim_head(ByteReader& in);
 void check_replay_trigger(ByteReader& in);

@@ -1,6 +1,6 @@
-// A plain main for a fuzz target: runs the corpus, then seeded mutations of it. The same seed and count give
-// the same inputs on every machine. An input that crashes or hangs is left in a file that is named on
-// standard error; give that file to the program to see it again.
+// A plain main for a fuzz target: runs the corpus, then seeded mutations of it. The same seed and count give the same
+// inputs on every machine. An input that crashes or hangs is saved to a file, which standard error names; pass that
+// file to the program to repeat the crash.
 //
 //   fuzz_NAME CORPUS_FOLDER|FILE ... [--mutations N] [--seed N]
 #include <fcntl.h>
@@ -33,7 +33,7 @@ constexpr char kLeftBehind[] = "fuzz-input-that-failed";
 const Bytes* running = nullptr;
 std::uint64_t executions = 0;
 
-// Async-signal-safe calls only.
+// Only async-signal-safe calls.
 extern "C" void leave_input(int number) {
   const int fd = ::open(kLeftBehind, O_WRONLY | O_CREAT | O_TRUNC, 0644);
   if (fd >= 0 && running != nullptr) {
@@ -57,7 +57,7 @@ void run(const Bytes& input) {
   running = &input;
   ++executions;
   ::alarm(kLongestSeconds);
-  // A block of exactly this size, so that a sanitizer sees a read past its end.
+  // A block of exactly this size, so that a sanitizer detects a read past its end.
   const Bytes exact(input);
   LLVMFuzzerTestOneInput(exact.data(), exact.size());
   ::alarm(0);
@@ -99,12 +99,12 @@ class Mutator {
         bytes.erase(place(bytes, at), place(bytes, at + n));
         break;
       }
-      case 6: {  // a piece of the same again
+      case 6: {  // a copy of a piece of the same input
         const Bytes piece(place(bytes, at), place(bytes, at + below(bytes.size() - at)));
         bytes.insert(place(bytes, below(bytes.size())), piece.begin(), piece.end());
         break;
       }
-      default: {  // a piece of another
+      default: {  // a piece of another input
         const Bytes& other = corpus[below(corpus.size())];
         const std::size_t from = below(other.size());
         const auto begin = other.begin() + static_cast<std::ptrdiff_t>(from);
@@ -126,7 +126,7 @@ std::vector<Bytes> read_corpus(const std::vector<std::filesystem::path>& places)
     }
     for (const auto& entry : std::filesystem::directory_iterator(place)) files.push_back(entry.path());
   }
-  std::sort(files.begin(), files.end());  // the folder's own order is the file system's whim
+  std::sort(files.begin(), files.end());  // the directory order is arbitrary
   std::vector<Bytes> corpus;
   for (const auto& file : files) {
     std::ifstream in(file, std::ios::binary);

@@ -1,4 +1,4 @@
-// rig.toml from hostile hands: an error that names the file, or a rig within its limits.
+// rig.toml with hostile content: an error that names the file, or a rig within its limits.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>

@@ -1,6 +1,6 @@
-// A rig that answers anything, to every command of nodal that asks one. The input: a byte for the command, a byte of
-// flags (bit 0: --json), then frames as (type u8, stream u8, length u16, payload). The hello goes first, and every reply
-// gets the next question's number, so that what is fuzzed is what commands do with answers. Then the link is lost.
+// A rig that sends any answer to every nodal command that queries a rig. The input: a byte for the command, a byte of
+// flags (bit 0: --json), then frames as (type u8, stream u8, length u16, payload). The Hello goes first, and every
+// reply gets the next request's id, so that the commands' handling of answers is fuzzed. Then the link is lost.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t kMemory = std::size_t{96} << 20;
 
-/// Gives its bytes, then is lost; takes whatever is written.
+/// Returns its bytes, then fails; accepts everything that is written.
 class CannedLink final : public hal::LinkPort {
  public:
   explicit CannedLink(std::vector<std::uint8_t> bytes) : bytes_(std::move(bytes)) {}
@@ -66,7 +66,7 @@ std::vector<std::uint8_t> conversation(ByteReader& in) {
     const auto payload = in.bytes(length);
     std::string text(payload.begin(), payload.end());
     if (type == FrameType::kReply) {
-      wire::Reply number;  // of two values of one field the later counts
+      wire::Reply number;  // if a field occurs twice the later value counts
       number.set_id(question++);
       text += number.SerializeAsString();
     }
@@ -75,7 +75,7 @@ std::vector<std::uint8_t> conversation(ByteReader& in) {
   return out;
 }
 
-/// One command line of nodal, made once; what it prints goes into memory.
+/// One command line of nodal, created once; its output goes to memory.
 class Runner {
  public:
   explicit Runner(std::vector<std::string> words) : words_(std::move(words)) {}
@@ -129,7 +129,7 @@ class Runner {
     }
   }
 
-  /// Standard output and error are no terminals here: no colour, and nothing that moves a cursor.
+  /// Standard output and error are not terminals here: no colour and no cursor control.
   static bool has_controls(const std::string& text) {
     for (const char c : text) {
       if ((static_cast<unsigned char>(c) < 0x20 && c != '\n') || c == 0x7F) return true;

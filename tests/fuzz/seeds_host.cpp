@@ -1,5 +1,5 @@
-// Writes the seeds of rig_replies, png and jpeg into corpus/: one honest conversation for every command, and invalid frames of every
-// kind. Run it again when commands or messages changed: fuzz_seeds_host tests/fuzz/corpus
+// Writes the seeds of rig_replies, png and jpeg into corpus/: one valid conversation for every command, and invalid
+// frames of every kind. Run it again after commands or messages changed: fuzz_seeds_host tests/fuzz/corpus
 #include <climits>
 #include <cstdio>
 #include <filesystem>
@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// As commands() in rig_replies.cpp counts them.
+// The same numbers as in commands() of rig_replies.cpp.
 enum Command : char {
   kStatus,
   kHeads,
@@ -41,7 +41,7 @@ enum Command : char {
 constexpr char kText = 0;
 constexpr char kJson = 1;
 
-/// An input of rig_replies, frame by frame.
+/// Builds an input of rig_replies, frame by frame.
 class Talk {
  public:
   Talk(Command command, char flags) : bytes_{static_cast<char>(command), flags} {}
@@ -65,7 +65,7 @@ class Talk {
     pull.mutable_pull()->set_stream(2);
     return reply(pull);
   }
-  /// A whole item, or a first piece of one that is said to have `total` bytes.
+  /// A whole item, or the first piece of one with `total` announced bytes.
   Talk& item(std::uint64_t number, const std::string& meta, const std::string& body, std::uint64_t total) {
     std::string payload;
     for (const auto& [value, size] : {std::pair(number, 8), std::pair(std::uint64_t{meta.size() + total}, 8),
@@ -243,7 +243,7 @@ void write_streams(const fs::path& corpus) {
       .item(2, set, "", 0)
       .write(corpus / "sync");
   Talk(kSync, kJson).reply(heads(2)).open(true).started().item(0, set, "", 0).close(1).write(corpus / "sync-json");
-  // Frame sets: two heads of 64x48 grey; then a calibration of other sizes.
+  // Frame sets: two heads with 64x48 grey pictures; then a calibration with other sizes.
   Calibration rig = test::ring(2, 64, 48);
   wire::FrameSetHeader frames;
   const Sha256 id = calibration_id(rig);
@@ -304,7 +304,7 @@ void write_pictures(const fs::path& png, const fs::path& jpeg) {
         std::pair("444", test::Sampling::k444), std::pair("grey", test::Sampling::kGrey)}) {
     std::vector<std::uint8_t> bytes = test::jpeg_of(rgb, 20, 12, sampling);
     test::write_bytes(jpeg / name, bytes);
-    // The same file says that it is 32 000 pixels wide and high.
+    // The same file with 32 000 x 32 000 pixels in its header.
     for (std::size_t i = 0; i + 8 < bytes.size(); ++i) {
       if (bytes[i] == 0xFF && bytes[i + 1] == 0xC0) bytes[i + 5] = bytes[i + 7] = 0x7D;
     }

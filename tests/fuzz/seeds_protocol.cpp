@@ -1,5 +1,5 @@
-// Writes the seeds of the framing and session targets into corpus/: real conversations and short telling
-// ones. Run it again when the protocol changed: fuzz_seeds_protocol tests/fuzz/corpus
+// Writes the seeds of the framing and session targets into corpus/: real conversations, and short revealing ones. Run
+// it again after the protocol changed: fuzz_seeds_protocol tests/fuzz/corpus
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -21,7 +21,7 @@ void write(const std::filesystem::path& file, const Bytes& bytes) {
       .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
 }
 
-/// What each end says in one conversation that uses every kind of frame.
+/// The bytes of both ends of one conversation that uses every kind of frame.
 struct Talk {
   Session host{Role::kHost, make_hello("nodal 0.1.0")};
   Session rig{Role::kRig, make_hello("nodald 0.1.0")};
@@ -68,7 +68,7 @@ void converse(Talk& talk) {
   talk.run();
 }
 
-/// A byte stream as the session target reads it: (type, stream, length, payload) for each frame.
+/// A byte stream in the session target's format: (type, stream, length, payload) for each frame.
 Bytes as_operations(std::uint8_t role, std::span<const std::uint8_t> stream) {
   Bytes operations{role};
   FrameDecoder decoder;
@@ -114,9 +114,9 @@ int main(int argc, char** argv) {
   const Bytes at_host = as_operations(1, talk->from_rig);
   write(corpus / "session/at_rig", at_rig);
   write(corpus / "session/at_host", at_host);
-  // The program acts too: opens both kinds, offers, gets a credit, does not read, stops, closes.
+  // With actions of the program: opens both kinds, offers, gets a credit, does not read, stops, closes.
   Bytes acting = as_operations(0, talk->from_host);
-  acting.resize(1 + 4 + (acting[3] | acting[4] << 8));  // the hello only
+  acting.resize(1 + 4 + (acting[3] | acting[4] << 8));  // only the Hello
   const Bytes acts{0x80, 0,  0,  0, 0x81, 0,    0,    0,    0x82, 2, 1, 0, 'm',  0x82, 4,    0, 0,    0x82, 4,    0,
                    0,    18, 2,  3, 0,    0x08, 0xFF, 0x7F, 18,   4, 2, 0, 0x08, 0x7F, 0x86, 0, 0,    0,    0x87, 200,
                    0,    0,  16, 1, 2,    0,    0x08, 0x01, 0x85, 1, 0, 0, 0x83, 2,    0,    0, 0x84, 4,    0,    0};

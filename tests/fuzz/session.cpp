@@ -1,6 +1,6 @@
-// A session whose peer says anything, in frames that hold together. The input: a byte for the role and how
-// bytes are cut, then frames as (type u8, stream u8, length u16, payload). A type over 0x7F is something the
-// program does instead: it opens, offers, closes, stops, or does not take its events for a while.
+// A session whose peer sends anything, in valid frames. The input: a byte for the role and for how bytes are split,
+// then frames as (type u8, stream u8, length u16, payload). A type over 0x7F is an action of the program instead: it
+// opens, offers, closes, stops, or does not take its events for a while.
 #include "protocol/session.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kMostBytesOfAnEvent = kMaxReplyBytes + 4096;
 
-/// One end, what it saw, and whether that made sense.
+/// One end, its received events, and checks that they are consistent.
 class Harness {
  public:
   explicit Harness(bool host) : session_(host ? Role::kHost : Role::kRig, make_hello("fuzz")) {}
@@ -41,7 +41,7 @@ class Harness {
       if (!dead && !session_.wants_input()) break;
       const Status status = session_.receive(bytes.first(n));
       NODAL_ASSERT(status.has_value() == (session_.error() == nullptr));
-      NODAL_ASSERT(!dead || !status.has_value());  // dead is final
+      NODAL_ASSERT(!dead || !status.has_value());  // an error is final
       bytes = bytes.subspan(n);
       if (!lazy_) take_events();
       if (dead) break;
@@ -51,7 +51,7 @@ class Harness {
 
   void finish() {
     take_events();
-    // Everything it has to say fits a bound, and ends.
+    // Its output is bounded, and ends.
     std::size_t said = 0;
     for (auto out = session_.output(); !out.empty(); out = session_.output()) {
       said += out.size();
@@ -100,7 +100,7 @@ class Harness {
         NODAL_ASSERT(piece->data.size() + piece->meta.size() < kMostBytesOfAnEvent);
         pieces.insert(pieces.end(), piece->data.begin(), piece->data.end());
       }
-      NODAL_ASSERT(!kinds.empty() && kinds.front() == 0);  // the Hello comes first
+      NODAL_ASSERT(!kinds.empty() && kinds.front() == 0);  // the Hello must be first
     }
   }
 

@@ -1,7 +1,7 @@
-// The settings file from a disk that anything may have been written to: decode() gives settings within their limits or
-// says why not, and a rig starts by them. The input's first byte says what the rest is: the whole file; a text that gets
-// the checksum and rig.toml that decode() wants; or what keys with extreme values are drawn from, which such a text holds.
-// It also says what is done with the file, as a start costs a hundred times as much.
+// The settings file from a disk with any content: decode() returns settings within their limits or the reason for
+// refusal, and a rig starts with them. The input's first byte selects the rest's meaning: the whole file; a text that
+// gets the checksum and rig.toml that decode() requires; or a source from which such a text with extreme values is
+// drawn. It also selects the use of the file, because a start costs a hundred times as much.
 #include <algorithm>
 #include <array>
 
@@ -21,7 +21,7 @@ std::vector<std::uint8_t> file_of(std::string_view text) {
   return {file.begin(), file.end()};
 }
 
-/// With its first line, no longer than a settings file may be.
+/// Including its first line, at most the maximum length of a settings file.
 constexpr std::size_t kMostOfAText = firmware::kMaxSettingsBytes - 256;
 
 std::string drawn_value(ByteReader& in) {
@@ -32,14 +32,14 @@ std::string drawn_value(ByteReader& in) {
   return (kind % 4 == 1 ? "" : "-") + std::to_string(fuzz::telling(in, kind % 8 < 4 ? 63 : 17));
 }
 
-/// A genlock that runs, at a rate that is allowed, nearly so, or whose terms overflow.
+/// A running genlock with a rate that is allowed, nearly allowed, or has terms that overflow.
 std::string drawn_genlock(ByteReader& in) {
   const fuzz::DrawnRate rate = fuzz::drawn_terms(in);
   return "[genlock]\nrunning = true\nrate_numerator = " + std::to_string(rate.numerator) +
          "\nrate_denominator = " + std::to_string(rate.denominator) + "\n";
 }
 
-/// Tables and keys of settings in any order, some twice, some of the wrong table or of none.
+/// Tables and keys of settings in any order, some twice, some in the wrong table or in none.
 std::string drawn_text(ByteReader& in) {
   constexpr std::array kTables{"[genlock]", "[exposure]", "[[heads]]", "[heads]", "[other]"};
   constexpr std::array kKeys{"running",  "rate_numerator", "rate_denominator", "pulse_width_ns",
@@ -62,7 +62,7 @@ std::string drawn(std::span<const std::uint8_t> input) {
   return drawn_text(in);
 }
 
-/// As much as all fields take (SettingsSize.EveryFieldAtItsLargest_IsFarBelowTheLimit).
+/// The size of all fields together (SettingsSize.EveryFieldAtItsLargest_IsFarBelowTheLimit).
 constexpr std::size_t kMostOfAllFields = firmware::kMaxSettingsBytes / 8;
 
 void check_decoded(std::span<const std::uint8_t> file) {
@@ -97,7 +97,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   auto disk = calibrated ? fuzz::Stand::new_disk() : std::make_unique<hal::sim::SimDisk>();
   fuzz::write_file(*disk, firmware::kSettingsFile, file);
   fuzz::Stand stand(std::move(disk));
-  stand.run(start % 8 == 4 ? Duration::seconds(10) : Duration::milliseconds(500));  // some faults of a rate show late
+  stand.run(start % 8 == 4 ? Duration::seconds(10) : Duration::milliseconds(500));  // some faults of a rate appear late
   stand.check();
   stand.check_recovery();
   return 0;

@@ -9,12 +9,12 @@
 namespace nodal::fuzz {
 namespace {
 
-constexpr Duration kTick = Duration::milliseconds(50);        ///< how often the rig looks round when nothing happens
-constexpr Duration kWarmUp = Duration::milliseconds(150);     ///< a frame set
-constexpr Duration kConverge = Duration::milliseconds(1500);  ///< settings are on the disk, heads have followed
+constexpr Duration kTick = Duration::milliseconds(50);        ///< how often the rig is stepped when nothing happens
+constexpr Duration kWarmUp = Duration::milliseconds(150);     ///< one frame set
+constexpr Duration kConverge = Duration::milliseconds(1500);  ///< settings are on disk, and heads have applied them
 constexpr Duration kWatch = Duration::seconds(2);
 constexpr std::int64_t kEventsOfACheck = 2500;
-constexpr std::int64_t kMostUploaded = 16 << 20;  ///< documents half there, and generations on the disk
+constexpr std::int64_t kMostUploaded = 16 << 20;  ///< incomplete uploads, and generations on the disk
 
 const swarm::Nature& nature() {
   static const swarm::Nature made = [] {
@@ -124,7 +124,7 @@ void Stand::run(Duration duration) {
     if (event.at > now) at_once = 0;
     ++events;
     ++at_once;
-    NODAL_ASSERT(events <= most && at_once <= kEventsAtOnce);  // more: virtual time no longer advances
+    NODAL_ASSERT(events <= most && at_once <= kEventsAtOnce);  // otherwise virtual time would not advance
     if (event.at > now) {
       served_ = served_ + (event.at - now);
       now = event.at;
@@ -250,7 +250,7 @@ void Stand::check_recovery() {
   Guest& good = connect();
   wire::Request request;
   request.mutable_status();
-  if (ask(good, request).status().calibration_id().empty()) return;  // there is nothing to make raymaps by
+  if (ask(good, request).status().calibration_id().empty()) return;  // without a calibration there are no raymaps
   request.mutable_genlock()->set_action(wire::GenlockRequest::STOP);
   NODAL_ASSERT(ask(good, request).has_genlock());
   request.mutable_exposure()->set_program("manual");

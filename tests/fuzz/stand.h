@@ -1,4 +1,4 @@
-// A whole small rig in virtual time, and what must hold of it whatever hosts, disk and clock do.
+// A whole small rig in virtual time, and the rules that must hold for any hosts, disk and clock.
 #pragma once
 
 #include <array>
@@ -16,11 +16,11 @@
 
 namespace nodal::fuzz {
 
-/// What somebody left on the disk; a name that no disk takes changes nothing.
+/// Writes a file as another program would; a name that the disk refuses changes nothing.
 void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes);
 
-/// Two heads of 16 x 16 pixels at ten frames a second, a raymap of 16 x 8, the swarm's world. What breaks a rule
-/// below aborts the program, which is how a fuzzer hears of it.
+/// Two heads of 16 x 16 pixels at ten frames per second, a raymap of 16 x 8, the swarm's world. A broken rule below
+/// aborts the program, which the fuzzer detects.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the world, the disk, the rig and its hosts.
@@ -28,19 +28,19 @@ void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<cons
 class Stand {
  public:
   // The rules.
-  /// Live heap: 1.5 times what the steady rig has, and this. Hosts that are there may have messages, uploads and
-  /// raymaps under way; when all have left, only what they uploaded and what is stored remains.
+  /// Live heap: 1.5 times the steady rig's, plus this. Connected hosts may have messages, uploads and raymaps in
+  /// progress; after all have left, only their uploads and stored data remain.
   static constexpr std::int64_t kInFlightBytes = 24 << 20, kLeftBehindBytes = 192 << 10;
-  /// A request that is repeated leaves a record in the audit log, which has three texts of up to 240 bytes.
+  /// A repeated request adds a record to the audit log, with three texts of up to 240 bytes.
   static constexpr unsigned kRepeats = 16;
   static constexpr std::int64_t kRepeatedBytes = kRepeats * 1280;
   static constexpr Duration kReplyWithin = Duration::seconds(1);
-  /// The log: bytes at once since a start, bytes a second more, what a line adds to its sentence, and how long a sentence
-  /// may be. None holds control characters, with which a host could forge a line or reach a terminal.
+  /// The log: bytes in a burst after a start, bytes per second, bytes that a line adds to its sentence, maximum
+  /// sentence length. No sentence has control characters, with which a host could forge a line or control a terminal.
   static constexpr std::int64_t kLogBytesAtOnce = 28 << 10, kLogBytesASecond = 600, kLineBytes = 40;
   static constexpr std::size_t kSentenceBytes = 600;
-  /// Pulses, exposures and frames of the world that a virtual second may have, and one moment; past it time stands still
-  /// for somebody.
+  /// The maximum number of pulses, exposures and frames per virtual second, and at one time; beyond, virtual time no
+  /// longer advances.
   static constexpr std::int64_t kEventsASecond = 6000, kEventsAtOnce = 200;
   static constexpr int kTurnsToRest = 20'000;
 
@@ -52,30 +52,30 @@ class Stand {
   static const std::array<Calibration, swarm::kCalibrations>& calibrations();
   static const firmware::RigConfig& config();
 
-  // What the fuzzer does.
+  // What the fuzzer uses.
   void settle();
-  /// The world goes on; when the events that the input may cost are used up, the clock jumps instead.
+  /// Advances the world; when the input's limit of events is used up, the clock jumps instead.
   void run(Duration duration);
-  /// The rig's clock goes on at once, as after a suspend.
+  /// The rig's clock jumps, as after a suspend.
   void jump(Duration by);
   Guest& connect();
   Vandal& intrude();
   void leave_all();
   void restart(std::unique_ptr<hal::sim::SimDisk> disk);
-  /// Hosts upload so many bytes, which the rig may keep.
+  /// Hosts upload this many bytes, which the rig may keep.
   void expect_bytes(std::size_t bytes) { bytes_sent_ += static_cast<std::int64_t>(bytes); }
 
-  // What must hold.
+  // The checks.
   /// After every operation: replies, memory, log, frames.
   void check();
-  /// All hosts leave, and memory is as it was but for what they uploaded.
+  /// All hosts leave; memory must be as before, except for their uploads.
   void check_left_behind();
-  /// One host asks the same thing kRepeats times and leaves, then a second host does the same. Memory after the second
-  /// is as it was after the first, so that what adds up from request to request is seen while it is still small.
+  /// One host sends the same request kRepeats times and leaves, then a second host does the same. Memory after the
+  /// second must be as after the first, so that a leak per request is detected while it is small.
   void check_repeated(const wire::Request& request);
-  /// All hosts leave and one good one comes: it is served, memory is as it was, and raymaps come at 90 % of the rate.
+  /// All hosts leave and a good one connects: it is served, memory is as before, raymaps come at 90 % of the rate.
   void check_recovery();
-  /// What hosts set is in effect again after the program was killed, and the file of it is no longer than it may be.
+  /// The hosts' settings are in effect again after a kill, and their file is within its size limit.
   void check_restart();
 
   firmware::Rig& rig() { return *rig_; }
@@ -83,7 +83,7 @@ class Stand {
   Duration served() const { return served_; }
   std::vector<std::unique_ptr<Guest>>& guests() { return guests_; }
   std::vector<std::unique_ptr<Vandal>>& vandals() { return vandals_; }
-  /// Asks and runs until the reply is there.
+  /// Sends a request and runs until the reply arrives.
   wire::Reply ask(Guest& guest, const wire::Request& request);
   void disk_fails(bool fails) { disk_failed_ |= fails; }
 
@@ -93,7 +93,7 @@ class Stand {
   void check_conserved();
   void check_settings_file();
 
-  const std::int64_t heap_before_;  ///< first, so that all below counts
+  const std::int64_t heap_before_;  ///< declared first, so that all members below count
   std::int64_t heap_steady_ = 0;
   swarm::World world_;
   std::unique_ptr<hal::sim::SimDisk> disk_;
@@ -103,7 +103,7 @@ class Stand {
   std::vector<std::unique_ptr<Guest>> guests_;
   std::vector<std::unique_ptr<Vandal>> vandals_;
   std::vector<std::uint64_t> taken_before_;  ///< by head, before this start of the rig
-  Duration served_;                          ///< during which the rig was stepped
+  Duration served_;                          ///< time during which the rig was stepped
   std::int64_t events_left_ = 3000;
   std::int64_t log_bytes_ = 0;  ///< since the rig's start
   Instant started_;

@@ -1,6 +1,6 @@
-// The calibration store's folder with anything in it: the pointer and calibrations with bytes changed, cut, added, under
-// good and bad names. The store opens, lists exactly the good calibrations, has one of them in force, and goes on
-// working; a whole rig starts on the same disk. The input: operations on the files of a good store.
+// The calibration store's folder with any content: the pointer and calibrations with changed, missing or added bytes,
+// under valid and invalid names. The store opens, lists exactly the valid calibrations, has one of them in force, and
+// continues to work; a whole rig starts on the same disk. The input: operations on the files of a valid store.
 #include <algorithm>
 #include <cstdio>
 
@@ -24,7 +24,7 @@ std::string name_of(std::uint64_t generation, const Sha256& id) {
 
 std::string document(std::size_t which) { return canonical_json(Stand::calibrations()[which % 2]); }
 
-/// Cuts, grows or changes bytes.
+/// Truncates, extends or changes bytes.
 void spoil(ByteReader& in, std::vector<std::uint8_t>& bytes) {
   const std::uint32_t where = in.u16();
   const std::uint8_t how = in.u8();
@@ -50,12 +50,12 @@ void damage(ByteReader& in, hal::sim::SimDisk& disk) {
       spoil(in, *bytes);
       return write_file(disk, file, *bytes);
     }
-    case 2: {  // a good calibration under any generation
+    case 2: {  // a valid calibration with any generation number
       const std::string json = document(in.u8());
       const std::span bytes(reinterpret_cast<const std::uint8_t*>(json.data()), json.size());
       return write_file(disk, name_of(telling(in), sha256(bytes)), bytes);
     }
-    case 3: {  // any document under its own right name: the checksum is no help
+    case 3: {  // any document under its correct name: the checksum does not detect it
       std::string json = document(in.u8());
       std::vector<std::uint8_t> bytes(json.begin(), json.end());
       spoil(in, bytes);
@@ -66,13 +66,13 @@ void damage(ByteReader& in, hal::sim::SimDisk& disk) {
   }
 }
 
-/// The ids of files that are under their right name and can be parsed.
+/// The ids of files that have their correct name and can be parsed.
 std::vector<Sha256> good_ones(hal::sim::SimDisk& disk) {
   std::vector<Sha256> good;
   for (const std::string& name : disk.list(kFolder).value_or(std::vector<std::string>{})) {
     const auto bytes = disk.read(kFolder + "/" + name, kMaxCalibrationBytes);
     if (!bytes || !name.ends_with(to_hex(sha256(*bytes)) + ".json")) continue;
-    if (name.find_first_not_of("0123456789") != 8) continue;  // generations that the store itself writes
+    if (name.find_first_not_of("0123456789") != 8) continue;  // generations written by the store itself
     if (parse_calibration(std::string(bytes->begin(), bytes->end()))) good.push_back(sha256(*bytes));
   }
   return good;
@@ -107,7 +107,7 @@ void check_store(hal::sim::SimDisk& disk) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   ByteReader in(std::span(data, size));
   auto disk = Stand::new_disk();
-  const bool whole_rig = in.u8() % 64 == 1;  // which costs a hundred times as much
+  const bool whole_rig = in.u8() % 64 == 1;  // costs a hundred times as much
   for (int i = 0; i < 16 && in.left() > 0; ++i) damage(in, *disk);
   const auto same = disk->after_kill();
   check_store(*same);

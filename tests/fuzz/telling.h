@@ -1,4 +1,4 @@
-// Values that find faults more often than random ones, drawn from a fuzzer's input.
+// Draws values that reveal faults more often than random ones from a fuzzer's input.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace nodal::fuzz {
 
-/// 0, 1, the greatest of `bits` bits, a power of two, its two neighbours, a small number, or any number of that width.
+/// 0, 1, the maximum of `bits` bits, a power of two, its two neighbours, a small number, or any number of that width.
 inline std::uint64_t telling(ByteReader& in, unsigned bits = 64) {
   const std::uint64_t greatest = bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
   const unsigned kind = in.u8();
@@ -27,8 +27,8 @@ inline std::uint64_t telling(ByteReader& in, unsigned bits = 64) {
 }
 inline std::uint32_t telling32(ByteReader& in) { return static_cast<std::uint32_t>(telling(in, 32)); }
 
-/// A rate as a host, a file or a user may write it: any two numbers, or a fraction that is allowed or nearly so, with both
-/// terms multiplied by a number that leaves few or no bits free.
+/// A rate as in a host's, a file's or a user's text: any two numbers, or a fraction that is allowed or nearly so, with
+/// both terms multiplied by a number that leaves few or no bits free.
 struct DrawnRate {
   std::uint32_t numerator = 0, denominator = 0;
 };
@@ -44,7 +44,7 @@ inline DrawnRate drawn_terms(ByteReader& in) {
   return {above * factor, below * factor};
 }
 
-/// A text of up to 255 of the input's bytes.
+/// A text of up to 255 input bytes.
 inline std::string text(ByteReader& in) {
   const auto bytes = in.bytes(std::min<std::size_t>(in.u8(), in.left()));
   return {bytes.begin(), bytes.end()};

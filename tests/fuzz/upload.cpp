@@ -1,6 +1,6 @@
-// The rig's half of uploads against a model of it: any order of calls by any number of clients keeps the
-// limits, and a document that is taken is the one that was named. The input: operations as
-// (what u8, which u8, offset u8, count u8).
+// The rig's half of uploads against a model: any order of calls by any number of clients respects the limits,
+// and a taken document is the one that was named. The input: operations as (what u8, which u8, offset u8, count
+// u8).
 #include "protocol/upload.h"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct Document {
   Sha256 sha256{};
 };
 
-// Two are over the limit or at it, one is empty.
+// Two are at or over the limit, one is empty.
 std::array<Document, kDocuments> make_documents() {
   std::array<Document, kDocuments> documents;
   constexpr std::array<std::size_t, kDocuments> kSizes{0, 1, 77, 200, 201};
@@ -38,7 +38,7 @@ std::array<Document, kDocuments> make_documents() {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const auto documents = make_documents();
   UploadReceiver receiver(kLimits);
-  std::map<std::size_t, std::size_t> begun;  // which are there, and how many honest bytes they have at most
+  std::map<std::size_t, std::size_t> begun;  // existing documents, and the most valid bytes that they can have
   std::map<std::size_t, bool> spoilt;
   ByteReader in(std::span(data, size));
   while (in.left() >= 4) {

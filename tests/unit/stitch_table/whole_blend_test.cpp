@@ -139,7 +139,7 @@ TEST(WholeBlend, MinifiedCheckerboard_IsItsMeanInsteadOfItsAliases) {
     options.sharpen = 0;
     const Picture raymap = blended(table::compile_blend_table(rig, spec, formats, options).value(), heads.views);
     int least = 255, most = 0;
-    for (int x = 0; x < 256; ++x) {  // the middle row; near the poles every layout magnifies sideways
+    for (int x = 0; x < 256; ++x) {  // the middle row; near the poles nothing is minified sideways
       const int level = raymap.bytes[static_cast<std::size_t>(64 * 256 + x)];
       least = std::min(least, level);
       most = std::max(most, level);
