@@ -1,5 +1,5 @@
-// blend_bench [--quick] [--json FILE] [--plots DIR]: the blend, the best that OpenCV can do, and what memory allows, on the
-// reference workloads in one process: a frame of each variant in turn, over inputs that are more than the caches hold.
+// blend_bench [--quick] [--json FILE] [--plots DIR]: compares the blend with OpenCV's best and with the memory
+// bandwidth, on the reference workloads in one process: a frame of each variant in turn, over inputs beyond the caches.
 #include <CLI/CLI.hpp>
 #if defined(__x86_64__)
 #include <immintrin.h>

@@ -308,7 +308,7 @@ TEST_F(Commands, FishCompletion_OffersWhatMayFollow) {
                  "cd " + path("") + "; " NODAL_BIN_DIR "/nodal completion fish | source; complete -C '" + line +
                      "' | string split -f1 \\t | string join ' '"})
             .wait();
-    EXPECT_EQ(fish.err, "");  // the code is that of `string`, which says whether it changed anything
+    EXPECT_EQ(fish.err, "");  // the exit code of `string`: whether it changed anything
     return fish.out;
   };
   EXPECT_EQ(offered("nodal cal"), "calibrate calibration\n");

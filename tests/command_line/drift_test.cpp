@@ -1,4 +1,4 @@
-// `nodal drift` and trials, as a user runs them on a rig that films: one of its heads was bumped after it was calibrated.
+// `nodal drift` and trials, run as by a user on a filming rig; one of its heads was moved after its calibration.
 #include <signal.h>
 
 #include <cmath>
@@ -20,7 +20,7 @@ Calibration six(const std::string& name) {
   return rig;
 }
 
-/// The head turned to its right.
+/// Rotates the head to its right.
 Calibration bumped(Calibration rig, std::size_t head, double degrees) {
   std::array<double, 9>& R = rig.heads[head].R_head_rig;
   const double c = std::cos(degrees * std::numbers::pi / 180), s = std::sin(degrees * std::numbers::pi / 180);
@@ -43,7 +43,7 @@ class BumpedRig : public RigTest {
     bring_up();
   }
   Json drift() const { return Json::parse(nodal({"--json", "drift", "--tolerance", "0.2"}).out); }
-  /// Whether a calibration is on trial. What nodald says meanwhile is read, or its log would fill the pipe.
+  /// Whether a calibration is on trial. Also reads nodald's log, which would otherwise fill the pipe.
   bool on_trial() {
     (void)nodald().complained();
     return !nodal_json({"status"}).at(0)["trial"].is_null();

@@ -62,7 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (receiver.write(document.sha256, offset, piece)) NODAL_ASSERT(begun.contains(which));
         break;
       }
-      case 2: {  // other bytes than the SHA-256 is of
+      case 2: {  // bytes that do not match the SHA-256
         const std::vector<std::uint8_t> wrong(count, 0xEE);
         if (receiver.write(document.sha256, offset, wrong)) spoilt[which] = true;
         break;
@@ -73,7 +73,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (!taken && taken.error().code == Errc::kChecksum) NODAL_ASSERT(spoilt[which]);
         if (!taken && taken.error().code == Errc::kTruncated) break;
         const Status again = receiver.write(document.sha256, 0, {});
-        NODAL_ASSERT(!again);  // forgotten, whether it was whole or not
+        NODAL_ASSERT(!again);  // dropped, whether it was complete or not
         begun.erase(which);
         break;
       }

@@ -1,4 +1,4 @@
-// nodald with its trigger and panel on gpio-sim: a crash, a line that disappears, lines that are wrong.
+// nodald with its trigger and panel on gpio-sim: a crash, a line that disappears, wrong lines.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -62,10 +62,10 @@ class GpioRig : public testing::Test {
 
 TEST_F(GpioRig, KilledWhileItsOutputsAreOn_SafeLevelsPutsThemOff) {
   write(rig_toml());
-  chip_.drive(2, true);  // whoever releases the line leaves it, or its pull puts it on
+  chip_.drive(2, true);  // after the line is released, its level or its pull switches the lamp on
   Process rig(nodald());
   ASSERT_TRUE(test::wait_until(up)) << rig.complained();
-  // Caught in a pulse, which is on for 40 of 50 ms, with the lamp on.
+  // During a pulse, which lasts 40 of 50 ms, with the lamp on.
   ASSERT_TRUE(test::wait_until([&] { return chip_.wire(1) && chip_.wire(2); })) << rig.complained();
   rig.signal(SIGKILL);
   EXPECT_EQ(rig.wait().code, 128 + SIGKILL);
@@ -136,7 +136,7 @@ TEST_F(GpioRig, ButtonPressed_StartsTheGenlock) {
   Process rig(nodald());
   ASSERT_TRUE(test::wait_until(up)) << rig.complained();
   EXPECT_EQ(triggers(), 0);
-  for (const bool high : {true, false, true, false, true}) chip_.drive(4, high);  // it bounces
+  for (const bool high : {true, false, true, false, true}) chip_.drive(4, high);  // simulates contact bounce
   EXPECT_TRUE(test::wait_until([&] { return triggers() > 20; })) << status().dump();
   chip_.drive(4, false);
 }

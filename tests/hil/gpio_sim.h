@@ -1,4 +1,4 @@
-// The kernel's simulated GPIO chips, seen from outside their lines.
+// The kernel's simulated GPIO chips, controlled from outside their lines.
 #pragma once
 
 #include <string>
@@ -21,18 +21,18 @@ class SimChip {
   const std::string& name() const { return name_; }  ///< "gpiochip0"
   /// The level on the wire.
   bool wire(std::uint32_t offset) const;
-  /// Another device drives the line: its pull, which an output of a program overrides.
+  /// Drives the line from outside: sets its pull, which a program's output overrides.
   void drive(std::uint32_t offset, bool high) const;
-  /// Takes the chip away while lines may be in use.
+  /// Removes the chip, also while lines are in use.
   void remove();
 
  private:
   const std::string folder_;
   std::string name_;
-  std::string lines_;  ///< folder of the lines' attributes
+  std::string lines_;  ///< folder with the lines' attributes
 };
 
-/// A line that a program by this name holds, as an output.
+/// A line that another program with this name holds as an output.
 class HeldLine {
  public:
   HeldLine(const std::string& chip, std::uint32_t offset, const std::string& program);

@@ -1,4 +1,4 @@
-// Lines of the kernel's gpio-sim: what is lost, doubled, held, bouncing or taken away, and where it is counted.
+// Lines of the kernel's gpio-sim: lost, duplicated, held, bouncing and removed, and the counters of these events.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -42,7 +42,7 @@ class Gpio : public testing::Test {
     while (const auto edge = trigger.take_edge().value()) all.push_back(*edge);
     return all;
   }
-  /// The device's pulse, which begins at `at`.
+  /// The device's pulse, which starts at `at`.
   void pulse(Instant at) {
     wait_until(at);
     chip_.drive(5, true);
@@ -60,7 +60,7 @@ TEST_F(Gpio, PulsesOfAnotherDevice_EveryOneIsNumberedAndMissingAndDoubledOnesAre
   std::vector<std::uint64_t> sent;
   for (int i = 0; i < 500; ++i) {
     const Instant at = begin + period * i;
-    if (i % 50 == 20 || i % 100 == 71 || i % 100 == 72) continue;  // 10 alone, and 5 times two in a row
+    if (i % 50 == 20 || i % 100 == 71 || i % 100 == 72) continue;  // 10 single losses, and 5 times two in a row
     sent.push_back(static_cast<std::uint64_t>(i));
     pulse(at);
     if (i % 25 == 10) pulse(at + period * (i % 3 + 1) / 4 + Duration::milliseconds(1));
@@ -121,7 +121,7 @@ TEST_F(Gpio, OwnPulses_EveryOneIsSentNearItsTime) {
                           << off.back() << " ns (worst); latest " << trigger->latest().ns() << " ns\n";
 }
 
-/// The kernel's lines, whose events are read only while the test does not hold the lock: a port's thread that has no time.
+/// The kernel's lines, whose events are read only while the test does not hold the lock: simulates a busy port thread.
 class HeldBack final : public hal::gpio::System {
  public:
   hal::gpio::Claim claim_output(const hal::gpio::LineName& line, bool high) override {
@@ -167,7 +167,7 @@ TEST_F(Gpio, ButtonBurst_OfMoreEdgesThanTheKernelKeepsEndsAtTheRightLevel) {
       const std::lock_guard lock(system.mutex);
       for (int i = 0; i < edges_in_burst; ++i) {
         chip_.drive(5, high = !high);
-        wait_for(Duration::milliseconds(2));  // gpio-sim's interrupts come with the guest's ticks of 1 ms
+        wait_for(Duration::milliseconds(2));  // gpio-sim's interrupts occur at the guest's ticks of 1 ms
       }
     }
     wait_for(Duration::milliseconds(20));

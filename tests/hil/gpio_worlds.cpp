@@ -1,4 +1,4 @@
-// The trigger and the pins on the kernel's gpio-sim, under the tests that all of them pass.
+// The trigger and the pins on the kernel's gpio-sim, with the tests that every implementation must pass.
 #include <stdexcept>
 
 #include "gpio_sim.h"
@@ -10,7 +10,7 @@
 namespace nodal::hal {
 namespace {
 
-/// The threads of the ports run by themselves: what a call left to them is done a little later.
+/// The ports' threads run independently: the effect of a call appears a little later.
 constexpr Duration kSettle = Duration::milliseconds(1);
 
 class SimChipPins final : public PinWorld {

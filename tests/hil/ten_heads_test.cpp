@@ -1,5 +1,5 @@
-// The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, takes a calibration, and nodal pulls
-// raymaps. Runs in the guest; leaves raymap.jpg, status.json, heads.json and nodald.log in the folder it starts in.
+// The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, gets a calibration, and nodal pulls
+// raymaps. Runs in the guest; writes raymap.jpg, status.json, heads.json and nodald.log to the current folder.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -22,7 +22,7 @@ using test::Process;
 
 constexpr int kHeads = 10;
 constexpr double kRate = 30000.0 / 1001;
-const std::string kScratch = "/tmp/ten-heads";  // in the guest's memory: the folder it starts in takes no sockets
+const std::string kScratch = "/tmp/ten-heads";  // in the guest's memory: the current folder takes no sockets
 
 std::string rig_toml(int heads) {
   std::ostringstream text;
@@ -87,7 +87,7 @@ TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
   const auto number = [](const Json& status, const char* key) { return status[key].get<std::int64_t>(); };
   const auto grown = [&](const char* key) { return number(after, key) - number(before, key); };
 
-  // No head lost a frame below capture: so many came as its standard sends.
+  // No head lost a frame below capture: their number follows from the standard's rate.
   ASSERT_EQ(heads["heads"].size(), static_cast<std::size_t>(kHeads));
   for (std::size_t i = 0; i < kHeads; ++i) {
     const Json& head = heads["heads"][i];
@@ -96,20 +96,20 @@ TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
     EXPECT_EQ(number(head, "opened"), 1) << head;
     EXPECT_EQ(head["problem"], "") << head;
   }
-  // Every frame is in a set, held, or lost for a reason; every place of a set is filled or was missed by its head.
+  // Every frame is in a set, held, or lost with a reason; every slot of a set is filled or was missed by its head.
   EXPECT_EQ(number(after, "frames_taken"),
             number(after, "frames_in_sets") + number(after, "frames_held") + sum(after["losses"]));
   std::int64_t missed = 0;
   for (const Json& head : heads["heads"]) missed += number(head, "missing_sets");
   EXPECT_NEAR(static_cast<double>(number(after, "frames_in_sets") + missed),
-              static_cast<double>(kHeads * number(after, "sets")), kHeads * 3);  // sets came between the two answers
-  // Every set became a raymap or was left out for a reason.
+              static_cast<double>(kHeads * number(after, "sets")), kHeads * 3);  // sets made between the two replies
+  // Every set became a raymap or was skipped with a reason.
   EXPECT_NEAR(static_cast<double>(number(after, "sets")),
               static_cast<double>(number(after, "raymaps") + sum(after["set_losses"])), 3);
   EXPECT_NEAR(static_cast<double>(grown("sets")), seconds * kRate, 6);
   EXPECT_GT(grown("raymaps"), 100);
 
-  // One head's stream breaks: it is started again and told of, and the rig goes on.
+  // One head's stream fails: it is restarted and reported, and the rig continues.
   set_vivid(3, kFatalError, 1);
   ASSERT_TRUE(test::wait_until([] {
     return nodal({"heads"})["heads"][3]["problem"].get<std::string>().find("started again, 1 times") !=

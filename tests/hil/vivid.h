@@ -1,4 +1,4 @@
-// The kernel's virtual video driver, as tests in the guest see it.
+// The kernel's virtual video driver, for tests in the guest.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace nodal::hil {
 
-// Controls of vivid, from its vivid-ctrls.c: buttons and settings that break it.
+// Controls of vivid, from its vivid-ctrls.c: buttons and settings that cause faults.
 inline constexpr std::uint32_t kTimestampSource = 0x00f0f000 + 24;  ///< 1: start of exposure
 inline constexpr std::uint32_t kWrapSequence = 0x00f0f000 + 38;
 inline constexpr std::uint32_t kSignalMode = 0x00f0f000 + 60;  ///< 0 a signal, 1 none, 2 no lock
@@ -23,18 +23,18 @@ inline constexpr std::uint32_t kQbufError = 0x00f0f000 + 68;
 inline constexpr std::uint32_t kStreamonError = 0x00f0f000 + 69;
 inline constexpr std::uint32_t kFatalError = 0x00f0f000 + 70;
 
-/// "v4l2:platform:vivid-003" is device 3; the kernel's command line says how many there are and what they have.
+/// "v4l2:platform:vivid-003" is device 3; the kernel's command line sets the number and the inputs of the devices.
 std::string vivid_path(int device);
 
-/// Sets a control of a device through a descriptor of its own; a button is pressed by 1. Throws when it cannot.
+/// Sets a control of a device through a separate descriptor; value 1 presses a button. Throws on failure.
 void set_vivid(int device, std::uint32_t control, int value);
 
 /// An S-Video input with NTSC.
 hal::v4l2::HeadRequest ntsc(PixelFormat pixels);
-/// A progressive webcam of 30 frames a second whose gain has steps of 0.1 dB.
+/// A progressive webcam with 30 frames per second and gain steps of 0.1 dB.
 hal::v4l2::HeadRequest webcam(PixelFormat pixels);
 
-/// Waits; in the guest's virtual time when it was booted with that.
+/// Waits; in the guest's virtual time if it was booted with it.
 void wait_for(Duration time);
 
 }  // namespace nodal::hil

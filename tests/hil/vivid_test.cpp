@@ -1,4 +1,4 @@
-// What becomes of every fault that vivid can make.
+// The head's reaction to every fault that vivid can cause.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -17,7 +17,7 @@ using hal::TriggerMode;
 class Vivid : public testing::Test {
  protected:
   ~Vivid() override {
-    enumerator_.reset();  // closes the device, and with the last descriptor a disconnected one returns
+    enumerator_.reset();  // closes the device; a disconnected one returns when its last descriptor is closed
     for (const std::uint32_t control : {kWrapSequence, kPercentDropped}) set_vivid(0, control, 0);
   }
 
@@ -40,7 +40,7 @@ class Vivid : public testing::Test {
     }
     return fail(Errc::kTimeout, "no frame in two seconds");
   }
-  /// The verdicts of frames that are given back at once.
+  /// The verdicts of frames, each of which is released at once.
   std::vector<FrameVerdict> verdicts(HeadPort& head, int frames) {
     std::vector<FrameVerdict> all;
     for (int i = 0; i < frames; ++i) {
@@ -162,19 +162,19 @@ TEST_F(Vivid, BuffersAreDropped_TheSequenceTellsOfEveryOne) {
     EXPECT_EQ(frame->verdict, FrameVerdict::kGood);
     const std::uint32_t steps = frame->sequence - sequence;
     ASSERT_GE(steps, 1U);
-    // The clock agrees with the sequence: so many periods went by.
+    // The clock agrees with the sequence number: the same number of periods has passed.
     EXPECT_NEAR(static_cast<double>((frame->mid_exposure - at).ns()) / static_cast<double>(period.ns()), steps, 0.3);
     missing += steps - 1;
     sequence = frame->sequence;
     at = frame->mid_exposure;
     head->release(frame->slot);
   }
-  // Of n frames a half is dropped: 60 lost for 60 that came, give or take four standard deviations of sqrt(120) / 2.
+  // Half of the n frames are dropped: 60 lost for 60 received, +- four standard deviations of sqrt(120) / 2.
   EXPECT_NEAR(missing, 60, 4 * 11);
 }
 
 TEST_F(Vivid, SequenceNumbersWrap_FramesGoOn) {
-  set_vivid(0, kWrapSequence, 1);  // they begin 128 before the wrap
+  set_vivid(0, kWrapSequence, 1);  // numbering restarts 128 before the wrap
   const auto head = streaming();
   bool wrapped = false;
   std::uint32_t last = 0;

@@ -1,4 +1,4 @@
-// The V4L2 head on the kernel's own driver, under the tests that every head passes.
+// The V4L2 head on the kernel's own driver, with the tests that every head must pass.
 #include "tests/conformance/head_conformance.h"
 #include "vivid.h"
 
@@ -15,7 +15,7 @@ class VividWorld final : public HeadWorld, public HeadEnumerator {
   std::string path() override { return hil::vivid_path(device_); }
   ClockPort& clock() override { return clock_; }
   void pass(Duration time) override { hil::wait_for(time); }
-  /// vivid plugs itself in again when its last descriptor is closed.
+  /// vivid reconnects when its last descriptor is closed.
   bool unplug() override {
     hil::set_vivid(device_, hil::kDisconnect, 1);
     return true;

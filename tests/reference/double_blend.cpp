@@ -8,7 +8,7 @@ namespace {
 
 double black_of(PixelFormat format, int c) { return has_chroma(format) && c > 0 ? 128.0 : 0.0; }
 
-/// A plane in double precision, sharpened as TableOptions::sharpen says but not rounded.
+/// A plane in double precision, sharpened by TableOptions::sharpen without rounding.
 struct RealSource {
   int width = 0;
   int height = 0;

@@ -1,4 +1,4 @@
-// The blend in double precision: what the fixed point is held against.
+// The blend in double precision: the reference for the fixed-point blend.
 #pragma once
 
 #include <span>
@@ -10,7 +10,7 @@
 
 namespace nodal::test {
 
-/// A raymap's component before any rounding; not clamped.
+/// A component of a raymap before any rounding; not clamped.
 struct RealPlane {
   int width = 0;
   int height = 0;
@@ -18,8 +18,8 @@ struct RealPlane {
   std::vector<bool> covered;  ///< whether any head sees the sample
 };
 
-/// Blends all components from the same ray samples that the table is a rounding of. black[c] is the component's
-/// value for no light.
+/// Blends all components from the ray samples that the table quantizes. black[c] is the component's value for no
+/// light.
 std::vector<RealPlane> blend_in_double(const table::RaySampler& sampler, std::span<const ImageView> heads);
 
 /// The same, rounded to the nearest level and clamped, as a packed picture of the raymap's format.

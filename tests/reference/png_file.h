@@ -1,4 +1,4 @@
-// PNG pictures for tests, by libpng alone: shares no code with what Nodal reads pictures by.
+// PNG pictures for tests, using only libpng: shares no code with Nodal's picture readers.
 #pragma once
 
 #include <filesystem>
@@ -23,7 +23,7 @@ struct Picture {
   MutableImageView mutable_view() { return packed_image(format, width, height, bytes.data()); }
 };
 
-/// Reads any PNG as RGB24. Errors: kBadFormat, with libpng's words.
+/// Reads any PNG as RGB24. Errors: kBadFormat, with libpng's message.
 Result<Picture> read_png(const std::filesystem::path& file);
 
 /// Writes an RGB24 or GREY picture. Errors: kIo.

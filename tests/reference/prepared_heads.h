@@ -1,4 +1,4 @@
-// The heads' pictures as blend_rows takes them, for tests that blend without a rig.
+// Prepares heads' pictures for blend_rows, for tests that blend without a rig.
 #pragma once
 
 #include <cstdint>

@@ -70,7 +70,7 @@ Score score(const ImageView& raymap, const ImageView& truth, const geometry::Ray
         true_true += weight[i] * want * want;
       }
     }
-    squares += true_true - got_true * got_true / got_got;  // what the best gain leaves
+    squares += true_true - got_true * got_true / got_got;  // the rest after the best gain
   }
   const double mean = squares / (static_cast<double>(components) * covered);
   return {10 * std::log10(255.0 * 255.0 / mean), covered / sphere};

@@ -1,5 +1,5 @@
-// How near a raymap is to the truth, as every figure of Nodal's is made (the reference data's score.py does the
-// same in Python).
+// The distance of a raymap from the truth, the measure of all of Nodal's figures (the reference data's score.py
+// computes the same in Python).
 #pragma once
 
 #include <cstdint>
@@ -15,15 +15,15 @@ struct Score {
   double covered = 0;  ///< share of the sphere whose pixels are not black
 };
 
-/// PSNR over all components, each pixel weighted by its solid angle, after one least-squares gain a component.
-/// Pixels that are all black count as not covered and are left out. RGB24 or GREY, both of the layout's size.
+/// PSNR over all components, each pixel weighted by its solid angle, after one least-squares gain per component.
+/// Completely black pixels count as not covered and are left out. RGB24 or GREY, both of the layout's size.
 Score score(const ImageView& raymap, const ImageView& truth, const geometry::RaymapLayout& layout);
 
 /// Structural similarity (Wang et al. 2004) of two RGB24 pictures' luma over 8x8 blocks, each weighted by the solid
-/// angle at its middle; 1 when they are the same.
+/// angle at its centre; 1 for equal pictures.
 double ssim(const ImageView& a, const ImageView& b, const geometry::RaymapLayout& layout);
 
-/// PSNR of two pictures as they are, every byte alike, and the largest difference.
+/// PSNR of two pictures with all bytes weighted equally, and the largest difference.
 struct Difference {
   double psnr_db = 0;
   int largest = 0;

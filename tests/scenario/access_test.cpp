@@ -1,4 +1,4 @@
-// Control and view-only hosts, and the audit log of what the former change.
+// Control and view-only hosts, and the audit log of the changes by control hosts.
 #include <gtest/gtest.h>
 
 #include <algorithm>

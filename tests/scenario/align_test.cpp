@@ -1,4 +1,4 @@
-// A rig without a trigger: heads that run free are brought into step, and held there.
+// A rig without a trigger: free-running heads are brought into step and kept in step.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ using firmware::GenlockState;
 constexpr Duration kPeriod = FrameRate{}.period();
 constexpr std::array<std::int32_t, kHeads> kDrifts = {50, -50, 31, -17, 8, -44};
 
-/// Heads whose crystals are up to 50 ppm off, with phases by chance.
+/// Heads with crystal errors of up to 50 ppm and random phases.
 StandOptions free_rig(Duration stamp_jitter = {},
                       const std::function<void(HeadIndex, hal::sim::HeadOptions&)>& also = {}) {
   StandOptions options;
@@ -29,7 +29,7 @@ StandOptions free_rig(Duration stamp_jitter = {},
   return options;
 }
 
-/// Of the newest exposures, in truth: latest minus earliest middle, each as near the others as periods allow.
+/// For the newest exposures, the true latest minus the earliest middle, each reduced by whole periods.
 Duration true_spread(Stand& stand) {
   std::optional<Instant> first;
   Duration least, most;
@@ -159,7 +159,7 @@ TEST(Align, AnExposureIsChanged_TheMiddlesStayInStep) {
   stand.run(Duration::seconds(10));
   wire::Request request;
   request.mutable_head_set()->add_heads(2);
-  request.mutable_head_set()->set_exposure_ns(6'000'000);  // its middles would be 2 ms earlier
+  request.mutable_head_set()->set_exposure_ns(6'000'000);  // its mid-exposures would move 2 ms earlier
   ASSERT_TRUE(host.ask(request).has_done());
   stand.run(Duration::seconds(5));
   EXPECT_EQ(stand.capture().heads[2].in_effect.exposure, Exposure::microseconds(6000));
@@ -188,7 +188,7 @@ TEST(Align, Stopped_HeadsDriftApartAndTheStateIsOff) {
   request.mutable_genlock()->set_action(wire::GenlockRequest::STOP);
   EXPECT_EQ(host.ask(request).genlock().state(), "off");
   stand.run(Duration::seconds(20));
-  // 100 ppm apart for 20 s.
+  // 100 ppm of drift for 20 s.
   EXPECT_NEAR(static_cast<double>(true_spread(stand).us()), 2000, 250);
 }
 

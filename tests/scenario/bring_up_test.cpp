@@ -10,7 +10,7 @@
 namespace nodal::scenario {
 namespace {
 
-/// Decodes a JPEG to RGB24; empty when it is none.
+/// Decodes a JPEG to RGB24; empty if it is not a JPEG.
 std::vector<std::uint8_t> decode(const std::vector<std::uint8_t>& jpeg, int& width, int& height) {
   const tjhandle handle = tjInitDecompress();
   int subsampling = 0;
@@ -88,7 +88,7 @@ TEST(BringUp, AConstantScene_IsThatConstantInEveryPixel) {
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
   const std::vector<std::uint8_t>& rgb = host.pulled[stream].at(0).body;
   ASSERT_EQ(rgb.size(), 128u * 64u * 3u);
-  // A linear response: light 1/4, 1/2 and 3/4 of full, at the head's reference exposure.
+  // A linear response: light 1/4, 1/2 and 3/4 of full, with the head's reference exposure.
   for (std::size_t i = 0; i < rgb.size(); i += 3) {
     ASSERT_EQ(rgb[i], 64) << "pixel " << i / 3;
     ASSERT_EQ(rgb[i + 1], 128) << "pixel " << i / 3;
@@ -96,7 +96,7 @@ TEST(BringUp, AConstantScene_IsThatConstantInEveryPixel) {
   }
 }
 
-/// Light that says where it comes from: red grows to the right, green downwards, blue forward.
+/// Light that encodes its direction: red grows to the right, green downwards, blue forward.
 class CompassScene final : public hal::sim::Scene {
  public:
   hal::sim::Light light(const hal::sim::Direction& from, double) const override {

@@ -1,4 +1,4 @@
-// Heads that come and go, frames that are bad, and a capture thread that is kept waiting.
+// Heads that disconnect and reconnect, bad frames, and a delayed capture thread.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"
@@ -8,7 +8,7 @@ namespace {
 
 using firmware::LossReason;
 
-/// Every head is in every set from now on.
+/// Runs until every set contains every head again.
 bool full_again(Stand& stand, Duration within) {
   std::uint64_t sets = stand.capture().sets;
   std::uint64_t full = stand.capture().full_sets;
@@ -79,7 +79,7 @@ TEST(Capture, AHeadIsAway_ItsRaysGoToTheHeadsThatSeeThemToo) {
   options.world.scene = hal::sim::constant_scene({0.5F, 0.5F, 0.5F});
   Stand stand(std::move(options));
   TestHost& host = stand.bring_up();
-  stand.world.head(0).unplug();  // the one that looks forward
+  stand.world.head(0).unplug();  // the head that looks forward
   stand.run(Duration::milliseconds(300));
   const StreamId stream = host.pull(false, 1);
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
@@ -91,10 +91,10 @@ TEST(Capture, AHeadIsAway_ItsRaysGoToTheHeadsThatSeeThemToo) {
     ASSERT_TRUE(raymap.body[i] == 128 || raymap.body[i] == 0) << int{raymap.body[i]};
     ++(raymap.body[i] == 0 ? black : seen);
   }
-  // Only head 0 sees what is within 35 degrees of forward on both axes: nowhere else is black, and there all is.
+  // Only head 0 sees the area within 35 degrees of forward on both axes: exactly that area must be black.
   const auto pixel = [&](int x, int y) { return raymap.body[static_cast<std::size_t>(y * 128 + x) * 3]; };
   EXPECT_EQ(pixel(64, 32), 0);         // forward
-  EXPECT_EQ(pixel(64 + 14, 32), 128);  // 40 degrees right of it: the right head's too
+  EXPECT_EQ(pixel(64 + 14, 32), 128);  // 40 degrees to the right: the right head sees it too
   EXPECT_EQ(pixel(64 - 14, 32), 128);
   EXPECT_EQ(pixel(0, 32), 128);  // behind
   EXPECT_GT(black, 0u);
@@ -143,7 +143,7 @@ TEST(Capture, AFrameThatComesTwice_IsCountedOnce) {
   const std::uint64_t sets = stand.capture().sets;
   stand.world.head(4).duplicate_next_frame();
   stand.run(Duration::milliseconds(300));
-  // The copy comes while its set is open, or after it went.
+  // The copy arrives while its set is open, or after the set was closed.
   EXPECT_EQ(stand.losses(4, LossReason::kDuplicate) + stand.losses(4, LossReason::kLate), 1u);
   EXPECT_EQ(stand.capture().sets - sets, stand.capture().full_sets - full);
 }
@@ -192,7 +192,7 @@ TEST(Capture, FaultsOfEveryKindForAMinute_AreAllAccountedForAndThenItIsWhole) {
   faults.lose = faults.corrupt = faults.tear = faults.delay = faults.duplicate = 20'000;  // 2 % each
   faults.longest_delay = Duration::milliseconds(200);
   for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults(faults);
-  stand.run(Duration::seconds(60));  // the stand asserts the sums after every millisecond
+  stand.run(Duration::seconds(60));  // the stand checks the sums after every millisecond
   EXPECT_GT(stand.capture().frames.lost(), 100u);
   for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults({});
   EXPECT_TRUE(full_again(stand, Duration::seconds(2)));

@@ -1,4 +1,4 @@
-// Exposure programs in a closed loop: simulated heads whose light changes, metered through the calibration in force.
+// Exposure programs in a closed loop: simulated heads with changing light, metered with the calibration in force.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,9 +11,9 @@
 namespace nodal::scenario {
 namespace {
 
-constexpr Stops kTenth = 141;  ///< log2(1.1): ten per cent of light
+constexpr Stops kTenth = 141;  ///< log2(1.1): 10 % of light
 
-/// A sky whose light falls to a third from the zenith down, and a sun that covers 8 degrees.
+/// A sky whose light decreases to a third from the zenith down, and a sun of 8 degrees.
 class SunAndSky final : public hal::sim::Scene {
  public:
   hal::sim::Light light(const hal::sim::Direction& from, double /*footprint_rad*/) const override {
@@ -41,7 +41,7 @@ StandOptions exposed(firmware::ExposureProgram program, int latency = 2) {
   return options;
 }
 
-/// Exposures in effect, by set.
+/// Exposures in effect, by set number.
 using History = std::map<std::uint64_t, std::array<Stops, kHeads>>;
 
 History watch(Stand& stand, int sets) {
@@ -57,9 +57,9 @@ History watch(Stand& stand, int sets) {
 }
 
 struct Settling {
-  int sets = 0;          ///< after the first that was watched, until every head stays within a tenth
-  Stops overshoot = 0;   ///< past where it ends, the most of all heads
-  Stops most_a_set = 0;  ///< the largest change from one set to the next
+  int sets = 0;          ///< sets until every head stays within 10 %
+  Stops overshoot = 0;   ///< the largest overshoot of the final exposure, over all heads
+  Stops most_a_set = 0;  ///< largest change between two sets
 };
 
 Settling settling(const History& history) {
@@ -86,7 +86,7 @@ void set_light(Stand& stand, double factor) {
 struct Change {
   const char* name;
   double before, after;
-  double stops;  ///< that exposures must change by
+  double stops;  ///< the necessary change of the exposures
 };
 class LightChanges : public testing::TestWithParam<std::tuple<Change, firmware::ExposureProgram>> {};
 
@@ -164,7 +164,7 @@ TEST(Exposure, Ramp_NoSetIsExposedFurtherFromTheOneBefore) {
   watch(stand, 150);
   set_light(stand, 4);
   const History history = watch(stand, 150);
-  // Two sets may close within one exposure of a head that runs free; and a microsecond more or less is left to gain.
+  // Two sets may close within one exposure of a free-running head; gain compensates the rounding to a microsecond.
   EXPECT_LE(settling(history).most_a_set, 2 * kStop / 50 + 6);
   EXPECT_NEAR(history.rbegin()->second[0] - history.begin()->second[0], -2 * kStop, 200);
 }
@@ -220,12 +220,12 @@ TEST(Exposure, OneHeadIsStuck_TheOthersSettleAllTheSame) {
   EXPECT_NE(host.heads().heads(3).problem(), "");
 }
 
-/// Every pixel of a raymap against the light of its ray, of the exposure that all heads are shown as: the renderer's
-/// scene, by mathematics, and none of the stitcher's code.
+/// Compares every pixel of a raymap with the light of its ray at the exposure that all heads are equalized to: the
+/// renderer's scene computed directly, without the stitcher's code.
 struct Against {
   double worst = 0;      ///< levels of 255
-  double mean = 0;       ///< of how far off, either way
-  double worst_row = 0;  ///< of any row's or column block's mean, with its sign: what a seam would show as
+  double mean = 0;       ///< mean absolute error
+  double worst_row = 0;  ///< largest signed mean of a row or column block: where a seam would appear
 };
 
 Against against_light(const Pulled& raymap, const hal::sim::Scene& scene, const Response& response, double lift) {
@@ -259,7 +259,7 @@ Against against_light(const Pulled& raymap, const hal::sim::Scene& scene, const 
   return result;
 }
 
-/// Light that falls smoothly from the zenith down, so that whatever is a step is the stitcher's.
+/// Light that decreases smoothly from the zenith down, so that every step is the stitcher's error.
 class Gradient final : public hal::sim::Scene {
  public:
   hal::sim::Light light(const hal::sim::Direction& from, double /*footprint_rad*/) const override {
@@ -289,7 +289,7 @@ TEST_P(FourStopsApart, HeadsMeetWithoutASeamAndThePictureIsTheLight) {
     return host.pulled[stream].at(0);
   };
   const Against alike = against_light(pull(), *scene, response, 1);
-  // Two stops less and two more than 5 ms, by turns of shutter and gain: 1.25 ms and 20 ms.
+  // Two stops less and two stops more than 5 ms, alternately by shutter and gain: 1.25 ms and 20 ms.
   for (std::uint32_t h = 0; h < kHeads; ++h) {
     wire::Request request;
     request.mutable_head_set()->add_heads(h);

@@ -1,5 +1,5 @@
-// Every number that hosts and rig.toml may set, at the ends of what is accepted: the rig runs, a day passes at once, and it
-// runs on. Overflow is for the sanitizers to find (preset asan); what is beyond the ends is refused with the range.
+// All numbers that hosts and rig.toml may set, at the limits of their ranges: the rig runs, a day passes at once, and
+// it continues. Sanitizers detect overflow (preset asan); values beyond the limits are refused with the range.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"
@@ -34,7 +34,7 @@ void white_balance(wire::Request& request, std::uint32_t red, std::uint32_t blue
   request.mutable_head_set()->set_blue_q12(blue);
 }
 
-/// The rig goes on: for two seconds, over a day in which nothing was stepped, and for two more.
+/// Checks that the rig runs on: for two seconds, after a jump of a day without steps, and for two more seconds.
 void expect_that_it_runs_on(Stand& stand) {
   stand.run(Duration::seconds(2));
   EXPECT_NE(stand.state(), "hanging");
@@ -54,13 +54,13 @@ TEST_P(AcceptedRequest, AtTheEndOfItsRange_TheRigRunsOnOverADay) {
   TestHost& host = stand.bring_up();
   stand.lock(host);
   const wire::Reply reply = host.ask(made_by(GetParam()));
-  // A head's own range may be narrower; then that is the answer, and no change.
+  // A head's own range may be narrower; then the request is refused and changes nothing.
   EXPECT_TRUE(!reply.has_error() || reply.error().code() == static_cast<unsigned>(Errc::kBadValue))
       << reply.error().message();
   expect_that_it_runs_on(stand);
 }
 
-/// A head that is away cannot say what its range is: it takes what is accepted, and is asked when it returns.
+/// The range of a disconnected head is unknown: the request is accepted, and applied when the head returns.
 TEST_P(AcceptedRequest, WhileHeadsAreAway_TheRigRunsOnWhenTheyReturn) {
   Stand stand;
   TestHost& host = stand.bring_up();
@@ -100,7 +100,7 @@ INSTANTIATE_TEST_SUITE_P(
         Extreme{"highest_gain_highest", [](wire::Request& r) { r.mutable_exposure()->set_highest_gain_mdb(60'000); }}),
     [](const auto& extreme) { return extreme.param.name; });
 
-/// Beyond the ends, and what each refusal must name.
+/// Values beyond the limits, and the text that each refusal must contain.
 struct Beyond {
   Extreme request;
   const char* range;
@@ -140,7 +140,7 @@ TEST(Extremes, RequestsBeyondTheEnds_AreRefusedWithTheRange) {
   }
 }
 
-/// A rig.toml of the small rig; `head` goes into its first head, `rest` to where tables may begin.
+/// A rig.toml of the small rig; `head` is inserted into its first head, `rest` before the first table.
 std::string rig_toml(const std::string& rig, const std::string& head, const std::string& rest) {
   std::string toml = "[rig]\nname = \"ends\"\n" + rig + "\n[raymap]\nwidth = 128\nheight = 64\nformat = \"RGB24\"\n" +
                      rest + "\n[sim]\ncalibration = \"truth.json\"\n";

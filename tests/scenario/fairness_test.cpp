@@ -9,7 +9,7 @@
 namespace nodal::scenario {
 namespace {
 
-/// The sets that these raymaps are of, without a gap.
+/// Whether the raymaps are of consecutive sets.
 bool without_gap(const std::vector<Pulled>& raymaps) {
   for (std::size_t i = 1; i < raymaps.size(); ++i) {
     if (raymaps[i].header.set() != raymaps[i - 1].header.set() + 1) return false;
@@ -23,14 +23,14 @@ wire::Hosts list_hosts(TestHost& host) {
   return host.ask(request).hosts();
 }
 
-/// Reads what there is every 5 s, as a host does whose disk is slow.
+/// Reads the available bytes every 5 s, like a host with a slow disk.
 TEST(Hosts, ALosslessPullThatReadsEveryFiveSeconds_CostsNobodyASetAndIsEndedWithAReason) {
   Stand stand;
   TestHost& slow = stand.bring_up();
   TestHost& other = stand.connect();
   const StreamId live = other.pull(false, 0);
   const StreamId stream = slow.pull(false, 0, true);
-  slow.link().in().capacity = 1000;  // what waits, waits on the rig
+  slow.link().in().capacity = 1000;  // pending bytes stay on the rig
   for (int i = 0; i < 6; ++i) {
     slow.reading = false;
     stand.run(Duration::seconds(5));
@@ -70,7 +70,7 @@ TEST(Hosts, StuckOnesThatPullAsOftenAsTheyMay_LeaveBuffersForTheOthers) {
     TestHost& stuck = stand.connect();
     for (std::size_t k = 0; k < firmware::Publisher::kMaxPulls; ++k) {
       pulls += stuck.pull(false, 0) != 0 ? 1 : 0;
-      stand.run(Duration::milliseconds(700));  // each stops at another raymap
+      stand.run(Duration::milliseconds(700));  // each stops at a different raymap
     }
     stuck.reading = false;
     stuck.link().in().capacity = 1000;
@@ -141,7 +141,7 @@ TEST(Hosts, LinksThatSayNoHello_KeepNobodyOut) {
   std::vector<std::unique_ptr<hal::sim::SimLink>> silent;
   for (int i = 0; i < 100; ++i) {
     silent.push_back(stand.listener.connect());
-    // Half a frame, as of a host that died while it wrote.
+    // Half a frame, as from a host that died while writing.
     const std::array<std::uint8_t, 4> half{'N', 'O', 'D', 'L'};
     const auto bytes = std::span(half).first(i % 2 == 0 ? 4 : 0);
     ASSERT_TRUE(silent.back()->write(bytes));
@@ -163,7 +163,7 @@ TEST(Hosts, AFrameThatIsNotWholeInTime_EndsItsHost) {
   ASSERT_TRUE(host.link().write(frame.first(frame.size() - 1)));
   host.reading = false;
   TestHost* const half = &host;
-  const std::unique_ptr<TestHost> apart = std::move(stand.hosts.front());  // it writes no more
+  const std::unique_ptr<TestHost> apart = std::move(stand.hosts.front());  // it writes nothing more
   stand.hosts.clear();
   stand.run(Duration::milliseconds(1500));
   EXPECT_EQ(stand.rig->control().clients(), 1u);
@@ -210,7 +210,7 @@ TEST(Hosts, OneFloodsTheRigWithRequests_AnotherIsAnsweredAtOnce) {
   std::vector<std::uint64_t> ids;
   for (int i = 0; i < 2000; ++i) ids.push_back(greedy.post(request));
   const std::uint64_t id = good.post(request);
-  // A step of everybody at a time: what the greedy one sent is served a few at a time, and the good one among them.
+  // One step of all hosts at a time: the greedy host is served a few requests at a time, the good one in between.
   int steps = 0;
   for (; steps < 100 && !good.reply(id); ++steps) {
     stand.rig->step_control();

@@ -1,5 +1,5 @@
-// Interlaced heads before a bar that moves, or stands still: where its edges are in the raymaps, against where geometry
-// has them at the time that the raymap's header says. With NODAL_PICTURES=FOLDER the raymaps are left there to look at.
+// Interlaced heads that see a moving or a still bar: the positions of its edges in the raymaps are compared with the
+// exact positions at the time in the raymap's header. With NODAL_PICTURES=FOLDER the raymaps are saved there.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,11 +18,11 @@ constexpr double kPi = std::numbers::pi;
 constexpr int kWidth = 1024;
 constexpr int kHeight = 512;
 constexpr Duration kHalfPeriod = Duration::nanoseconds(16'683'333);
-constexpr Duration kTurn = Duration::seconds(2);  ///< 8.5 px of the raymap from field to field
+constexpr Duration kTurn = Duration::seconds(2);  ///< 8.5 px of the raymap between fields
 constexpr double kHalfBar = 0.1;
-constexpr double kLevel = (0.2 + 0.8) / 2 * 255;  ///< half way from the room to the bar
+constexpr double kLevel = (0.2 + 0.8) / 2 * 255;  ///< half way between the room's and the bar's level
 
-/// Four heads of 100 degrees round the horizon.
+/// Four heads of 100 degrees around the horizon.
 Calibration ring() {
   Calibration calibration = small_calibration("ring");
   calibration.heads.resize(4);
@@ -51,7 +51,7 @@ StandOptions before(hal::sim::ScenePtr scene, firmware::FieldUse use, Fields fie
   return options;
 }
 
-/// An upright bar that goes round to the right.
+/// An upright bar that rotates to the right.
 hal::sim::ScenePtr turning_bar() { return hal::sim::bar_scene({0, 1, 0}, kTurn, kHalfBar); }
 
 std::vector<Pulled> pull(Stand& stand, std::uint64_t count) {
@@ -63,7 +63,7 @@ std::vector<Pulled> pull(Stand& stand, std::uint64_t count) {
   return host.pulled[stream];
 }
 
-/// The column where the turning bar's edge is; `side` is 1 for the one ahead, -1 for the other.
+/// The column of the rotating bar's edge; `side` is 1 for the leading edge, -1 for the other.
 double edge_at(std::uint64_t time_ns, int side) {
   const double turned = static_cast<double>(time_ns) / static_cast<double>(kTurn.ns());
   return (turned - std::floor(turned) + side * kHalfBar / (2 * kPi) + 0.5) * kWidth;
@@ -74,8 +74,8 @@ int level(const Pulled& raymap, int x, int y) {
   return raymap.body[static_cast<std::size_t>((y * kWidth + column) * 3 + 1)];
 }
 
-/// Of the places on a row or column where levels pass the bar's edge, how far the nearest is from `expected`; `at` gives
-/// the level of sample i, whose middle is at i + 1/2.
+/// Of the positions on a row or column where the level crosses the bar's edge, the distance of the nearest from
+/// `expected`; `at` gives the level of sample i, whose centre is at i + 1/2.
 template <class At>
 double off(At at, double expected, bool falls) {
   constexpr int kReach = 20;
@@ -94,7 +94,7 @@ double off_on_row(const Pulled& raymap, int y, double expected, bool falls) {
   return off([&](int x) { return level(raymap, x, y); }, expected, falls);
 }
 
-/// Rows that every head's picture reaches everywhere: 25 degrees either way.
+/// Rows that every head's picture covers completely: 25 degrees up and down.
 constexpr int kFirstRow = kHeight / 2 - 71;
 constexpr int kLastRow = kHeight / 2 + 71;
 
@@ -160,14 +160,14 @@ TEST(Fields, WovenBeforeAMovingBar_RowsShowTheEdgeOfEitherFieldInTurns) {
       before = is_first ? 1 : 0;
     }
   }
-  // A frame's line is 1.6 rows here: the comb's teeth are that wide, and 8.5 px long.
+  // A frame's line is 1.6 rows here: the interlacing comb has teeth of that width, 8.5 px long.
   EXPECT_GT(of_first, rows / 3);
   EXPECT_GT(of_second, rows / 3);
   EXPECT_GT(jumps, rows / 3);
   leave_picture(raymaps[5], "weave.png");
 }
 
-/// A bar that lies: about an axis through the heads' sides, 3 degrees out of level, and does not move.
+/// A horizontal bar: about an axis through the heads' sides, tilted by 3 degrees, not moving.
 TEST(Fields, SeparateBeforeAStillEdge_BothFieldsHaveItWhereItIs) {
   const double tilt = 3 * kPi / 180;
   const hal::sim::Direction axis{std::cos(tilt), std::sin(tilt), 0};
@@ -176,19 +176,19 @@ TEST(Fields, SeparateBeforeAStillEdge_BothFieldsHaveItWhereItIs) {
   const std::vector<Pulled> raymaps = pull(stand, 2);
   ASSERT_EQ(raymaps.size(), 2u);
   for (const Pulled& raymap : raymaps) {
-    for (const int side : {1, -1}) {  // of the bar's middle, z, turned by kHalfBar about the axis
+    for (const int side : {1, -1}) {  // the bar's middle, z, rotated by kHalfBar about the axis
       const double up = side * std::sin(kHalfBar);
       const double normal[3] = {-std::sin(tilt) * std::cos(kHalfBar), std::cos(tilt) * std::cos(kHalfBar), up};
       double sum = 0;
       int columns = 0;
-      for (int x = kWidth / 2 - 71; x <= kWidth / 2 + 71; ++x, ++columns) {  // 25 degrees either way, forward
+      for (int x = kWidth / 2 - 71; x <= kWidth / 2 + 71; ++x, ++columns) {  // 25 degrees to both sides of forward
         const double theta = (x + 0.5 - kWidth / 2) * 2 * kPi / kWidth;
         const double phi = std::atan(-(normal[0] * std::sin(theta) + normal[2] * std::cos(theta)) / normal[1]);
         const double expected = (phi / kPi + 0.5) * kHeight;
         sum += off([&](int y) { return level(raymap, x, y); }, expected, side == -1);
       }
-      // A field has a line for every 3.2 rows: one edge's column may be off by half of that, the mean of many is not. The
-      // other field's lines are 1.6 rows away.
+      // A field has one line per 3.2 rows: a single column's edge may be off by half of that, but not the mean of many.
+      // The other field's lines are 1.6 rows away.
       EXPECT_NEAR(sum / columns, 0, 0.25) << raymap.header.parity() << " field, side " << side;
     }
   }

@@ -1,4 +1,4 @@
-// Hosts ask for the heads' own pictures while the rig runs.
+// Hosts request the heads' own pictures while the rig runs.
 #include <gtest/gtest.h>
 
 #include <numeric>
@@ -19,7 +19,7 @@ wire::Reply ask_set(TestHost& host) {
   return host.ask(request);
 }
 
-/// The header and body of the one item of a stream, as TestHost keeps them for raymaps.
+/// The header and body of a stream's only item, in the form in which TestHost stores raymaps.
 struct ReceivedSet {
   wire::FrameSetHeader header;
   std::vector<std::uint8_t> body;
@@ -63,7 +63,7 @@ TEST(FrameSets, HostAsksWhileRaymapsRun_GetsEveryHeadsPictureOfOneSetAndNothingI
     EXPECT_GT(std::accumulate(bytes.begin(), bytes.end(), 0.0) / kPictureBytes, 10) << "black";
     EXPECT_TRUE(seen.insert(sha256(bytes)).second) << "two heads have one picture";
   }
-  // Its raymap was blended all the same, and so were those after it.
+  // Its raymap was blended nevertheless, and so were later ones.
   stand.run(Duration::milliseconds(500));
   const wire::RigStatus after = host.status();
   EXPECT_EQ(after.sets() - after.raymaps(), before.sets() - before.raymaps());
@@ -119,7 +119,7 @@ TEST(FrameSets, AHostThatDoesNotRead_HoldsUpNoRaymapAndNobodyForLong) {
   Stand stand(options);
   TestHost& stuck = stand.bring_up();
   TestHost& other = stand.connect();
-  stuck.link().in().capacity = 16U << 10;  // far less than the set has
+  stuck.link().in().capacity = 16U << 10;  // far less than the size of the set
   const wire::Reply reply = ask_set(stuck);
   ASSERT_TRUE(reply.has_pull());
   stuck.reading = false;
@@ -127,7 +127,7 @@ TEST(FrameSets, AHostThatDoesNotRead_HoldsUpNoRaymapAndNobodyForLong) {
   const wire::RigStatus before = other.status();
   stand.run(Duration::seconds(1));
   EXPECT_GE(other.status().raymaps(), before.raymaps() + 20);
-  // While it is sent, others get kBusy, but not for long because of one that does not read at all.
+  // While it is sent, others get kBusy, but a host that does not read must not block them for long.
   wire::Reply waits = ask_set(other);
   EXPECT_TRUE(waits.has_pull() || waits.error().code() == static_cast<std::uint32_t>(Errc::kBusy));
   stand.run(firmware::FrameSender::kGrace + Duration::seconds(1));
@@ -145,7 +145,7 @@ TEST(FrameSets, AHostAsksInALoop_AnotherGetsItsTurn) {
   bool served = false;
   for (int i = 0; i < 100 && !served; ++i) {
     const wire::Reply reply = ask_set(greedy);
-    // The other asks now and then, always just after the greedy host has been given one, or has been refused one.
+    // The other host requests occasionally, always just after the greedy host was served or refused.
     if (i % 5 == 4) served = ask_set(other).has_pull();
     if (reply.has_pull()) {
       ++of_greedy;

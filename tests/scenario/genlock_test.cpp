@@ -29,7 +29,7 @@ TEST(Genlock, Started_LocksEveryHeadToWithinItsJitter) {
   const wire::Genlock now = host.status().genlock();
   EXPECT_EQ(now.state(), "locked");
   EXPECT_EQ(now.missing_triggers(), 0u);
-  // A head begins 20 us after its pulse, within 2 us to either side: two heads are 4 us apart at most.
+  // An exposure begins 20 us +- 2 us after its pulse: two heads differ by at most 4 us.
   EXPECT_LE(now.spread_worst_ns(), 4'000u);
   EXPECT_GT(now.spread_worst_ns(), 0u);
 }
@@ -129,7 +129,7 @@ TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
   EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLocked);
 }
 
-// The rates that once made the trigger loop for ever, within milliseconds, a minute and two hours.
+// The rates that once made the trigger loop forever after milliseconds, a minute and two hours.
 TEST(Genlock, RatesWhoseProductsExceed64Bits_AreReducedOrRefused) {
   Stand stand;
   TestHost& host = stand.bring_up();
@@ -153,7 +153,7 @@ TEST(Genlock, RatesWhoseProductsExceed64Bits_AreReducedOrRefused) {
   EXPECT_NEAR(static_cast<double>(stand.capture().full_sets - sets), 10, 1);
 }
 
-// The clock goes on while a board is suspended; after it a day of pulses and exposures has passed.
+// The clock advances while a board is suspended; afterwards a day of pulses and exposures has passed.
 TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
   Stand stand;
   TestHost& host = stand.bring_up();
@@ -161,7 +161,7 @@ TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
   stand.world.clock().advance(Duration::seconds(86'400));
   EXPECT_TRUE(
       stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
-  // Hosts that were silent for a day have been closed.
+  // Hosts that were silent for a day have been disconnected.
   TestHost& later = stand.connect();
   EXPECT_GE(later.status().genlock().missing_triggers(), 86'000U * 29);
   EXPECT_GE(stand.world.head(0).counts().without_buffer, 86'000U * 29);

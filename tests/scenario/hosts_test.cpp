@@ -1,4 +1,4 @@
-// Hosts: several at once, slow, stuck, hostile, gone in the middle.
+// Hosts: several at once, slow, stuck, hostile, disconnected during a transfer.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -58,7 +58,7 @@ TEST(Hosts, ALosslessPullThatPausesThreeQuartersOfEverySecond_MissesNoSet) {
   Stand stand;
   TestHost& host = stand.bring_up();
   const StreamId stream = host.pull(false, 60, true);
-  host.link().in().capacity = 1000;  // what waits, waits on the rig
+  host.link().in().capacity = 1000;  // pending bytes stay on the rig
   for (int i = 0; i < 20 && !host.closed.contains(stream); ++i) {
     host.reading = i % 4 == 0;
     stand.run(Duration::milliseconds(250));
@@ -154,7 +154,7 @@ TEST(Hosts, ManyRequestsAtOnce_AreAllAnswered) {
 
 TEST(Upload, TheLinkBreaksAnywhere_TheNextHostGoesOnFromThere) {
   const Calibration big = small_calibration("second");
-  const std::string document = to_json(big) + std::string(200'000, ' ');  // some pieces of a bulk stream
+  const std::string document = to_json(big) + std::string(200'000, ' ');  // several pieces of a bulk stream
   std::uint64_t furthest = 0;
   for (std::uint64_t cut = 40; cut < document.size(); cut += 29'989) {
     Stand stand;
@@ -163,7 +163,7 @@ TEST(Upload, TheLinkBreaksAnywhere_TheNextHostGoesOnFromThere) {
     stand.run(Duration::milliseconds(20));
     first.send_document(document);
     hal::sim::LinkPipe& wire = first.link().out();
-    wire.capacity = 1000;  // the cable carries so much at a time
+    wire.capacity = 1000;  // the link's capacity per step
     const std::uint64_t from = wire.written;
     for (int i = 0; i < 1000 && wire.written < from + cut; ++i) {
       first.pump();

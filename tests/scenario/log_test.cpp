@@ -1,4 +1,4 @@
-// What hostile hosts can do to the rig's log.
+// The effect of hostile hosts on the rig's log.
 #include <gtest/gtest.h>
 
 #include <algorithm>

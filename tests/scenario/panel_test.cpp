@@ -1,4 +1,4 @@
-// A person with a button and two lamps, and no host.
+// A user with a button and two lamps, without a host.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"

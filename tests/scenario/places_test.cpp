@@ -1,4 +1,4 @@
-// Places for hosts: counted by socket and by user, so that no user takes another one's.
+// Slots for hosts: counted by socket and by user, so that no user takes another one's.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ std::size_t alive(const Stand& stand, std::size_t from) {
                                                 stand.hosts.end(), [](const auto& host) { return !host->dead(); }));
 }
 
-/// `many` hosts come one after the other, ask, and stay.
+/// `many` hosts connect one after another, send requests, and stay connected.
 void storm(Stand& stand, int many, const std::function<TestHost&()>& connect, bool ask = true) {
   for (int i = 0; i < many; ++i) {
     TestHost& one = connect();
@@ -54,7 +54,7 @@ TEST(Places, LinksWithoutAHelloAtTheViewOnlySocket_TakeNoPlaceOfTheControlSocket
   EXPECT_EQ(stand.connect().status().state(), "no-calibration");
 }
 
-/// The good host asks once a second, so it is idle longest nearly always.
+/// The good host sends a request once a second, so it is nearly always the one idle longest.
 void good_host_survives(hal::PeerIdentity of_storm, bool storm_asks) {
   Stand stand;
   TestHost& good = stand.connect();
@@ -118,7 +118,7 @@ TEST(Places, ViewersThatPullInEveryPlace_RefuseNoControlHost) {
   EXPECT_NE(control.pull(false, 0), 0u);
 }
 
-/// Floods of requests that another stage answers: the others' find room there all the same.
+/// Floods of requests for another stage: the other hosts' requests still find room there.
 TEST(Places, SomeFloodTheOtherStages_AnothersUploadAndSettingAreNotRefused) {
   Stand stand;
   TestHost& good = stand.bring_up();

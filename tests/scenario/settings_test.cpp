@@ -1,4 +1,4 @@
-// What hosts set comes back after a restart without a host.
+// Hosts' settings are restored after a restart without a host.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -23,7 +23,7 @@ wire::Request gain_of_all(std::int32_t mdb) {
   return request;
 }
 
-/// Sets some, locks, and loses power a moment later; the disk as it is then.
+/// Makes some settings, locks, and loses power a moment later; returns the disk after that.
 std::unique_ptr<hal::sim::SimDisk> set_and_lose_power(const StandOptions& options) {
   Stand stand(options);
   TestHost& host = stand.bring_up();
@@ -81,7 +81,7 @@ TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
 }
 
-/// The exposure settings after a kill, and a start from the disk as it was then.
+/// The exposure settings after a kill and a restart from the disk at that time.
 firmware::ExposureSettings settings_after_restart(Stand& stand, const StandOptions& options) {
   stand.run(Duration::seconds(2));
   Stand again(options, stand.disk->after_kill());
@@ -89,7 +89,7 @@ firmware::ExposureSettings settings_after_restart(Stand& stand, const StandOptio
   return again.capture().exposure.settings;
 }
 
-// A host may send the second request before the first is in effect.
+// A host may send the second request before the first has taken effect.
 TEST(Settings, TwoExposureRequestsAtOnce_BothAreInEffectNowAndAfterARestart) {
   const StandOptions options;
   Stand stand(options);
@@ -127,7 +127,7 @@ std::vector<std::uint8_t> settings_of(const StandOptions& options, const std::st
   return {file.begin(), file.end()};
 }
 
-// A nodald before 64-bit products were bounded has stored it.
+// A nodald without the check for 64-bit overflow may have stored it.
 TEST(Settings, AStoredRateThatIsNotAllowed_IsToldAndNotMade) {
   const StandOptions options;
   auto disk = set_and_lose_power(options);
@@ -144,7 +144,7 @@ TEST(Settings, AStoredRateThatIsNotAllowed_IsToldAndNotMade) {
   EXPECT_EQ(stand.capture().genlock.state, firmware::GenlockState::kOff);
 }
 
-// Each value fits its type; that no rig may be asked for it is found when it is made again, as of any command.
+// Each value fits its type; the request is refused when it is restored, like any command.
 TEST(Settings, AStoredExposureThatIsNotAllowed_IsToldAndTheOthersAreMade) {
   const StandOptions options;
   auto disk = set_and_lose_power(options);
@@ -163,7 +163,7 @@ TEST(Settings, AStoredExposureThatIsNotAllowed_IsToldAndTheOthersAreMade) {
   EXPECT_EQ(stand.capture().heads[1].in_effect.exposure.duration(), Duration::milliseconds(3));
 }
 
-/// Starts with the disk, runs and is killed; the disk as it is then.
+/// Starts with the disk, runs and is killed; returns the disk after that.
 std::unique_ptr<hal::sim::SimDisk> run_and_kill(const StandOptions& options, std::unique_ptr<hal::sim::SimDisk> disk,
                                                 Duration runs) {
   Stand stand(options, std::move(disk));
@@ -211,7 +211,7 @@ TEST(Settings, AStartThatIsEndedByARequest_IsNoFailure) {
   }
 }
 
-// A stage that hangs is a failure however long it takes, as when the watchdog ends it.
+// A stage that hangs is a failure after any time, also when the watchdog ends it.
 TEST(Settings, ACaptureThatHangs_IsAFailureHoweverLongItTakes) {
   const StandOptions options;
   auto disk = set_and_lose_power(options);
@@ -267,7 +267,7 @@ std::size_t settings_bytes(Stand& stand) {
   return size ? *size : 0;
 }
 
-/// With the large blocks, which uordblks alone leaves out: what grows in one piece becomes one.
+/// Includes mmapped blocks, which uordblks omits: a growing buffer becomes one.
 std::int64_t heap_bytes() {
   const struct mallinfo2 now = mallinfo2();
   return static_cast<std::int64_t>(now.uordblks + now.hblkhd);
@@ -291,7 +291,7 @@ TEST(Settings, AThousandRequestsWithUnknownFields_LeaveMemoryAndFileAsTheyWere) 
   ask_times(1000);
   EXPECT_GT(file, 0u);
   EXPECT_EQ(settings_bytes(stand), file);
-  // Of the 60 MB that came, nothing stays; what the host of this test keeps of its replies is some 200 KB.
+  // Nothing of the 60 MB stays; this test's host keeps about 200 KB of replies.
   EXPECT_LT(heap_bytes() - heap, 1 << 20);
 }
 

@@ -1,4 +1,4 @@
-// A rig whose rig.toml names signers runs no calibration that none of them signed, however it came to the rig.
+// A rig with signers in rig.toml uses no calibration that none of them signed, wherever it came from.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"
@@ -18,11 +18,11 @@ class Signed : public testing::Test {
     options.config.signers = std::move(*signers);
     return options;
   }
-  /// Uploads it with that signature; `trial_ns` 0 is for good.
+  /// Uploads the document with the signature; `trial_ns` 0: permanently.
   wire::Reply upload(Stand& stand, TestHost& host, const std::string& document, const std::string& signature,
                      std::uint64_t trial_ns = 0) {
     host.send_document(document);
-    stand.run(Duration::seconds(1));  // control frames overtake bulk ones
+    stand.run(Duration::seconds(1));  // control frames overtake bulk frames
     wire::Request commit;
     const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(document.begin(), document.end());
     *commit.mutable_upload_commit() = UploadSender(bytes).commit();

@@ -14,7 +14,7 @@ Axis cross(const Axis& a, const Axis& b) {
 }  // namespace
 
 Calibration small_calibration(const std::string& name) {
-  // Where each head looks (its z), and where its picture's bottom is (its y), in the rig's frame.
+  // The viewing direction of each head (its z) and its picture's bottom (its y), in the rig's frame.
   const std::array<std::array<Axis, 2>, kHeads> looks = {{{{{0, 0, 1}, {0, 1, 0}}},
                                                           {{{1, 0, 0}, {0, 1, 0}}},
                                                           {{{0, 0, -1}, {0, 1, 0}}},

@@ -41,7 +41,7 @@ void TestHost::pump() {
         if (piece->first) {
           items.emplace_back();
           items.back().meta = piece->meta;
-          // Of a frame set it is another message, which its test reads.
+          // A frame set's header is another message; its test parses it.
           if (!items.back().header.ParseFromString(piece->meta)) items.back().header.Clear();
         }
         items.back().body.insert(items.back().body.end(), piece->data.begin(), piece->data.end());
@@ -109,7 +109,7 @@ std::uint64_t TestHost::send_document(const std::string& document) {
 
 wire::Reply TestHost::upload(const std::string& document) {
   send_document(document);
-  // Control frames overtake bulk ones: the commit waits until the last byte has gone out.
+  // Control frames overtake bulk frames: the commit waits until the last byte has been sent.
   EXPECT_TRUE(stand_.run_until([&] { return dead() || !uploading_ || !session_.counts(*uploading_); }));
   const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(document.begin(), document.end());
   wire::Request commit;
@@ -181,7 +181,7 @@ bool Stand::run_until(const std::function<bool()>& holds, Duration at_most) {
   return true;
 }
 
-/// The rig's own books, against what the simulated heads know that they handed out.
+/// Compares the rig's counters with the simulated heads' counters.
 void Stand::check_conserved() {
   for (int i = 0; i < world.head_count(); ++i) {
     const firmware::FrameCounts& counts = capture().heads[static_cast<std::size_t>(i)].counts;
@@ -204,7 +204,7 @@ TestHost& Stand::bring_up() {
   TestHost& host = connect();
   const wire::Reply done = host.upload(to_json(options.truth));
   EXPECT_TRUE(done.has_done()) << done.error().message();
-  run(Duration::seconds(1));  // free-running heads have found the grid
+  run(Duration::seconds(1));  // by then the grid has found the free-running heads
   return host;
 }
 

@@ -1,4 +1,4 @@
-// A whole rig on simulated ports in virtual time, one thread, and hosts that talk to it.
+// A whole rig on simulated ports in virtual time, on one thread, and hosts that talk to it.
 #pragma once
 
 #include <functional>
@@ -23,21 +23,21 @@ namespace nodal::scenario {
 
 class Stand;
 
-/// A raymap as a host got it.
+/// A raymap as received by a host.
 struct Pulled {
   wire::RaymapHeader header;
-  std::string meta;  ///< the header as it came
+  std::string meta;  ///< the header, serialized
   std::vector<std::uint8_t> body;
 };
 
-/// A host at the far end of a simulated link.
+/// A host at the other end of a simulated link.
 class TestHost {
  public:
   TestHost(Stand& stand, hal::sim::SimLinkListener& listener, hal::PeerIdentity who = {1000, 4711});
 
-  /// Asks, and runs the stand until the answer is there. Its id is set here.
+  /// Sends a request and runs the stand until the answer arrives. Sets the request's id.
   wire::Reply ask(wire::Request request);
-  /// Asks and does not wait.
+  /// Sends a request without waiting; returns its id.
   std::uint64_t post(wire::Request request);
   const wire::Reply* reply(std::uint64_t id) const;
 
@@ -45,23 +45,23 @@ class TestHost {
   wire::Heads heads();
   /// Begins, sends and commits.
   wire::Reply upload(const std::string& document);
-  /// Begins and sends, without a commit; the offset that the rig reported.
+  /// Begins and sends, without a commit; returns the offset that the rig reported.
   std::uint64_t send_document(const std::string& document);
-  /// Starts a pull; its stream, or 0 when it was refused (see `refusal`).
+  /// Starts a pull; returns its stream, or 0 if it was refused (see `refusal`).
   StreamId pull(bool jpeg, std::uint64_t count, bool lossless = false);
 
   void pump();
   hal::sim::SimLink& link() { return *link_; }
   Session& session() { return session_; }
   bool dead() const { return gone_ || session_.error() != nullptr; }
-  /// What the rig said when it ended us.
+  /// The rig's reason for ending the conversation.
   const Error* farewell() const { return session_.error(); }
 
   std::map<StreamId, std::vector<Pulled>> pulled;
-  std::map<StreamId, std::uint64_t> dropped;  ///< as reported with the newest piece, or at the end
+  std::map<StreamId, std::uint64_t> dropped;  ///< from the newest piece, or from the end of the stream
   std::map<StreamId, std::optional<Error>> closed;
   wire::Error refusal;
-  bool reading = true;  ///< false: a host that is stuck
+  bool reading = true;  ///< false: a stuck host
 
  private:
   Stand& stand_;
@@ -84,20 +84,20 @@ class Stand {
   explicit Stand(StandOptions options = {}, std::unique_ptr<hal::sim::SimDisk> disk = nullptr);
   ~Stand();
 
-  /// Moves time on by a millisecond at a time; everything steps until nothing has anything to do. After each of
-  /// them the frames are conserved.
+  /// Advances time by a millisecond at a time; everything is stepped until there is nothing to do. After each
+  /// millisecond checks that all frames are accounted for.
   void run(Duration duration);
-  /// Until it holds; false when it does not within so long.
+  /// Runs until `holds` is true; returns false if it is not after `at_most`.
   bool run_until(const std::function<bool()>& holds, Duration at_most = Duration::seconds(20));
-  /// Everything steps until nothing has anything to do; time stands still.
+  /// Steps everything until there is nothing to do, without advancing time.
   void settle();
 
   TestHost& connect(hal::PeerIdentity who = {1000, 4711});
   TestHost& connect_to_view();
-  /// With the small calibration in force.
+  /// Connects a host and puts the small calibration in force.
   TestHost& bring_up();
 
-  /// Starts the genlock, and waits until it holds.
+  /// Starts the genlock, and waits until it is locked.
   void lock(TestHost& host);
 
   const firmware::CaptureReport& capture() { return rig->capture().report(); }
@@ -108,7 +108,7 @@ class Stand {
   hal::sim::SimRig world;
   std::unique_ptr<hal::sim::SimDisk> disk;
   hal::sim::SimLinkListener listener;
-  hal::sim::SimLinkListener view_listener;  ///< for viewing only
+  hal::sim::SimLinkListener view_listener;  ///< view-only
   hal::sim::SimWatchdog watchdog;
   hal::sim::SimInputPin button;
   hal::sim::SimOutputPin status_lamp{false};

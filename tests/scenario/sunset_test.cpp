@@ -1,6 +1,6 @@
-// A sunset by heads that are exposed four stops apart: every seam against the true light of its rays, and what each of
-// them could not have seen. Rendered by the simulator's sensors, blended by the integer path that runs on board.
-// NODAL_PICTURES=FOLDER leaves the raymaps and close-ups of their seams there.
+// A sunset filmed by heads whose exposures differ by four stops: every seam is compared with the true light of its
+// rays, except where no head could measure it. Rendered by the simulator's sensors, blended by the integer code that
+// runs on the board. With NODAL_PICTURES=FOLDER the raymaps and close-ups of their seams are saved there.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,10 +31,10 @@ namespace {
 constexpr int kWidth = 1024;
 constexpr int kHeight = 512;
 constexpr int kSide = 256;            ///< of a head's picture
-constexpr std::uint32_t kFrames = 4;  ///< whose raymaps are averaged: noise is no seam
+constexpr std::uint32_t kFrames = 4;  ///< number of raymaps that are averaged, because noise is not a seam
 constexpr auto kPixels = static_cast<std::size_t>(kWidth) * kHeight;
 
-/// Four stops of light between heads that are neighbours: two more than 5 ms and two less.
+/// Four stops between neighbouring heads: two more than 5 ms and two less.
 Exposure shutter(std::size_t head) { return Exposure::microseconds(head % 2 == 0 ? 1'250 : 20'000); }
 
 hal::sim::Direction ray_at(int x, int y) {
@@ -43,8 +43,8 @@ hal::sim::Direction ray_at(int x, int y) {
   return {std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
 }
 
-/// The sun low between the head that looks ahead and the one that looks right, a sky that darkens away from it, and
-/// ground in shadow. Light changes smoothly everywhere, so that whatever is a step is the stitcher's.
+/// The sun low between the forward and the right head, a sky that darkens away from it, and ground in shadow. Light
+/// changes smoothly everywhere, so that every step is the stitcher's error.
 class Sunset final : public hal::sim::Scene {
  public:
   hal::sim::Light light(const hal::sim::Direction& from, double /*footprint_rad*/) const override {
@@ -65,10 +65,10 @@ struct Case {
   PixelFormat format;
   Response response;
   table::Transition transition = table::Transition::kFeather;
-  double clipped = 0.002;  ///< part of the sphere at most
+  double clipped = 0.002;  ///< limit of the clipped share of the sphere
 };
 
-/// Extended Reinhard above seven tenths, where the darker heads see up to `top`: worked out again, in double precision.
+/// Extended Reinhard above 0.7, with the darker heads' range up to `top`: recomputed in double precision.
 double softened(double value, double top) {
   if (value <= 0.7) return value;
   const double t = (std::min(value, top) - 0.7) / 0.3;
@@ -76,8 +76,8 @@ double softened(double value, double top) {
   return 0.7 + 0.3 * t * (1 + t / (most * most)) / (1 + t);
 }
 
-/// What light should be shown as: levels of 255, of heads whose mean sees it as the scene says. Highlights are held back
-/// where light^(1 / 2.2) is above seven tenths; of each colour by itself, or of I420 all of them as luma is.
+/// The expected levels of 255 for heads with the mean exposure. Highlights are compressed where light^(1 / 2.2) exceeds
+/// 0.7: for each colour separately, or for I420 all colours by luma's factor.
 std::array<double, 3> shown(const Case& how, const hal::sim::Light& light) {
   const double top = std::exp2(2 / 2.2);
   std::array<double, 3> levels{std::pow(light.r, 1 / 2.2), std::pow(light.g, 1 / 2.2), std::pow(light.b, 1 / 2.2)};
@@ -103,7 +103,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     }
     table::TableOptions options;
     options.transition = GetParam().transition;
-    options.sharpen = 0;  // sharpening is not undone here, and the light has nothing to sharpen
+    options.sharpen = 0;  // this test does not model sharpening
     table_ = table::compile_blend_table(calibration_, {"equirectangular", kWidth, kHeight, GetParam().format},
                                         std::vector<PixelFormat>(kHeads, GetParam().format), options)
                  .value();
@@ -117,7 +117,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     hal::sim::HeadOptions options;
     options.pixels = GetParam().format;
     options.reference = Exposure::microseconds(5'000);
-    options.noise.levels = 1;  // 48 dB, as NTSC heads have; without it, steps of the heads' eight bits would be lines
+    options.noise.levels = 1;  // 48 dB, like NTSC heads; without noise the heads' 8-bit steps would be visible lines
     hal::sim::Sensor sensor(calibration_.heads[head], hal::sim::sensor_options(options), scene_, 1 + head);
     sensor.prepare();
     for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
@@ -141,7 +141,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     return heads;
   }
 
-  /// The raymap of a frame as RGB; `undo`: whether the heads' exposures are undone.
+  /// The raymap of a frame as RGB; `undo`: whether the exposures are compensated.
   std::vector<std::uint8_t> blend(std::uint32_t frame, bool undo) const {
     const blend::SetTone tone =
         undo ? blend::tone_of_exposures(table_, table::compile_tone_table(calibration_, GetParam().format), exposed())
@@ -165,7 +165,7 @@ class Sunsets : public testing::TestWithParam<Case> {
     return sum;
   }
 
-  /// Which heads look at each pixel, by which remain when all others are taken away.
+  /// The heads that see each pixel, found by removing all other heads.
   std::vector<std::uint32_t> seen_by() const {
     std::vector<std::uint32_t> masks(kPixels, 0);
     std::vector<std::uint8_t> validity(kPixels);
@@ -186,7 +186,7 @@ class Sunsets : public testing::TestWithParam<Case> {
   std::array<std::array<std::vector<std::uint8_t>, kHeads>, kFrames> pictures_;
 };
 
-/// In the components that the raymap has.
+/// The errors in the raymap's own components.
 std::array<double, 3> errors(const Case& how, const double* rgb, const hal::sim::Light& light) {
   const std::array<double, 3> expected = shown(how, light);
   const std::array<double, 3> off{rgb[0] - expected[0], rgb[1] - expected[1], rgb[2] - expected[2]};
@@ -195,17 +195,17 @@ std::array<double, 3> errors(const Case& how, const double* rgb, const hal::sim:
   return {luma, 0.564 * (off[2] - luma), 0.713 * (off[0] - luma)};
 }
 
-/// How far a raymap is from the light, and how much of that steps where heads meet.
+/// The error of a raymap, and how much of it is a step where heads meet.
 struct Seams {
-  double step = 0;  ///< the most that the mean error changes from a block of 16x16 to the next, where heads overlap
+  double step = 0;  ///< largest change of the mean error between adjacent 16x16 blocks in overlaps
   int step_x = 0, step_y = 0;
-  double inside = 0;  ///< the same where one head is alone: what is not a seam's
-  double mean = 0;    ///< error of all pixels that could be known, either way
+  double inside = 0;  ///< the same where only one head looks: not caused by seams
+  double mean = 0;    ///< absolute error of all pixels that could be measured
   double worst = 0;
-  double unknown = 0;  ///< share of the pixels that every head which looks there has clipped
+  double unknown = 0;  ///< share of the pixels that are clipped in every head that sees them
 };
 
-/// Pixels that some head has seen unclipped, one component after the other; error_of(p, light) are pixel p's.
+/// Pixels that a head has seen unclipped, one component after another; error_of(p, light) are the errors of pixel p.
 template <class ErrorOf>
 Seams measure(const std::vector<std::uint32_t>& seen_by, const hal::sim::Scene& scene, ErrorOf error_of) {
   constexpr int kBlock = 16;
@@ -221,8 +221,8 @@ Seams measure(const std::vector<std::uint32_t>& seen_by, const hal::sim::Scene& 
         const auto b = static_cast<std::size_t>(y / kBlock * kColumns + x / kBlock);
         const hal::sim::Light light = scene.light(ray_at(x, y), 0);
         const double brightest = std::max({light.r, light.g, light.b});
-        // A head two stops under clips at four times the light, one two stops over at a quarter; with some margin, for
-        // its neighbours are mixed in.
+        // A head two stops below the mean clips at four times the light, one two stops above at a quarter; minus a
+        // margin, because neighbouring pixels are interpolated.
         bool seen = false;
         for (std::size_t h = 0; h < kHeads; ++h) {
           const double full = 5000.0 / static_cast<double>(shutter(h).duration().us());
@@ -240,7 +240,7 @@ Seams measure(const std::vector<std::uint32_t>& seen_by, const hal::sim::Scene& 
         any[b] |= seen_by[p];
       }
     }
-    for (int y = 2; y < kRows - 2; ++y) {  // at the poles a block is a needle
+    for (int y = 2; y < kRows - 2; ++y) {  // at the poles a block is extremely narrow
       for (int x = 0; x < kColumns; ++x) {
         const auto b = static_cast<std::size_t>(y * kColumns + x);
         for (const std::size_t other : {static_cast<std::size_t>(y * kColumns + (x + 1) % kColumns), b + kColumns}) {
@@ -296,10 +296,10 @@ TEST_P(Sunsets, HeadsFourStopsApart_NoSeamStepsByALevelAndSunAndShadowAreKept) {
   }
 }
 
-/// Of the same frames, in linear light.
+/// The same frames in linear light.
 class LinearSunsets : public Sunsets {
  protected:
-  /// Light as the scene has it: what fills a sample in 5 ms is one.
+  /// The scene's light, where 1 fills a sample in 5 ms.
   std::vector<double> mean_light() {
     const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kRgb48};
     table::TableOptions options;
@@ -338,7 +338,7 @@ TEST_P(LinearSunsets, HeadsFourStopsApart_NumbersAreTheTrueRadianceOnBothSidesOf
       100 * seams.inside);
   EXPECT_LT(seams.mean, 0.025) << "noise of a level of the heads, which is 4 % of the light in shadow";
   EXPECT_LT(seams.step, seams.inside) << "where heads meet, it is no worse than in the middle of one";
-  // The same as levels of 255 that a head exposed like the mean would have: what the eye sees of a step.
+  // The same as levels of 255 of a head with the mean exposure: the visible size of a step.
   const auto shown = [](double light) { return 255 * std::pow(light, 1 / 2.2); };
   const Seams levels = measure(masks, *scene_, [&](std::size_t p, const hal::sim::Light& light) {
     const double* rgb = &raymap[3 * p];
@@ -362,7 +362,7 @@ INSTANTIATE_TEST_SUITE_P(Heads, Sunsets,
                                          Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
                                          Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
                                          Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)},
-                                         // With a seam, the darker head helps the brighter one only within the ramp.
+                                         // With a seam, the darker head helps the brighter one only in the ramp.
                                          Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
                                               table::Transition::kSeam, 0.004},
                                          Case{"i420-seam", PixelFormat::kI420, response_of(Response::Curve::kGamma),

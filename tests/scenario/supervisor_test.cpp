@@ -1,4 +1,4 @@
-// The rig as its supervisor has it: an end with one reason, and a board that cannot do everything.
+// The rig under its supervisor: an end with one reason, and a board that is too slow.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"
@@ -42,7 +42,7 @@ TEST(SupervisorScenario, AHostThatDoesNotRead_HoldsTheEndUpForNoLongerThanAFarew
   EXPECT_TRUE(stand.rig->control().ended());
 }
 
-/// A board on which a blend takes so long; capture and control have threads of their own.
+/// A board with a slow blend; capture and control have their own threads.
 void run_slow(Stand& stand, Duration duration, int blend_every_ms) {
   firmware::Rig& rig = *stand.rig;
   for (std::int64_t ms = 0; ms < duration.ms(); ++ms) {
@@ -50,7 +50,7 @@ void run_slow(Stand& stand, Duration duration, int blend_every_ms) {
     rig.step_capture();
     rig.step_keeper();
     if (ms % blend_every_ms == 0) {
-      // One set: its bands, and what comes between.
+      // One set: its bands, and the work between them.
       const std::uint64_t before = rig.blender().counts().blended.load() + rig.blender().counts().shed.load();
       while (rig.blender().counts().blended.load() + rig.blender().counts().shed.load() == before && rig.step_blend()) {
       }
@@ -70,7 +70,7 @@ TEST(SupervisorScenario, ABoardThatIsTooSlow_ShedsForHostsAndCaptureLosesNothing
   const std::uint64_t lost = stand.capture().frames.lost();
   const std::uint64_t sets = stand.capture().sets;
   const std::size_t pulled = host.pulled[live].size();
-  run_slow(stand, Duration::seconds(20), 60);  // half of what comes
+  run_slow(stand, Duration::seconds(20), 60);  // half of the arriving sets
 
   EXPECT_EQ(stand.state(), "degraded");
   EXPECT_NE(stand.rig->control().health().problem.find("1 of 8 raymaps"), std::string::npos)

@@ -9,7 +9,7 @@ namespace {
 
 constexpr Duration kTrial = Duration::seconds(30);
 
-/// As uploads go, but on trial.
+/// Like a normal upload, but on trial.
 wire::Reply try_out(Stand& stand, TestHost& host, const Calibration& calibration, Duration trial = kTrial) {
   const std::string document = to_json(calibration);
   host.send_document(document);
@@ -31,14 +31,14 @@ wire::Reply end_trial(TestHost& host, bool keep, const std::string& id = "") {
 std::string id_of(const Calibration& calibration) { return sha256_to_wire(calibration_id(calibration)); }
 std::string in_force(TestHost& host) { return host.status().calibration_id(); }
 
-/// By which calibration the newest raymap was made.
+/// The calibration with which the newest raymap was made.
 std::string blended_by(Stand& stand, TestHost& host) {
   const StreamId stream = host.pull(false, 1);
   EXPECT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
   return host.pulled[stream].empty() ? "" : host.pulled[stream].front().header.calibration_id();
 }
 
-/// The rig starts again on what the disk holds.
+/// The rig is restarted with the disk's content.
 std::string in_force_after_a_restart(std::unique_ptr<hal::sim::SimDisk> disk) {
   Stand again({}, std::move(disk));
   TestHost& host = again.connect();
@@ -85,7 +85,7 @@ TEST_F(Trials, Kept_ItIsInForceForGoodAndAfterARestart) {
   EXPECT_EQ(in_force(*host_), id_of(better_));
   EXPECT_FALSE(host_->status().has_trial());
   EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), id_of(better_));
-  // And the way back is where it always is.
+  // The way back works as usual.
   wire::Request back;
   back.mutable_calibration_rollback();
   ASSERT_TRUE(host_->ask(back).has_done());
@@ -98,7 +98,7 @@ TEST_F(Trials, Refused_TheOldOneRunsWhenTheAnswerIsThere) {
   EXPECT_EQ(blended_by(stand_, *host_), id_of(good_));
   const wire::Reply again = end_trial(*host_, true);
   EXPECT_EQ(again.error().code(), static_cast<std::uint32_t>(Errc::kWrongState)) << again.error().message();
-  // What was tried once may be tried again.
+  // A calibration can be tried again.
   EXPECT_TRUE(try_out(stand_, *host_, better_).has_done());
 }
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr Duration kCountsLiveEvery = Duration::milliseconds(250);
 constexpr std::size_t kNarrowLinkBytes = 512;      ///< a picture has 128 bytes here
-constexpr std::uint64_t kUnknownBytes = 2U << 20;  ///< of a hostile client; they cost wall time, too
+constexpr std::uint64_t kUnknownBytes = 2U << 20;  ///< per hostile client; they also cost wall time
 
 }  // namespace
 
@@ -40,7 +40,7 @@ Crowd::Crowd(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& doc
 
 void Crowd::attack() {
   const auto drawn_kind = [&] { return static_cast<HostileKind>(random_.below(kHostileKinds)); };
-  // They come from another user, from another process of the same, or from the same, as through ssh.
+  // They come from another user, from another process of the same user, or from the same process, as through ssh.
   constexpr std::array<hal::PeerIdentity, 3> kFrom = {{{2000, 815}, {1000, 815}, {1000, 4711}}};
   const hal::PeerIdentity from = kFrom[random_.below(kFrom.size())];
   const auto connect = [this, from](bool narrow) {
@@ -75,7 +75,7 @@ void Crowd::act(Instant now) {
 }
 
 void Crowd::on_news(const std::vector<std::string>& sentences) {
-  constexpr std::uint64_t kLine = 33;  // time, level and end of line, as nodald writes them
+  constexpr std::uint64_t kLine = 33;  // time, level and end of line, in nodald's format
   for (const std::string& sentence : sentences) news_ += sentence.size() + kLine;
 }
 

@@ -1,4 +1,4 @@
-// Hostile clients and good ones at one rig, and what the rig owes the good ones.
+// Hostile and good clients of one rig, and checks of the service for the good ones.
 #pragma once
 
 #include <cstdint>
@@ -13,40 +13,40 @@
 
 namespace nodal::swarm {
 
-/// One episode's clients: a good one that stays, a newcomer every second, and up to 12 hostile ones of one kind or of
-/// several, or up to 48 that only take places. While they are there: the good ones are served; no set is lost for want of a
-/// buffer or of time; live memory, the disk and the log are bounded.
+/// One episode's clients: a good one that stays, a new one every second, and up to 12 hostile ones of one or several
+/// kinds, or up to 48 that only occupy slots. Meanwhile the good ones must be served; no set may be lost for lack of a
+/// buffer or of time; live memory, the disk and the log must stay within limits.
 ///
 /// Threading: thread-bound.
-/// Ownership: what it is given outlives it.
+/// Ownership: refers to its arguments.
 /// Errors: the oracle's.
 class Crowd {
  public:
   Crowd(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed,
         firmware::Rig& rig, hal::sim::SimDisk& disk, Instant now);
 
-  /// The hostile ones come.
+  /// The hostile clients connect.
   void attack();
-  /// The clients' turn; the rig's own comes between two.
+  /// Steps the clients; the rig is stepped between two calls.
   void act(Instant now);
   void on_news(const std::vector<std::string>& sentences);
   void check(Instant now);
-  /// All clients go.
+  /// All clients disconnect.
   void leave();
-  /// When the rig has had time to drop them: what they cost has been given back.
+  /// Checks, after the rig has had time to drop them, that their resources are free again.
   void check_end();
 
-  /// Bytes of live heap in this process.
+  /// Bytes of this process's live heap.
   static std::uint64_t live_bytes();
 
   static constexpr int kMostHostile = 12, kMostThatOnlyAreThere = 48;
-  /// What 8 clients may make the rig hold while they are there, with the simulation's own side of their links.
+  /// Limit of the memory that 8 clients may cause, including the simulation's own side of their links.
   static constexpr std::uint64_t kMostLiveBytes = 32U << 20;
-  /// What may remain of it afterwards.
+  /// Limit of what may remain of it afterwards.
   static constexpr std::uint64_t kMostLeftBytes = 512U << 10;
-  /// What the files may grow by: the calibrations that a store keeps, settings, and what is being written.
+  /// Limit of the files' growth: the calibrations that a store keeps, settings, and files being written.
   static constexpr std::uint64_t kMostFileBytes = 1U << 20;
-  /// Bytes of log: so many at once, and so many a minute beside.
+  /// Limits of the log: bytes in a burst, and bytes per minute.
   static constexpr std::uint64_t kMostNewsAtOnce = 32U << 10, kMostNewsAMinute = 32U << 10;
 
  private:

@@ -10,7 +10,7 @@ Duration up_to(hal::sim::Random& random, Duration most) {
   return Duration::nanoseconds(static_cast<std::int64_t>(random.below(static_cast<std::uint64_t>(most.ns()) + 1)));
 }
 
-/// Frames cost wall time: most rigs are slow ones, some run at what is common, 29.97 among it.
+/// Frames cost wall time: most rigs are slow, some run at common rates, including 29.97.
 FrameRate draw_rate(hal::sim::Random& random) {
   constexpr std::array<FrameRate, 10> kRates = {
       FrameRate{5, 1},  FrameRate{6, 1},  FrameRate{15, 2}, FrameRate{8, 1},  FrameRate{10, 1},
@@ -18,8 +18,8 @@ FrameRate draw_rate(hal::sim::Random& random) {
   return kRates[random.below(kRates.size())];
 }
 
-/// Most heads can be moved either way, by lines or packets; some rigs have heads that can only wait, or one or two that
-/// cannot be moved at all.
+/// Most heads can be shifted both ways, in steps of lines or packets; in some rigs heads can only be delayed, or one or
+/// two cannot be shifted at all.
 void draw_alignment(hal::sim::Random& random, Nature& nature) {
   nature.aligned = true;
   constexpr std::array<std::int64_t, 5> kSteps = {1, 8, 15, 30, 60};
@@ -80,8 +80,8 @@ Nature draw_nature(std::uint64_t seed, const DrawOptions& options) {
   nature.blend_every = 8 + static_cast<int>(random.below(24));
   nature.trigger.drift_ppb = 50'000 - static_cast<std::int64_t>(random.below(100'001));
   nature.trigger.jitter = random.chance(500'000) ? Duration::microseconds(200) : Duration::microseconds(2);
-  // Either the exposures themselves jitter by up to 0.2 ms, or what is known of them does; both together would be
-  // 0.8 ms between two heads, and no lock.
+  // Either the exposures have up to 0.2 ms of jitter, or their timestamps; both together would be 0.8 ms between two
+  // heads, which prevents lock.
   const bool exposures_jitter = random.chance(500'000);
   const Duration jitter = up_to(random, Duration::microseconds(200));
   hal::sim::Random interlaced(seed, "fields");
@@ -132,7 +132,7 @@ firmware::RigConfig config_of(const Nature& nature) {
 }
 
 Calibration calibration_of(const Nature& nature, int which) {
-  // Forward, right, back, left, and round again, in numbers that every machine writes alike.
+  // Forward, right, back, left, and again, with numbers that all machines serialize alike.
   constexpr std::array<std::array<double, 9>, 4> kLooks = {{{1, 0, 0, 0, 1, 0, 0, 0, 1},
                                                             {0, 0, -1, 0, 1, 0, 1, 0, 0},
                                                             {-1, 0, 0, 0, 1, 0, 0, 0, -1},

@@ -1,4 +1,4 @@
-// What a seed draws: a rig, its nature, and what befalls it.
+// Draws a rig, its parameters and its faults from a seed.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace nodal::swarm {
 
-/// What may befall one head, two, or all of them.
+/// Faults of one head, two heads, or all heads.
 enum class HeadFault : std::uint8_t {
   kLose,
   kCorrupt,
@@ -36,7 +36,7 @@ enum class HeadFault : std::uint8_t {
 inline constexpr int kHeadFaults = 15;
 std::string_view name_of(HeadFault fault);
 
-/// How a head is when it befalls it.
+/// The state of a head when a fault begins.
 enum class HeadState : std::uint8_t { kAway, kStarting, kFree, kTriggered, kSilent };
 inline constexpr int kHeadStates = 5;
 std::string_view name_of(HeadState state);
@@ -45,7 +45,7 @@ enum class HowMany : std::uint8_t { kOne, kTwo, kAll };
 inline constexpr int kHowMany = 3;
 std::string_view name_of(HowMany many);
 
-/// What befalls the rig as a whole.
+/// Faults of the rig as a whole.
 enum class RigFault : std::uint8_t {
   kPulsesMissing,
   kPulsesUnseen,
@@ -74,36 +74,36 @@ enum class RigFault : std::uint8_t {
 inline constexpr int kRigFaults = 23;
 std::string_view name_of(RigFault fault);
 
-/// For as long as the world lasts.
+/// Parameters that are constant for a whole run.
 struct Nature {
   std::uint64_t seed = 0;
   int heads = 0;
   FrameRate rate;
-  bool genlocked = false;                ///< at start; of an aligned rig, that its heads are moved into step
-  bool aligned = false;                  ///< it has no trigger, and its heads run free
-  bool can_align = false;                ///< and all of them can be brought into step
-  Fields fields = Fields::kProgressive;  ///< of every head; where there are any, each makes a raymap
-  bool hosts = false;                    ///< somebody talks to it
-  bool hostile = false;                  ///< some of what befalls it is hostile clients
-  Duration look_every;                   ///< how often the daemon's threads wake when nothing rings
-  Duration poll;                         ///< devices do not ring: frames are found at multiples of this
-  int blend_every = 1;                   ///< of the sets, those that are blended
+  bool genlocked = false;                ///< at start; for an aligned rig: its heads are nudged into step
+  bool aligned = false;                  ///< it has no trigger; its heads run free
+  bool can_align = false;                ///< and all heads can be brought into step
+  Fields fields = Fields::kProgressive;  ///< of every head; if interlaced, each field makes a raymap
+  bool hosts = false;                    ///< whether hosts talk to it
+  bool hostile = false;                  ///< whether some faults are hostile clients
+  Duration look_every;                   ///< interval of the daemon's wake-ups without events
+  Duration poll;                         ///< devices send no events: frames are found at multiples of this
+  int blend_every = 1;                   ///< one of so many sets is blended
   TriggerNature trigger;
   std::vector<HeadNature> head;
-  std::optional<firmware::OutletSpec> reader;  ///< something else reads the raymaps, too
+  std::optional<firmware::OutletSpec> reader;  ///< a second reader of the raymaps
 };
 
 struct DrawOptions {
-  bool faults = true;    ///< false: nothing goes wrong
-  int heads = 0;         ///< 0: drawn
-  bool ntsc = false;     ///< 29.97 a second and genlocked, not drawn
-  bool hostile = false;  ///< all that befalls the rig is hostile clients
+  bool faults = true;    ///< false: no faults
+  int heads = 0;         ///< 0: random
+  bool ntsc = false;     ///< 29.97 per second and genlocked, instead of random
+  bool hostile = false;  ///< all faults are hostile clients
 };
 
 Nature draw_nature(std::uint64_t seed, const DrawOptions& options);
 
-/// A rig.toml for it, and one of two calibrations; under the first a grey picture's level is kept, under the second
-/// it is halved.
+/// A rig.toml for it, and one of two calibrations: with the first a grey picture's level is kept, with the second it is
+/// halved.
 firmware::RigConfig config_of(const Nature& nature);
 Calibration calibration_of(const Nature& nature, int which);
 inline constexpr int kCalibrations = 2;

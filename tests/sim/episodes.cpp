@@ -1,4 +1,4 @@
-// The half of Swarm that plans the faults, and measures the time of recovery.
+// The part of Swarm that plans the faults and measures the recovery times.
 #include <algorithm>
 
 #include "tests/sim/swarm.h"
@@ -54,7 +54,7 @@ void Swarm::draw_episode() {
   episode_.heads.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(std::min(many, all.size())));
 }
 
-/// Brings the heads to the state that was drawn; the fault begins when they are about there.
+/// Brings the heads to the drawn state; the fault begins when they are about there.
 void Swarm::prepare() {
   if (episode_.of_clients) {
     crowd_ = std::make_unique<Crowd>(*listener_, oracle_, documents_, outcome_.tally, crowds_.next(), *rig_, *disk_,
@@ -119,7 +119,7 @@ void Swarm::begin_head_fault() {
       case HeadFault::kStuckExposure: head.set_stuck(true); break;
       case HeadFault::kSequenceWraps: head.set_sequence(0xfffffffeU); break;
       case HeadFault::kStartsAtZero: head.set_sequence(0); break;
-      // A 32-bit count of microseconds that wraps, one way or the other, and any other amount.
+      // A 32-bit microsecond counter that wraps, in either direction, or any other jump.
       case HeadFault::kTimeWraps: {
         const Duration off = random_.chance(500'000) ? Duration::microseconds(std::int64_t{1} << 32)
                                                      : drawn(Duration::seconds(10), Duration::seconds(1000));
@@ -225,7 +225,7 @@ void Swarm::end_faults() {
   if (crowd_) crowd_->leave();
   if (!episode_.of_clients && !episode_.of_heads && episode_.rig_fault == RigFault::kTriggerGone) {
     world_.trigger().replug();
-    end_process(false);  // as its message says: restart nodald when it is back
+    end_process(false);  // as its message requests: restart nodald when the store is back
   }
   faults_ended_ = world_.now();
   oracle_.begin_to_watch();
@@ -239,8 +239,8 @@ void Swarm::check_recovery() {
   const std::optional<Instant> since = oracle_.whole_since();
   const bool genlocked = world_.trigger().running();
   if (!first || (genlocked && !since)) return oracle_.fail("the rig does not make whole sets any more");
-  // A rig that runs free is never all in step for good: a head whose clock is slow against the others' must miss a set
-  // now and then. It is whole again when it is, and mostly; a genlocked one stays so.
+  // A free-running rig is never permanently in step: a head whose clock is slow relative to the others must miss a set
+  // now and then. So it counts as recovered if it is in step most of the time; a genlocked rig must stay in step.
   const std::int64_t full = ((genlocked ? *oracle_.full_since() : *oracle_.first_full()) - faults_ended_).ns();
   std::int64_t& slowest_full = replugged_ ? outcome_.tally.slowest_full_replug : outcome_.tally.slowest_full_recovery;
   slowest_full = std::max(slowest_full, full);
@@ -254,7 +254,7 @@ void Swarm::check_recovery() {
   if (took > recover_within_.ns()) {
     return oracle_.fail("whole sets again only " + std::to_string(took / 1'000'000) + " ms after the faults ended");
   }
-  // A head that settles in the period before or after the one it was counted into costs a set, once: a fifth of them at most.
+  // A head that settles one period earlier or later than it was counted costs one set, once: at most a fifth of them.
   const std::uint64_t whole =
       oracle_.whole_sets_since() + std::min<std::uint64_t>(world_.heads(), oracle_.sets_since() / 5);
   if (!genlocked && oracle_.sets_since() > 8 && whole * 10 < oracle_.sets_since() * 7) {
@@ -264,7 +264,7 @@ void Swarm::check_recovery() {
   if (nature_.can_align && !oracle_.genlock_is_off()) check_alignment();
 }
 
-/// What is known of a head's clock is made of frames, so in seconds a slow rig takes longer.
+/// A head's clock is estimated from frames, so a slow rig takes more seconds.
 void Swarm::check_alignment() {
   const std::optional<Instant> in_step = oracle_.first_in_step();
   if (!in_step) return oracle_.fail("the heads are not in step any more");

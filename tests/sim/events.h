@@ -1,4 +1,4 @@
-// What happens next, in the whole simulated world: one queue.
+// The event queue of the whole simulated world.
 #pragma once
 
 #include <algorithm>
@@ -10,20 +10,20 @@
 namespace nodal::swarm {
 
 enum class EventKind : std::uint8_t {
-  kPulse,   ///< the trigger sends its next
-  kExpose,  ///< a head in free run begins an exposure
+  kPulse,   ///< the trigger sends its next pulse
+  kExpose,  ///< a free-running head begins an exposure
   kArrive,  ///< a frame's last byte is in memory
-  kStep,    ///< the rig looks round
-  kHost,    ///< a host does something
-  kPlan,    ///< the next of the faults that were drawn
+  kStep,    ///< the rig is stepped
+  kHost,    ///< a host acts
+  kPlan,    ///< the next planned fault
 };
 
 struct Event {
   Instant at;
-  std::uint64_t order = 0;  ///< of those at one moment, first planned is first
+  std::uint64_t order = 0;  ///< events of the same time run in planning order
   EventKind kind = EventKind::kStep;
   std::uint8_t who = 0;
-  std::uint32_t epoch = 0;  ///< of who planned it; an older one means nothing any more
+  std::uint32_t epoch = 0;  ///< of the planner; events of an older epoch are ignored
 };
 
 /// Threading: thread-bound.
@@ -35,7 +35,7 @@ class EventQueue {
     heap_.push_back({at, next_order_++, kind, who, epoch});
     std::push_heap(heap_.begin(), heap_.end(), later);
   }
-  /// Everything is that much later; the order stays.
+  /// Delays all events by `by`; their order stays.
   void shift(Duration by) {
     for (Event& event : heap_) event.at = event.at + by;
   }

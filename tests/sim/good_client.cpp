@@ -26,7 +26,7 @@ GoodClient::GoodClient(hal::sim::SimLinkListener& listener, Oracle& oracle, Docu
   tasks_[kStatus].every = Duration::seconds(1);
   tasks_[kSetting].every = Duration::seconds(3);
   tasks_[kUpload].every = Duration::seconds(5);
-  tasks_[kPull].every = Duration();  // one raymap after the other
+  tasks_[kPull].every = Duration();  // one raymap after another
   for (Task& task : tasks_) task.due = task.next_try = now;
 }
 
@@ -99,7 +99,7 @@ void GoodClient::start(What what, Task& task) {
 void GoodClient::take(const wire::Reply& reply, Instant now) {
   const auto found =
       std::find_if(tasks_.begin(), tasks_.end(), [&](const Task& task) { return task.asked == reply.id(); });
-  if (found == tasks_.end()) return;  // of a connection before this one
+  if (found == tasks_.end()) return;  // from an earlier connection
   const auto what = static_cast<What>(found - tasks_.begin());
   if (reply.has_error()) return retry(*found, now);
   if (what == kUpload) return take_upload(reply, *found, now);
@@ -122,7 +122,7 @@ void GoodClient::take_upload(const wire::Reply& reply, Task& task, Instant now) 
   uploading_ = *stream;
 }
 
-/// Control overtakes bulk: the commit waits until the last byte has gone out.
+/// Control frames overtake bulk frames: the commit waits until the last byte has been sent.
 void GoodClient::commit_when_sent() {
   if (!uploading_ || line_->session().counts(*uploading_)) return;
   wire::Request request;
@@ -149,7 +149,7 @@ void GoodClient::take(const BulkPiece& piece, Instant now) {
   newest_set_ = raymap_.set();
   const auto asked = tasks_[kPull].asked;
   done(kPull, now);
-  tasks_[kPull].asked = asked;  // the same pull gives the next
+  tasks_[kPull].asked = asked;  // the same pull delivers the next one
 }
 
 void GoodClient::done(What what, Instant now) {

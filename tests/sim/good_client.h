@@ -1,4 +1,4 @@
-// A client that does as a host should beside hostile ones, and measures how soon it is served.
+// A well-behaved client beside hostile ones; it measures how soon it is served.
 #pragma once
 
 #include <array>
@@ -16,21 +16,21 @@
 
 namespace nodal::swarm {
 
-/// Asks for the status every second and pulls the newest raymaps; changes an exposure and uploads a calibration now and
-/// then. When the rig refuses or drops it, it tries again, as nodal does; it is served when it has what it wanted, and
-/// the time it waits counts from when it first wanted it. A visitor leaves after every status and comes back, each time
-/// as a newcomer.
+/// Requests the status every second and pulls the newest raymaps; occasionally changes an exposure and uploads a
+/// calibration. If the rig refuses or disconnects it, it retries, like nodal; it is served when it has its result, and
+/// its waiting time counts from the first attempt. A visitor disconnects after every status and connects again as a new
+/// client.
 ///
 /// Threading: thread-bound.
-/// Ownership: what it is given outlives it.
-/// Errors: the oracle gets a failure when the rig did not serve it within kServedWithin.
+/// Ownership: refers to its arguments.
+/// Errors: reported to the oracle if the rig does not serve it within kServedWithin.
 class GoodClient {
  public:
   GoodClient(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, bool visitor,
              std::uint64_t seed, Instant now);
 
   void pump(Instant now);
-  /// Fails when something has been wanted for too long. `beside`: among whom, for the message.
+  /// Fails if a task has waited too long. `beside`: the other clients, for the message.
   void check(Instant now, const std::string& beside);
 
   static constexpr Duration kServedWithin = Duration::seconds(2);
@@ -38,11 +38,11 @@ class GoodClient {
  private:
   enum What : std::uint8_t { kStatus, kSetting, kUpload, kPull };
   static constexpr int kWhats = 4;
-  /// Something that is wanted again and again.
+  /// A repeated request.
   struct Task {
-    Duration every;                      ///< after it was done
-    Instant due, next_try;               ///< wanted since `due`
-    std::optional<std::uint64_t> asked;  ///< the request that waits for its answer
+    Duration every;                      ///< interval after its completion
+    Instant due, next_try;               ///< `due`: time of the first attempt
+    std::optional<std::uint64_t> asked;  ///< the request whose answer is pending
   };
 
   void connect();
@@ -64,9 +64,9 @@ class GoodClient {
   std::unique_ptr<Line> line_;
   std::array<Task, kWhats> tasks_;
   std::uint64_t next_id_ = 1;
-  std::size_t document_ = 0;                 ///< that is being uploaded
-  std::optional<StreamId> uploading_;        ///< and not all of it is out
-  std::optional<std::uint64_t> newest_set_;  ///< of the pull's raymaps
+  std::size_t document_ = 0;                 ///< the one being uploaded
+  std::optional<StreamId> uploading_;        ///< set while bytes of it are unsent
+  std::optional<std::uint64_t> newest_set_;  ///< of the pulled raymaps
   wire::RaymapHeader raymap_;
   std::vector<std::uint8_t> pixels_;
 };

@@ -4,7 +4,7 @@
 
 namespace nodal::swarm {
 
-/// The head as opened. Unplugged, it is left behind: what was lent stays readable, since the head keeps the buffers.
+/// The open head. After unplugging the port keeps existing; the head owns the buffers, so lent pictures stay readable.
 class Head::Port final : public hal::HeadPort {
  public:
   explicit Port(Head& head) : head_(&head), kept_(head) {}
@@ -33,7 +33,7 @@ class Head::Port final : public hal::HeadPort {
     return set(true, [&](hal::HeadSettings& wanted) { wanted.white_balance = balance; });
   }
   Status set_gamma(hal::Gamma gamma) override {
-    if (gamma == hal::Gamma()) return head_ ? Status() : fail(gone());  // the curve that it has
+    if (gamma == hal::Gamma()) return head_ ? Status() : fail(gone());  // the head's default curve
     return fail(Errc::kUnsupported, identity().path + ": has no gamma to set");
   }
   Status nudge(Duration by) override { return head_ ? head_->nudge(by) : fail(gone()); }
@@ -227,7 +227,7 @@ void Head::on_expose(const Event& event) {
 }
 
 void Head::expose(Instant begin, PulseId pulse) {
-  if (begin < busy_until_) return;  // a pulse that comes while it exposes is none
+  if (begin < busy_until_) return;  // ignores a pulse during an exposure
   while (!changes_.empty() && changes_.front().frames_left == 0) {
     in_effect_ = changes_.front().settings;
     changes_.pop_front();
@@ -272,7 +272,7 @@ void Head::expose(Instant begin, PulseId pulse) {
 }
 
 bool Head::on_arrive(const Event& event) {
-  // One stop and start later the events of before are still queued; frames wait for no particular event.
+  // After a stop and a start older events are still queued; frames do not depend on a particular event.
   if (event.epoch != epoch_ && exposed_.empty()) return false;
   bool any = false;
   while (!exposed_.empty() && exposed_.front().received <= event.at) {

@@ -1,4 +1,4 @@
-// The swarm's head: frames as cheap as they can be, each stamped with the truth, and every fault a head can have.
+// The swarm's head: minimal frames, each stamped with the true data, and every possible fault of a head.
 #pragma once
 
 #include <array>
@@ -17,40 +17,40 @@
 
 namespace nodal::swarm {
 
-/// What a head is like, for as long as its world lasts.
+/// The parameters of a head, constant for a run.
 struct HeadNature {
   FrameRate rate;
   Fields fields = Fields::kProgressive;
   int buffers = 6;
-  Duration latency = Duration::microseconds(20);  ///< from a pulse to the begin of the exposure
-  Duration latency_jitter;                        ///< of each exposure, in free run too
+  Duration latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
+  Duration latency_jitter;                        ///< of each exposure, also in free run
   Duration readout = Duration::milliseconds(8);
   std::int32_t drift_ppm = 0;  ///< in free run; positive is slow
-  Duration clock_jitter;       ///< of what the port says of each exposure's middle
+  Duration clock_jitter;       ///< of the port's mid_exposure
   int control_latency = 2;
-  hal::NudgeLimits nudge;  ///< what it can be moved by in free run; as it is made, it cannot
+  hal::NudgeLimits nudge;  ///< its nudge limits in free run; by default it cannot be nudged
 };
 
-/// Chances of every frame in a million, in a storm of faults.
+/// Probabilities per frame, in a million, during a storm of faults.
 struct FrameFaults {
   std::uint32_t lose = 0, corrupt = 0, tear = 0, duplicate = 0, late = 0, wrong_size = 0, miss_pulse = 0;
   Duration longest_late = Duration::milliseconds(20);
 };
 
-/// exposed + duplicated = taken + lost + discarded + waiting, at any time.
+/// At any time: exposed + duplicated = taken + lost + discarded + waiting.
 struct HeadCounts {
   std::uint64_t exposed = 0, duplicated = 0, taken = 0, lost = 0, discarded = 0;
 };
 
 /// Threading: thread-bound.
-/// Ownership: the clock and the queue outlive it; it outlives its open port.
+/// Ownership: refers to the clock and the queue; must outlive its open port.
 /// Errors: none of its own.
 class Head {
  public:
   Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, const HeadNature& nature, std::uint64_t seed);
   ~Head();
 
-  // What the swarm does.
+  // What the swarm controls.
   void lose(int frames) { lose_ += frames; }
   void corrupt(int frames) { corrupt_ += frames; }
   void tear(int frames) { tear_ += frames; }
@@ -59,19 +59,19 @@ class Head {
   void delay(int frames, Duration by);
   void miss_pulses(int pulses) { miss_ += pulses; }
   void set_signal(bool there) { signal_ = there; }
-  void set_stuck(bool stuck) { stuck_ = stuck; }  ///< takes settings and does nothing
-  void set_deaf(bool deaf);                       ///< it goes on by its own clock where pulses had it, and slowly away
-  void stall(Duration how_long);                  ///< delivers nothing until then, then all it has
+  void set_stuck(bool stuck) { stuck_ = stuck; }  ///< accepts settings but does not apply them
+  void set_deaf(bool deaf);                       ///< ignores pulses: it continues on its own clock, and drifts slowly
+  void stall(Duration how_long);                  ///< delivers nothing until then, then everything
   void set_sequence(std::uint32_t next) { sequence_ = next; }
-  void set_clock_error(Duration off) { clock_error_ = off; }  ///< of what the port says: a wrap, a clock step
-  void shift(Duration by);                                    ///< the rig's clock went on by that much at once
+  void set_clock_error(Duration off) { clock_error_ = off; }  ///< error of the port's timestamps: a wrap, a clock step
+  void shift(Duration by);                                    ///< the rig's clock jumped by that much
   void set_storm(const FrameFaults& storm) { storm_ = storm; }
   void unplug();
   void replug() { present_ = true; }
-  /// Everything but what it is by nature; a head that was away returns.
+  /// Ends all faults except its constant parameters; an unplugged head returns.
   void forget_faults();
 
-  // What the swarm knows.
+  // What the swarm can query.
   const HeadCounts& counts() const { return counts_; }
   bool present() const { return present_; }
   bool streaming() const { return streaming_; }
@@ -82,11 +82,11 @@ class Head {
   const std::string& path() const { return identity_.path; }
   const hal::HeadSettings& asked() const { return asked_; }
 
-  // What the world and the enumerator do.
+  // What the world and the enumerator call.
   Result<std::unique_ptr<hal::HeadPort>> open();
   void on_pulse(PulseId pulse, Instant at);
   void on_expose(const Event& event);
-  /// True when a frame is there to be taken.
+  /// Returns true if a frame can be taken.
   bool on_arrive(const Event& event);
 
  private:
@@ -94,12 +94,12 @@ class Head {
   struct Frame {
     Stamp stamp;
     std::uint32_t sequence = 0;
-    Instant mid;  ///< as the port says
+    Instant mid;  ///< as reported by the port
     Instant received;
     Duration nudged;
     hal::HeadSettings settings;
     hal::FrameVerdict verdict = hal::FrameVerdict::kGood;
-    bool resized = false;  ///< or, interlaced, of other fields than it should be
+    bool resized = false;  ///< wrong size, or, if interlaced, wrong fields
   };
   struct Pending {
     hal::HeadSettings settings;

@@ -76,7 +76,7 @@ void Host::send_document(int which, std::uint64_t offset) {
   sending_ = Sending{which, *stream};
 }
 
-/// Control overtakes bulk: the commit waits until the last byte has gone out.
+/// Control frames overtake bulk frames: the commit waits until the last byte has been sent.
 void Host::commit_when_sent() {
   if (!sending_ || line_.session().counts(sending_->stream)) return;
   const std::string& json = documents_.json[static_cast<std::size_t>(sending_->which)];
@@ -111,7 +111,7 @@ void Host::split(std::uint32_t bytes) { link_.in().split = link_.out().split = b
 void Host::stall(bool stalled) { link_.in().stalled = link_.out().stalled = stalled; }
 void Host::flip_bit() { link_.out().flip_bit = random_.below(4096); }
 void Host::replay() {
-  // What was said is said again, frame borders or not.
+  // Repeats the last written bytes, regardless of frame boundaries.
   (void)link_.write(line_.recently_written());
 }
 void Host::leave_mid_upload() {

@@ -1,4 +1,4 @@
-// Somebody who talks to the rig: asks, uploads, pulls, genlocks, and whose link may do anything.
+// A host that sends requests, uploads, pulls and genlocks, over a link with any faults.
 #pragma once
 
 #include <array>
@@ -19,26 +19,26 @@
 
 namespace nodal::swarm {
 
-/// The calibrations hosts have, and what is known of what the rig must have.
+/// The hosts' calibrations, and what is known about the one that the rig must have.
 struct Documents {
   std::array<std::string, kCalibrations> json;
   std::array<Sha256, kCalibrations> id;
-  std::optional<int> sure;                  ///< in force by the rig's own word
-  std::array<bool, kCalibrations> maybe{};  ///< asked for since
+  std::optional<int> sure;                  ///< in force according to the rig
+  std::array<bool, kCalibrations> maybe{};  ///< requested since
 };
 
 /// Threading: thread-bound.
-/// Ownership: what it is given outlives it.
-/// Errors: what the rig answers is traced; what it may not answer is the oracle's.
+/// Ownership: refers to its arguments.
+/// Errors: the rig's answers are traced; forbidden answers are reported to the oracle.
 class Host {
  public:
   Host(hal::sim::SimLinkListener& listener, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed)
       : Host(listener.connect(), oracle, documents, tally, seed) {}
 
-  /// Does one thing that is drawn.
+  /// Does one random action.
   void act();
   void genlock(bool start);
-  /// Reads and writes what the link has and takes.
+  /// Reads available bytes and writes pending ones.
   void pump();
   bool dead() const { return line_.dead(); }
 
@@ -48,20 +48,20 @@ class Host {
   void stall(bool stalled);
   void flip_bit();
   void replay();
-  /// Leaves, in the middle of what it was sending.
+  /// Disconnects during an upload.
   void leave_mid_upload();
 
  private:
   Host(std::unique_ptr<hal::sim::SimLink> link, Oracle& oracle, Documents& documents, Tally& tally, std::uint64_t seed);
   struct Open {
-    std::optional<int> upload_to_begin, upload_to_commit;  ///< which document
+    std::optional<int> upload_to_begin, upload_to_commit;  ///< index of the document
   };
   void send(wire::Request request, Open open = {});
   void handle(const wire::Reply& reply);
   void send_document(int which, std::uint64_t offset);
   void commit_when_sent();
 
-  hal::sim::SimLink& link_;  ///< the line's
+  hal::sim::SimLink& link_;  ///< owned by the line
   Line line_;
   Oracle& oracle_;
   Documents& documents_;

@@ -14,7 +14,7 @@ constexpr Duration kConnectsAgainAfter = Duration::milliseconds(20);
 constexpr std::size_t kUnknownBytes = 60'000;
 constexpr int kRequestsATurn = 6;
 
-/// Field 1000 of any message, of so many bytes: no version of the protocol knows it.
+/// Field 1000, which no version of the protocol has, with `bytes` bytes.
 std::string unknown_field(std::size_t bytes) {
   std::string field = "\xc2\x3e";  // 1000 << 3 | 2 as a varint
   for (std::size_t left = bytes;; left >>= 7) {
@@ -38,7 +38,7 @@ std::vector<std::uint8_t> frame(const FrameHeader& header, const std::string& pa
   return all;
 }
 
-/// The same frame with another length in its header, which holds together all the same.
+/// The same frame with another length and a correct header CRC.
 std::vector<std::uint8_t> with_length(std::vector<std::uint8_t> bytes, std::uint32_t length) {
   const auto put = [&](std::size_t at, std::uint32_t value) {
     for (std::size_t i = 0; i < 4; ++i) bytes[at + i] = static_cast<std::uint8_t>(value >> (8 * i));
@@ -96,7 +96,7 @@ void Hostile::begin() {
     case HostileKind::kSlowLossless: pull(true, 1); break;
     case HostileKind::kGreedy: take_everything(); break;
     case HostileKind::kConnectStorm:
-      if (random_.chance(500'000)) return;  // and no hello
+      if (random_.chance(500'000)) return;  // half of them send no Hello
       break;
     default: break;
   }
@@ -107,7 +107,7 @@ void Hostile::go_on(Instant now) {
   switch (kind_) {
     case HostileKind::kSilent:
     case HostileKind::kHalfOpen:
-    case HostileKind::kIdle: read_all(); break;  // to see when the rig drops it
+    case HostileKind::kIdle: read_all(); break;  // to detect when the rig drops it
     case HostileKind::kSlowReader:
     case HostileKind::kSlowLossless:
       line_->write();
@@ -138,7 +138,7 @@ void Hostile::read_all() {
 }
 
 void Hostile::send_half_a_frame() {
-  line_->write();  // the hello
+  line_->write();  // the Hello
   wire::Request request;
   request.set_id(next_id_++);
   request.mutable_status();
@@ -185,7 +185,7 @@ void Hostile::flood() {
   line_->write();
 }
 
-/// Asks for work and changes nothing; some carry unknown fields.
+/// Requests that cost work and change nothing; some have unknown fields.
 wire::Request Hostile::useless_request() {
   wire::Request request;
   switch (random_.below(6)) {
@@ -194,7 +194,7 @@ wire::Request Hostile::useless_request() {
     case 2: request.mutable_calibration_list(); break;
     case 3: request.mutable_genlock(); break;
     case 4: request.mutable_calibration_get(); break;
-    default: request.mutable_head_set()->add_heads(0); break;  // and no value to set
+    default: request.mutable_head_set()->add_heads(0); break;  // without a value to set
   }
   if (bytes_left_ < kUnknownBytes || !random_.chance(30'000)) return request;
   bytes_left_ -= kUnknownBytes;
@@ -204,7 +204,7 @@ wire::Request Hostile::useless_request() {
   return request;
 }
 
-/// Values that no rig may take.
+/// Requests with values that every rig must refuse.
 wire::Request Hostile::extreme_request() {
   wire::Request request;
   switch (random_.below(10)) {
@@ -249,7 +249,7 @@ void Hostile::send_invalid_frame() {
       bytes[20] ^= 1;  // the payload's checksum
       break;
     case 2:
-      bytes = with_length(frame(header, std::string(4096, 'x')), 100'000);  // more than a request may have
+      bytes = with_length(frame(header, std::string(4096, 'x')), 100'000);  // above the limit of a request
       break;
     case 3: bytes = frame({FrameType::kRequest, 0, 0, 77}, "\x08\x01"); break;
     case 4: bytes = frame({FrameType::kCredit, 0, 2, 1}, credit.SerializeAsString()); break;
@@ -262,7 +262,7 @@ void Hostile::send_invalid_frame() {
   (void)line_->write_raw(bytes);
 }
 
-/// Most begin and go no further; some are sent whole and committed, and are no calibration.
+/// Most uploads are begun and not continued; some are sent completely and committed, but are not calibrations.
 void Hostile::upload_junk() {
   read_all();
   if (committing_ && !line_->session().counts(uploading_)) {

@@ -1,4 +1,4 @@
-// One client that means harm, or is careless: it loads the rig, and changes no setting of it.
+// A hostile or careless client: it loads the rig, but changes no setting.
 #pragma once
 
 #include <cstdint>
@@ -15,33 +15,33 @@
 namespace nodal::swarm {
 
 enum class HostileKind : std::uint8_t {
-  kSilent,        ///< connects and never says hello
-  kIdle,          ///< says hello, then nothing
+  kSilent,        ///< connects and never sends a Hello
+  kIdle,          ///< sends a Hello, then nothing
   kHalfOpen,      ///< sends half a frame, then nothing
-  kSlowReader,    ///< pulls the newest raymaps and reads every 5 s what the link holds
+  kSlowReader,    ///< pulls the newest raymaps and reads the link's content every 5 s
   kSlowLossless,  ///< the same, lossless
-  kGreedy,        ///< as many pulls, frame sets, uploads and streams as there may be, and never reads
-  kFlooding,      ///< requests as fast as the rig takes them, with unknown fields and extreme values
-  kLying,         ///< frames, credits and pieces that are wrong
-  kJunk,          ///< uploads begun in a loop, and documents that are no calibrations
-  kConnectStorm,  ///< connects and leaves, several times every 10 ms
+  kGreedy,        ///< as many pulls, frame sets, uploads and streams as allowed, and never reads
+  kFlooding,      ///< requests as fast as the rig accepts them, with unknown fields and extreme values
+  kLying,         ///< invalid frames, credits and pieces
+  kJunk,          ///< begins uploads in a loop, and uploads documents that are not calibrations
+  kConnectStorm,  ///< connects and disconnects, several times every 10 ms
 };
 inline constexpr int kHostileKinds = 10;
 std::string_view name_of(HostileKind kind);
 
-/// Connects again whenever the rig has dropped it.
+/// Reconnects whenever the rig has dropped it.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns its connection.
-/// Errors: none; it does not care what the rig answers.
+/// Errors: none; it ignores the rig's answers.
 class Hostile {
  public:
-  /// Makes a connection that holds few bytes on its way to the client, if that can be had; null when nobody listens.
+  /// Makes a connection, if possible one that buffers only few bytes towards the client; null if nothing listens.
   using Connect = std::function<std::unique_ptr<hal::LinkPort>(bool narrow)>;
-  /// `torn`: a calibration document, to be torn and uploaded. `unknown_bytes`: of unknown fields, all in all.
+  /// `torn`: a calibration document, of which a part is uploaded. `unknown_bytes`: total of unknown fields.
   Hostile(HostileKind kind, Connect connect, std::string torn, std::uint64_t unknown_bytes, std::uint64_t seed);
 
-  /// One turn; the swarm gives one every few milliseconds.
+  /// One step; the swarm calls it every few milliseconds.
   void act(Instant now);
   HostileKind kind() const { return kind_; }
 
@@ -66,8 +66,8 @@ class Hostile {
   std::unique_ptr<Line> line_;
   Instant next_connect_, next_turn_;
   std::uint64_t next_id_ = 1;
-  std::uint64_t bytes_left_;               ///< of unknown fields
-  std::optional<std::string> committing_;  ///< the SHA-256 of what is being uploaded
+  std::uint64_t bytes_left_;               ///< remaining bytes of unknown fields
+  std::optional<std::string> committing_;  ///< the SHA-256 of the document being uploaded
   StreamId uploading_ = 0;
 };
 

@@ -12,7 +12,7 @@ std::optional<nodal::Event> Line::take() {
     const auto read = link_->read(bytes);
     if (!read) leave();
     if (!read || *read == 0) return std::nullopt;
-    (void)session_.receive(std::span(bytes).first(*read));  // what came before an error is still taken
+    (void)session_.receive(std::span(bytes).first(*read));  // events before an error can still be taken
   }
 }
 

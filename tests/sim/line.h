@@ -1,4 +1,4 @@
-// A host's end of one connection to the rig: the link, the session on it, and the bytes either way.
+// A host's end of one connection to the rig: the link, its session, and the bytes in both directions.
 #pragma once
 
 #include <cstdint>
@@ -23,17 +23,17 @@ class Line {
 
   Session& session() { return session_; }
 
-  /// The next event from the rig. Reads the link as far as that needs.
+  /// The next event from the rig; reads the link as far as necessary.
   std::optional<nodal::Event> take();
-  /// Writes what the session has to say, as far as the link takes it.
+  /// Writes the session's output, as far as the link accepts it.
   void write();
-  /// Writes bytes that no session says. False when the link did not take all of them.
+  /// Writes bytes that do not come from the session. Returns false if the link did not accept all of them.
   bool write_raw(std::span<const std::uint8_t> bytes);
-  /// What write() wrote last.
+  /// The bytes of the last write().
   const std::vector<std::uint8_t>& recently_written() const { return recently_written_; }
 
   bool dead() const { return gone_ || session_.error(); }
-  /// Sends and receives no more; the link closes with the object.
+  /// Stops sending and receiving; the destructor closes the link.
   void leave() { gone_ = true; }
 
  private:

@@ -1,4 +1,4 @@
-// swarm: runs seeds, says what it saw, and for a failure the one command that shows it again.
+// swarm: runs seeds, prints statistics, and for a failure the command that reproduces it.
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -21,17 +21,17 @@ struct Options {
   std::uint64_t seeds = 500;
   std::int64_t minutes = 10;
   int jobs = 2;
-  bool coverage = false;  ///< every state x fault x how many must have been visited
+  bool coverage = false;  ///< every combination of state, fault and number of heads must occur
   bool quiet = false;
-  bool canary = false;  ///< a bug was planted: success is to find it
+  bool canary = false;  ///< a bug was planted: success means finding it
   DrawOptions draw;
   std::string program;
 };
 
-/// What a worker process leaves for its parent, in memory that both have.
+/// A worker process's result for its parent, in shared memory.
 struct Report {
-  std::uint64_t seed = 0;         ///< under way; 0: none
-  std::atomic<bool> stop{false};  ///< somebody has found a failure
+  std::uint64_t seed = 0;         ///< in progress; 0: none
+  std::atomic<bool> stop{false};  ///< a process has found a failure
   std::uint64_t done = 0;
   std::uint64_t failed_seed = 0;
   std::uint64_t trace = 0;
@@ -49,14 +49,14 @@ std::string replay(const Options& options, std::uint64_t seed) {
   return command;
 }
 
-/// Seeds first + job, + jobs, and so on.
+/// Runs seeds first + job, + jobs, and so on.
 void work(const Options& options, int job, Report& report) {
   const auto jobs = static_cast<std::uint64_t>(options.jobs);
   for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.seeds && !report.stop; i += jobs) {
     report.seed = options.first + i;
     const Outcome outcome = Swarm(report.seed, options.draw).run(Duration::seconds(60 * options.minutes));
     report.tally.add(outcome.tally);
-    report.trace += outcome.trace * (2 * report.seed + 1);  // in whatever order
+    report.trace += outcome.trace * (2 * report.seed + 1);  // independent of the order
     ++report.done;
     if (!outcome.failure) continue;
     report.failed_seed = report.seed;
@@ -105,7 +105,7 @@ void print_tally(const Tally& tally) {
   std::printf(lost == 0 ? " none\n" : "\n");
 }
 
-/// How many of state x fault x how many were never visited.
+/// The number of combinations of state, fault and number of heads that did not occur.
 int print_coverage(const Tally& tally) {
   int missing = 0;
   std::uint64_t least = ~std::uint64_t{0};

@@ -10,11 +10,11 @@ namespace {
 
 using firmware::GenlockState;
 
-/// The genlock promises 500 us; a tenth of it is its margin.
+/// The genlock guarantees 500 us; 10 % of it is the margin.
 constexpr Duration kLockLimit = Duration::microseconds(450);
-constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's, when nothing comes
+constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's report interval without events
 
-/// The table of firmware/sync/genlock.h, written down a second time: what may follow what.
+/// The table of firmware/sync/genlock.h, written a second time: the allowed transitions.
 bool may_follow(GenlockState from, GenlockState to) {
   switch (from) {
     case GenlockState::kOff: return to == GenlockState::kAcquiring || to == GenlockState::kLost;
@@ -102,7 +102,7 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   if (last_set_ && set.number <= *last_set_) return fail("set " + std::to_string(set.number) + " follows a later one");
   last_set_ = set.number;
   if (set.mask == 0 || set.mask >> world_.heads() != 0) return fail("a set's mask names no head, or one there is not");
-  // 2.5 periods after its middle at the latest, and what the daemon takes to look.
+  // At most 2.5 periods after its middle, plus the daemon's wake-up interval.
   const Duration age = world_.now() - set.mid_exposure;
   if (!held_up && age > period() * 4 + nature_.look_every) {
     return fail("set " + std::to_string(set.number) + " was held for " + std::to_string(age.ms()) + " ms");
@@ -127,7 +127,7 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
 }
 
-/// A missing head counts as the blend last saw it, which is known only while no head was ever exposed otherwise.
+/// The blend uses a missing head's last known tone, which is known here only if no head ever changed its exposure.
 bool Oracle::exposed_alike(const firmware::FrameSet& set) {
   std::optional<hal::HeadSettings> first;
   bool alike = true;
@@ -147,7 +147,7 @@ Duration Oracle::period() const {
   return world_.trigger().running() ? world_.trigger().period() : nature_.rate.period();
 }
 
-/// Each frame is what it was when its head wrote it, newer than this head's last, and of the set's own trigger.
+/// Each frame is as its head wrote it, newer than this head's previous one, and from the set's own trigger pulse.
 void Oracle::check_members(const firmware::FrameSet& set) {
   std::optional<Instant> earliest, latest, said_earliest, said_latest;
   std::optional<PulseId> pulse;
@@ -182,7 +182,7 @@ void Oracle::check_members(const firmware::FrameSet& set) {
     }
   }
   if (set.sync.spread != *said_latest - *said_earliest) return fail("a set's spread is not that of its frames");
-  // Without a pulse, one exposure ends where the next begins: at one period's distance they cannot be one.
+  // Without a pulse, exposures a period or more apart cannot belong to one set.
   if (*latest - *earliest > period() * 5 / 4) {
     return fail("set " + std::to_string(set.number) + " mixes exposures " + std::to_string((*latest - *earliest).us()) +
                 " us apart");
@@ -222,7 +222,7 @@ void Oracle::after_event(firmware::Rig& rig, std::optional<Instant> captured) {
   check_genlock(rig, captured);
 }
 
-/// frames = in sets + held + lost, and frames are what the heads handed out; nothing waits beyond its bound.
+/// frames = in sets + held + lost, and frames are those that the heads delivered; nothing waits longer than allowed.
 void Oracle::check_books(firmware::Rig& rig) {
   const firmware::CaptureReport& report = rig.capture().report();
   counts_ = {};

@@ -13,7 +13,7 @@ firmware::OutletSpec draw_reader(hal::sim::Random& random) {
 SecondReader::SecondReader(firmware::Rig& rig, const firmware::OutletSpec& spec, std::uint64_t seed)
     : rig_(rig), random_(seed, "second reader"), outlet_(rig.encoder().add_outlet(spec)) {}
 
-/// First it keeps up, then it is slow, then stuck, and again.
+/// Alternates: in step, slow, stuck.
 void SecondReader::change_pace(Instant now) {
   if (now < pace_until_) return;
   pace_ = static_cast<Pace>((static_cast<unsigned>(pace_) + 1) % 3);

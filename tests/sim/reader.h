@@ -1,4 +1,4 @@
-// A second reader of raymaps beside the publisher: it keeps pace, is slow, or is stuck.
+// A second reader of raymaps beside the publisher: in step, slow, or stuck.
 #pragma once
 
 #include <cstdint>
@@ -12,21 +12,21 @@
 
 namespace nodal::swarm {
 
-/// What a seed draws of it.
+/// Draws its parameters from a seed.
 firmware::OutletSpec draw_reader(hal::sim::Random& random);
 
-/// Holds loans of raymaps as long as its pace says, never more than its outlet's spec allows.
+/// Holds loans of raymaps according to its pace, never more than its outlet's spec allows.
 ///
 /// Threading: thread-bound.
 /// Ownership: holds loans; destroy it before the rig.
-/// Errors: step() says what does not hold.
+/// Errors: step() returns a broken rule.
 class SecondReader {
  public:
-  /// Registers at a rig that has not been stepped yet.
+  /// Registers with a rig that has not been stepped yet.
   SecondReader(firmware::Rig& rig, const firmware::OutletSpec& spec, std::uint64_t seed);
 
-  /// Reads and gives back. What is wrong, if anything: a raymap out of order, one that is neither read nor counted as
-  /// missed nor waiting, or one that the publisher missed or waits for.
+  /// Reads raymaps and returns their loans. Returns the broken rule, if any: a raymap out of order, one that is neither
+  /// read nor counted as missed nor waiting, or one that the publisher missed or waits for.
   std::optional<std::string> step(Instant now);
 
  private:
@@ -40,7 +40,7 @@ class SecondReader {
   firmware::Outlet<firmware::Raymap>& outlet_;
   std::deque<firmware::Raymap> held_;
   std::uint64_t read_ = 0;
-  std::optional<std::uint64_t> newest_;  ///< of the raymap read last: twice its set's number, and 1 for a second field
+  std::optional<std::uint64_t> newest_;  ///< of the last raymap read: twice its set's number, plus 1 for a second field
   Pace pace_ = Pace::kKeepsUp;
   Instant pace_until_;
   Instant next_read_;

@@ -1,4 +1,4 @@
-// The truth, written into every picture: whatever the rig does to a frame, its pixels say which exposure it is.
+// The true data, written into every picture: however the rig handles a frame, its pixels identify the exposure.
 #pragma once
 
 #include <cstdint>
@@ -9,14 +9,14 @@
 
 namespace nodal::swarm {
 
-/// Heads' pictures: GREY, just big enough for a stamp and a few pixels to blend.
+/// Heads' pictures: GREY, just large enough for a stamp and a few pixels to blend.
 inline constexpr int kPictureWidth = 16;
 inline constexpr int kPictureHeight = 16;
-inline constexpr int kStampRows = 4;     ///< below them is kPictureLevel
-inline constexpr int kFirstBlended = 8;  ///< row from which on rays are taken: a field's rows reach up as well
+inline constexpr int kStampRows = 4;     ///< below them the level is kPictureLevel
+inline constexpr int kFirstBlended = 8;  ///< first row with rays: a field's rows also reach upwards
 inline constexpr std::uint8_t kPictureLevel = 100;
 
-/// Which pulse: of which start of the trigger, and which of it. An exposure that no pulse began has none.
+/// Identifies a pulse: the start of the trigger, and the number since that start. Unset for exposures without a pulse.
 struct PulseId {
   std::uint32_t epoch = 0;  ///< 0: none
   std::uint64_t number = 0;
@@ -26,7 +26,7 @@ struct PulseId {
 struct Stamp {
   std::uint32_t mark = kMark;
   std::uint32_t head = 0;
-  std::uint64_t serial = 0;  ///< the head's exposures since the world began: no restart, no wrap
+  std::uint64_t serial = 0;  ///< the head's exposures since the world began; never restarts or wraps
   PulseId pulse;
   Instant begin;
   Instant mid;
@@ -46,7 +46,7 @@ struct Stamp {
     proof = expected_proof();
     std::memcpy(picture, this, sizeof *this);
   }
-  /// Nothing when the picture was overwritten, or never was one.
+  /// Nothing if the picture was overwritten, or is not a stamped one.
   static std::optional<Stamp> read(const std::uint8_t* picture) {
     Stamp stamp;
     std::memcpy(static_cast<void*>(&stamp), picture, sizeof stamp);

@@ -1,6 +1,6 @@
-// Once warm, the frame path allocates nothing, takes no page fault and no lock: ten heads at 29.97, every set captured,
-// blended and encoded, counted where the C library hands these things out. What libturbojpeg allocates for itself on
-// every picture, three blocks through its public interface, is counted apart and bounded.
+// After warm-up, the frame path allocates nothing and causes no page fault and no lock: ten heads at 29.97, every set
+// captured, blended and encoded, counted in the C library's functions. libturbojpeg's own allocations per picture,
+// three blocks through its public interface, are counted separately and limited.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <pthread.h>
@@ -100,7 +100,7 @@ class SteadyState : public testing::Test {
     rig.reset();
   }
 
-  /// The world goes on until the rig has made so many more raymaps; what the frame path does is counted.
+  /// Advances the world until the rig has made `raymaps` more raymaps; counts the frame path's calls.
   void run(std::uint64_t raymaps) {
     const std::uint64_t until = made + raymaps;
     Instant look = world.now();
@@ -131,7 +131,7 @@ class SteadyState : public testing::Test {
     getrusage(RUSAGE_THREAD, &after);
     page_faults += static_cast<std::uint64_t>(after.ru_minflt - before.ru_minflt + after.ru_majflt - before.ru_majflt);
   }
-  /// As the publisher does.
+  /// The same as the publisher.
   void collect() {
     while (const auto raymap = rig->encoder().published().take()) {
       ++made;
@@ -144,7 +144,7 @@ class SteadyState : public testing::Test {
   hal::sim::SimDisk disk;
   std::unique_ptr<firmware::Rig> rig;
   std::uint64_t made = 0, page_faults = 0;
-  std::uint64_t encoding = 0;  ///< of the allocations, the encoder's
+  std::uint64_t encoding = 0;  ///< the encoder's share of the allocations
 };
 
 TEST_F(SteadyState, TenThousandSets_AllocateNothingFaultNothingAndLockNothing) {

@@ -6,7 +6,7 @@ namespace nodal::swarm {
 namespace {
 
 constexpr Duration kHostsAct = Duration::milliseconds(1300);
-constexpr int kStepsALook = 16;  ///< of control, which goes on at once while it has something to do
+constexpr int kStepsALook = 16;  ///< of control, which continues at once while it has work
 
 }  // namespace
 
@@ -25,7 +25,7 @@ Swarm::Swarm(std::uint64_t seed, const DrawOptions& options)
     documents_.json[static_cast<std::size_t>(i)] = canonical_json(calibration);
     documents_.id[static_cast<std::size_t>(i)] = calibration_id(calibration);
   }
-  // The first is in force as if it had been uploaded before.
+  // The first calibration is in force as if it had been uploaded before.
   auto store = firmware::CalibrationStore::open(*disk_);
   const bool stored = store && store->put(calibration_of(nature_, 0)) && store->set_in_force(documents_.id[0]);
   NODAL_ASSERT(stored);
@@ -47,7 +47,7 @@ Outcome Swarm::run(Duration how_long) {
   while (!oracle_.failure()) {
     const Event event = world_.queue().next();
     if (event.at > end_) break;
-    // The rig's own doing may have taken time (a slow disk); the world did not wait for it.
+    // The rig's own work may have taken time (a slow disk); the world did not wait for it.
     if (event.at > world_.now()) world_.clock().advance_to(event.at);
     handle(event);
   }
@@ -58,7 +58,7 @@ Outcome Swarm::run(Duration how_long) {
     rig_->close();
     oracle_.after_event(*rig_, std::nullopt);
   }
-  oracle_.new_process();  // adds up the books
+  oracle_.new_process();  // adds the old process's counters to the sums
   for (std::size_t i = 0; i < world_.heads(); ++i) outcome_.tally.never_came += world_.head(i).counts().lost;
   if (oracle_.failure()) outcome_.failure = where() + *oracle_.failure();
   outcome_.trace = oracle_.trace();
@@ -92,7 +92,7 @@ void Swarm::handle(const Event& event) {
   }
 }
 
-/// Devices do not ring: what is there is found when the daemon looks next.
+/// Devices send no events: the daemon finds frames at its next wake-up.
 void Swarm::plan_step(Instant at) {
   const std::int64_t poll = nature_.poll.ns();
   const Instant tick = std::min(Instant::from_ns((at.ns() + poll - 1) / poll * poll), std::max(at, next_look_));
@@ -111,7 +111,7 @@ void Swarm::step(Instant now) {
     while (rig_->step_blend()) {}
     while (rig_->step_encode()) {}
   }
-  if (reader_) {  // before control, which makes room in the publisher's outlet that the encoder sees in the next turn
+  if (reader_) {  // before control, which frees slots in the publisher's outlet that the encoder uses in the next step
     if (auto wrong = reader_->step(now)) oracle_.fail(std::move(*wrong));
   }
   if (now >= next_look_) {
@@ -137,11 +137,11 @@ void Swarm::step_rest(Instant now) {
   }
 }
 
-/// Between capture and blend. Most sets are given back here: blending them all would cost more than everything else.
+/// Between capture and blend. Most sets are returned here, because blending all of them would dominate the run time.
 void Swarm::look_at_set() {
   firmware::Outlet<firmware::SetLoan>& out = rig_->blender().sets_in();
   const bool kept_waiting = world_.now() < blend_until_;
-  std::vector<firmware::SetLoan> kept;  // what is not is given back here
+  std::vector<firmware::SetLoan> kept;  // the others are returned at the end of this function
   while (const auto set = out.take()) {
     if (!looked_at_ || (*set)->number > *looked_at_) {
       looked_at_ = (*set)->number;
@@ -189,7 +189,7 @@ void Swarm::start_process() {
   plan_step(world_.now());
 }
 
-/// Killed where it stood; what is in force after it must be what was told to be, or what was being put there.
+/// Killed at any point; afterwards the calibration in force must be the reported one, or the one being installed.
 void Swarm::end_process(bool power_lost) {
   ++outcome_.tally.kills;
   hosts_.clear();

@@ -1,4 +1,4 @@
-// One seed, from its first event to its last: a whole rig, its world, its hosts, and everything that befalls them.
+// One seed, from its first to its last event: a whole rig, its world, its hosts, and all faults.
 #pragma once
 
 #include <memory>
@@ -18,14 +18,14 @@
 namespace nodal::swarm {
 
 struct Outcome {
-  std::optional<std::string> failure;  ///< with when and in what
+  std::optional<std::string> failure;  ///< with time and state
   std::uint64_t trace = 0;
   Tally tally;
 };
 
-/// Episodes, one after the other, each: a state for some heads to be in, a fault, an end of all faults, and a recovery
-/// that is timed. Everything is drawn from the seed and happens by the queue; the rig is stepped when a device has
-/// something for it, and every few milliseconds.
+/// Runs episodes one after another. Each has: a state of some heads, a fault, the end of all faults, and a recovery
+/// whose time is measured. Everything is drawn from the seed and run by the queue; the rig is stepped when a device has
+/// data for it, and every few milliseconds.
 ///
 /// Threading: thread-bound, and starts no thread.
 /// Ownership: owns the world and the rig.
@@ -39,16 +39,16 @@ class Swarm {
 
   static constexpr Duration kWithinReplug = Duration::seconds(2);
   static constexpr Duration kWithinFaults = Duration::seconds(3);
-  /// For locked sets the same in periods, whichever is longer: to say of heads whose stamps jitter by 0.2 ms that they
-  /// are within 0.5 ms takes 16 exposures, and at 5 a second these alone are more than 3 s.
+  /// For locked sets the limit in periods; the longer one applies: with 0.2 ms of timestamp jitter it takes 16
+  /// exposures to confirm that heads are within 0.5 ms, and at 5 frames per second these alone take more than 3 s.
   static constexpr std::int64_t kPeriodsWithinReplug = 12, kPeriodsWithinFaults = 24;
-  /// Without a trigger, heads that start anywhere in their periods are to be in step again.
+  /// Without a trigger: the limit for heads with any phases to be in step again.
   static constexpr std::int64_t kPeriodsToAlign = 90;
 
  private:
   enum class Phase : std::uint8_t { kCalm, kPrepared, kFaulty, kRecovering };
   struct Episode {
-    bool of_clients = false;  ///< hostile ones come
+    bool of_clients = false;  ///< with hostile clients
     bool of_heads = true;
     HeadFault head_fault = HeadFault::kLose;
     RigFault rig_fault = RigFault::kStorm;
@@ -58,7 +58,7 @@ class Swarm {
   };
 
   void handle(const Event& event);
-  // The rig's turns.
+  // Steps of the rig.
   void plan_step(Instant at);
   void step(Instant now);
   void look_at_set();
@@ -103,18 +103,18 @@ class Swarm {
   std::unique_ptr<SecondReader> reader_;
   std::vector<std::unique_ptr<Host>> hosts_;
   std::uint64_t hosts_made_ = 0;
-  hal::sim::Random crowds_;       ///< when, and what a crowd is
-  std::unique_ptr<Crowd> crowd_;  ///< for an episode
+  hal::sim::Random crowds_;       ///< the time and parameters of crowds
+  std::unique_ptr<Crowd> crowd_;  ///< during an episode
 
   Instant end_, next_step_, next_look_;
   std::optional<std::uint64_t> looked_at_;
-  Instant capture_until_, blend_until_, keeper_until_, control_until_;  ///< stages that are kept waiting
+  Instant capture_until_, blend_until_, keeper_until_, control_until_;  ///< stages that are delayed
 
   Phase phase_ = Phase::kCalm;
   Episode episode_;
   Instant faults_ended_;
   Duration recover_within_;
-  bool replugged_ = false;  ///< and nothing else
+  bool replugged_ = false;  ///< and no other fault
   bool genlocked_ = false;
 };
 

@@ -3,7 +3,7 @@
 namespace nodal::swarm {
 namespace {
 
-/// Edges that were not taken: as many as the kernel keeps of a GPIO line, in periods.
+/// Edges that were not taken: as many periods as the kernel queues for a GPIO line.
 constexpr std::size_t kEdgesKept = 64;
 
 }  // namespace

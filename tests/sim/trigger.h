@@ -1,4 +1,4 @@
-// The swarm's pulse generator: pulses are events, and each may be wrong in every way a wire can be.
+// The swarm's pulse generator: pulses are events, with every possible fault of a line.
 #pragma once
 
 #include <deque>
@@ -19,34 +19,34 @@ struct TriggerNature {
 };
 
 /// Threading: thread-bound.
-/// Ownership: the clock and the queue outlive it.
+/// Ownership: refers to the clock and the queue.
 /// Errors: as TriggerPort.
 class Trigger final : public hal::TriggerPort {
  public:
   using Sink = std::function<void(PulseId, Instant)>;
   Trigger(hal::sim::SimClock& clock, EventQueue& queue, const TriggerNature& nature, std::uint64_t seed, Sink sink);
 
-  // What the daemon sees.
+  // What the daemon uses.
   Status start(const hal::TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<hal::TriggerEdge>> take_edge() override;
-  void make_safe() noexcept override {}  // the swarm has one thread: nothing hangs beside it
+  void make_safe() noexcept override {}  // the swarm has one thread, so nothing can hang
 
-  // What the swarm does.
+  // What the swarm controls.
   void lose(int pulses) { lose_ += pulses; }             ///< not sent; their numbers are a gap
-  void hide(int pulses) { hide_ += pulses; }             ///< sent, and not seen where they leave
-  void send_extra();                                     ///< a spike on the line, now
+  void hide(int pulses) { hide_ += pulses; }             ///< sent, but not detected at the output
+  void send_extra();                                     ///< an extra pulse on the line, now
   void set_drift(std::int64_t ppb);                      ///< from now on
-  void shift(Duration by) { base_at_ = base_at_ + by; }  ///< the rig's clock went on by that much at once
+  void shift(Duration by) { base_at_ = base_at_ + by; }  ///< the rig's clock jumped by that much
   void unplug() { gone_ = true; }
   void replug() { gone_ = false; }
   void forget_faults() { lose_ = hide_ = 0; }
 
-  // What the swarm knows.
+  // What the swarm can query.
   bool running() const { return running_ && !gone_; }
   std::uint32_t epoch() const { return epoch_; }
   Duration period() const { return settings_.rate.period(); }
-  Instant newest_seen() const { return newest_seen_; }  ///< pulse that was sent and could be seen; or the start
+  Instant newest_seen() const { return newest_seen_; }  ///< pulse that was sent and detected; or the start
 
   void on_event(const Event& event);
 
@@ -62,7 +62,7 @@ class Trigger final : public hal::TriggerPort {
   bool running_ = false;
   bool gone_ = false;
   std::uint32_t epoch_ = 0;
-  std::uint64_t base_ = 0;  ///< number that was next at base_at_, when the drift last changed
+  std::uint64_t base_ = 0;  ///< next number at base_at_, when the drift last changed
   Instant base_at_;
   std::uint64_t next_ = 0;
   Instant newest_seen_;

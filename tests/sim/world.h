@@ -1,4 +1,4 @@
-// Everything outside the rig: clock, heads, trigger, and the queue of what happens to them.
+// All parts outside the rig: clock, heads, trigger, and their event queue.
 #pragma once
 
 #include <memory>
@@ -13,7 +13,7 @@
 namespace nodal::swarm {
 
 /// Threading: thread-bound.
-/// Ownership: owns the ports' other halves; the rig must be gone before it is.
+/// Ownership: owns the ports' other halves; destroy the rig first.
 /// Errors: none.
 class World {
  public:
@@ -27,10 +27,10 @@ class World {
   Head& head(std::size_t i) { return *heads_[i]; }
   std::size_t heads() const { return heads_.size(); }
 
-  /// The rig's clock goes on at once; all that the world had planned comes that much later by it.
+  /// The rig's clock jumps; all planned events move with it.
   void step_clock(Duration by);
 
-  /// A physical event: true when a frame came to where the rig can find it, or a pulse was seen.
+  /// Handles a physical event; returns true if the rig can now find a frame or has detected a pulse.
   bool on_event(const Event& event);
 
  private:

@@ -26,7 +26,7 @@ class GpioChips::ClaimedLine final : public hal::gpio::Line {
   const LineName name_;
 };
 
-/// Its step is called by poke(), or on a thread that poke() wakes.
+/// poke() calls its step, or wakes a thread that does.
 class GpioChips::StepRunner final : public hal::gpio::Runner {
  public:
   StepRunner(GpioChips& chips, const hal::gpio::RunOptions& options, hal::gpio::Step step)
@@ -51,7 +51,7 @@ class GpioChips::StepRunner final : public hal::gpio::Runner {
   }
   void ring() override { poke(); }
 
-  /// Returns when the step is done, or hangs.
+  /// Returns when the step is done or hangs.
   void poke() {
     if (!thread_.joinable()) return once();
     std::unique_lock lock(chips_.mutex_);
@@ -109,7 +109,7 @@ void GpioChips::hold(const LineName& line, const std::string& program) {
   wires_.at(key(line)).holder = program;
 }
 
-/// With the lock held. True when an edge was queued.
+/// Requires the lock. Returns true if an edge was queued.
 bool GpioChips::change(const Key& key, bool high) {
   Wire& wire = wires_.at(key);
   if (wire.high == high) return false;

@@ -8,7 +8,7 @@
 namespace nodal::photographer {
 namespace {
 
-constexpr int kSub = 5;  // places across a pixel
+constexpr int kSub = 5;  // sampling points across a pixel
 constexpr double kDegree = std::numbers::pi / 180;
 using Matrix = std::array<std::array<double, 3>, 3>;
 
@@ -30,7 +30,7 @@ Matrix times(const Matrix& A, const Matrix& B) {
   return C;
 }
 
-/// Weights of the places from `first` on, counted from a pixel's first: a Gaussian, spread over the pixel.
+/// Weights of the sampling points from `first` on, counted from a pixel's first: a Gaussian convolved with the pixel.
 struct Footprint {
   int first = 0;
   std::vector<double> taps;
@@ -49,7 +49,7 @@ Footprint footprint(double sigma) {
   return pixel;
 }
 
-/// What the pixels take in of the light at their places, row by row; past the edge the edge is repeated.
+/// Filters the light at the sampling points to pixels, row by row; beyond the edge the edge is repeated.
 std::vector<double> through_pixels(const std::vector<float>& fine, int width, int height, const Footprint& pixel) {
   const int fine_width = width * kSub, taps = static_cast<int>(pixel.taps.size());
   std::vector<double> line(static_cast<std::size_t>(fine_width)), light;
@@ -74,8 +74,8 @@ std::vector<double> through_pixels(const std::vector<float>& fine, int width, in
   return light;
 }
 
-/// A fisheye's angle from the axis at a radius: Newton's steps, halving where they would leave what is left to search;
-/// negative where there is none.
+/// A fisheye's angle from the axis for a radius: Newton's method, with bisection where a step would leave the bracket;
+/// negative if there is none.
 double fisheye_angle(const Lens& lens, double r) {
   const auto& k = lens.k;
   double low = 0, high = 2.2;
@@ -89,7 +89,7 @@ double fisheye_angle(const Lens& lens, double r) {
     const double s = a * a, off = radius(a) - r;
     (off < 0 ? low : high) = a;
     const double next = a - off / (lens.f * (1 + s * (3 * k[0] + s * (5 * k[1] + s * (7 * k[2] + s * 9 * k[3])))));
-    if (std::abs(next - a) < 1e-9) return next;  // what is left is about that squared
+    if (std::abs(next - a) < 1e-9) return next;  // the remaining error is about its square
     a = next > low && next < high ? next : (low + high) / 2;
   }
   return a;
@@ -129,7 +129,7 @@ Photo take(const Scene& scene, const Lens& lens, const Shot& shot) {
       double light = 0;
       const double slant = d[0] * R[0][2] + d[1] * R[1][2] + d[2] * R[2][2];
       if (slant > 0) {
-        // The plane goes through (0, 0, distance) with normal R's third column.
+        // The plane contains (0, 0, distance) and has R's third column as its normal.
         const double along = shot.distance * R[2][2] / slant;
         const std::array<double, 3> p{along * d[0], along * d[1], along * d[2] - shot.distance};
         const double X = shot.x + p[0] * R[0][0] + p[1] * R[1][0] + p[2] * R[2][0];

@@ -1,4 +1,4 @@
-// Picture files and folders for tests, written by the libraries themselves.
+// Picture files and folders for tests, written directly by the image libraries.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace nodal::test {
 
-/// A folder that is gone with the object.
+/// A temporary folder; the destructor removes it.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -37,7 +37,7 @@ enum class Sampling { k420, k422, k444, kGrey };
 std::vector<std::uint8_t> jpeg_of(const std::vector<std::uint8_t>& rgb, int width, int height, Sampling sampling,
                                   int quality = 95);
 
-/// 10 log10(255^2 / mse) over all bytes; the same picture gives 99.
+/// 10 log10(255^2 / mse) over all bytes; 99 for equal pictures.
 double psnr(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b);
 
 }  // namespace nodal::test

@@ -1,4 +1,4 @@
-// Real programs for tests: start, feed, wait, with a time after which a test fails instead of hanging.
+// Runs real programs in tests: start, input, wait, with a timeout after which a test fails instead of hanging.
 #pragma once
 
 #include <sys/types.h>
@@ -17,10 +17,10 @@ struct Finished {
   std::string err;
 };
 
-/// A program that runs; it is killed with the object, and with the test that started it.
+/// A running program; it is killed by the destructor, and with the test that started it.
 class Process {
  public:
-  /// `environment` goes over ours. Standard output and error are kept to be read.
+  /// `environment` is added to ours. Standard output and error are kept for reading.
   Process(const std::vector<std::string>& command, const std::map<std::string, std::string>& environment = {});
   ~Process();
   Process(const Process&) = delete;
@@ -28,12 +28,12 @@ class Process {
 
   pid_t pid() const { return pid_; }
   void signal(int number) const;
-  /// What it has said on standard output so far, and on standard error.
+  /// Its standard output so far; the next function: its standard error.
   std::string said();
   std::string complained();
-  /// Standard error holds a page from here on, for tests that do not read it.
+  /// Limits the pipe of standard error to one page from now on, for tests that do not read it.
   void narrow() const;
-  /// Its end; killed (code 137) when it takes longer.
+  /// Waits for its end; kills it (code 137) after `at_most`.
   Finished wait(std::chrono::seconds at_most = std::chrono::seconds(60));
 
  private:
@@ -44,8 +44,8 @@ class Process {
   Finished finished_;
 };
 
-/// Tries again every few milliseconds until it holds; false when that takes longer. For what other processes do:
-/// without a fixed sleep.
+/// Checks every few milliseconds until `holds` is true; returns false after `at_most`. For conditions that other
+/// processes fulfil, instead of a fixed sleep.
 bool wait_until(const std::function<bool()>& holds, std::chrono::seconds at_most = std::chrono::seconds(60));
 
 }  // namespace nodal::test

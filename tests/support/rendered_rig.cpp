@@ -97,7 +97,7 @@ RotationError rotation_error(const Calibration& truth, const Calibration& found,
   for (std::size_t h = 0; h < truth.heads.size(); ++h) {
     if (!counts(h)) continue;
     const Eigen::Matrix3d apart = rotation_of(found.heads[h]) * (rotation_of(truth.heads[h]) * common).transpose();
-    // From the chord, which is exact for small angles where an arc cosine is not.
+    // From the chord, which is accurate for small angles, unlike an arc cosine.
     const double chord = (apart - Eigen::Matrix3d::Identity()).norm() / (2 * std::numbers::sqrt2);
     const double degrees = 2 * std::asin(std::min(1.0, chord)) * kDegrees;
     squares += degrees * degrees;

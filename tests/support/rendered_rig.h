@@ -1,4 +1,4 @@
-// Rigs with pictures of a known scene, rendered by the simulator, which shares no projection code with the stitcher.
+// Rigs with pictures of a known scene, rendered by the simulator; it shares no projection code with the stitcher.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct RenderedRig {
   PixelFormat format = PixelFormat::kGrey8;
   std::vector<std::vector<std::uint8_t>> bytes;  ///< of each head, packed
 
-  /// One picture a head; they lie in `bytes`.
+  /// One picture per head, stored in `bytes`.
   std::vector<ImageView> frames() const;
 };
 
@@ -27,14 +27,14 @@ struct RenderOptions {
 };
 RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options = {});
 
-/// Six equidistant fisheyes of `side` x `side` pixels and `view_deg` across, one along each axis of the rig.
+/// Six equidistant fisheyes of `side` x `side` pixels with a field of `view_deg`, one along each axis of the rig.
 Calibration six_fisheyes(int side, double view_deg = 130);
 
-/// Every head turned about a random axis by between `least_deg` and `most_deg`.
+/// Rotates every head about a random axis by `least_deg` to `most_deg`.
 Calibration turned(Calibration rig, double least_deg, double most_deg, std::uint64_t seed);
 
-/// How far the heads' rotations are from the truth's, after the common turn that fits best. Heads for which `counted`
-/// is false are left out; empty counts all.
+/// The distance of the heads' rotations from the true ones, after the best common rotation. Heads for which `counted`
+/// is false are left out; an empty `counted` includes all.
 struct RotationError {
   double rms_deg = 0;
   double max_deg = 0;

@@ -1,4 +1,4 @@
-// Small rigs whose every number is known, for tests that need a calibration and not a particular one.
+// Small rigs with known numbers, for tests that need any calibration.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace nodal::test {
 
-/// A head that looks along `yaw` (to the right), level, with no distortion, vignetting or gain of its own.
+/// A level head that looks along `yaw` (to the right), without distortion, vignetting or gain.
 inline HeadCalibration plain_head(const std::string& name, int width, int height, double yaw_deg = 0,
                                   double horizontal_view_deg = 90) {
   HeadCalibration head;
@@ -27,7 +27,7 @@ inline HeadCalibration plain_head(const std::string& name, int width, int height
   return head;
 }
 
-/// n plain heads, "cam0" on, evenly round the horizon.
+/// n plain heads, "cam0" and so on, evenly spaced around the horizon.
 inline Calibration ring(int heads, int width, int height) {
   Calibration rig;
   rig.name = "ring";

@@ -55,7 +55,7 @@ bool SshKeys::verifies(const std::string& allowed_signers, const std::string& pr
   write(folder_ + "/allowed", allowed_signers);
   write(folder_ + "/signature", signature);
   write(folder_ + "/document", document);
-  // Its standard input is the document, which only a shell can give it here; no name in it comes from elsewhere.
+  // ssh-keygen reads the document from standard input, for which this needs a shell; all names here are our own.
   const std::string command = "exec ssh-keygen -Y verify -f " + folder_ + "/allowed -I " + principal +
                               " -n nodal-calibration -s " + folder_ + "/signature < " + folder_ + "/document";
   return Process({"sh", "-c", command}).wait().code == 0;

@@ -82,7 +82,7 @@ int V4l2Driver::open(const std::string& node) {
 void V4l2Driver::close(int fd) {
   const std::lock_guard lock(mutex_);
   open_.erase(fd);
-  if (fd != owner_) return;  // who closes the queue's owner gives its buffers up
+  if (fd != owner_) return;  // closing the queue owner's descriptor releases its buffers
   streaming_ = false;
   queued_.clear();
   done_.clear();
@@ -105,7 +105,7 @@ int V4l2Driver::ioctl(int fd, unsigned long request, void* argument) {
 std::uint8_t* V4l2Driver::map(int, std::size_t length, std::size_t offset) {
   const std::lock_guard lock(mutex_);
   auto& plane = buffers_.at(offset / 8).planes.at(offset % 8);
-  if (length > plane.size()) return nullptr;  // as the kernel
+  if (length > plane.size()) return nullptr;  // like the kernel
   ++mappings_;
   return plane.data();
 }
@@ -249,7 +249,7 @@ int V4l2Driver::describe(std::uint32_t index, v4l2_buffer& buffer) {
   return 0;
 }
 
-/// Frame n is exposed into the oldest queued buffer and ends n + 1 periods after the start; without a buffer it is lost.
+/// Frame n goes into the oldest queued buffer and ends n + 1 periods after the start; without a buffer it is lost.
 void V4l2Driver::expose() {
   if (!streaming_) return;
   const FrameRate rate{period.denominator, period.numerator};

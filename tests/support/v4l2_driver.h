@@ -1,4 +1,4 @@
-// A V4L2 driver for tests, in virtual time: behaves as the specification says, until a test makes it fail or lie.
+// A fake V4L2 driver in virtual time: it follows the specification, until a test makes it fail or return wrong data.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -19,18 +19,18 @@ namespace nodal::test {
 
 /// One device at /dev/video7, whose card is "Camera" on bus "usb-1.2".
 ///
-/// Threading: thread-safe. What is set of it, before it is opened.
+/// Threading: thread-safe. Set its properties before it is opened.
 class V4l2Driver final : public hal::v4l2::System {
  public:
   explicit V4l2Driver(hal::ClockPort& clock) : clock_(clock) {}
 
-  // What the device is.
+  // The device's properties.
   std::vector<std::uint32_t> formats{V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUV420, V4L2_PIX_FMT_GREY};
   bool multiplanar = false;
   std::uint32_t width = 48, height = 32;
   std::uint32_t padding = 16;             ///< bytes after each row
-  std::uint32_t field = V4L2_FIELD_NONE;  ///< what it sends
-  v4l2_std_id standard = 0;               ///< 0: it has none
+  std::uint32_t field = V4L2_FIELD_NONE;  ///< the field order of its frames
+  v4l2_std_id standard = 0;               ///< 0: it has no standards
   v4l2_fract period{1001, 30000};
   std::uint32_t most_buffers = 32, fewest_buffers = 2;
   std::uint32_t timestamp_flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
@@ -40,10 +40,10 @@ class V4l2Driver final : public hal::v4l2::System {
   };
   std::map<std::uint32_t, Control> controls;  ///< by V4L2_CID_…
 
-  // What a test does.
-  /// Before a call: an errno makes it fail, 0 makes the driver answer. May wait.
+  // What a test controls.
+  /// Called before a call: an errno makes it fail, 0 lets the driver answer. May block.
   std::function<int(unsigned long request)> before;
-  /// After a call that worked: may change the answer.
+  /// Called after a successful call; may change the answer.
   std::function<void(unsigned long request, void* argument)> after;
   void unplug();
   void plug_in();
@@ -52,7 +52,7 @@ class V4l2Driver final : public hal::v4l2::System {
   int open_descriptors() const;
   int mappings() const;
 
-  // What the port sees.
+  // What the port uses.
   int open(const std::string& node) override;
   void close(int fd) override;
   int ioctl(int fd, unsigned long request, void* argument) override;
@@ -80,13 +80,13 @@ class V4l2Driver final : public hal::v4l2::System {
 
   hal::ClockPort& clock_;
   mutable std::mutex mutex_;
-  std::map<int, bool> open_;  ///< whether the device was unplugged since
+  std::map<int, bool> open_;  ///< by descriptor: whether the device was unplugged since
   int next_fd_ = 1000;
-  int owner_ = -1;  ///< who asked for buffers last
+  int owner_ = -1;  ///< the descriptor that last requested buffers
   bool there_ = true;
   std::uint32_t code_ = V4L2_PIX_FMT_YUYV;
   std::vector<Buffer> buffers_;
-  std::vector<Buffer> unplugged_;  ///< still mapped by who had them
+  std::vector<Buffer> unplugged_;  ///< still mapped by their former owner
   std::deque<std::uint32_t> queued_, done_;
   bool streaming_ = false;
   Instant started_;

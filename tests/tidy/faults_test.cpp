@@ -1,4 +1,4 @@
-// tests/faults/faults.txt against the tree: what a fault replaces is still there, and what tests/README.md claims is tried.
+// tests/faults/faults.txt against the tree: the replaced texts exist, and the claims of tests/README.md are tested.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ const TextFile& list() {
   return file ? *file : none;
 }
 
-/// Of a line "KEY rest", the rest.
+/// The values of all lines "KEY value".
 std::vector<std::string> values(std::string_view key) {
   std::vector<std::string> all;
   const std::string start = std::string(key) + " ";

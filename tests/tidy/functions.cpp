@@ -9,7 +9,7 @@
 namespace nodal::tidy {
 namespace {
 
-/// The text without comments; literals' contents become blanks of the same length, so that braces in them do not count.
+/// The text without comments; literals' contents become blanks of the same length, so that their braces do not count.
 struct Code {
   std::string text;      ///< comments blanked
   std::string brackets;  ///< literals blanked as well
@@ -58,9 +58,9 @@ Code code_of(const TextFile& file) {
   return code;
 }
 
-/// Whether a brace after this text opens a function: a list in parentheses and what may follow it, of no statement.
+/// Whether a brace after this text opens a function: after a parameter list and specifiers, not a control statement.
 bool opens_function(const std::string& text, std::size_t brace) {
-  constexpr std::size_t kLongestHead = 400;  // characters; long signatures have half as many
+  constexpr std::size_t kLongestHead = 400;  // characters; the longest signatures have half as many
   const std::size_t from = brace > kLongestHead ? brace - kLongestHead : 0;
   const std::string head = text.substr(from, brace - from);
   std::size_t at = head.rfind(')');

@@ -1,4 +1,4 @@
-// No function is written twice.
+// No function exists twice.
 #include "functions.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 namespace nodal::tidy {
 namespace {
 
-// Shorter bodies are alike by chance (a getter, a sum); longer ones are one function that was copied.
+// Shorter bodies are equal by chance (a getter, a sum); longer ones are copies.
 constexpr std::size_t kLinesAlike = 4;
 constexpr std::size_t kLinesRenamed = 6;
 

@@ -1,4 +1,4 @@
-// The programs that are shipped, as Debian's hardening-check sees them.
+// The shipped programs, checked by Debian's hardening-check.
 #include <gtest/gtest.h>
 
 #include "tests/support/process.h"
@@ -9,7 +9,7 @@ namespace {
 class Hardening : public testing::TestWithParam<const char*> {};
 
 TEST_P(Hardening, PieStackProtectorFortifyRelroAndBindNow_AreAllOn) {
-  // Not asked for: control flow integrity, which is x86's only, and stack clash, which it cannot find in every program.
+  // Not required: control flow integrity, which only x86 has, and stack clash, which it cannot detect in every program.
   const test::Finished check =
       test::Process({"hardening-check", "--nocfprotection", std::string(NODAL_BIN_DIR "/") + GetParam()}).wait();
   for (const char* wanted : {"Position Independent Executable: yes", "Stack protected: yes",

@@ -24,7 +24,7 @@ std::string join(const std::vector<std::string>& names) {
   return all;
 }
 
-/// Depth first; `path` holds the folders on the way, `done` those that lead into no circle.
+/// Depth first; `path` holds the folders of the current path, `done` those that are part of no cycle.
 bool finds_cycle(const IncludeTable& table, const std::string& folder, std::set<std::string>& done,
                  std::vector<std::string>& path) {
   if (done.contains(folder)) return false;
@@ -139,7 +139,7 @@ std::optional<std::string> violation(std::string_view file, const Include& inclu
   }
   const bool test = file.starts_with("tests/");
   if (include.header.find('/') == std::string::npos || include.header.starts_with("../")) {
-    if (test) return std::nullopt;  // a suite's own helper, or the one beside it
+    if (test) return std::nullopt;  // a suite's own helper, or one in the same folder
     return what + ": write includes from the root, such as \"hal/head.h\"";
   }
   if (test) return std::nullopt;

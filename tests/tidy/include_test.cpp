@@ -26,7 +26,7 @@ TEST(IncludeRules, EveryIncludeOfEveryFile_IsAllowedByTheTable) {
   EXPECT_GT(seen, 50);
 }
 
-/// Whether a test's include without a folder is a header of some suite: suites lend each other their stands.
+/// Whether a test's include without a folder is a header of any suite: suites share their fixtures.
 bool is_header_of_a_suite(const std::string& header) {
   return std::ranges::any_of(project_files(), [&](const TextFile& file) {
     return file.path.starts_with("tests/") && file.path.ends_with("/" + header);

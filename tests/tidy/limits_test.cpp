@@ -1,4 +1,4 @@
-// protocol/LIMITS.md and tests/README.md against the tree: what they name exists, and every limit of a header is named.
+// protocol/LIMITS.md and tests/README.md against the tree: named items exist, and every limit in a header is listed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* kPage = "protocol/LIMITS.md";
 
-// Counts that no peer can fill, or parts of a limit that is listed.
+// Counts that no peer can affect, or parts of a listed limit.
 const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // of kMaxBulkBytes, without its header
                                       "kMaxPinholeAngle"};  // an angle
 
@@ -36,14 +36,14 @@ std::vector<Row> rows() {
   return all;
 }
 
-/// What matches `pattern`'s only group in `text`.
+/// The texts matched by the only group of `pattern` in `text`.
 std::vector<std::string> found(const std::string& text, const std::regex& pattern) {
   std::vector<std::string> all;
   for (std::sregex_iterator it(text.begin(), text.end(), pattern), end; it != end; ++it) all.push_back((*it)[1]);
   return all;
 }
 
-/// `kConstant` or `Class::kConstant` in backquotes, without the class.
+/// `kConstant` or `Class::kConstant` in backquotes; returned without the class.
 std::vector<std::string> constants_in(const std::string& cell) {
   static const std::regex constant(R"(`(?:\w+::)?(k[A-Z]\w*)`)");
   return found(cell, constant);

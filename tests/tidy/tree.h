@@ -1,4 +1,4 @@
-// The checkout as the tidy tests see it: its text files, without what is built or fetched.
+// The checkout for the tidy tests: its text files, without build results and downloads.
 #pragma once
 
 #include <string>
@@ -11,14 +11,14 @@ struct TextFile {
   std::vector<std::string> lines;
 };
 
-/// Every file of the project that is text, sorted by path. Leaves out .git, build trees and what .gitignore's
-/// plain names leave out.
+/// All text files of the project, sorted by path. Without .git, build trees and the plain names in
+/// .gitignore.
 const std::vector<TextFile>& project_files();
 /// The paths of all files of the project, text or not.
 const std::vector<std::string>& project_paths();
 
 bool is_source(const std::string& path);  ///< C++: .h, .cpp
-/// Folders of the root's modules that hold C++ themselves, such as "stitch/blend"; tests are not among them.
+/// Folders of modules with C++ files, such as "stitch/blend"; without tests.
 std::vector<std::string> module_folders();
 
 }  // namespace nodal::tidy

@@ -1,5 +1,5 @@
-// The shape of the house: what lies at the top, what every folder's README must say, how long a file may be,
-// and what nobody may write.
+// The structure of the tree: entries of the root, contents of every folder's README, file lengths, and banned
+// texts.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,10 +16,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestFile = 400;  // lines; a longer file is usually two
-// Files that are longer still, each no longer than this. Shorten them and take them out; never add one.
+// Longer files and their maximum lengths. Shorten them and remove them from here; never add one.
 const std::map<std::string, std::size_t> kKnownLongFiles{{"tests/conformance/head_conformance.cpp", 412},
                                                          {"tests/unit/hal_sim/head_test.cpp", 438}};
-constexpr std::size_t kLongestReadme = 60;  // lines; a module's README fits a screen
+constexpr std::size_t kLongestReadme = 60;  // lines; a module's README should fit a screen
 constexpr std::size_t kLongestLine = 160;   // columns of C++; 120 is better
 
 const TextFile* find_file(const std::string& path) {
@@ -65,7 +65,7 @@ std::vector<std::string> file_names_in(const std::string& text) {
   return names;
 }
 
-// A table row's first cell that looks like files ("a.h, b.cpp", with or without backquotes) names files.
+// If a table row's first cell looks like file names ("a.h, b.cpp", with or without backquotes), it names files.
 std::vector<std::string> files_named_in(const std::string& line) {
   static const std::regex first_cell(R"(^\|([^|]*)\|)");
   std::smatch cell;
@@ -78,7 +78,7 @@ TEST(House, EveryReadmesFileTable_NamesFilesThatExist) {
     const fs::path folder = fs::path(NODAL_SOURCE_DIR) / fs::path(file.path).parent_path();
     for (const std::string& line : file.lines) {
       for (const std::string& name : files_named_in(line)) {
-        if (name.starts_with("NAME")) continue;  // stands for any
+        if (name.starts_with("NAME")) continue;  // a placeholder
         EXPECT_TRUE(fs::exists(folder / name) || fs::exists(fs::path(NODAL_SOURCE_DIR) / name))
             << file.path << " names " << name << ", which is not there";
       }
@@ -86,7 +86,7 @@ TEST(House, EveryReadmesFileTable_NamesFilesThatExist) {
   }
 }
 
-// A header's row is its source's, too. A row may name a file in any cell.
+// A header's row also covers its source. A row may name files in any cell.
 std::string missing_from_table(const TextFile& readme, const std::vector<std::string>& sources) {
   std::set<std::string> named;
   for (const std::string& line : readme.lines) {
@@ -104,7 +104,7 @@ std::string missing_from_table(const TextFile& readme, const std::vector<std::st
 TEST(House, EverySourceFileOfAModule_IsInItsReadmesTable) {
   for (const std::string& folder : module_folders()) {
     const TextFile* readme = find_file(folder + "/README.md");
-    if (readme == nullptr) continue;  // told by EveryModuleFolder_HasAReadmeThatSaysInOutNever
+    if (readme == nullptr) continue;  // EveryModuleFolder_HasAReadmeThatSaysInOutNever reports it
     std::vector<std::string> sources;
     for (const TextFile& file : project_files()) {
       const fs::path path(file.path);
@@ -128,7 +128,7 @@ TEST(FileTable, CellsOfManyShapes_GiveTheFilesInThem) {
   EXPECT_TRUE(files_named_in("see blend.h").empty());
 }
 
-// `Class::function` and `namespace::function` in a README: the second word is a function or type of the first.
+// For `Class::function` and `namespace::function` in a README: the second word is a function or type of the first.
 std::vector<std::string> functions_named_in(const std::string& line) {
   static const std::regex function(R"(`([a-z_]+::)*([A-Z][A-Za-z]*::)?([a-z_]{3,})`)");
   std::vector<std::string> names;
@@ -193,7 +193,7 @@ TEST(House, EveryHeader_IsIncludedOnlyOnce) {
   }
 }
 
-// Written in halves, so that this file does not offend.
+// Split in halves, so that this file does not match itself.
 struct Banned {
   std::string word;
   std::string instead;
@@ -223,8 +223,8 @@ TEST(House, NoFile_SaysWhatNobodyMayWrite) {
   }
 }
 
-// The blend runs on boards without a floating-point unit worth the name, and must give the same bytes
-// everywhere: no floating type may appear in it, not even for a constant.
+// The blend runs on boards without a fast floating-point unit, and must give the same bytes everywhere: no floating
+// type may appear in it, not even for a constant.
 TEST(House, TheBlend_NamesNoFloatingType) {
   static const std::regex floating(R"(\b(float|double)\b)");
   int files = 0;

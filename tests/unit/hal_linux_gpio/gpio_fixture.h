@@ -1,4 +1,4 @@
-// A trigger on chips of the test's own, in virtual time.
+// A trigger on fake chips, in virtual time.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -51,7 +51,7 @@ class GpioTest : public testing::Test {
     }
     return all;
   }
-  /// Times at which the line went to a level.
+  /// The times at which the line changed to a level.
   std::vector<Instant> changes(std::uint32_t offset, bool high) {
     std::vector<Instant> all;
     for (const LineEvent& event : chips_.history(line(offset))) {

@@ -1,4 +1,4 @@
-// Pulses of another device: numbered, and what is lost or doubled is counted by its reason.
+// Pulses of another device: their numbers, and the counters of lost and extra pulses.
 #include "gpio_fixture.h"
 
 namespace nodal::hal::gpio {
@@ -20,7 +20,7 @@ class GpioInputTest : public GpioTest {
     chips_.pass(Duration::milliseconds(1));
     chips_.drive(line(5), false);
   }
-  /// A pulse, and the rest of its period of 40 ms.
+  /// A pulse, and the rest of its 40 ms period.
   void period() {
     pulse();
     chips_.pass(Duration::milliseconds(39));
@@ -70,7 +70,7 @@ TEST_F(GpioInputTest, DoubledPulse_IsDiscardedWhereverItIsInThePeriod) {
   }
   period();
   take();
-  // One that comes up to an eighth of a period early takes the place of the true one, which is discarded then.
+  // A pulse up to an eighth of a period early replaces the true one, which is then discarded.
   EXPECT_EQ(all.back().number, all.size() - 1);
   EXPECT_EQ(all.size(), 2 * 8 + 1U);
   EXPECT_EQ(trigger_->counts().doubled, 8U);
@@ -79,7 +79,7 @@ TEST_F(GpioInputTest, DoubledPulse_IsDiscardedWhereverItIsInThePeriod) {
 }
 
 TEST_F(GpioInputTest, QueueWasFull_WhatIsMissingIsAnOverrunAndNotLost) {
-  for (int i = 0; i < 20; ++i) period();  // nobody takes them
+  for (int i = 0; i < 20; ++i) period();  // the edges are not taken
   EXPECT_EQ(chips_.discarded_edges(), 4U);
   EXPECT_EQ(numbers().size(), 16U);
   period();
@@ -100,7 +100,7 @@ TEST_F(GpioInputTest, SourceContinuesWithAnotherPhase_ItIsFollowedAfterThreePuls
   EXPECT_EQ(trigger_->counts().doubled, 2U);
 }
 
-// 300 ppm off, and with 2 ms of jitter to both sides.
+// 300 ppm of drift and +-2 ms of jitter.
 TEST_F(GpioInputTest, DriftAndJitter_NothingIsLostOrDoubled) {
   std::uint32_t random = 1;
   Duration jitter;

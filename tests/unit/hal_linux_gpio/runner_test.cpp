@@ -1,4 +1,4 @@
-// The threads on this machine's own clock.
+// The runner's threads on the machine's own clock.
 #include "hal/linux/gpio/runner.h"
 
 #include <gtest/gtest.h>

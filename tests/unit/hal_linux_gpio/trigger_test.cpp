@@ -1,4 +1,4 @@
-// Pulses that the trigger's thread sends.
+// Pulses sent by the trigger's thread.
 #include "gpio_fixture.h"
 
 namespace nodal::hal::gpio {
@@ -79,7 +79,7 @@ TEST_F(GpioTriggerTest, ThreadWakesTooLate_ThePulseIsNotSentIsCountedAndTheGridS
   open();
   start({});
   edges_during(Duration::seconds(1));
-  chips_.lateness = [] { return Duration::milliseconds(9); };  // a quarter of a period is 8.3
+  chips_.lateness = [] { return Duration::milliseconds(9); };  // a quarter of a period is 8.3 ms
   edges_during(Duration::milliseconds(200));
   chips_.lateness = nullptr;
   const auto all = edges_during(Duration::seconds(1));
@@ -91,7 +91,7 @@ TEST_F(GpioTriggerTest, ThreadWakesTooLate_ThePulseIsNotSentIsCountedAndTheGridS
   EXPECT_LE((all.back().at - exact).ns(), 1);
 }
 
-// At 1000 pulses a second and a write that takes 0.8 ms, no thread keeps up.
+// At 1000 pulses per second with writes of 0.8 ms, the thread cannot keep up.
 TEST_F(GpioTriggerTest, RateTooHighForTheLine_EveryPulseIsSentOrCounted) {
   add_output(17, {0});
   open();
@@ -102,7 +102,7 @@ TEST_F(GpioTriggerTest, RateTooHighForTheLine_EveryPulseIsSentOrCounted) {
   const auto all = edges_during(Duration::seconds(1));
   ASSERT_FALSE(all.empty());
   EXPECT_GT(trigger_->counts().late, 100U);
-  // Those after the newest edge are counted already.
+  // Pulses after the newest edge are already counted.
   EXPECT_GE(all.size() + trigger_->counts().late, all.back().number + 1);
   EXPECT_LE(all.size() + trigger_->counts().late, all.back().number + 2);
 }
@@ -162,7 +162,7 @@ TEST_F(GpioTriggerTest, StoppedOrDestroyedDuringAPulse_TheLineIsInactive) {
   EXPECT_EQ(chips_.claimed(), 0);
 }
 
-// At the slowest rate a period is 1000 s; the clock is near the end of what it can hold.
+// At the slowest rate a period is 1000 s; the clock is near its maximum.
 TEST_F(GpioTriggerTest, SlowestRateAndALateClock_PulsesComeInTime) {
   chips_.suspend(Duration::nanoseconds(INT64_MAX / 2));
   add_output(17, {0});

@@ -1,4 +1,4 @@
-// Lines that are not there, are held, fail or hang.
+// Lines that do not exist, are held, fail or hang.
 #include <cerrno>
 #include <chrono>
 
@@ -94,7 +94,7 @@ TEST_F(GpioTroubleTest, ChipGone_IsFinalForTheTrain) {
   expect_says(edge.error(), Errc::kDeviceGone, {"gpio:gpiochip0:17"});
 }
 
-// The calls of capture's thread and of the end of the program return although a write does not. Other lines are made safe.
+// A write blocks, but the calls of capture's thread and of the program's end return. Other lines are made safe.
 TEST_F(GpioTroubleTest, WriteHangs_NoCallWaitsForIt) {
   chips_.threads = true;
   add_output(17, {0});
