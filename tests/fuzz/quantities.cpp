@@ -47,7 +47,12 @@ void parse_all(const std::string& text) {
     NODAL_ASSERT(address->command.empty() != address->link.empty());
   if (const auto name = host::numbered_name(text, 7)) NODAL_ASSERT(name->size() <= text.size() + 100);
   (void)host::raymap_format_of_name(text);
-  if (const auto nominal = host::parse_nominal(text)) (void)host::nominal_rig(*nominal, 640, 480);  // may be refused
+  if (const auto nominal = host::parse_nominal(text)) {
+    DecodedImage black{PixelFormat::kGrey8, 16, 12, {}};
+    black.bytes.resize(packed_size(black.format, black.width, black.height));
+    const std::vector<DecodedImage> pictures(static_cast<std::size_t>(nominal->heads), black);
+    (void)host::nominal_rig(*nominal, pictures);  // may be refused
+  }
   if (const auto circle = host::parse_circle(text)) NODAL_ASSERT(circle->radius > 1);
 }
 
