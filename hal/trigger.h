@@ -15,7 +15,7 @@ struct TriggerSettings {
   bool follow = false;  ///< another device drives the line: its pulses are reported and forwarded, none are generated
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
-  std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse after the trigger
+  std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse relative to the trigger
 };
 
 /// One pulse, with the time at the board's output.
@@ -24,15 +24,15 @@ struct TriggerEdge {
   Instant at;
 };
 
-/// Pulses that were not delivered and edges that were discarded, by reason, since the port was made.
+/// Counts of pulses that were not delivered and of edges that were discarded, by reason, since the port was created.
 struct TriggerCounts {
   std::uint64_t late = 0;     ///< not sent: the thread woke too late
   std::uint64_t refused = 0;  ///< writes of a level that the driver refused
-  std::uint64_t unseen = 0;   ///< sent, but not seen at the read-back line
-  std::uint64_t lost = 0;     ///< of another device: did not come when they were due
-  std::uint64_t overrun = 0;  ///< came while the queue of edges was full
+  std::uint64_t unseen = 0;   ///< sent, but not detected at the read-back line
+  std::uint64_t lost = 0;     ///< of another device: did not arrive when due
+  std::uint64_t overrun = 0;  ///< arrived while the queue of edges was full
   std::uint64_t doubled = 0;  ///< edges that belong to no pulse; discarded
-  std::uint64_t jumps = 0;    ///< times that the other device's pulses continued with another phase
+  std::uint64_t jumps = 0;    ///< how often the other device's pulses continued with another phase
   friend bool operator==(const TriggerCounts&, const TriggerCounts&) = default;
 };
 
@@ -51,11 +51,11 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
-  /// A port without such losses counts nothing.
+  /// The default is for ports without such losses.
   virtual TriggerCounts counts() const { return {}; }
-  /// For a program that must end while the thread this port is bound to hangs: the line goes to its inactive level and
-  /// stays there, whatever is called afterwards; start() and take_edge() are kDeviceGone from then on. Any thread, also
-  /// while another call is under way; returns at once and waits for no lock.
+  /// For ending the program while the thread of this port hangs: sets the line to its inactive level for good; start()
+  /// and take_edge() then return kDeviceGone. May be called on any thread, also during another call; returns at once
+  /// and takes no lock.
   virtual void make_safe() noexcept = 0;
 };
 

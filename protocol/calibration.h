@@ -17,8 +17,8 @@
 
 namespace nodal {
 
-/// Simplified Tsai (§4.3). With r the radius in original pixels from the centre, aspect divided out: r_ideal = r (1 +
-/// kappa1 r^2 + kappa2 r^4), tan(angle) = r_ideal / focal.
+/// Simplified Tsai (§4.3). With r the radius in original pixels from the centre, aspect divided out:
+/// r_ideal = r (1 + kappa1 r^2 + kappa2 r^4), tan(angle) = r_ideal / focal.
 struct TsaiLens {
   double focal = 0;   ///< f_x of the ideal image, px
   double kappa1 = 0;  ///< px^-2
@@ -38,8 +38,8 @@ struct EquidistantLens {
   friend bool operator==(const EquidistantLens&, const EquidistantLens&) = default;
 };
 
-/// Kannala-Brandt, like OpenCV's fisheye module and Kalibr's "equidistant": r = focal (a + k1 a^3 + k2 a^5 + k3 a^7 +
-/// k4 a^9).
+/// Kannala-Brandt, like OpenCV's fisheye module and Kalibr's "equidistant":
+/// r = focal (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
 struct KannalaBrandtLens {
   double focal = 0;  ///< f_x, px
   std::array<double, 4> k{};
@@ -48,7 +48,7 @@ struct KannalaBrandtLens {
 
 using LensModel = std::variant<TsaiLens, RectilinearLens, EquidistantLens, KannalaBrandtLens>;
 
-/// Where a head's picture is good: what a rectangle and a circle both contain, without what masks hide.
+/// The usable part of a head's picture: the intersection of a rectangle and a circle, without the masks.
 struct Region {
   double left = 0, top = 0, right = 0, bottom = 0;  ///< px; the whole picture is 0, 0, width, height
   struct Circle {
@@ -57,11 +57,11 @@ struct Region {
   };
   std::optional<Circle> circle;
   struct Point {
-    double x = 0, y = 0;  ///< px; may lie outside the picture
+    double x = 0, y = 0;  ///< px; may be outside the picture
     friend bool operator==(const Point&, const Point&) = default;
   };
-  /// Closed polygons, at most kMaxMasks with kMaxMaskPoints corners together. What any of them goes around is not used: a
-  /// tripod, a hand, another head. Edges may cross each other; what is enclosed more than once is hidden too.
+  /// Closed polygons, at most kMaxMasks with kMaxMaskPoints corners in total. The area inside any of them is not used:
+  /// a tripod, a hand, another head. Edges may cross each other; areas enclosed more than once are masked too.
   std::vector<std::vector<Point>> masks{};
   friend bool operator==(const Region&, const Region&) = default;
 };
@@ -109,10 +109,10 @@ struct Calibration {
   friend bool operator==(const Calibration&, const Calibration&) = default;
 };
 
-/// The newest version of the document: 2 has masks. A document without masks is of version 1.
+/// The newest version of the document: 2 has masks. A document without masks has version 1.
 inline constexpr int kCalibrationVersion = 2;
-inline constexpr std::size_t kMaxMasks = 16;        ///< of a head
-inline constexpr std::size_t kMaxMaskPoints = 256;  ///< of all masks of a head
+inline constexpr std::size_t kMaxMasks = 16;        ///< per head
+inline constexpr std::size_t kMaxMaskPoints = 256;  ///< in all masks of a head
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
 
 /// Parses and checks a document: all fields present and known, numbers finite and in range, rotations proper

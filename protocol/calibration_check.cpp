@@ -110,7 +110,7 @@ Status check_rotation(const std::array<double, 9>& R) {
   return {};
 }
 
-/// A mask that has no effect is most likely not what its author wanted.
+/// A mask without effect is an error, because it is most likely not what its author intended.
 Status check_mask(const HeadCalibration& head, const std::string& field, const std::vector<Region::Point>& mask) {
   if (mask.size() < 3) {
     return fail(Errc::kBadValue, field + " has " + std::to_string(mask.size()) + " corners; a polygon has 3 or more");
@@ -125,7 +125,7 @@ Status check_mask(const HeadCalibration& head, const std::string& field, const s
     top = std::min(top, mask[k].y);
     bottom = std::max(bottom, mask[k].y);
   }
-  double area = 0;  // of the largest triangle with the first corner and two neighbours, doubled
+  double area = 0;  // twice the area of the largest triangle made of the first corner and two neighbouring corners
   for (std::size_t k = 1; k + 1 < mask.size(); ++k) {
     area = std::max(area, std::abs((mask[k].x - mask[0].x) * (mask[k + 1].y - mask[0].y) -
                                    (mask[k + 1].x - mask[0].x) * (mask[k].y - mask[0].y)));

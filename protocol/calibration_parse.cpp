@@ -62,7 +62,7 @@ class Fields {
     return rows;
   }
 
-  /// Lists of points, [[[x, y], ...], ...]. Stops at the first list or point that is one too many.
+  /// Parses lists of points, [[[x, y], ...], ...]. Stops at the first list or point beyond the limit.
   std::vector<std::vector<Region::Point>> polygons(const char* key, std::size_t most, std::size_t most_points) {
     std::vector<std::vector<Region::Point>> polygons;
     const json* value = array(key);

@@ -19,8 +19,8 @@ struct LensRange {
 };
 LensRange lens_range(const LensModel& lens);
 
-/// Checks that the numbers are a valid lens that rises up to max_angle (rad; 0: up to its end). Errors: kBadValue, or
-/// kLensDomain, which states where the lens turns.
+/// Checks that the numbers are a valid lens that rises up to max_angle (rad; 0: up to its end).
+/// Errors: kBadValue, or kLensDomain, which states where the lens turns.
 Status check_lens(const LensModel& lens, double max_angle);
 
 /// The radius at `angle` (0..lens_range().max_angle), px.

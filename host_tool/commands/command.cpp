@@ -80,7 +80,7 @@ CLI::App* add_command(CLI::App& parent, const std::string& name, const std::stri
   return command;
 }
 
-/// " (1 to 256)" of an option's type "N:INT in [1 - 256]"; empty without a range.
+/// " (1 to 256)" for an option's type "N:INT in [1 - 256]"; empty if there is no range.
 std::string range_of(const std::string& type) {
   const std::size_t begin = type.find(" in [");
   const std::size_t between = type.find(" - ", begin);
@@ -90,8 +90,8 @@ std::string range_of(const std::string& type) {
          ")";
 }
 
-/// CLI11's help, with types as commands name them and with excluded options in the order of their names: CLI11 keeps them in
-/// the order of pointers, which differs from run to run.
+/// CLI11's help, with types as the commands name them and excluded options sorted by name: CLI11 lists them in pointer
+/// order, which varies between runs.
 class OrderedHelp final : public CLI::Formatter {
  public:
   std::string make_option_opts(const CLI::Option* option) const override {

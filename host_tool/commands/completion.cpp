@@ -14,7 +14,7 @@ namespace {
 
 using Value = CommandWords::Value;
 
-/// From an option's type ("FILE", "jpg|png|raw") or an argument's name ("PICTURES").
+/// The values for an option's type ("FILE", "jpg|png|raw") or an argument's name ("PICTURES").
 Value value_of(const std::string& type) {
   constexpr std::array<std::string_view, 9> kFiles{"FILE",   "HTML",        "PATTERN", "INPUT", "PICTURES",
                                                    "PHOTOS", "CALIBRATION", "A",       "B"};

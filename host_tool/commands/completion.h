@@ -9,9 +9,9 @@ namespace nodal::host {
 
 /// A command of the tree below an app: its words and its options.
 struct CommandWords {
-  /// What may follow as a value.
+  /// The possible values of an option or argument.
   struct Value {
-    std::vector<std::string> choices;  ///< all of them; empty when they cannot be listed
+    std::vector<std::string> choices;  ///< all of them; empty if they cannot be listed
     bool file = false;                 ///< the name of a file or folder
   };
   std::vector<std::string> path;  ///< {"calibration", "upload"}; empty for `nodal` itself
@@ -23,11 +23,11 @@ struct CommandWords {
     std::string type;  ///< "FILE", "jpg|png|raw"; empty for a flag
     Value value;
   };
-  std::vector<Option> options;  ///< its own and those of all above it
+  std::vector<Option> options;  ///< its own and those of its parents
   Value positional;             ///< of its arguments
 };
 
-/// An option's type as commands name it ("sum|max", "PX"), without what CLI11 adds of its checks (":{max,sum}").
+/// An option's type as the commands name it ("sum|max", "PX"), without the checks that CLI11 appends (":{max,sum}").
 std::string type_of(const CLI::Option& option);
 
 /// Every command, parents before children.

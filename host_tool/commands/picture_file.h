@@ -24,8 +24,8 @@ struct ReceivedRaymap {
   std::vector<std::uint8_t> bytes;
 };
 
-/// The largest possible number of bytes of a raymap with this header; the exact number if it is raw. Errors: kBadFormat
-/// for a size that no rig produces, kUnsupported for an unknown coding.
+/// The largest possible number of bytes of a raymap with this header; the exact number if it is raw.
+/// Errors: kBadFormat for a size that no rig produces, kUnsupported for an unknown coding.
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header);
 
 /// Refuses inconsistent raymaps: a size that does not match the coding, a JPEG without start or end marker. Errors:

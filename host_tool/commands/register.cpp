@@ -179,7 +179,7 @@ Status run(Context& context, const Args& args) {
                   : args.inputs.empty() ? registration::Gauge::kMost
                                         : registration::Gauge::kFirstHead;
   options.search = !args.no_search;
-  options.lens_far_off = !args.nominal.rig.empty();  // a data sheet knows a field of view, not a lens
+  options.lens_far_off = !args.nominal.rig.empty();  // a data sheet gives a field of view, but no lens
   Result<Report> report = fail(Errc::kInternal, "");
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();

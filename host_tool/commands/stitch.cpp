@@ -40,7 +40,7 @@ table::TableOptions table_options(const Args& args) {
   return options;
 }
 
-/// What every raymap of a run has in common.
+/// The parameters that all raymaps of a run share.
 struct Job {
   Args args;
   RaymapFormat format = RaymapFormat::kJpg;
@@ -48,7 +48,7 @@ struct Job {
   StitchInput input;
 };
 
-/// Unlike CLI::Range it refuses nan.
+/// Unlike CLI::Range it refuses NaN.
 CLI::Validator number_between(double least, double most) {
   return checked_by([least, most](const std::string& text) -> Result<double> {
     double value = 0;

@@ -23,8 +23,8 @@ Status write_file(const std::string& path, std::span<const std::uint8_t> bytes,
                   Durability durability = Durability::kNow);
 Status write_file(const std::string& path, std::string_view text);
 
-/// `pattern` with %d or %06d replaced by `number`, and %% by %; at most one number. Errors: kBadValue for any other
-/// character after a %.
+/// `pattern` with %d or %06d replaced by `number`, and %% by %; at most one number.
+/// Errors: kBadValue for any other character after a %.
 Result<std::string> numbered_name(const std::string& pattern, std::uint64_t number);
 /// Whether numbered_name() gives a different name for every number.
 bool has_number(const std::string& pattern);

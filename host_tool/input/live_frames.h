@@ -18,9 +18,9 @@ Status require_feature(const RigConnection& rig, const std::string& feature, con
 Result<Calibration> calibration_in_force(RigConnection& rig);
 
 /// Pulls `sets` frame sets, one after another, each with a picture of every head of the calibration and blended with
-/// it. The rig continues to film; each set costs it one copy. Errors: kDeviceGone for a head that delivers no
-/// pictures; kWrongState if another calibration came into force; kOverload if the rig has no time; those of the
-/// connection.
+/// it. The rig continues to film; each set costs it one copy.
+/// Errors: kDeviceGone for a head that delivers no pictures; kWrongState if another calibration came into force;
+/// kOverload if the rig has no time; those of the connection.
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
 /// The number of frame sets that a live registration uses: default and maximum.

@@ -34,7 +34,7 @@ std::vector<double> numbers(std::string_view text, char between) {
   return all;
 }
 
-// The circle in which a fisheye's picture is not black, or the largest one in the middle of the picture.
+// The circle in which a fisheye's picture is not black, or else the largest circle centred in the picture.
 Region::Circle circle_in(const DecodedImage& picture) {
   const DecodedImage grey = media::convert_image(picture.view(), PixelFormat::kGrey8);
   calibration::GreyImage levels(grey.width, grey.height);
@@ -45,7 +45,7 @@ Region::Circle circle_in(const DecodedImage& picture) {
   return {grey.width / 2.0, grey.height / 2.0, std::min(grey.width, grey.height) / 2.0};
 }
 
-// The picture of a head in a folder: its file is called as the head is.
+// The picture of a head in a folder: the file with the head's name.
 Result<std::string> picture_of(const fs::path& folder, const std::string& head) {
   std::vector<std::string> found;
   std::error_code error;

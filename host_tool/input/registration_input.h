@@ -17,12 +17,12 @@ struct PictureSets {
   std::vector<registration::FrameSet> frames() const;
 };
 
-/// The files of pictures, one a head and set. Each argument is a picture, in the calibration's order, set after set; or a folder
-/// with one picture a head, called as the head is (cam0.png). `names`: the heads'.
-/// Errors: kBadValue with what is missing or too much; kNotFound for a folder without a head's picture.
+/// The files of the pictures, one per head and set. The arguments are either pictures, in the calibration's order, set
+/// after set, or folders with one picture per head, named after the head (cam0.png). `names`: the heads' names.
+/// Errors: kBadValue with what is missing or superfluous; kNotFound for a folder without a head's picture.
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);
-/// The pictures in the files that picture_files() names.
+/// Reads the pictures from the files of picture_files().
 /// Errors: those of picture_files() and of reading pictures.
 Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names);
 
@@ -30,34 +30,34 @@ struct CalibratedPictures {
   Calibration calibration;
   PictureSets pictures;
 };
-/// Reads a calibration file, then pictures like read_pictures(). Errors: those of parse_calibration() and
-/// read_pictures(); kMissingField if there are no pictures.
+/// Reads a calibration file, then pictures like read_pictures().
+/// Errors: those of parse_calibration() and read_pictures(); kMissingField if there are no pictures.
 Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments);
 
-/// A rig as its data sheet has it, as words of the command line.
+/// A rig's data sheet as words of the command line.
 struct NominalWords {
   std::string rig;                   ///< "3x190"; empty: there is none
   std::vector<std::string> circles;  ///< "1920,1080,1587"
   double roll_deg = 0;
 };
 
-/// A rig as its data sheet has it: `--nominal 3x190`.
+/// A rig described by its data sheet: `--nominal 3x190`.
 struct Nominal {
   int heads = 0;
   double view_deg = 0;                  ///< across the circle
   double roll_deg = 0;                  ///< of every head, clockwise
-  std::vector<Region::Circle> circles;  ///< one a head, one for all, or none: they are found in the pictures
+  std::vector<Region::Circle> circles;  ///< one per head, one for all, or none: then they are found in the pictures
 };
 /// "3x190": heads and degrees. Errors: kBadValue.
 Result<Nominal> parse_nominal(const std::string& text);
 /// "1920,1080,1587": x, y, radius. Errors: kBadValue.
 Result<Region::Circle> parse_circle(const std::string& text);
-/// Equidistant fisheyes evenly round the horizon, the first one forward, the next to its right, for one picture a head.
-/// Without circles, a head's is that in which its picture is not black, or the largest one in the middle of its picture.
-/// Errors: kBadValue for a number of circles or pictures that is not that of the heads; those of check_calibration.
+/// Equidistant fisheyes evenly spaced around the horizon, the first one forward, the next to its right; one picture per
+/// head. Without circles, a head's circle is found by its picture's black border; else it is the largest centred one.
+/// Errors: kBadValue if the number of circles or pictures does not match the heads; those of check_calibration.
 Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<DecodedImage>& pictures);
 
-/// The nominal rig and its pictures, as read_pictures() takes them; folders hold cam0.png, cam1.png and so on.
+/// The nominal rig and its pictures, with read_pictures()'s arguments; folders hold cam0.png, cam1.png and so on.
 /// Errors: those of the functions above, with the option; kMissingField without pictures.
 Result<CalibratedPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& arguments);
 

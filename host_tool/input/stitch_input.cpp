@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 struct Project {
   Calibration calibration;
-  std::vector<std::string> pictures;  ///< that it names; empty when it does not name one for every head
+  std::vector<std::string> pictures;  ///< that it names; empty if it does not name one for every head
   std::vector<std::string> notes;
 };
 

@@ -13,21 +13,21 @@ namespace nodal::host {
 
 struct StitchInput {
   Calibration calibration;
-  std::vector<std::vector<std::string>> sets;  ///< of each set one file a head, in the calibration's order
+  std::vector<std::vector<std::string>> sets;  ///< for each set one file per head, in the calibration's order
   std::vector<std::string> notes;              ///< whole sentences for the user
 };
 
-/// `arguments`: with `nominal` pictures of that rig; else a calibration of Nodal's or a project of another program, then
-/// pictures as picture_files() takes them.
-/// A project that names its pictures needs none: their paths count from the project's folder.
+/// `arguments`: with `nominal`, pictures of that rig; else a Nodal calibration or a project of another program, then
+/// pictures as for picture_files(). A project that names its pictures needs no further ones: their paths are relative
+/// to the project's folder.
 /// Errors: those of parse_calibration(), of interchange::import_project() and of picture_files(), with the file;
 ///   kMissingField without pictures.
 Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments);
 
-/// One picture a head, all in one pixel format: I420 when every file holds 4:2:0, GREY when every one is grey, else RGB24.
-/// `rgb`: RGB24 in any case.
-/// Errors: those of reading pictures; kHeadMismatch, with the file and the head, for a picture of another size than its
-///   head's.
+/// One picture per head, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is grey, else RGB24.
+/// With `rgb`: always RGB24.
+/// Errors: those of reading pictures; kHeadMismatch, with the file and the head, for a picture whose size differs from
+///   its head's.
 Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files, const Calibration& calibration,
                                            bool rgb);
 

@@ -17,9 +17,9 @@ struct RigAddress {
   std::string link;                  ///< else: the argument for hal's connect_link()
 };
 
-/// Accepts "unix:PATH" (or just an absolute path) and "ssh://[user@]HOST[:port]". `ssh_program`
-/// is the value of NODAL_SSH, or "ssh". Errors: kBadValue; the message gives the accepted
-/// forms.
+/// Accepts "unix:PATH" (or just an absolute path) and "ssh://[user@]HOST[:port]". `ssh_program` is the value of
+/// NODAL_SSH, or "ssh".
+/// Errors: kBadValue; the message gives the accepted forms.
 Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh_program);
 
 }  // namespace nodal::host

@@ -17,8 +17,8 @@ inline constexpr int kMaxHosts = 256;          ///< a rig talks to 8
 inline constexpr std::size_t kMaxNameBytes = 200;
 inline constexpr std::size_t kMaxSentenceBytes = 1000;
 
-/// Makes texts printable (protocol/base/text.h) and shortens them to the limits above. Errors: kTooLarge for a list
-/// over its limit, kBadFormat for an id that is not a SHA-256.
+/// Makes texts printable (protocol/base/text.h) and shortens them to the limits above.
+/// Errors: kTooLarge for a list over its limit, kBadFormat for an id that is not a SHA-256.
 Status check_and_clean(wire::Hello& hello);
 Status check_and_clean(wire::Reply& reply);
 Status check_and_clean(wire::RaymapHeader& header);

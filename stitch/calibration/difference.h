@@ -31,8 +31,8 @@ struct RigDifference {
   std::vector<std::string> notes;  ///< heads in only one of them, pictures of different sizes
 };
 
-/// Heads are paired by name; if no name is in both and the counts are equal, by index. Errors: those of
-/// check_calibration; kHeadMismatch if no heads can be paired.
+/// Heads are paired by name; if no name is in both and the counts are equal, by index.
+/// Errors: those of check_calibration; kHeadMismatch if no heads can be paired.
 Result<RigDifference> difference_of(const Calibration& a, const Calibration& b);
 
 }  // namespace nodal::calibration

@@ -47,7 +47,7 @@ class Head {
   /// The ray of the rig that a point of the picture receives; nothing beyond the lens's max_radius.
   std::optional<Ray> unproject(Pixel pixel) const;
 
-  /// Whether the place may be used: inside the region, not masked, and within the lens's max_angle.
+  /// Whether the point may be used: inside the region, not masked, and within the lens's max_angle.
   bool contains(Pixel pixel) const { return distance_to_edge(pixel) >= 0; }
   /// The distance of a point from the border of the area that contains() accepts, px; negative outside.
   double distance_to_edge(Pixel pixel) const;

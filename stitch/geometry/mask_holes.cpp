@@ -12,7 +12,7 @@ namespace {
 constexpr int kRays = 80'000;
 constexpr double kPi = std::numbers::pi;
 
-/// Ray i of kRays along a spiral of equal areas.
+/// Ray i of kRays on a spiral of equal areas.
 Ray even_ray(int i) {
   const double y = 1 - (2 * i + 1.0) / kRays;
   const double turn = i * kPi * (1 + std::sqrt(5.0));

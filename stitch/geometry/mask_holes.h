@@ -1,4 +1,4 @@
-// What masks cost: rays that no head sees, and that a head would see without its masks.
+// Finds the holes caused by masks: rays that no head sees, but that a head would see without its masks.
 #pragma once
 
 #include <string>
@@ -10,15 +10,15 @@ namespace nodal::geometry {
 
 struct MaskHole {
   std::size_t head = 0;
-  double solid_angle_sr = 0;  ///< of the rays that this head's masks hide and no head sees
+  double solid_angle_sr = 0;  ///< of the rays that this head's masks cover and that no head sees
   Angles towards;             ///< one of them
 };
 
-/// By head; only those whose masks leave a hole. Counted over rays of 1.6e-4 sr (0.5 square degrees); smaller holes may be
-/// missed.
+/// By head; only heads whose masks leave a hole. Sampled with rays of 1.6e-4 sr (0.5 square degrees), so smaller holes
+/// may be missed.
 std::vector<MaskHole> find_mask_holes(const std::vector<Head>& heads);
 
-/// One sentence for each of them: the head, the solid angle, a direction.
+/// One sentence for each hole: the head, the solid angle, a direction.
 std::vector<std::string> describe(const std::vector<MaskHole>& holes, const std::vector<Head>& heads);
 
 }  // namespace nodal::geometry

@@ -6,7 +6,7 @@
 namespace nodal::geometry {
 namespace {
 
-/// Squared distance to the nearest edge, and the winding number: not 0 for what the polygon goes around.
+/// Squared distance to the nearest edge, and the winding number: not 0 inside the polygon.
 struct Place {
   double square = 0;
   int winding = 0;
@@ -22,7 +22,7 @@ Place place_in(std::span<const Region::Point> corners, Pixel at) {
     const double t = length2 > 0 ? std::clamp((px * ex + py * ey) / length2, 0.0, 1.0) : 0.0;
     const double dx = px - t * ex, dy = py - t * ey;
     place.square = std::min(place.square, dx * dx + dy * dy);
-    // An edge counts where it crosses the row of the pixel to its right; half-open, so that a corner counts once.
+    // An edge counts if it crosses the pixel's row to the right of the pixel; half-open, so that a corner counts once.
     const double side = ex * py - ey * px;
     if (from.y <= at.y && to.y > at.y && side > 0) ++place.winding;
     if (from.y > at.y && to.y <= at.y && side < 0) --place.winding;

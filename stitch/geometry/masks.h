@@ -16,8 +16,8 @@ class Masks {
   explicit Masks(const Region& region);
 
   bool empty() const { return polygons_.empty(); }
-  /// Distance to the nearest edge of a polygon, px, negative inside one. Distances of `most` or more are returned as
-  /// `most`, which spares the polygons that are farther away.
+  /// Distance to the nearest edge of a polygon, px, negative inside one. A distance of `most` or more is returned as
+  /// `most`, so that more distant polygons can be skipped.
   double distance(Pixel at, double most) const;
 
  private:

@@ -41,7 +41,7 @@ HeadCalibration resampled(const HeadCalibration& head, ExportResult& result) {
   for (auto& mask : square.region.masks) {
     for (Region::Point& corner : mask) corner = {corner.x * sx, corner.y * sy};
   }
-  // Radii are along x: the lens grows with it; what rounding leaves of the aspect stays.
+  // Radii are measured along x, so the lens grows with the width; the aspect keeps the rounding of the new size.
   square.aspect = head.aspect * sy / sx;
   square.vignetting.radius *= sx;
   std::visit(
@@ -162,7 +162,7 @@ Result<ExportFormat> export_format_named(std::string_view name) {
 
 namespace {
 
-/// Hugin's project is the only format here with polygons.
+/// Notes the loss of masks: only Hugin's project format has polygons.
 void tell_masks(const Calibration& calibration, ExportResult& result) {
   for (const HeadCalibration& head : calibration.heads) {
     if (head.region.masks.empty()) continue;

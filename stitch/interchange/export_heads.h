@@ -29,8 +29,8 @@ struct SampledHead {
 Result<std::vector<SampledHead>> sampled_heads(const Calibration& calibration, const ExportOptions& options,
                                                ExportResult& result);
 
-/// The better of the fits in the given bases. Errors: kUnsupported, naming the head, if the lens sees rays that none of
-/// the bases can represent.
+/// The better of the fits in the given bases.
+/// Errors: kUnsupported, naming the head, if the lens sees rays that none of the bases can represent.
 Result<PolynomialHead> best_fit(const SampledHead& head, const std::vector<RadialBasis>& bases,
                                 const std::vector<int>& exponents, const FitFreedom& freedom);
 

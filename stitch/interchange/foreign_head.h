@@ -25,8 +25,8 @@ void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadC
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
 
-/// A picture's width or height from a field's value; `field` is its name in errors. Errors: those of `value`; kBadValue
-/// outside 1..32768.
+/// A picture's width or height from a field's value; `field` is its name in errors.
+/// Errors: those of `value`; kBadValue outside 1..32768.
 Result<int> picture_side(const Result<double>& value, const std::string& field);
 
 /// Errors: kUnsupported if there is no head, or more than a rig may have.

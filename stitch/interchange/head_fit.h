@@ -37,9 +37,9 @@ struct FitFreedom {
   bool turn = false;  ///< the head's frame; for lenses with a shift that is partly a rotation
 };
 
-/// Least squares over the pixels, starting from `start`'s centre and aspect. Rays that the basis cannot represent
-/// (for tangents: 90 degrees or more from the axis) are left out. Errors: kBadValue if fewer than ten rays
-/// remain.
+/// Least squares over the pixels, starting from `start`'s centre and aspect. Rays that the basis cannot represent (for
+/// tangents: 90 degrees or more from the axis) are left out.
+/// Errors: kBadValue if fewer than ten rays remain.
 Result<PolynomialHead> fit_polynomial_head(const std::vector<geometry::RayPixel>& samples, const PolynomialHead& start,
                                            const FitFreedom& freedom);
 

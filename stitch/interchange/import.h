@@ -32,9 +32,9 @@ struct ImportResult {
 
 inline constexpr std::size_t kMaxProjectBytes = 8 << 20;  // a .pts contains masks, which are long
 
-/// Pure functions of the text; `name` becomes the calibration's name. Errors: kTooLarge, kTruncated, kBadFormat,
-/// kBadValue, kMissingField, with the line number or the field; kUnsupported for a projection for which Nodal has no
-/// lens; those of check_calibration with the head's name.
+/// Pure functions of the text; `name` becomes the calibration's name.
+/// Errors: kTooLarge, kTruncated, kBadFormat, kBadValue, kMissingField, with the line number or the field; kUnsupported
+/// for a projection for which Nodal has no lens; those of check_calibration with the head's name.
 Result<ImportResult> import_pto(std::string_view text, std::string_view name);
 Result<ImportResult> import_pts(std::string_view text, std::string_view name);
 Result<ImportResult> import_videostitch(std::string_view text, std::string_view name);

@@ -24,7 +24,7 @@ Result<double> number_of(const ScriptLine& line, const char* name) {
   return to_number(line, name, *value);
 }
 
-/// More numbers than a head's masks may have are not read.
+/// Reads no more numbers than a head's masks may have.
 Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
   const std::string* value = line.find("p");
   std::vector<Region::Point> corners;

@@ -1,4 +1,4 @@
-// Masks as Hugin has them: k i0 t0 p"x y x y ...", a polygon of image 0 whose inside is left out.
+// Hugin's masks: k i0 t0 p"x y x y ...", a polygon of image 0 whose inside is excluded.
 #pragma once
 
 #include <span>
@@ -16,7 +16,7 @@ namespace nodal::interchange {
 /// Errors: kBadValue, with the line, for what is no list of numbers, or no image of the project.
 Status add_masks(std::span<const ScriptLine* const> lines, ImportResult& result);
 
-/// The k lines of a head's masks.
+/// The k lines for a head's masks.
 std::string mask_lines(const Region& region, std::size_t image);
 
 }  // namespace nodal::interchange

@@ -24,8 +24,8 @@ struct ScriptLine {
   const std::string* find(std::string_view name) const;
 };
 
-/// All non-empty lines of a script. A line ends with LF, CRLF or the end of the text. Errors: kTooLarge, kTruncated for
-/// a quote that is not closed, kBadFormat for bytes that are not text.
+/// All non-empty lines of a script. A line ends with LF, CRLF or the end of the text.
+/// Errors: kTooLarge, kTruncated for a quote that is not closed, kBadFormat for bytes that are not text.
 Result<std::vector<ScriptLine>> parse_script(std::string_view text, std::size_t max_bytes);
 
 /// Errors: kBadValue, which names line and variable.
@@ -41,8 +41,8 @@ class ImageLines {
   std::size_t size() const { return lines_.size(); }
   const ScriptLine& operator[](std::size_t image) const { return *lines_[image]; }
 
-  /// A variable's value with links resolved; nothing if it is not there. Errors: kBadValue for a value that is not a
-  /// number, a link to a missing image, or a circle of links.
+  /// A variable's value with links resolved; nothing if it is not there.
+  /// Errors: kBadValue for a value that is not a number, a link to a missing image, or a circle of links.
   Result<std::optional<double>> find_number(std::size_t image, std::string_view name) const;
   Result<double> number_or(std::size_t image, std::string_view name, double otherwise) const;
 

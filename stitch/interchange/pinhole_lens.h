@@ -24,8 +24,8 @@ struct PlumbBob {
 };
 
 /// Sets head.lens, centre and aspect. Radial polynomials are converted exactly. Rational and tangential terms are
-/// fitted over the picture, up to where the distortion turns back, and the residual is noted. Errors: kBadValue for
-/// invalid numbers, kUnsupported for another number of coefficients.
+/// fitted over the picture, up to where the distortion turns back, and the residual is noted.
+/// Errors: kBadValue for invalid numbers, kUnsupported for another number of coefficients.
 Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCalibration& head,
                      std::vector<std::string>& notes);
 

@@ -47,8 +47,8 @@ class Device {
 
 /// Opens the device `name`: a path (/dev/video0, or a link to one), a name in /dev/v4l/by-path or by-id, or the bus
 /// ("usb-0000:00:14.0-2.1", "platform:vivid-000") or card name that the driver reports. `head` is the name for
-/// messages. May take seconds, because drivers wake up devices. Errors: kNoSuchDevice, also for devices that do not
-/// capture; kBadValue if several devices have that card name.
+/// messages. May take seconds, because drivers wake up devices.
+/// Errors: kNoSuchDevice, also for devices that do not capture; kBadValue if several devices have that card name.
 Result<std::unique_ptr<Device>> open_device(System& system, const std::string& head, const std::string& name);
 
 /// All capture devices that can be opened now, by bus name, or by node if two share a bus.

@@ -45,8 +45,8 @@ struct Layout {
   std::array<std::size_t, kMaxPlanes> needed{};  ///< bytes that each memory plane must hold
 };
 
-/// `strides` are the bytes per row of each memory plane. Errors: kDeviceFailed if a stride is too small for the width,
-/// or a size is impossible.
+/// `strides` are the bytes per row of each memory plane.
+/// Errors: kDeviceFailed if a stride is too small for the width, or a size is impossible.
 Result<Layout> make_layout(const FourCc& format, int width, int height, std::span<const std::uint32_t> strides);
 
 /// A view of the picture whose memory planes start at `planes`, each with at least `needed` bytes.

@@ -62,8 +62,8 @@ ScenePtr bar_scene(const Direction& axis, Duration period, double half_rad);
 ScenePtr town_square_scene(std::uint64_t seed = 1);
 
 /// An equirectangular photograph (RGB24 or grey, twice as wide as high): the middle column is forward, the top row is
-/// up. `encoding` gives its values as a function of light. Errors: kUnsupported for another pixel format, kBadValue for
-/// another shape.
+/// up. `encoding` gives its values as a function of light.
+/// Errors: kUnsupported for another pixel format, kBadValue for another shape.
 Result<ScenePtr> photo_scene(const ImageView& equirectangular, const Response& encoding);
 
 }  // namespace nodal::hal::sim

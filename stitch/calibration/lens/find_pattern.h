@@ -17,8 +17,8 @@ class PatternFinder {
  public:
   explicit PatternFinder(const PatternRaster& pattern);
 
-  /// Matches photograph and pattern, and finds the radial pose that most matches fit. Errors: kNotDetermined, naming
-  /// the photograph.
+  /// Matches photograph and pattern, and finds the radial pose that most matches fit.
+  /// Errors: kNotDetermined, naming the photograph.
   Result<RadialPose> find(const GreyImage& photo, const std::string& name, const Eigen::Vector2d& center,
                           double aspect) const;
 

@@ -17,8 +17,8 @@ namespace nodal::calibration {
 
 enum class LensKind : std::uint8_t { kTsai, kEquidistant, kKannalaBrandt };
 
-/// "tsai", "equidistant" or "kannala_brandt". Errors: kBadValue; the message lists these
-/// names.
+/// "tsai", "equidistant" or "kannala_brandt".
+/// Errors: kBadValue; the message lists these names.
 Result<LensKind> lens_kind_named(std::string_view name);
 
 inline constexpr int kCenterX = 0, kCenterY = 1, kAspect = 2, kFirstCoefficient = 3;

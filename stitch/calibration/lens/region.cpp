@@ -14,8 +14,8 @@ namespace {
 constexpr float kBlack = 0.06F;       // share of the bright end, encoded
 constexpr double kBrightLine = 0.25;  // share of a row or column that must be bright
 constexpr int kSpokes = 360;
-constexpr double kCircleError = 2.0;  // px, rms of a true circle's edge
-constexpr double kEdgeError = 0.4;    // px, rms of an edge without outliers: spokes are read in steps of 0.5 px
+constexpr double kCircleError = 2.0;  // px, rms, for an edge to count as a circle
+constexpr double kEdgeError = 0.4;    // px, rms of an edge without outliers: spokes are sampled in steps of 0.5 px
 
 GreyImage brightest(const std::vector<const GreyImage*>& pictures) {
   GreyImage all = *pictures[0];
@@ -67,7 +67,7 @@ Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle)
   return edge;
 }
 
-/// Distances of the points from the circle, px; negative inside.
+/// Signed distances of the points from the circle, px; negative inside.
 std::vector<double> distances(const std::vector<Eigen::Vector2d>& points, const Region::Circle& circle) {
   std::vector<double> all;
   for (const Eigen::Vector2d& p : points) all.push_back(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius);
@@ -80,7 +80,7 @@ double rms_of(const std::vector<double>& errors) {
   return std::sqrt(square / static_cast<double>(errors.size()));
 }
 
-/// The circle nearest to the points in least squares; linear in its centre and power.
+/// The least-squares circle through the points; linear in its centre and power.
 Region::Circle fitted_circle(const std::vector<Eigen::Vector2d>& points) {
   solve::NormalEquations sum(3);
   for (const Eigen::Vector2d& p : points) {
@@ -91,7 +91,7 @@ Region::Circle fitted_circle(const std::vector<Eigen::Vector2d>& points) {
   return {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
 }
 
-/// The circle through at least half of the points; nothing when there is none. Points far off are outliers: a spoke that ends at
+/// The circle through at least half of the points, or nothing. Distant points are outliers: a spoke that ends at
 /// something dark in the scene ends inside the circle.
 std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points) {
   const std::size_t fewest = std::max<std::size_t>(40, points.size() / 2);

@@ -8,12 +8,12 @@
 
 namespace nodal::calibration {
 
-/// How much smaller than its edge the circle of a region is, px: the edge is blurred.
+/// The radius of a region's circle is this much smaller than its edge's, px, because the edge is blurred.
 inline constexpr double kEdgeBlur = 1;
 
-/// The region that is not black in all of the pictures (of one size): the picture without black bands, or a circle when
-/// what is bright is one, with a radius kEdgeBlur less than its edge's. A picture that is dark here or there is no border:
-/// only what stays black everywhere is.
+/// The region that is not black in all of the pictures (of one size): the picture without black bands, or a circle if
+/// the bright part is one, with a radius kEdgeBlur smaller than its edge's. Only pixels that are black in every picture
+/// count as border.
 Region find_region(const std::vector<const GreyImage*>& pictures);
 
 }  // namespace nodal::calibration

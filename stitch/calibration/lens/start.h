@@ -39,8 +39,8 @@ inline constexpr int kLeastPairs = 20;
 std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
                                       double tolerance_px);
 
-/// A first lens and first poses, for photographs with known radial poses. Errors: kNotDetermined if no photograph is
-/// tilted enough to separate focal length from distance.
+/// A first lens and first poses, for photographs with known radial poses.
+/// Errors: kNotDetermined if no photograph is tilted enough to separate focal length from distance.
 Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, LensKind kind,
                                       const Eigen::Vector2d& center, double aspect);
 

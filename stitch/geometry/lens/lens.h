@@ -19,8 +19,8 @@ namespace nodal::geometry {
 /// Threading: immutable.
 class Lens {
  public:
-  /// `max_angle` limits the lens; 0: up to the end of the model's rising part. Errors: kBadValue for invalid numbers,
-  /// kLensDomain for a max_angle beyond the turning point.
+  /// `max_angle` limits the lens; 0: up to the end of the model's rising part.
+  /// Errors: kBadValue for invalid numbers, kLensDomain for a max_angle beyond the turning point.
   static Result<Lens> make(const LensModel& model, double max_angle = 0);
 
   double max_angle() const { return max_angle_; }

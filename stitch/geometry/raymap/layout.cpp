@@ -15,7 +15,7 @@ struct Known {
   std::string_view name;
   Result<std::unique_ptr<RaymapLayout>> (*make)(int width, int height);
   double radians_across;  ///< the width divided by pixels per radian, where pixels are largest
-  RaymapSize step;        ///< the smallest size with halved chroma; sizes are multiples of it
+  RaymapSize step;        ///< the smallest size with subsampled chroma; sizes are multiples of it
 };
 
 /// To add a layout: add its header and source to this folder, and a line here.

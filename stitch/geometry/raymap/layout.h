@@ -66,7 +66,7 @@ Result<double> width_for_resolution(std::string_view name, double pixels_per_rad
 /// halved chroma. Errors: as width_for_resolution().
 Result<RaymapSize> size_for_width(std::string_view name, double width);
 
-/// Names that make_layout() knows.
+/// The names that make_layout() accepts.
 std::vector<std::string_view> layout_names();
 
 /// Errors: kUnsupported for an unknown name (the message lists the known ones), kBadValue for a size that the layout
