@@ -47,8 +47,8 @@ struct HeadTone {
   std::array<std::uint16_t, kToneClasses> gain{kMaxToneGain, kMaxToneGain, kMaxToneGain};
 };
 
-/// From light to levels, for one tone class: level = black + light * scale, or, if there is a curve, level =
-/// curve(light). Only a class whose black is 0 may have a curve.
+/// From light to levels, for one tone class: level = black + light * scale, or, if there is a curve,
+/// level = curve(light). Only a class whose black is 0 may have a curve.
 struct OutputTone {
   std::uint16_t scale = kScaleOne;
   std::optional<OutputCurve> curve;

@@ -11,9 +11,9 @@
 
 namespace nodal::interchange {
 
-/// Adds the masks to the heads of `result`. What Nodal has no counterpart for is left out with a note: masks that keep
-/// what is inside them, and polygons that a calibration cannot have.
-/// Errors: kBadValue, with the line, for what is no list of numbers, or no image of the project.
+/// Adds the masks to the heads of `result`. Masks without an equivalent in Nodal are left out with a note: masks that
+/// keep their inside, and polygons that a calibration cannot hold.
+/// Errors: kBadValue, with the line, for text that is not a list of numbers, or for an unknown image.
 Status add_masks(std::span<const ScriptLine* const> lines, ImportResult& result);
 
 /// The k lines for a head's masks.

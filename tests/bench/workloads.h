@@ -27,8 +27,8 @@ Workload r8();
 /// equator: neither their total pixels nor their overlap depend on the number of heads.
 Workload spread(int heads, double heads_a_ray, int width);
 
-/// width * height Hammersley points, evenly spread over the sphere: ray k (row by row) is at the height y = (2 k + 1) /
-/// n - 1, rotated by the reversed bits of k.
+/// width * height Hammersley points, evenly spread over the sphere: ray k (row by row) is at the height
+/// y = (2 k + 1) / n - 1, rotated by the reversed bits of k.
 class Hammersley final : public geometry::RaymapLayout {
  public:
   Hammersley(int width, int height) : RaymapLayout(width, height) {}

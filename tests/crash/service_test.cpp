@@ -3,7 +3,7 @@
 // systemd is not process 1 where tests run, so the second test builds the sandbox by hand, and says which lines it
 // covers: User=, Group=, UMask=, NoNewPrivileges=, CapabilityBoundingSet=, ProtectSystem=strict with StateDirectory= and
 // RuntimeDirectory= as the only places to write, ProtectHome=, PrivateDevices= (an empty /dev), PrivateNetwork=,
-// PrivateMounts=, ProtectHostname=, and by seccomp SystemCallFilter= as the unit has it, MemoryDenyWriteExecute=,
+// PrivateMounts=, ProtectHostname=, and by seccomp SystemCallFilter= as in the unit, MemoryDenyWriteExecute=,
 // RestrictNamespaces= and RestrictAddressFamilies=. Not covered are lines that only take away what nodald never uses:
 // ProtectClock=, ProtectControlGroups=, ProtectKernel*=, ProtectProc=, ProcSubset=, RestrictRealtime=,
 // RestrictSUIDSGID=, LockPersonality=, RemoveIPC=, KeyringMode=, IPAddressDeny=.

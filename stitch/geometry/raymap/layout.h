@@ -57,13 +57,13 @@ struct RaymapSize {
   int height = 0;
 };
 
-/// The width, rarely a whole number, at which a whole-sphere raymap has so many pixels per radian where its pixels are
-/// largest (equirectangular: at the equator; cube: in the middle of a face).
-/// Errors: kUnsupported for an unknown name (lists the known ones).
+/// The width, rarely a whole number, at which a whole-sphere raymap has `pixels_per_radian` where its pixels are
+/// largest (equirectangular: at the equator; cube: in the centre of a face).
+/// Errors: kUnsupported for an unknown name (the message lists the known ones).
 Result<double> width_for_resolution(std::string_view name, double pixels_per_radian);
 
-/// The smallest size of a whole-sphere raymap that is at least so wide; at most kMaxRaymapSide. Its sides suit raymaps with
-/// halved chroma. Errors: as width_for_resolution().
+/// The smallest size of a whole-sphere raymap with at least this width, up to kMaxRaymapSide; valid for halved chroma.
+/// Errors: as width_for_resolution().
 Result<RaymapSize> size_for_width(std::string_view name, double width);
 
 /// The names that make_layout() accepts.

@@ -6,7 +6,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// Two V4L2 heads; `first` and `second` are more keys of theirs.
+/// Two V4L2 heads; `first` and `second` are additional keys for them.
 std::string rig(const std::string& trigger, const std::string& first = "", const std::string& second = "") {
   return "[rig]\nname='r'\n[trigger]\n" + trigger + "\n[[heads]]\nname='a'\nport='sim:a'\n" + first +
          "\n[[heads]]\nname='b'\nport='sim:b'\n" + second + "\n[sim]\ncalibration='truth.json'\n";

@@ -173,7 +173,7 @@ TEST(Movers, Covered_IsTheSolidAngleOfTheBall) {
   EXPECT_NEAR(covered / (2 * kPi * (1 - std::cos(0.05))), 1, 0.01);
 }
 
-// Between meridians 0.2 rad apart lie 0.4 steradians, from pole to pole.
+// Between meridians 0.2 rad apart there are 0.4 steradians, from pole to pole.
 TEST(BarScene, AtAnyTime_CoversItsLuneOfTheSphereAboutWhereItHasTurnedTo) {
   const double tilt = 0.3;
   const ScenePtr scene = bar_scene({std::sin(tilt), std::cos(tilt), 0}, Duration::seconds(4), 0.1);

@@ -99,7 +99,7 @@ TEST(RigConnection, AnswerThatTakesLong_IsWaitedForWhileTheRigSaysWhatItDoes) {
   int looks = 0;
   rig.answer = [&](const wire::Request& request) -> std::optional<wire::Reply> {
     if (!request.has_status()) return std::nullopt;
-    if (++looks == 3) {  // the third time somebody looks, the first request is done, too
+    if (++looks == 3) {  // at the third poll the first request is done too
       wire::Reply done;
       done.set_id(rig.requests.front().id());
       done.mutable_done();

@@ -167,7 +167,7 @@ class RandomTables {
       } else if ((how == Sharing::kListed && !last) || how == Sharing::kOpen) {
         for (int& rest : left) {
           const int choice = below(4);
-          const bool close = last && how == Sharing::kOpen && rest < kOneWeight;  // nobody looks where nobody has yet
+          const bool close = last && how == Sharing::kOpen && rest < kOneWeight;  // no weight where none was before
           const int weight = close || choice == 0 ? rest : last ? 0 : choice == 1 ? 0 : below(rest + 1);
           rest -= weight;
           grid.weights.push_back(static_cast<std::int16_t>(-weight));

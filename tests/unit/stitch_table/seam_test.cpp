@@ -234,7 +234,7 @@ TEST(Seam, AlongAnyPath_WeightsAreContinuous) {
 TEST(Seam, RoundAMask_TheOtherHeadTakesOverContinuouslyAndNothingElseMoves) {
   const Calibration rig = back_to_back();
   Calibration masked = rig;
-  // Of head 0, from 80 to 86 degrees right of its axis: head 1 sees all of it.
+  // For head 0, from 80 to 86 degrees to the right of its axis: head 1 sees all of it.
   const double near = 400 + 200 * 80 * kDegree, far = 400 + 200 * 86 * kDegree;
   masked.heads[0].region.masks = {{{near, 380}, {far, 380}, {far, 420}, {near, 420}}};
   std::vector<Vector3d> along;
