@@ -34,9 +34,9 @@ inline constexpr int kMaxLevels = 5;                  ///< levels of a head's py
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
 
-/// What one head contributes to one tile. Pixel (i, j) has the patch coordinates x(i, j), y(i, j), modulo 2^16, in 1 /
-/// (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch too.
-/// The record is two halves of 16 bytes with the same layout, one for x and one for y.
+/// What one head contributes to one tile. Pixel (i, j) has the patch coordinates x(i, j), y(i, j), modulo 2^16, in
+/// 1 / (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch
+/// too. The record is two halves of 16 bytes with the same layout, one for x and one for y.
 struct PatchRecord {
   Quadratic x{};
   std::uint16_t left = 0;  ///< first column and row of the patch in the plane of the record's level

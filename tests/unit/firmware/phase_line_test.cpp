@@ -27,9 +27,9 @@ RC_GTEST_PROP(PhaseLine, AfterManyTimestampsWithNoise_PhaseAndRateAreWithinSixDe
   constexpr std::int64_t kMany = 512;
   for (std::int64_t n = 0; n < kMany; ++n) line.add(exposure(n, ppm) + random.around_zero(jitter));
   const Instant next = exposure(kMany + 3, ppm);
-  // Uniform timestamps have a deviation of jitter / sqrt 3; a line's end has 2 / sqrt 512 of it, its rate 3.5 /
-  // 512^1.5. The filter gives late timestamps more weight, because crystals wander: 1.5 times. Six deviations, plus the
-  // effect of the rate's own variance of 41 ppm: 0.03 ppm.
+  // Uniform timestamps have a deviation of jitter / sqrt 3; a line's end has 2 / sqrt 512 of it, its rate
+  // 3.5 / 512^1.5. The filter gives late timestamps more weight, because crystals wander: 1.5 times. Six deviations,
+  // plus the effect of the rate's own variance of 41 ppm: 0.03 ppm.
   RC_ASSERT(std::abs((line.nearest(next) - next).ns()) <= jitter.ns() * 3062 / 10000 * 3 / 2 + 500);
   RC_ASSERT(std::abs(*line.drift_ppb() - ppm * 1000) <= jitter.ns() * 1'000'000'000 / kPeriod.ns() / 956 * 3 / 2 + 100);
 }
