@@ -159,7 +159,7 @@ class HeadPort {
 /// Threading: thread-bound to capture.
 /// Ownership: hands out heads; destroy them before the enumerator and the objects that it uses.
 /// Errors: kNoSuchDevice if nothing answers at `path` now, kBusy if it is open already, kNotReady while it is being
-/// opened, which takes seconds for some devices; call again later.
+///   opened, which takes seconds for some devices; call again later.
 class HeadEnumerator {
  public:
   virtual ~HeadEnumerator() = default;

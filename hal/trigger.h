@@ -41,7 +41,7 @@ struct TriggerCounts {
 /// Threading: thread-bound to capture.
 /// Ownership: none.
 /// Errors: kDeviceGone is final; kBadValue for a rate or width that the hardware cannot generate; kUnsupported for
-/// `follow` without an input.
+///   `follow` without an input.
 class TriggerPort {
  public:
   virtual ~TriggerPort() = default;

@@ -3,7 +3,7 @@
 //
 // A bulk frame's payload is a piece header and bytes of the item. An item is its meta followed by its body:
 //
-// 0  u64  item number: counts the items offered on the stream from 0; a gap means dropped items
+//   0  u64  item number: counts the items offered on the stream from 0; a gap means dropped items
 //   8  u64  total bytes of the item, meta included
 //  16  u64  offset of this piece in the item
 //  24  u32  bytes of meta at the item's beginning

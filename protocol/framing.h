@@ -5,7 +5,7 @@
 //   5  u8   type                  24  u32  CRC32C of bytes 0..23
 //   6  u16  flags
 //   8  u32  stream, 0 for control
-// 12  u32  sequence: counts this direction's frames from 0, so that a lost or repeated frame is detected
+//  12  u32  sequence: counts this direction's frames from 0, so that a lost or repeated frame is detected
 //
 // An inconsistent header is an error before its length is used; a length above the limit of its type is an error before
 // memory is allocated. After an error the frame borders of the stream are unknown, so the decoder stays failed, and the
@@ -84,7 +84,7 @@ struct WireFrame {
 /// Threading: thread-bound.
 /// Ownership: a WireFrame is valid until the next call, and only while the bytes given to next() are.
 /// Errors: kProtocol (bad magic, unknown type, sequence), kChecksum, kTooLarge, kVersionMismatch. The first error is
-/// final: every later call returns it again.
+///   final: every later call returns it again.
 class FrameDecoder {
  public:
   /// Consumes bytes from the front of `bytes` until one frame is complete or no bytes are left. Call it until it

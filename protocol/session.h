@@ -72,10 +72,10 @@ using Event =
 /// Threading: thread-bound.
 /// Ownership: holds offered bodies until they are sent or dropped.
 /// Errors: kProtocol, kChecksum, kTooLarge, kVersionMismatch from receive(), or the error in the
-/// peer's Bye. The first error is final: every call returns it, earlier events can still be
-/// taken, and output() holds a Bye for the peer; try once to write it before dropping the link. A
-/// refusal by send(), offer() or open_stream() (kTooLarge, kOverload, kWrongState) changes
-/// nothing.
+///   peer's Bye. The first error is final: every call returns it, earlier events can still be
+///   taken, and output() holds a Bye for the peer; try once to write it before dropping the link. A
+///   refusal by send(), offer() or open_stream() (kTooLarge, kOverload, kWrongState) changes
+///   nothing.
 class Session {
  public:
   Session(Role role, const wire::Hello& mine);

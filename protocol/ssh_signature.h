@@ -25,8 +25,8 @@ inline constexpr std::size_t kMaxSigners = 64;
 /// Threading: immutable after parse().
 /// Ownership: none.
 /// Errors: parse(): kTooLarge, kBadFormat, kUnsupported, naming the line. verify(): kBadValue (no signature, an
-/// untrusted key, another namespace), kBadFormat (not a signature), kChecksum (a signature of another document, or
-/// damaged), kUnsupported (a key that is not Ed25519).
+///   untrusted key, another namespace), kBadFormat (not a signature), kChecksum (a signature of another document, or
+///   damaged), kUnsupported (a key that is not Ed25519).
 class AllowedSigners {
  public:
   /// Lines of "PRINCIPALS [namespaces="..."] ssh-ed25519 BASE64 [COMMENT]"; empty lines and comments (#) are skipped.

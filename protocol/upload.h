@@ -3,7 +3,7 @@
 //
 //   host: UploadBegin{length, sha256}         rig: UploadState{offset}
 //   host: one item on a lossless stream: meta UploadPart{sha256, offset}, body the bytes from offset on
-// host: UploadCommit{sha256}                rig: take(), then uses the document
+//   host: UploadCommit{sha256}                rig: take(), then uses the document
 #pragma once
 
 #include <cstdint>
@@ -36,8 +36,8 @@ struct UploadLimits {
 /// Threading: thread-bound to control.
 /// Ownership: owns the bytes until take(); at most limits.documents * limits.document_bytes.
 /// Errors: kTooLarge, kBadValue (a changed length, a part past the end), kNotFound (never begun), kTruncated (taken
-/// before it is complete), kChecksum (complete, but another SHA-256). After kChecksum the document is dropped, so that
-/// the next attempt starts from byte 0.
+///   before it is complete), kChecksum (complete, but another SHA-256). After kChecksum the document is dropped, so
+///   that the next attempt starts from byte 0.
 class UploadReceiver {
  public:
   explicit UploadReceiver(UploadLimits limits = {});

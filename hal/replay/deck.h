@@ -38,7 +38,7 @@ class Deck {
 
   /// A path is "replay:" and a file, folder or pattern. open() reads every picture's header and decodes the first.
   /// Errors: kNoSuchDevice if nothing is there, kBusy if that path is open, those of the reader, and kBadValue if
-  /// pictures of one head differ in size. list() contains the paths that were opened or for which a format was set.
+  ///   pictures of one head differ in size. list() contains the paths that were opened or for which a format was set.
   HeadEnumerator& enumerator();
 
   /// Sets the format of the head at `path`; the default is the format of its first picture.

@@ -22,7 +22,7 @@ enum class Colour { kGood, kWarning, kBad, kDim, kStrong };
 /// Threading: thread-bound.
 /// Ownership: the streams are not closed.
 /// Errors: the first failed write to standard output is stored; end_output() reports it once. Long-running commands
-/// check output_gone() and stop.
+///   check output_gone() and stop.
 class Console {
  public:
   Console(std::FILE* out, std::FILE* err);

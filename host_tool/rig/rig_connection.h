@@ -25,9 +25,9 @@ void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most);
 /// Threading: thread-bound.
 /// Ownership: owns the link; closes it with the object.
 /// Memory: the session's windows bound what the rig can send without a request. Replies are checked and made printable
-/// (rig_input.h) before a command sees them.
+///   (rig_input.h) before a command sees them.
 /// Errors: kUnreachable, kVersionMismatch, kTimeout, kLinkClosed, kProtocol, kTooLarge, errors that the rig replies,
-/// and kCancelled after Ctrl-C. After an error of the link (3xx) every call returns it again.
+///   and kCancelled after Ctrl-C. After an error of the link (3xx) every call returns it again.
 class RigConnection {
  public:
   /// Connects and exchanges Hellos. `patience`: the longest time for any answer of the rig.

@@ -14,7 +14,7 @@ namespace nodal {
 ///
 /// Threading: thread-bound; between two threads use SpscRing.
 /// Ownership: owns its values. T must be default-constructible: pop() resets the slot to T{}, so that the queue keeps
-/// nothing alive.
+///   nothing alive.
 /// Errors: push() returns false when full, pop() returns nothing when empty.
 template <class T>
 class BoundedQueue {

@@ -26,38 +26,38 @@ using Pictures = std::span<const ImageView>;
 ///     sample    = t - mulr(t - b, 8 g)                           0 .. kMaxSample
 ///     negative  = 128 black - curve(sample)                      curve: HeadTone's. Light and weights are stored
 ///     negative  = mulr(negative, gain)                           negative, as a weight of exactly one then fits into
-///     light    += mulr(negative, -weight)                        16 bits. gain (if gains act) = mulr(vignetting's, HeadTone's)
-///   level       = black + mulr(light, scale), or curve(light) + 64 >> 7, clamped to 0 .. 255
+///     light    += mulr(negative, -weight)                        16 bits. gain: mulr(vignetting's, HeadTone's), if any
 ///   level       = black + mulr(light, scale), or (curve(light) + 64) >> 7, clamped to 0 .. 255
 ///   or, for 16-bit raymaps: number = table.linear[light], 0 for light below 0
-/// where `gain` is HeadTone's alone for tables without vignetting gains. Weights w are those of the table; where a
-/// where `gain` is HeadTone's alone for tables without vignetting gains. The weights w come from the table. They are
-/// replaced by (w c 2^15 + W / 2) / W, rounded down, in every tile where a head is missing, and, if SetTone::confidence
-/// is set, in every tile with several records. W is the sum of w c over the tile's records; the pixel is black where W
-/// is 0. c is the head's confidence (1 if SetTone::confidence is not set; a missing head counts 0). It is looked up by
-/// the pixel's own sample before curve and gain (the largest of R G B); for chroma, by the luma sample nearest to
-/// chroma sample (x, y).
-/// its four luma samples, halves up; beyond odd edges the edge is repeated. Not in raymaps whose rays were sorted into
-/// If SetTone::fade is set, chroma then becomes 128 + ((chroma - 128) fade.of_luma[m] + 128 >> 8). m is the mean of its
-/// four luma samples, rounded half up; at odd edges the edge sample is repeated. The fade is not applied to raymaps
-/// whose rays were sorted into tiles (GridTable::places), because neighbouring pixels of such a raymap need not have
-/// neighbouring rays. For those raymaps, rows count rows of tiles, and a tile's pixels can be anywhere in the raymap,
-/// so the raymap is complete only after all rows have been blended.
-/// source needs it, and the raymap what table.format says (of 16 bits: packed in each row); nothing is checked
-/// Preconditions, not checked here: the table is validated; every head's picture matches table.sources, and is prepared
-/// as prepare.h describes where its source needs that; the raymap matches table.format (16-bit rows are packed). The
-/// fastest kernel that this processor supports runs; all kernels give the same bytes.
-/// bytes.
+///
+/// where `gain` is HeadTone's alone for tables without vignetting gains. The weights w come from the table. In tiles
+/// with a missing head, and, if SetTone::confidence is set, in tiles with several records, w becomes
+/// (w c 2^15 + W / 2) / W, rounded down; W is the sum of w c over the tile's records; the pixel is black where W is 0.
+/// c is the head's confidence (0: missing; 1: no confidence set) by the pixel's own sample before curve and gain (the
+/// largest of R G B); for chroma, by the luma sample nearest to chroma sample (x, y).
+///
+/// If SetTone::fade is set, chroma then becomes 128 + ((chroma - 128) fade.of_luma[m] + 128 >> 8); m is the mean of its
+/// four luma samples, rounded half up; at odd edges the edge sample is repeated. Not in raymaps whose rays were sorted
+/// into tiles (GridTable::places), because their neighbouring pixels need not have neighbouring rays. For those, rows
+/// count rows of tiles, and a tile's pixels can be anywhere, so the raymap is complete only after all rows have been
+/// blended.
+///
+/// Preconditions, not checked here: the table is validated; every head's picture matches table.sources, prepared as in
+/// prepare.h where its source needs that; the raymap matches table.format (16-bit rows are packed). The fastest kernel
+/// that this processor supports runs; all kernels give the same bytes.
+///
 /// Threading: thread-safe. Call it with disjoint rows from any number of threads: every split gives the same
 /// bytes.
+/// Ownership: none. Allocates nothing.
+/// Errors: none.
 void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone, const MutableImageView& raymap,
                 int row_begin, int row_end);
 
-/// The share of each raymap pixel's weight whose heads are present, for rows [row_begin, row_end): 255 where no
-/// head is missing, 0 where all are (the pixel is black), else 1 .. 254. Of the pictures it reads only whether
 /// The share of each raymap pixel's weight that comes from present heads, for rows [row_begin, row_end): 255 where no
 /// head is missing, 0 where all are missing (the pixel is black), else 1 .. 254. Of `pictures` it reads only whether
 /// pictures[h].planes[0].data of level 0 is null.
+///
+/// Threading, ownership, errors: as blend_rows. `validity` has the raymap's size.
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,
                    int row_end);
 

@@ -26,7 +26,7 @@ inline constexpr std::uint64_t kSmallImageBytes = std::uint64_t{1} << 20;
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kBadFormat when it is neither kind or is broken, kTruncated when it ends early (even
-/// if a part could be decoded), kTooLarge, kUnsupported.
+///   if a part could be decoded), kTooLarge, kUnsupported.
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
                                   std::optional<PixelFormat> as = std::nullopt);
 

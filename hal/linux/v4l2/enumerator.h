@@ -19,7 +19,7 @@ namespace nodal::hal::v4l2 {
 /// Threading: thread-bound to capture. The destructor waits for calls in progress.
 /// Ownership: refers to the clock and the system; destroy heads first.
 /// Errors: open() returns kNotReady during the first attempt at a path; during later attempts it returns the result of
-/// the last one. kBusy if the path is open.
+///   the last one. kBusy if the path is open.
 class V4l2Enumerator final : public HeadEnumerator {
  public:
   explicit V4l2Enumerator(ClockPort& clock, System& system = kernel());

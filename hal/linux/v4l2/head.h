@@ -60,7 +60,7 @@ struct Channel {
 /// Threading: thread-bound to capture.
 /// Ownership: refers to the worker and the clock. The destructor posts a job that closes the device.
 /// Errors: as HeadPort. Stream errors are recovered by VIDIOC_STREAMOFF and STREAMON and counted in recoveries(); after
-/// kMostRestarts in a row without a frame they become kDeviceFailed, which is final.
+///   kMostRestarts in a row without a frame they become kDeviceFailed, which is final.
 class V4l2Head final : public HeadPort {
  public:
   static constexpr int kMostRestarts = 5;

@@ -39,7 +39,7 @@ struct Granted {
 
 /// Sets input, standard, format, size and rate.
 /// Errors: kUnsupported if the device has no such input, standard, format, size, rate or field order, naming those that
-/// it has; kBusy if another program streams from it; those of explain().
+///   it has; kBusy if another program streams from it; those of explain().
 Result<Granted> negotiate(const Device& device, const HeadRequest& request);
 
 /// The meaning of a V4L2 field order; nothing for those that this port does not support, such as alternate fields.
