@@ -29,7 +29,7 @@ std::string_view pixel_format_name(PixelFormat format);
 bool has_chroma(PixelFormat format);
 /// Whether a raymap may have this format.
 bool is_raymap_format(PixelFormat format);
-/// is_linear16: linear light in 16 bits. in_8_bits: the format with the same components in 8 bits; an 8-bit format itself.
+/// is_linear16: linear light in 16 bits. in_8_bits: the format with the same components in 8 bits, or itself.
 bool is_linear16(PixelFormat format);
 PixelFormat in_8_bits(PixelFormat format);
 

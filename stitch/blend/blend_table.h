@@ -48,8 +48,8 @@ struct PatchRecord {
   /// Bits 0-3: the last patch row that is the upper sample row of a pixel with weight. Bits 4-7: how many consecutive
   /// such rows a quarter of the tile needs at most, at least kLeastSpan.
   std::uint8_t rows = 14 | 15 << 4;
-  /// The first such row of each quarter, for the upper and the lower half of the tile. Bits 0-3: left quarter; bits
-  /// 4-7: right quarter. A pixel also reads the row below its upper sample row; that row is in the patch too.
+  /// The patch row from which each quarter is read (its first such row, or an earlier one), for the upper and the lower
+  /// half of the tile. Bits 0-3: left quarter; bits 4-7: right quarter. A pixel also reads the row below its upper one.
   std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;

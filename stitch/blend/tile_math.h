@@ -115,8 +115,8 @@ class WeightReader {
 };
 
 /// Prefetches the patch `kAhead` records after r. Always kRows rows: a row count per record mispredicts and costs more
-/// than the rows it saves. A row may span two cache lines; the patch to its left has nearly always fetched the first, so
-/// only the second is fetched. Rows of samples in threes or fours are nearly a line long, so both lines are fetched.
+/// than the rows it saves. A row may span two cache lines; the patch to its left has nearly always fetched the first,
+/// so only the second is fetched. Rows of groups of 3 or 4 are nearly a line long, so both lines are fetched.
 /// Always inlined: GCC 12 assumes that a function of prefetches only has no effect, and drops the calls.
 template <int N>
 [[gnu::always_inline]] inline void prefetch(const BlendJob& job, std::size_t r) {

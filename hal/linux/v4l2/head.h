@@ -54,8 +54,8 @@ struct Channel {
 
 /// Calls that may take seconds (start, stop, controls, signal state) run as jobs of the device's worker. take_frame()
 /// and release() make only calls that never wait (VIDIOC_DQBUF on a non-blocking descriptor, VIDIOC_QBUF) and take the
-/// jobs' reports. So start() and set_…() return before the device has done anything: take_frame() returns the error of
-/// a start that failed, and after a control that failed FrameView::in_effect is unchanged.
+/// jobs' reports. So start() and set_…() return before the device acts: take_frame() returns the error of a start that
+/// failed, and after a control that failed FrameView::in_effect is unchanged.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: refers to the worker and the clock. The destructor posts a job that closes the device.

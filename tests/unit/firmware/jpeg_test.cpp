@@ -117,7 +117,7 @@ TEST(Jpeg, Rgb_ComesBackAsItWentIn) {
 }
 
 TEST(Jpeg, I420_IsFullRangeBt601) {
-  // Y 76, U 85, V 255 is red: R = Y + 1.402 (V - 128), G = Y - 0.344 (U - 128) - 0.714 (V - 128), B = Y + 1.772 (U - 128).
+  // Y 76, U 85, V 255 is red: R = Y + 1.402 (V-128), G = Y - 0.344 (U-128) - 0.714 (V-128), B = Y + 1.772 (U-128).
   const RaymapConfig config = config_of(PixelFormat::kI420);
   std::vector<std::uint8_t> pixels(256 * 128 * 3 / 2, 76);
   std::fill(pixels.begin() + 256 * 128, pixels.begin() + 256 * 128 * 5 / 4, std::uint8_t{85});
