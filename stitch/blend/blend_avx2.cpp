@@ -31,8 +31,8 @@ struct Samples {
   Pair even, odd;
 };
 
-/// Picks the samples from `span` patch rows and the row below them. Row y is taken for every pixel with upper row >= y
-/// - 1; for pixels further down, later rows overwrite it.
+/// Picks the samples from `span` patch rows and the row below them. Row y is taken for every pixel whose upper row is
+/// at least y - 1; for pixels further down, later rows overwrite it.
 template <class Span>
 [[gnu::always_inline]] inline Samples picked(const Constants& k, const Patch& patch, const Places& at,
                                              const PatchRecord& record, std::size_t half, Span span) {

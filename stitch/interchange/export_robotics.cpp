@@ -33,8 +33,8 @@ struct Rational {
   std::vector<double> k;  // OpenCV's eight; the tangential ones are zero
 };
 
-/// OpenCV's rational model over the head's radii: f t (1 + k1 s + k2 s^2 + k3 s^3) = r (1 + k4 s + k5 s^2 + k6 s^3), s
-/// = t^2; made linear by dividing both sides by the previous iteration's denominator (Sanathanan and Koerner).
+/// OpenCV's rational model over the head's radii: f t (1 + k1 s + k2 s^2 + k3 s^3) = r (1 + k4 s + k5 s^2 + k6 s^3),
+/// s = t^2; linear after division by the previous iteration's denominator (Sanathanan and Koerner).
 Rational fit_rational(const SampledHead& head) {
   const geometry::Lens& lens = head.head.lens();
   Eigen::Matrix<double, 7, 1> x = Eigen::Matrix<double, 7, 1>::Zero();

@@ -22,8 +22,8 @@ struct Workload {
 Workload r10();
 /// Eight fisheyes 1920x1080 (six upright, two at the poles) into 3840x1920 I420.
 Workload r8();
-/// `heads` equal heads, spread evenly over the sphere, of which on average `heads_a_ray` see a ray, into width x width
-/// / 2 I420. Their lenses are equal-area (2 f sin(a / 2)), and at their axes pixels are as fine as the raymap's at its
+/// `heads` equal heads, evenly spread over the sphere, of which on average `heads_a_ray` see a ray; width x width / 2
+/// I420. Their lenses are equal-area (2 f sin(a / 2)), and at their axes pixels are as fine as the raymap's at its
 /// equator: neither their total pixels nor their overlap depend on the number of heads.
 Workload spread(int heads, double heads_a_ray, int width);
 
