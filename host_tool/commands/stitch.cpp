@@ -63,6 +63,22 @@ PixelFormat raymap_format(PixelFormat pictures, int bits) {
   return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
 }
 
+/// Refuses to write over a picture that is read: nothing could bring it back.
+Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    const Result<std::string> name = numbered_name(out, i);
+    if (!name) return fail(name.error().in("--out"));
+    for (const auto& set : sets) {
+      for (const std::string& picture : set) {
+        std::error_code error;
+        if (!std::filesystem::equivalent(*name, picture, error)) continue;
+        return fail(Errc::kExists, fmt::format("--out: {} is one of the pictures; choose another name", *name));
+      }
+    }
+  }
+  return {};
+}
+
 Result<Job> make_job(const Args& args) {
   Job job;
   job.args = args;
@@ -75,7 +91,7 @@ Result<Job> make_job(const Args& args) {
   Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
   if (!input) return fail(input.error());
   job.input = std::move(*input);
-  if (Result<std::string> name = numbered_name(args.out, 1); !name) return fail(name.error().in("--out"));
+  if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
   if (job.input.sets.size() > 1 && !has_number(args.out)) {
     return fail(Errc::kBadValue,
                 fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
@@ -127,7 +143,7 @@ Status run(Context& context, const Args& args) {
   {
     Progress bar(console, "stitching", 1000 * (count + 1));
     for (std::size_t i = 0; i < count; ++i) {
-      if (interrupted()) return fail(Errc::kTimeout, fmt::format("ended after {} of {} raymaps", i, count));
+      if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
       auto pictures =
           interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, args.bits == 16); });
       if (!pictures) return fail(pictures.error());

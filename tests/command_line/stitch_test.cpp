@@ -195,6 +195,9 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, pictures, "--bits", "16", "-o", path("out.jpg")}, "a JPEG has 8 bits");
   expect_refused({rig, pictures, "--layout", "mercator"}, "equirectangular, cube");
   expect_refused({rig, pictures, "--width", "40000"}, "--width");
+  const std::string before = read("pictures/cam2.png");
+  expect_refused({rig, pictures, "-o", pictures + "/../pictures/cam2.png"}, "cam2.png is one of the pictures");
+  EXPECT_EQ(read("pictures/cam2.png"), before);
   expect_refused({rig, pictures, "--seam", "181"}, "--seam");
   expect_refused({rig, pictures, "--seam", "nan"}, "--seam");
   expect_refused({rig, pictures, "--seam", "1", "--feather", "0.5"}, "--seam excludes --feather");

@@ -16,7 +16,7 @@
 
 namespace nodal::hal::gpio {
 
-/// A thread of Pins makes every call of the line's driver, and ends leases on time also when nobody calls step().
+/// A thread of Pins makes every call of the line's driver. It ends leases on time even if step() is not called.
 ///
 /// Threading: as OutputPinPort. Ownership: see Pins.
 /// Errors: kDeviceGone when the chip is gone, kDeviceFailed after kRefusedInRow refused writes; both are final.
@@ -58,7 +58,7 @@ class GpioInputPin final : public InputPinPort {
       : name_(std::move(name)), line_(std::move(line)), system_(system), edges_(kEdgesKept) {}
   Result<bool> level() override;
   Result<std::optional<PinEdge>> take_edge() override;
-  /// Bursts in which edges were discarded, by the kernel or because nobody took them.
+  /// Bursts in which edges were discarded, by the kernel or because take_edge() was not called in time.
   std::uint64_t bursts() const { return bursts_.load(); }
 
   // Pins'.
