@@ -14,9 +14,9 @@
 namespace nodal::offline {
 namespace {
 
-constexpr int kBandRows = 64;  ///< of the raymap: the blend is quickest with whole multiples of 64
+constexpr int kBandRows = 64;  ///< raymap rows per band: the blend is fastest with multiples of 64
 
-/// A head's picture and its pyramid, as the blend takes them.
+/// A head's picture and its pyramid, as the blend reads them.
 struct Prepared {
   std::vector<std::uint8_t> memory;
   std::vector<ImageView> levels = std::vector<ImageView>(blend::kMaxLevels);

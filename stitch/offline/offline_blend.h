@@ -1,4 +1,4 @@
-// Raymaps from pictures in memory, by the tables and kernels that the board runs.
+// Blends raymaps from pictures in memory, with the tables and kernels that the board runs.
 #pragma once
 
 #include <functional>
@@ -12,24 +12,24 @@
 
 namespace nodal::offline {
 
-/// Pixels per radian of the heads: the most that any head has at the middle of its region.
-/// Errors: the calibration's own.
+/// The resolution of the heads in pixels per radian: the largest that any head has at the centre of its region.
+/// Errors: those of geometry::make_heads.
 Result<double> resolution_of(const Calibration& calibration);
 
-/// A table that is compiled once, and blends any number of sets.
+/// Compiles a table once, and blends any number of frame sets with it.
 ///
-/// Threading: thread-bound; starts threads of its own and waits for them.
-/// Ownership: keeps nothing of the calibration.
+/// Threading: thread-bound; starts its own threads and waits for them.
+/// Ownership: does not refer to the calibration after make().
 /// Errors: those of table::TableCompiler.
 class OfflineBlend {
  public:
-  /// `head_format`: of every head's pictures. `threads` 0: one a core. `progress` is called on the calling thread with the
-  /// part that is compiled, 0 .. 1; what it throws passes through.
+  /// `head_format`: the format of every head's pictures. `threads` 0: one per core. `progress` is called on the calling
+  /// thread with the fraction that is compiled, 0 .. 1; exceptions that it throws are passed on.
   static Result<OfflineBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap,
                                    const table::TableOptions& options, PixelFormat head_format, int threads,
                                    const std::function<void(double)>& progress = {});
 
-  /// The raymap of one set: one picture a head, in the calibration's order; a picture without data is a missing head.
+  /// Blends one frame set: one picture per head, in the calibration's order; a picture without data is a missing head.
   /// Errors: kHeadMismatch, with the head's number, for a picture of another size or format than the head's.
   Result<DecodedImage> blend(std::span<const ImageView> pictures) const;
 

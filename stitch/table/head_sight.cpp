@@ -6,7 +6,7 @@
 namespace nodal::table {
 namespace {
 
-/// How much faster weights fall towards masks than towards the edges of a region, with seams.
+/// With seams, weights decrease this many times faster towards masks than towards the edges of a region.
 constexpr double kMaskSteepness = 10;
 
 }  // namespace
@@ -27,7 +27,7 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
   const std::optional<TabledLens::Radius> r = lens.radius(sine, d.z());
   if (!r) return std::nullopt;
   const HeadCalibration& c = head.calibration();
-  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // tends to the slope on the axis
+  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // its limit on the axis is the slope
   const double x = across * d.x();
   const double y = c.aspect * across * d.y();
   HeadSight seen{{c.center_x + x, c.center_y + y}, c.aspect * r->slope * across, 1e30, 1};
@@ -49,7 +49,7 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
   const double stretch = c.aspect != 1 && r->radius > 0 ? std::sqrt(x * x + y * y) / r->radius : 1;
   edge((head.lens().max_radius() - r->radius) * stretch);
   if (!head.masks().empty()) {
-    // A mask hides one object: the weight has its full value close to it, so that the seams elsewhere stay where they are.
+    // A mask hides one object: the weight reaches its full value close to it, so that seams elsewhere do not move.
     const double steep = kMaskSteepness * depth_per_px;
     const double distance = head.masks().distance(at, std::max(seen.inside, 1 / steep));
     seen.inside = std::min(seen.inside, distance);

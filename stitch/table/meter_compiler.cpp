@@ -27,7 +27,7 @@ blend::MeterTable::Head describe(const geometry::Head& head) {
   return made;
 }
 
-/// The upper left of the four samples about a place, all of them in the picture.
+/// The upper left one of the four samples around a position, clamped so that all four are in the picture.
 std::uint16_t corner(double at, int size) {
   return static_cast<std::uint16_t>(std::clamp(static_cast<int>(std::floor(at - 0.5)), 0, size - 2));
 }
@@ -40,7 +40,7 @@ Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
   blend::MeterTable table;
   for (const geometry::Head& head : *heads) table.heads.push_back(describe(head));
   for (int row = 0; row < kRows; ++row) {
-    // The solid angle of a cell, as a part of the sphere: (sin b - sin a) / 2 over the columns.
+    // The solid angle of a cell, as a fraction of the sphere: (sin b - sin a) / 2 / columns.
     const double top = std::numbers::pi * (static_cast<double>(row) / kRows - 0.5);
     const double bottom = std::numbers::pi * (static_cast<double>(row + 1) / kRows - 0.5);
     const double part = (std::sin(bottom) - std::sin(top)) / 2 / kMeterColumns;

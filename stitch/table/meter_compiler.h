@@ -7,11 +7,10 @@
 
 namespace nodal::table {
 
-inline constexpr int kMeterColumns = 64;  ///< of cells about the equator; rows are half as many
+inline constexpr int kMeterColumns = 64;  ///< cells around the equator; there are half as many rows
 
-/// Cells lie on an equirectangular grid and are weighted by their solid angle, so that the dense rows at the poles
-/// get their proper weight. A cell belongs to a head when its middle is inside the
-/// head's region.
+/// Cells lie on an equirectangular grid and are weighted by their solid angle, because rows near the poles have smaller
+/// cells. A cell belongs to a head if its centre is inside the head's region.
 ///
 /// Threading: thread-safe.
 /// Errors: those of geometry::make_heads.

@@ -13,10 +13,10 @@ enum class Interpolation : std::uint8_t {
   kRay,    ///< bilinear in the rays of the four neighbours (§4.5), where that differs (RaySampler::kSamePlace)
 };
 
-/// How one head's picture passes into the next one's, where several see a ray.
+/// How one head's picture passes into the next one's where several heads see a ray.
 enum class Transition : std::uint8_t {
-  kSeam,     ///< the head with the largest weight alone, but for a ramp about the seam: sharp
-  kFeather,  ///< all of them, by their weights: soft, and double where heads have different nodal points
+  kSeam,     ///< only the head with the largest weight, except on a ramp along the seam: sharp
+  kFeather,  ///< all heads, by their weights: blurred, and doubled where heads have different nodal points
 };
 
 inline constexpr double kWidestSeamDeg = 180;
@@ -25,25 +25,26 @@ struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
   Transition transition = Transition::kFeather;
   /// kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
-  /// head's region its weight is 0 however wide the seam is. In degrees, because it hides what is measured in degrees:
-  /// parallax, and errors of registration; and because it then is the same for every size of raymap.
+  /// head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which the
+  /// ramp hides, are angles, and because the width is then independent of the raymap's size.
   double seam_width_deg = 1;
-  /// kFeather: the distance from the edge of its region at which a head's weight is full, relative to half the region's
-  /// shorter side.
+  /// kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative to half
+  /// the region's shorter side.
   double feather = 0.5;
-  /// Heads with less than this share of a sample are left out of it.
+  /// Heads with a smaller share of a sample than this do not contribute to it.
   double least_weight = 1.0 / 1024;
-  /// Source::sharpen of every head, in 1/64, 0 .. 16: gives back part of what mixing four samples takes from fine
-  /// detail. It takes most from the finest, which in a head's picture is noise, and so the middle is lifted.
+  /// Source::sharpen of every head, in 1/64, 0 .. 16: restores part of the fine detail that bilinear interpolation
+  /// loses. The loss is largest at the highest spatial frequencies, where a head's picture holds mostly noise;
+  /// sharpening amplifies the middle frequencies instead.
   int sharpen = 1;
   /// Undo each head's vignetting, and each head's gain.
   bool undo_vignetting = true;
   bool undo_gain = true;
-  /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than it is: 1, the picture
-  /// alone, .. 5.
+  /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than its picture: 1
+  /// (only the picture itself) .. 5.
   int levels = 5;
-  /// Made for this field of every head's frames, each an exposure of its own, and its lines where they lie in the frame;
-  /// the blend is given the field as a picture of half the rows (field_of). Nothing: for whole frames.
+  /// Compiles the table for this field of every head's frames. The blend gets the field as a picture of half the rows
+  /// (field_of); coordinates take into account which lines of the frame the field holds. Nothing: whole frames.
   std::optional<FieldParity> field = std::nullopt;
 };
 

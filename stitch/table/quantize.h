@@ -10,8 +10,8 @@
 
 namespace nodal::table {
 
-/// Rounds to the nearest integer. A value within kTie of the middle is rounded up: the last bits of sines and cosines
-/// differ between machines' libraries, and the table must not.
+/// Rounds to the nearest integer. A value within kTie of the middle is rounded up, because the last bits of sines and
+/// cosines differ between the machines' libraries, and the table must be the same on every machine.
 inline std::int64_t round_up_ties(double value) {
   constexpr double kTie =
       1e-5;  // relative to the rounding step: far above the rounding noise of doubles, far below a visible error
@@ -20,14 +20,15 @@ inline std::int64_t round_up_ties(double value) {
   return whole - (up < static_cast<double>(whole) ? 1 : 0);
 }
 
-/// A gain of a head as the table has it, 1 .. kMaxGain.
+/// Source::gain for the factor `gain`, 1 .. kMaxGain.
 std::uint16_t quantize_gain(double gain);
 
-/// A coordinate in 1 / (1 << kFractionBits) samples, such that it and its right neighbour are inside.
+/// A coordinate in 1 / (1 << kFractionBits) samples, clamped so that its sample and the next one are in 0 .. size - 1.
 std::int32_t quantize_coordinate(double at, int size);
 
-/// Shares 1 << kWeightBits out by largest remainder, so that the weights sum to exactly that; equal remainders by head,
-/// so that three heads of a third each are the same three numbers everywhere. None of `samples` is zero weights.
+/// Converts weights to integers by the largest-remainder method, so that they sum to exactly 1 << kWeightBits. Equal
+/// remainders go to the lower head first, so that three heads with a third each get the same three numbers on every
+/// machine. If `samples` is empty, all weights are 0.
 void share_out(std::span<const RaySample> samples, std::array<std::uint16_t, kMaxHeads>& weights);
 
 }  // namespace nodal::table

@@ -9,7 +9,7 @@ namespace {
 
 using Point = TangentPlane::Point;
 
-/// Angle over sine, for a squared sine; the neighbours are so near that the series is exact to rounding.
+/// Angle / sine, from the squared sine, by a series: the neighbours are so close that it is exact to rounding.
 double angle_over_sine(double sine2) {
   if (sine2 < 1e-3) return 1 + sine2 * (1.0 / 6 + sine2 * (3.0 / 40 + sine2 * (15.0 / 336 + sine2 * (105.0 / 3456))));
   const double sine = std::sqrt(std::min(sine2, 1.0));
@@ -18,7 +18,7 @@ double angle_over_sine(double sine2) {
 
 }  // namespace
 
-// Any two directions across the ray will do: the fractions do not depend on which.
+// Any two orthogonal directions across the ray: the fractions do not depend on the choice.
 TangentPlane::TangentPlane(const Eigen::Vector3d& ray) {
   const Eigen::Vector3d aside = std::abs(ray.y()) < 0.7 ? Eigen::Vector3d(0, 1, 0) : Eigen::Vector3d(1, 0, 0);
   e1_ = aside.cross(ray).normalized();
@@ -35,7 +35,7 @@ Point TangentPlane::lay(const Eigen::Vector3d& ray) const {
 Fractions ray_fractions(const TangentPlane& plane, const std::array<Eigen::Vector3d, 4>& neighbours, Fractions start) {
   std::array<Point, 4> p;
   for (std::size_t k = 0; k < 4; ++k) p[k] = plane.lay(neighbours[k]);
-  // p00 + a A + b B + ab C = 0 by Newton, from a start that is right to a thousandth or so.
+  // Solves p00 + a A + b B + ab C = 0 by Newton's method, from a start that is off by about a thousandth.
   const Point A{p[1].u - p[0].u, p[1].v - p[0].v};
   const Point B{p[2].u - p[0].u, p[2].v - p[0].v};
   const Point C{p[3].u - p[2].u - A.u, p[3].v - p[2].v - A.v};
@@ -57,7 +57,7 @@ Fractions ray_fractions(const TangentPlane& plane, const std::array<Eigen::Vecto
     const double db = (au * fv - av * fu) / det;
     a -= da;
     b -= db;
-    // Each step squares the error: the next would be below what a double tells apart.
+    // Each step squares the error: the next step would be below the resolution of a double.
     if (std::abs(da) + std::abs(db) < 1e-6) break;
   }
   return {std::clamp(a, 0.0, 1.0), std::clamp(b, 0.0, 1.0)};

@@ -1,4 +1,4 @@
-// Ray interpolation (§4.5): where between four neighbouring samples a ray lies, as seen on the sphere.
+// Ray interpolation (§4.5): the position of a ray between the rays of four neighbouring samples, on the sphere.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,14 +6,14 @@
 
 namespace nodal::table {
 
-/// Of the right column and of the lower row, 0..1.
+/// The shares of the right column and of the lower row, 0..1.
 struct Fractions {
   double x = 0;
   double y = 0;
 };
 
-/// The plane that touches the sphere at a ray, onto which rays nearby are laid by the logarithm map: true
-/// direction, true angle.
+/// The plane tangent to the sphere at a ray. The logarithm map projects nearby rays onto it and preserves their
+/// direction and angle from that ray.
 class TangentPlane {
  public:
   explicit TangentPlane(const Eigen::Vector3d& ray);
@@ -30,13 +30,13 @@ class TangentPlane {
   Eigen::Vector3d e2_;
 };
 
-/// The fractions (a, b) whose bilinear mean of the neighbours is the plane's own ray:
+/// The fractions (a, b) for which the bilinear mean of the neighbours is the plane's own ray:
 ///   (1-a)(1-b) p00 + a(1-b) p10 + (1-a)b p01 + ab p11 = 0
 /// On an axis through the principal point of an ideal pinhole this is the paper's
 /// (atan(x/f) - atan(x0/f)) / (atan(x1/f) - atan(x0/f)).
 ///
-/// neighbours: unit rays of the samples at (0,0), (1,0), (0,1), (1,1). `start` is where to look first, best the
-/// pixel's fractions, and is returned where the neighbours span no area.
+/// neighbours: unit rays of the samples at (0,0), (1,0), (0,1), (1,1). `start` is the initial value, preferably the
+/// pixel's fractions; it is returned where the neighbours span no area.
 Fractions ray_fractions(const TangentPlane& plane, const std::array<Eigen::Vector3d, 4>& neighbours, Fractions start);
 
 }  // namespace nodal::table

@@ -15,13 +15,14 @@
 namespace nodal::table {
 namespace {
 
-constexpr int kSmallestHead = 4;  // px; so that chroma of half size still has two samples each way
-/// Keeps a head in the running where it is the only one, however near its edge.
+constexpr int kSmallestHead = 4;  // px; chroma of half size then has at least two samples per side
+/// Keeps the weight of a head above 0 close to its edge, where it may be the only head.
 constexpr double kLeastFeather = 1e-6;
 constexpr double kLeastDepth = 1e-12;
-/// Rays nearer to a region's edge than this are outside, so that rounding never decides.
+/// Rays closer than this to a region's edge (px) count as outside, so that the result does not depend on rounding.
 constexpr double kEdge = 1e-6;
-/// The density of a lens at its turning point, which only its very last ray meets.
+/// Densities from this on are excluded: at the lens's turning point, which only its outermost ray reaches, the density
+/// is infinite.
 constexpr double kEndless = 1e30;
 
 bool mixes_into(PixelFormat head, PixelFormat raymap) {
@@ -76,7 +77,7 @@ Status check_transition(const TableOptions& options) {
   return {};
 }
 
-/// The largest distance from the lens's centre that anything inside the region has.
+/// The largest distance of a point of the region from the lens's centre.
 double radius_of_region(const geometry::Head& head) {
   const HeadCalibration& c = head.calibration();
   double radius = 0;
@@ -88,9 +89,9 @@ double radius_of_region(const geometry::Head& head) {
   return std::min(radius, head.lens().max_radius());
 }
 
-/// The largest angle from the axis that anything inside the region has.
+/// The largest angle of a point of the region from the axis.
 double reach_of(const geometry::Head& head) {
-  // Some pixels more, for the sample centres just outside that ray interpolation looks at.
+  // 4 px more: ray interpolation reads the sample centres just outside the region.
   const double radius = std::min(radius_of_region(head) + 4, head.lens().max_radius());
   return head.lens().angle(radius).value_or(head.lens().max_angle());
 }
@@ -101,7 +102,8 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   const double reach = reach_of(head);
   const Eigen::Matrix3d& R = head.R_head_rig();
   Response response = head.calibration().response;
-  if (is_linear16(raymap_format)) response = {Response::Curve::kGamma, power, {}};  // after the head's own was undone
+  if (is_linear16(raymap_format))
+    response = {Response::Curve::kGamma, power, {}};  // after the head's own response was undone
   RaySampler::Optics optics{TabledLens(head.lens(), reach),
                             R.row(0),
                             R.row(1),
@@ -114,21 +116,22 @@ RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_form
   if (in_8_bits(raymap_format) == PixelFormat::kRgb24) {
     for (std::size_t k = 0; k < 3; ++k) optics.gain[k] = optics.undo.undo(gain[k]);
   } else {
-    // Y, U and V each mix all three colours, so a gain of one colour alone cannot be undone component by
-    // component. The mean weighted as luma is keeps the brightness of grey right, whatever the colours do.
+    // Y, U and V each mix all three colours, so a gain of one colour cannot be undone component by component. The mean
+    // with the weights of luma keeps the brightness of grey correct.
     optics.gain.fill(optics.undo.undo(0.299 * gain[0] + 0.587 * gain[1] + 0.114 * gain[2]));
   }
   return optics;
 }
 
-/// The part of the weight that falls towards the edges of the region.
+/// The factor of the weight that decreases towards the edges of the region.
 double fade(const HeadSight& seen, bool seams, double depth_per_px) {
-  // Seams go by slopes: the least depth is added, because the slope jumps where a maximum changes over.
+  // Seams need continuous slopes: kLeastDepth is added, because max(depth, kLeastDepth) has a jump in its slope.
   if (seams) return seen.depth + kLeastDepth;
   return std::max(kLeastFeather, smoothstep(seen.inside * depth_per_px));
 }
 
-/// By how much ray interpolation moves a place between four samples around `at`, whose fractions are (x, y).
+/// The distance, in samples, by which ray interpolation moves the position `at`, whose fractions between its four
+/// samples are `place`.
 double moved_by_rays(const geometry::Head& head, const PlaneGrid& plane_grid, geometry::Pixel at, Fractions place) {
   const std::optional<geometry::Ray> ray = head.unproject(at);
   if (!ray) return kEndless;
@@ -144,7 +147,7 @@ double moved_by_rays(const geometry::Head& head, const PlaneGrid& plane_grid, ge
   return std::max(std::abs(moved.x - place.x), std::abs(moved.y - place.y));
 }
 
-/// RaySampler::Plane::same_radius. What a lens does depends on the radius alone, and on how rows and columns lie to it.
+/// RaySampler::Plane::same_radius. A lens's effect depends on the radius and on the angle between it and the rows.
 double same_radius(const geometry::Head& head, const PlaneGrid& plane_grid) {
   constexpr int kRadii = 48;
   const HeadCalibration& c = head.calibration();
@@ -249,7 +252,7 @@ void RowSampler::add(const std::optional<geometry::Ray>& ray) {
   ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
 }
 
-/// Fills in the heads that see the ray, weights summing to 1, and returns how many there are.
+/// Fills in the heads that see the ray, with weights that sum to 1, and returns their number.
 int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const {
   const std::span<const geometry::Head> heads = rig_.heads();
   const bool seams = rig_.options().transition == Transition::kSeam;
@@ -281,11 +284,12 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
   return static_cast<int>(kept);
 }
 
-/// Turns the weights into those of apply_seam(). Scores are the roots of the weights, because a smoothstep rises with the
-/// square of the distance from the edge: so scores are about linear, and seams as wide as they should be.
+/// Replaces the weights by those of apply_seam(). Scores are the square roots of the weights: a smoothstep rises with
+/// the square of the distance from the edge, so its root is about linear, as apply_seam() needs for seams of the given
+/// width.
 void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) const {
-  // One-sided differences. The relative error is about the step, and the rounding noise 1e-16 over the step.
-  constexpr double kStep = 1e-7;  // rad; vectors that are longer by its square are unit vectors
+  // One-sided differences. Their relative error is about kStep, their rounding noise about 1e-16 / kStep.
+  constexpr double kStep = 1e-7;  // rad; the vector's length is then 1 to within kStep squared
   const Eigen::Vector3d across = ray.direction().unitOrthogonal();
   const std::array<Eigen::Vector3d, 2> tangents{across, ray.direction().cross(across)};
   std::array<SeamCandidate, kMaxHeads> candidates;
@@ -310,7 +314,7 @@ RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
   const geometry::Head& head = rig_.heads()[sight.head];
   const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
   const PlaneGrid& plane_grid = picture.on_picture;
-  // Within half a sample of the picture's edge there is no sample beyond: the edge's own is taken.
+  // Within half a sample of the picture's edge there is no next sample: the position is clamped to the edge sample.
   RaySample sample{sight.head,
                    std::clamp(sight.pixel.x / plane_grid.step_x + plane_grid.offset_x - 0.5, 0.0, picture.width - 1.0),
                    std::clamp(sight.pixel.y / plane_grid.step_y + plane_grid.offset_y - 0.5, 0.0, picture.height - 1.0),
@@ -338,7 +342,7 @@ RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
 }
 
 const RowSampler::CachedRay& RowSampler::ray_of(HeadIndex head, std::int32_t x, std::int32_t y) {
-  // Direct-mapped: the rays of a raymap row run along a curve on the picture, the next row right beside it.
+  // A direct-mapped cache: the rays of a raymap row lie on a curve in the picture, those of the next row close to it.
   constexpr std::int32_t kColumns = 1024;
   constexpr std::int32_t kRows = 8;
   std::vector<CachedRay>& rays = rays_[head];
@@ -356,7 +360,7 @@ const RowSampler::CachedRay& RowSampler::ray_of(HeadIndex head, std::int32_t x, 
   return cached;
 }
 
-/// What Head::unproject says, by tables.
+/// Head::unproject, from lookup tables.
 std::optional<Eigen::Vector3d> RowSampler::unproject(HeadIndex head, geometry::Pixel pixel) const {
   const geometry::Head& h = rig_.heads()[head];
   const double x = pixel.x - h.calibration().center_x;

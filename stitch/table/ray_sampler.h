@@ -1,5 +1,5 @@
-// The places on the heads' pictures that make a raymap sample, in double precision: the fixed-point table is a
-// rounding of it, and is compared with it.
+// The positions in the heads' pictures and the weights that make a raymap sample, in double precision. The fixed-point
+// table is this, rounded; tests compare the two.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,17 +23,17 @@
 
 namespace nodal::table {
 
-/// One head's share of one raymap sample. Bilinear between samples floor(x), floor(y) and the next ones of the
-/// head's component plane, whose sample (i, j) is at (i, j) here; 0 <= x <= width - 1.
+/// One head's share of one raymap sample: the bilinear mean of samples floor(x), floor(y) and the next ones of the
+/// head's component plane. Here sample (i, j) is at position (i, j), not at (i+½, j+½); 0 <= x <= width - 1.
 struct RaySample {
   HeadIndex head = 0;
   double x = 0;
   double y = 0;
-  double weight = 0;  ///< > 0; those of one raymap sample sum to 1
-  double gain = 1;    ///< undoes the vignetting there, in encoded values about black
+  double weight = 0;  ///< > 0; the weights of one raymap sample sum to 1
+  double gain = 1;    ///< undoes the vignetting there; multiplies encoded values, less black
 };
 
-/// A calibration, a layout and formats, made ready to be sampled.
+/// A calibration, a layout and formats, prepared for sampling.
 ///
 /// Threading: immutable after make(); any thread.
 /// Ownership: keeps the layout by reference.
@@ -46,18 +46,18 @@ class RaySampler {
 
   /// A sample grid of the raymap: 0 is full resolution, 1 the chroma of I420 and NV12.
   struct Grid {
-    int component = 0;  ///< the first that has it
+    int component = 0;  ///< the first component on this grid
     int width = 0;
     int height = 0;
     PlaneGrid on_raymap;
   };
-  /// A head's component plane, or that of the field of it that the options ask for.
+  /// A head's component plane; if the options ask for a field, the field's plane.
   struct Plane {
     int width = 0;
     int height = 0;
     PlaneGrid on_picture;
-    /// Up to this distance from the lens's centre, px with the aspect taken out, ray interpolation moves no place by
-    /// more than kSamePlace.
+    /// Up to this distance from the lens's centre (px, rows divided by the aspect), ray interpolation moves no position
+    /// by more than kSamePlace.
     double same_radius = 0;
   };
   /// In samples: a sixteenth of the tolerance of a tile's fit.
@@ -66,7 +66,7 @@ class RaySampler {
   struct Optics {
     TabledLens lens;
     Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
-    double cos_reach = -1;              ///< no ray whose cosine with the axis is less is inside the region
+    double cos_reach = -1;              ///< rays with a smaller cosine to the axis are outside the region
     double depth_per_px = 1;  ///< 1 over the distance from an edge of the region where the weight has its full value
     EncodedGain undo;
     std::array<double, 3> gain{1, 1, 1};  ///< undoes the head's own gain, by ComponentRule::gain_row
@@ -75,14 +75,14 @@ class RaySampler {
   PixelFormat raymap_format() const { return raymap_format_; }
   const geometry::RaymapLayout& layout() const { return *layout_; }
   const TableOptions& options() const { return options_; }
-  /// Of raymaps of linear light, linear_power(): gains act on light^(1 / power).
+  /// For raymaps of linear light: linear_power(); gains act on light^(1 / power).
   double power() const { return power_; }
   std::span<const PixelFormat> head_formats() const { return head_formats_; }
   std::span<const geometry::Head> heads() const { return heads_; }
   std::span<const Optics> optics() const { return optics_; }
   std::span<const Grid> grids() const { return grids_; }
   const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
-  /// That of sample (x, y) of a grid; nothing where the layout holds none.
+  /// The ray of sample (x, y) of a grid; nothing where the layout has none.
   std::optional<geometry::Ray> ray(int grid, int x, int y) const;
 
  private:
@@ -99,9 +99,9 @@ class RaySampler {
   std::vector<std::array<Plane, kMaxHeads>> planes_;  ///< by grid, then head
 };
 
-/// Samples the raymap row by row, and remembers the rays of source samples that neighbouring rows share.
+/// Samples the raymap row by row, and caches the rays of source samples that neighbouring rows share.
 ///
-/// Threading: thread-bound; one a thread.
+/// Threading: thread-bound; one per thread.
 /// Ownership: keeps the sampler by reference.
 class RowSampler {
  public:
@@ -109,7 +109,8 @@ class RowSampler {
 
   /// Computes row y of a grid, which at() then returns.
   void sample(int grid, int y);
-  /// The same for any samples, by GridTable::place(); at(k) is then that of the k-th, and nothing for kNowhere.
+  /// The same for any list of samples, given by GridTable::place(); at(k) then returns the sources of the k-th, none
+  /// for kNowhere.
   void sample(int grid, std::span<const std::uint32_t> places);
   int width() const { return static_cast<int>(ends_.size()); }
   /// The sources of sample x of the row; empty where no head sees its ray.
@@ -122,7 +123,7 @@ class RowSampler {
     bool exists = false;
     Eigen::Vector3d direction;
   };
-  /// A head that sees the ray in hand.
+  /// A head that sees the current ray.
   struct Sight {
     HeadIndex head = 0;
     geometry::Pixel pixel;

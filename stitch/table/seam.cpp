@@ -5,7 +5,7 @@
 namespace nodal::table {
 namespace {
 
-/// x of seam.h, of `worse` against a head with a larger score. q / |grad q| = (a^2 - b^2) / (2 |b grad a - a grad b|).
+/// The x of seam.h for `worse` and a head with a larger score. q / |grad q| = (a^2 - b^2) / (2 |b grad a - a grad b|).
 double part_of_ramp(const SeamCandidate& worse, const SeamCandidate& better, double width) {
   const double a = better.score;
   const double b = worse.score;
@@ -18,7 +18,7 @@ double part_of_ramp(const SeamCandidate& worse, const SeamCandidate& better, dou
 
 void apply_seam(std::span<SeamCandidate> candidates, double width) {
   for (SeamCandidate& one : candidates) {
-    // The largest distance counts: it changes continuously where the best head changes, at the corner of three seams.
+    // The largest distance is used: it is continuous where the best head changes, at the corner of three seams.
     double x = 0;
     for (const SeamCandidate& other : candidates) {
       if (other.score > one.score) x = std::max(x, part_of_ramp(one, other, width));

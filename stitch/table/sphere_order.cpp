@@ -11,7 +11,8 @@
 namespace nodal::table {
 namespace {
 
-/// A pixel and its ray's angles in whole numbers: in doubles, the last bits would decide, and differ by machine.
+/// A pixel and its ray's angles as integers: the order of doubles would depend on their last bits, which differ between
+/// machines.
 struct Placed {
   std::uint32_t place = 0;
   std::int32_t strip = 0;
@@ -19,9 +20,9 @@ struct Placed {
   std::int32_t phi = 0;
 };
 
-constexpr double kSteps = 1 << 28;  // to pi
+constexpr double kSteps = 1 << 28;  // steps of the integer angles in pi
 
-/// How many strips there are from pole to pole; of n even rays each has 4 pi / n sr for its own.
+/// The number of strips from pole to pole. Each of n evenly spread rays has a solid angle of 4 pi / n.
 std::int64_t strips_of(const RaySampler::Grid& shape) {
   const double rays = static_cast<double>(shape.width) * shape.height;
   const double height = blend::kTile * std::sqrt(4 * std::numbers::pi / rays);
@@ -47,7 +48,8 @@ std::vector<Placed> placed(const RaySampler& sampler, int grid, std::int64_t str
   return all;
 }
 
-/// Tiles of 64 rays in blocks of about eight strips by eight tiles, so that what neighbours read is still at hand.
+/// Orders tiles of 64 rays in blocks of about eight strips by eight tiles, so that samples which neighbouring tiles
+/// share are still in the cache.
 std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t strips) {
   constexpr std::int64_t kStrips = 8;
   struct Tile {
@@ -78,7 +80,7 @@ std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t stri
   return sorted;
 }
 
-/// Puts the rays of one tile where they lie to each other: `width` columns by longitude, each by latitude.
+/// Arranges the rays of one tile: `width` columns ordered by longitude, each column ordered by latitude.
 void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uint32_t* tile) {
   for (std::size_t i = 0; i < width; ++i) {
     const std::span<Placed> column = rays.subspan(i * height, height);

@@ -18,7 +18,7 @@
 namespace nodal::table {
 namespace {
 
-/// Y U V are full range: no light is Y 0, and U and V are about 128.
+/// Y U V are full range: black has Y = 0; U and V are centred at 128.
 std::array<blend::ComponentRule, kMaxPlanes> component_rules(PixelFormat format) {
   if (has_chroma(format)) return {{{0, 0, 0}, {1, 128, 1}, {1, 128, 1}}};
   return {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
@@ -55,7 +55,7 @@ blend::GridTable empty_table(const RaySampler::Grid& shape) {
   return table;
 }
 
-/// The pixels of a row of tiles, brought together from rows of samples, or from where `places` has them.
+/// The pixels of a row of tiles, collected from rows of samples, or from the positions in `places`.
 class TileRowSamples {
  public:
   TileRowSamples(const RaySampler::Grid& shape, std::span<const std::uint32_t> places)
@@ -128,8 +128,8 @@ void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
   table.tiles.push_back(tile);
 }
 
-/// Makes one grid from its rows of tiles, in the order in which they are blended. A block's rows are freed once it
-/// is done: the rig has not enough memory for two copies of the table.
+/// Makes one grid from its rows of tiles, in the order in which they are blended. The rows of a block are freed as soon
+/// as it is made: the rig does not have the memory for two copies of the table.
 Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> rows) {
   blend::GridTable table = empty_table(shape);
   std::size_t records = 0, weights = 0, coordinates = 0, gains = 0;
@@ -170,7 +170,7 @@ Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> 
   return table;
 }
 
-/// "; the masks of head ..." for those that leave a hole.
+/// "; the masks of head ..." for heads whose masks leave a hole.
 std::string masks_that_hide(std::span<const geometry::Head> heads) {
   const std::vector<geometry::Head> all(heads.begin(), heads.end());
   std::string text;
@@ -183,11 +183,11 @@ int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile
 }  // namespace
 
 struct TableCompiler::Work {
-  std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< when make() was given a name
+  std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< if make() was given a layout's name
   RaySampler sampler;
   int vignetting_scale = 0;  ///< 0: nothing to undo
   std::vector<TileRun> rows;
-  std::vector<std::vector<std::uint32_t>> places;  ///< by grid, of scattered layouts; else empty
+  std::vector<std::vector<std::uint32_t>> places;  ///< by grid, for scattered layouts; else empty
 };
 
 TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)) {
@@ -264,7 +264,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   }
   if (work_->vignetting_scale != 0) table.vignetting_scale = static_cast<std::uint16_t>(work_->vignetting_scale);
   std::span<TileRun> rows(work_->rows);
-  std::uint32_t unshrunk = 0;  // heads whose pictures are taken as they are anywhere, by bit
+  std::uint32_t unshrunk = 0;  // heads with a record of level 0 (the picture itself), one bit each
   for (const RaySampler::Grid& shape : sampler.grids()) {
     const auto height = static_cast<std::size_t>(tile_rows(shape));
     Result<blend::GridTable> grid = join(shape, rows.first(height));

@@ -1,5 +1,5 @@
-// THE BRIDGE: a calibration and a layout in double precision become the fixed-point table the board runs. This
-// header is all that firmware needs; it shows no double precision.
+// Compiles a calibration and a layout, in double precision, to the fixed-point table that the board runs. This is the
+// only header of stitch/table that firmware needs; its functions take no floating-point numbers.
 #pragma once
 
 #include <memory>
@@ -26,12 +26,12 @@ struct RaymapSpec {
   PixelFormat format = PixelFormat::kI420;  ///< I420, NV12, RGB24, GREY, RGB48 or GREY16
 };
 
-/// Compiles a table on the calling thread and proves it: heads[i] of the calibration delivers head_formats[i] in
-/// the calibration's size. RGB24 heads make RGB24 and RGB48 raymaps, GREY ones GREY and GREY16, and I420, NV12, YUYV
-/// and UYVY in any mixture I420 and NV12.
-/// Errors: kHeadMismatch when there is not one format a head, kUnsupported for any other pair of formats (names
-/// the head) and for unknown layouts, kNoCoverage when no head sees any of the layout, kTooLarge, and the
-/// calibration's and the layout's own.
+/// Compiles a table on the calling thread and validates it. heads[i] of the calibration delivers head_formats[i] in the
+/// calibration's size. RGB24 heads make RGB24 and RGB48 raymaps, GREY heads make GREY and GREY16, and any mixture of
+/// I420, NV12, YUYV and UYVY heads makes I420 and NV12.
+/// Errors: kHeadMismatch if the numbers of formats and heads differ, kUnsupported for other combinations of formats
+/// (names the head) and for unknown layouts, kNoCoverage if no head sees any ray of the layout, kTooLarge, and the
+/// errors of the calibration and the layout.
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const RaymapSpec& raymap,
                                               std::span<const PixelFormat> head_formats,
                                               const TableOptions& options = {});
@@ -47,7 +47,7 @@ Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, co
 /// Ownership: copies its arguments, except a layout that is passed by reference, which must live until finish().
 class TableCompiler {
  public:
-  /// Errors: those of compile_blend_table that do not need the rays.
+  /// Errors: those of compile_blend_table, except kNoCoverage and kTooLarge.
   static Result<TableCompiler> make(const Calibration& calibration, const RaymapSpec& raymap,
                                     std::span<const PixelFormat> head_formats, const TableOptions& options = {});
   static Result<TableCompiler> make(const Calibration& calibration, const geometry::RaymapLayout& layout,
@@ -57,10 +57,10 @@ class TableCompiler {
   TableCompiler& operator=(TableCompiler&&) noexcept;
   ~TableCompiler();
 
-  /// The rows of tiles of every grid, one after the other.
+  /// The rows of tiles of all grids together.
   int row_count() const;
   void compile_rows(int begin, int end);
-  /// Joins the rows, all of which must have been compiled, and proves the table. Errors: kNoCoverage, kTooLarge.
+  /// Joins the rows, all of which must have been compiled, and validates the table. Errors: kNoCoverage, kTooLarge.
   Result<blend::BlendTable> finish() &&;
 
  private:

@@ -4,7 +4,7 @@ namespace nodal::table {
 namespace {
 
 constexpr int kPieces = 1024;
-constexpr double kWidest = 3.1;  // rad, that is tabled: the tangent of half of pi has no end
+constexpr double kWidest = 3.1;  // rad, largest angle in the table: the tangent of pi / 2 is infinite
 
 }  // namespace
 
@@ -32,7 +32,7 @@ TabledLens::TabledLens(const geometry::Lens& lens, double reach)
     const double r1_half = (k + 1) * dh;
     const double r1_slope = lens.slope(at_half(k + 1), r1) * 2 * dh / (1 + r1_half * r1_half);
     Piece radius = hermite(r0, r1, r0_slope, r1_slope);
-    // A quarter of what is promised: the slope's error is the place's over a piece's width.
+    // A quarter of kTolerance: the slope's error is the position's error divided by the width of a piece.
     radius.exact = !(std::abs(value_at(radius, 0.5) - radius_at(k + 0.5)) < kTolerance / 4);
     radius_.push_back(radius);
     r0 = r1;

@@ -10,24 +10,25 @@
 
 namespace nodal::table {
 
-/// radius(direction) and angle(radius) of a lens, up to `reach` from its axis, by cubic Hermite pieces that are true to
-/// the lens to kTolerance px and to kTolerance / the largest radius in rad. Pieces that would not be (at a turning
-/// point the slope has no end) ask the lens itself. The table's places are in 1/4096 px. Radii are tabled by the tangent of
-/// half the angle, which a direction tells by one division, where the angle itself would take an arc tangent.
+/// radius(direction) and angle(radius) of a lens, up to `reach` from its axis, by cubic Hermite pieces. Their error is
+/// at most kTolerance px for the radius and kTolerance / largest radius (rad) for the angle. Pieces that would exceed
+/// it (at a turning point the slope is infinite) evaluate the lens itself. Blend tables have a resolution of 1/4096 px.
+/// Radii are indexed by the tangent of half the angle, which takes one division; the angle itself would take an arc
+/// tangent.
 ///
 /// Threading: immutable.
 class TabledLens {
  public:
   static constexpr double kTolerance = 1e-6;
 
-  /// reach, rad: at most the lens's max_angle, more than 0.
+  /// reach: rad, > 0, at most the lens's max_angle.
   TabledLens(const geometry::Lens& lens, double reach);
 
   struct Radius {
-    double radius = 0;  ///< px, the aspect taken out
+    double radius = 0;  ///< px, before the aspect is applied
     double slope = 0;   ///< px per radian
   };
-  /// By the sine (0 or more) and the cosine of the angle from the axis; nothing beyond the reach.
+  /// For the sine (>= 0) and the cosine of the angle from the axis; nothing beyond the reach.
   std::optional<Radius> radius(double sine, double cosine) const {
     const double half = sine / (1 + cosine);
     if (!(half <= max_half_)) return exact_radius(std::atan2(sine, cosine));
@@ -39,7 +40,7 @@ class TabledLens {
     const double slope = piece.c1 + t * (2 * piece.c2 + 3 * t * piece.c3);
     return Radius{value_at(piece, t), slope * pieces_per_half_ * 0.5 * (1 + half * half)};
   }
-  /// Nothing beyond the radius of the reach.
+  /// Nothing beyond the radius that belongs to the reach.
   std::optional<double> angle(double radius) const;
 
  private:
@@ -55,7 +56,7 @@ class TabledLens {
 
   geometry::Lens lens_;
   double max_angle_ = 0;
-  double max_half_ = 0;  ///< tangent of half of that
+  double max_half_ = 0;  ///< tangent of half the reach
   double max_radius_ = 0;
   double pieces_per_half_ = 0;
   double pieces_per_px_ = 0;

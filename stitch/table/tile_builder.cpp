@@ -16,10 +16,10 @@ using blend::PatchRecord;
 using blend::Sharing;
 
 constexpr std::int32_t kWhole = 1 << blend::kWeightBits;
-/// Rounds a coordinate to the 7 bits of it that the blend uses across: half of the last one.
+/// Half of the last of the 7 fraction bits that the blend uses of x coordinates: added, so that truncation rounds.
 constexpr std::int32_t kAcross = 1 << (kFractionBits - 8);
-/// A picture is taken at half its size where a step on the raymap is this many of its samples or more: halves are then
-/// coarser than the raymap by a tenth at most, and nearer to the means over pixels than what lies between two samples.
+/// From this many samples per raymap pixel on, the next pyramid level (half the size) is used. Its samples are then at
+/// most a tenth coarser than the raymap, and closer to the mean over a pixel than interpolation in the larger picture.
 constexpr double kFinest = 1.8;
 
 template <class Each>
@@ -40,8 +40,8 @@ Span span_of(const PixelValues& values, PixelMask mask) {
   return span;
 }
 
-/// Where a patch must begin to hold the samples least .. most and the one after, in a plane of `size`; negative where
-/// it cannot. `slack` is what the fit may be off.
+/// The largest start of a patch that holds the samples least .. most and the next one, in a plane of `size`; negative
+/// if no patch can. `slack` is the tolerance of the fit.
 int patch_start(Span span, int size, int slack) {
   const int first = std::max(0, (span.least - slack) >> kFractionBits);
   const int last = std::min(size - 2, (span.most + slack) >> kFractionBits);
@@ -49,8 +49,9 @@ int patch_start(Span span, int size, int slack) {
   return std::max(0, std::min(first, size - kPatch));
 }
 
-/// The same across, where there is a choice: rows of patches that begin at a multiple of 16 lie in one line of a cache
-/// however the picture's rows are aligned to each other; else one where they do in pictures whose rows begin with a line.
+/// The same for columns, chosen for the cache. A patch that starts at a multiple of 16 has each row in one cache line,
+/// if the picture's stride is a multiple of 16. Otherwise a start is preferred whose rows lie in one cache line in
+/// pictures whose rows begin at a cache line.
 int patch_left(Span span, int size, int slack) {
   const int most = patch_start(span, size, slack);
   if (most < 0) return most;
@@ -63,8 +64,8 @@ int patch_left(Span span, int size, int slack) {
   return most;
 }
 
-/// Puts the six coefficients of `values` - origin in `out`, if they hold to kFit wherever mask says, and say how.
-/// Coordinates are modulo 16 samples, and so are their coefficients.
+/// Fits the six coefficients of `values` less the patch's start, and stores them in `out`, modulo 2^16. Returns whether
+/// they are within kFit, and inside the patch, for every pixel of `mask`.
 bool fit_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias, blend::Quadratic& out) {
   PixelValues local{};
   for_each(mask, [&](std::size_t p) { local[p] = values[p] - (start << kFractionBits) + bias; });
@@ -81,7 +82,7 @@ bool fit_coordinate(const PixelValues& values, PixelMask mask, int start, int si
   return good;
 }
 
-/// Lists what fit_coordinate could not hold.
+/// Appends the coordinates to a list, where fit_coordinate fails.
 void list_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias,
                      std::vector<std::uint16_t>& list) {
   const std::size_t at = list.size();
@@ -93,7 +94,7 @@ void list_coordinate(const PixelValues& values, PixelMask mask, int start, int s
   });
 }
 
-/// Says in which rows of its patch a record's pixels begin.
+/// Computes which rows of its patch a record's pixels read (PatchRecord::first, PatchRecord::rows).
 void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, PatchRecord& record) {
   std::array<int, 4> first, last;  // by quarter
   first.fill(kPatch);
@@ -115,7 +116,8 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
   for (std::size_t half = 0; half < 2; ++half) {
     int* starts = first.data() + 2 * half;
     for (std::size_t side = 0; side < 2; ++side) {
-      const int start = starts[side] == kPatch ? starts[1 - side] : starts[side];  // where nothing has weight
+      const int start =
+          starts[side] == kPatch ? starts[1 - side] : starts[side];  // a quarter without weight takes its neighbour's
       record.first[half] |= static_cast<std::uint8_t>(std::min(start, kPatch - 1 - span) << (side * 4));
     }
   }
@@ -135,7 +137,8 @@ void TileBuilder::append(TileSamples& samples, TileRun& run) {
   share(samples, run);
 }
 
-/// Turns samples by pixel into whole numbers by head. Heads that matter nowhere in the tile are left out of it.
+/// Converts samples by pixel to integers by head. Heads whose weight is below kWeightFit everywhere in the tile are
+/// left out, unless a pixel has no other head.
 void TileBuilder::split_by_head(const TileSamples& samples) {
   std::array<double, kMaxHeads> most{};
   std::array<bool, kMaxHeads> needed{};
@@ -145,7 +148,8 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       needed[s.head] = needed[s.head] || samples.at[p].size() == 1;
     }
   });
-  const double least = (kWeightFit + 0.5) / kWhole;  // between two weights, so that rounding does not decide
+  const double least =
+      (kWeightFit + 0.5) / kWhole;  // between two integers, so that the result does not depend on rounding
   std::array<int, kMaxHeads> part_of;
   part_of.fill(-1);
   std::vector<RaySample> kept;
@@ -159,7 +163,7 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       kept.push_back(s);
       sum += s.weight;
     }
-    if (kept.empty() || !(sum > 0.5)) kept = all;  // where only slight heads meet, they are all there is
+    if (kept.empty() || !(sum > 0.5)) kept = all;  // only heads with small weights see this pixel: keep them
     else if (kept.size() < all.size())
       for (RaySample& s : kept) s.weight /= sum;
     if (kept.empty()) return;
@@ -185,8 +189,8 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
   std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
 }
 
-/// The larger of the steps from pixel to pixel along rows and columns, as a square of samples; nothing for parts too
-/// small to tell. Samples that were moved to a picture's edge are not where their pixels are.
+/// The mean squared step from pixel to pixel, in samples, along rows or along columns, whichever is larger; nothing for
+/// parts without neighbouring pixels. Samples that were clamped to the picture's edge are ignored.
 std::optional<double> TileBuilder::square_step(const Part& part) const {
   if (sampler_.layout().scattered()) return square_between_rays(part);
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
@@ -213,7 +217,7 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
   return most / (kOne * kOne);
 }
 
-/// Of rays that have no rows and columns: how many samples each has for its own, if they are even.
+/// The same for scattered rays, which have no rows and columns: samples per ray, if rays are spread evenly.
 double TileBuilder::square_between_rays(const Part& part) const {
   const RaySampler::Grid& grid = sampler_.grids()[static_cast<std::size_t>(grid_)];
   const PlaneGrid& plane_grid = sampler_.plane(grid_, part.head).on_picture;
@@ -228,9 +232,9 @@ double TileBuilder::square_between_rays(const Part& part) const {
          (plane_grid.step_x * plane_grid.step_y);
 }
 
-/// The level whose samples are about as far apart as the raymap's, which are a step along rows and one along columns.
-/// The larger step counts: what the smaller one could resolve, the other cannot show, and would show wrongly. Parts too
-/// small to tell go by the tile's others.
+/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels. If steps along
+/// rows and columns differ, the larger one is used: a finer level would alias along that direction. Parts for which
+/// square_step() has no value take the coarsest level of the tile's other parts.
 void TileBuilder::choose_levels() {
   int others = 0;
   for (const bool small : {false, true}) {
@@ -250,7 +254,7 @@ void TileBuilder::choose_levels() {
   for (Part& part : parts_) shrink(part);
 }
 
-/// Puts a part's places into the plane of its level.
+/// Converts a part's coordinates to the plane of its level.
 void TileBuilder::shrink(Part& part) const {
   if (part.level == 0) return;
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
@@ -265,8 +269,8 @@ void TileBuilder::shrink(Part& part) const {
   });
 }
 
-/// Patches for the part's pixels in a block. Where one will not do it is cut in two: that way which leaves the smaller
-/// spans, each of which has to fit into a patch.
+/// Adds the patches for the part's pixels in a block. If one patch does not suffice, the block is halved, across or
+/// down, whichever leaves the smaller spans of coordinates.
 void TileBuilder::add_patches(std::size_t k, const Block& block, TileRun& run) {
   const Part& part = parts_[k];
   const PixelMask mask = part.mask & block_mask(block);
@@ -296,7 +300,8 @@ void TileBuilder::add_patches(std::size_t k, const Block& block, TileRun& run) {
   add_patches(k, across ? east : south, run);
 }
 
-/// Whether one patch can hold the pixels; where it `must`, it does.
+/// Adds one patch for the pixels and returns true; if one patch cannot hold them, returns false. With `must` it always
+/// adds the patch (a single pixel always fits).
 bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun& run) {
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const int width = plane.width >> part.level;
@@ -367,7 +372,8 @@ void TileBuilder::share(const TileSamples& samples, TileRun& run) {
   }
 }
 
-/// Four coefficients a head, if they hold to kWeightFit at every pixel, and to nothing where there is nothing.
+/// Stores four coefficients per head. Returns false if they are not within kWeightFit at every pixel, or not exactly 0
+/// where the weight is 0.
 bool TileBuilder::share_bilinear(PixelMask inside, TileRun& run) {
   PixelValues rest{};
   for_each(inside, [&](std::size_t p) { rest[p] = kWhole; });

@@ -12,47 +12,47 @@
 
 namespace nodal::table {
 
-/// A run of tiles with their records, weights, lists and gains; indices are within the run.
+/// Consecutive tiles with their records, weights, lists and gains; indices are relative to the run.
 struct TileRun {
-  std::vector<blend::Tile> tiles;  ///< Tile::record is the index of its first
+  std::vector<blend::Tile> tiles;  ///< Tile::record is the index of the tile's first record
   std::vector<blend::PatchRecord> records;
   std::vector<std::int16_t> weights;
   std::vector<std::uint16_t> coordinates;
   std::vector<std::array<std::int16_t, 4>> gains;
 };
 
-/// The sources of 64 pixels. Pixels that are not in `inside` are beyond the raymap and have no effect.
+/// The sources of 64 pixels. Pixels that are not in `inside` are outside the raymap and ignored.
 struct TileSamples {
   std::array<std::vector<RaySample>, blend::kTilePixels> at;  ///< 8 j + i
   PixelMask inside = 0;
 };
 
-/// Appends tiles of one grid to a run. A head gives a tile one patch with coordinates by quadratics where those are
-/// within kFit of every pixel's own; else one with coordinates listed; and where its pixels lie too far apart for one
-/// patch, or its vignetting is no bilinear function of the pixel, a patch for each half, and so on.
+/// Appends tiles of one grid to a run. A head contributes one patch to a tile. Its coordinates are a quadratic if that
+/// is within kFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
+/// bilinear function does not fit the vignetting gains, the tile is halved, recursively, with one patch for each part.
 ///
-/// Threading: immutable but for the run; one a thread.
+/// Threading: only the run changes; one builder per thread.
 /// Ownership: keeps the sampler by reference.
 class TileBuilder {
  public:
-  /// In 1 / (1 << kFractionBits): 1/64 px.
+  /// Tolerance of a coordinate, in 1 / (1 << kFractionBits): 1/64 px.
   static constexpr int kFit = 64;
-  /// Of a weight, in 1 / (1 << kWeightBits): 1.5/256. A head with less everywhere in a tile is left out of it where
-  /// others can take its share.
+  /// Tolerance of a weight, in 1 / (1 << kWeightBits): 1.5/256. A head with less than this everywhere in a tile is left
+  /// out where other heads can take its share.
   static constexpr int kWeightFit = 192;
-  /// Of a vignetting gain, in 1/32768 of the table's scale.
+  /// Tolerance of a vignetting gain, in 1/32768 of the table's scale.
   static constexpr int kGainFit = 24;
-  /// The same where rays were sorted into tiles, and lie only about where a picture's pixels would.
+  /// The same for rays that were sorted into tiles: their positions are less regular than the pixels of a picture.
   static constexpr int kGainFitOfRays = 80;
 
-  /// vignetting_scale: BlendTable's; 0 where no vignetting is undone.
+  /// vignetting_scale: BlendTable's; 0 if no vignetting is undone.
   TileBuilder(const RaySampler& sampler, int grid, int vignetting_scale)
       : sampler_(sampler), grid_(grid), vignetting_scale_(vignetting_scale) {}
 
   void append(TileSamples& samples, TileRun& run);
 
  private:
-  /// One head's part in the tile at hand.
+  /// One head's part in the current tile.
   struct Part {
     HeadIndex head = 0;
     int level = 0;

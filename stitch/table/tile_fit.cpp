@@ -3,14 +3,14 @@
 namespace nodal::table {
 namespace {
 
-constexpr double kMiddle = 3.5;  // of a tile: terms are of u = i - 3.5, v = j - 3.5
-/// Added to the diagonal, so that pixels in one row or in a corner also have an answer.
+constexpr double kMiddle = 3.5;  // centre of a tile; the terms are in u = i - 3.5, v = j - 3.5
+/// Added to the diagonal, so that pixels in a single row or corner have a solution too.
 constexpr double kRidge = 1e-3;
 
 template <std::size_t kTerms>
 using Terms = std::array<double, kTerms>;
 
-/// 1, u, v, uv, and uu, vv less their means over a tile.
+/// 1, u, v, uv, and uu and vv minus their means over a tile.
 template <std::size_t kTerms>
 Terms<kTerms> terms_at(std::size_t pixel) {
   constexpr double kMean = 5.25;
@@ -79,7 +79,7 @@ std::array<std::int32_t, 6> rounded(const std::array<double, 6>& fit) {
   const std::int32_t jj = round(fit[5]);
   const std::int32_t i = round(fit[1] - kMiddle * ij - 2 * kMiddle * ii);
   const std::int32_t j = round(fit[2] - kMiddle * ij - 2 * kMiddle * jj);
-  // What the rounded ones have as their mean over the tile is taken from the constant; of ii and jj that is 17.5.
+  // The mean of the rounded terms over the tile is subtracted from the constant; the mean of ii and of jj is 17.5.
   const double mean = kMiddle * i + kMiddle * j + kMiddle * kMiddle * ij + 17.5 * ii + 17.5 * jj;
   return {round(fit[0] - mean), i, j, ij, ii, jj};
 }

@@ -20,15 +20,15 @@ struct Block {
 };
 PixelMask block_mask(const Block& block);
 
-/// Whole numbers by pixel, 8 j + i.
+/// Integers by pixel, at index 8 j + i.
 using PixelValues = std::array<std::int32_t, blend::kTilePixels>;
 
-/// The quadratic that is nearest to `values` over the pixels of `mask` in the least squares, its coefficients rounded
-/// one after the other so that each makes up for what rounding the ones before it has cost. Made of whole numbers by
-/// additions, multiplications and divisions alone: the same on every machine.
+/// The least-squares quadratic of `values` over the pixels of `mask`. Coefficients are rounded one after the other, and
+/// each compensates the rounding errors of those before. Computed from integers by additions, multiplications and
+/// divisions only, so the result is the same on every machine.
 std::array<std::int32_t, 6> fit_quadratic(const PixelValues& values, PixelMask mask);
 
-/// The same of 1, i, j, ij.
+/// The same with the terms 1, i, j, ij only.
 std::array<std::int32_t, 4> fit_bilinear(const PixelValues& values, PixelMask mask);
 
 }  // namespace nodal::table

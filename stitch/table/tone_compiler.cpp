@@ -8,7 +8,7 @@
 namespace nodal::table {
 namespace {
 
-constexpr double kPower = 2.2;  ///< curves are then nearly straight, which few knots suffice for
+constexpr double kPower = 2.2;  ///< makes curves nearly straight, so that few knots suffice
 constexpr std::size_t kShownSteps = 1024;
 
 bool is_power(const Response& response) {
@@ -25,7 +25,8 @@ double light_at(const Response& response, double knot) {
   return geometry::decode(response, std::min(1.0, 1024 * knot / blend::kMaxSample));
 }
 
-/// Through the points (sample 1024 i, part i of kMaxSample); the last so that kMaxSample, in its piece, is kMaxSample.
+/// The curve through the points at samples 1024 i; the last knot is chosen so that the value at kMaxSample is
+/// kMaxSample.
 template <class PartAt>
 blend::ToneCurve curve_through(PartAt part_at) {
   blend::ToneCurve curve;
@@ -41,7 +42,7 @@ blend::ToneCurve to_power(const Response& response) {
   return curve_through([&](double knot) { return std::pow(light_at(response, knot), 1 / kPower); });
 }
 
-/// Straight pieces between a bent curve's own points are off to one side; lowered by half of that, to both.
+/// Chords between points of a curved function err to one side only. Shifting the knots by half of that error halves it.
 blend::ToneCurve to_light(const Response& response) {
   const auto off = [&](double a, double b) {
     return (light_at(response, a) + light_at(response, b)) / 2 - light_at(response, (a + b) / 2);
@@ -53,7 +54,7 @@ blend::ToneCurve to_light(const Response& response) {
   });
 }
 
-/// sRGB's light (IEC 61966-2-1), going on beyond its white.
+/// Light of an sRGB value (IEC 61966-2-1), continued above white.
 double light_of_srgb(double encoded) {
   return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
 }
@@ -101,7 +102,7 @@ blend::ToneTable compile_tone_table(const Calibration& calibration, PixelFormat 
                                   [](const HeadCalibration& head) { return is_power(head.response); });
   for (const HeadCalibration& head : calibration.heads) {
     blend::ToneTable::Head& made = table.heads.emplace_back();
-    // A gamma below one would be an exponent above it; none is in use, and a bent one is better than a wrapped one.
+    // A gamma below 1 would need an exponent above 1, which does not fit: it is clamped instead of wrapping around.
     made.exponent =
         static_cast<std::uint16_t>(std::lround(32768 / std::max(0.5001, powers ? gamma_of(head.response) : kPower)));
     if (!powers) made.curve = to_power(head.response);

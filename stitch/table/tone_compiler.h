@@ -10,13 +10,14 @@
 
 namespace nodal::table {
 
-/// For raymaps of a format. `soft`: ToneTable's.
+/// The tone table for raymaps of format `raymap`. `soft`: ToneTable::soft.
 ///
 /// Threading: thread-safe. Errors: none; the calibration has been checked.
 blend::ToneTable compile_tone_table(const Calibration& calibration, PixelFormat raymap, bool soft = true);
 
-/// The p of light^(1 / p), in which heads are blended for raymaps of linear light: their own numbers, where all of them
-/// have the same gamma; light itself (p = 1), where curves convert to it.
+/// For raymaps of linear light, heads are blended in values of light^(1 / p); this returns p. If all heads have the
+/// same gamma, p is that gamma and their values are blended unchanged; else p is 1, and curves convert the values to
+/// light.
 double linear_power(const Calibration& calibration);
 /// BlendTable::linear.
 std::vector<std::uint16_t> linear_numbers(double power);

@@ -23,7 +23,7 @@ ImageView shape_of(PixelFormat format, int width, int height) {
   return packed_image(format, width, height, static_cast<const std::uint8_t*>(nullptr));
 }
 
-/// Every light has a number, and zero light has number 0.
+/// The numbers of all lights are present, and that of zero light is 0.
 bool is_good_linear(const BlendTable& table) {
   if (!is_linear16(table.format)) return table.linear.empty();
   return table.linear.size() == blend::kLinearSteps && table.linear[0] == 0 && std::ranges::is_sorted(table.linear);
@@ -62,7 +62,7 @@ Status check_shape(const BlendTable& table) {
   return {};
 }
 
-/// Components that share a grid must be those that share it in the format: every plane's samples are written.
+/// Components that share a grid must be those that share it in the format, so that every plane's samples are written.
 Status check_components(const BlendTable& table) {
   const bool chroma = has_chroma(table.format);
   if (table.grids.size() != (chroma ? 2U : 1U)) return invalid(std::to_string(table.grids.size()) + " grids");
@@ -140,10 +140,10 @@ class GridProof {
         seen[at] = true;
       }
     }
-    return true;  // as many as there are, none twice
+    return true;  // the right number, and none twice
   }
 
-  /// Nothing, or the fault of a tile.
+  /// What is wrong with a tile; null: nothing.
   const char* fault_of_tile(int column, int row) {
     const std::size_t t = grid_.tile_index(column, row);
     const Tile& tile = grid_.tiles[t];
@@ -185,7 +185,8 @@ class GridProof {
   }
 
   const char* fault_of_sums(Sharing how, std::size_t records, const std::array<std::int32_t, 64>& rest) const {
-    if (how != Sharing::kOpen || records == 0) return nullptr;  // the last one's weight is one minus the others'
+    if (how != Sharing::kOpen || records == 0)
+      return nullptr;  // the last record's weight is one minus the sum of the others
     return each_pixel([&](int i, int j) -> const char* {
       const std::int32_t left = rest[static_cast<std::size_t>(j * blend::kTile + i)];
       return left == 0 || left == 1 << blend::kWeightBits ? nullptr : "weights sum to neither one nor nothing";
@@ -199,8 +200,8 @@ class GridProof {
     if (level >= table_.sources[record.head()].levels) return "names a level that its head does not have";
     const int width = planes_[record.head()].width >> level;
     const int height = planes_[record.head()].height >> level;
-    const bool small =
-        std::min(width, height) < blend::kPatch;  // then it is read sample by sample, and may reach beyond
+    const bool small = std::min(width, height) <
+                       blend::kPatch;  // then it is read sample by sample, and the patch may extend beyond the plane
     if (small ? record.left >= width || record.top >= height
               : record.left + blend::kPatch > width || record.top + blend::kPatch > height) {
       return "has a patch outside its head's picture";
@@ -251,7 +252,7 @@ class GridProof {
   const GridTable& grid_;
   std::string where_;
   std::array<PlaneView, kMaxHeads> planes_;
-  int inside_x_ = 0;  ///< of the tile at hand, pixels that the grid has
+  int inside_x_ = 0;  ///< columns of the current tile that are inside the grid
   int inside_y_ = 0;
 };
 

@@ -6,11 +6,11 @@
 
 namespace nodal::table {
 
-/// Proves that blend_rows and validity_rows, given heads and a raymap as the table says, read and write only
-/// inside them, never overflow, and that weights sum to exactly one wherever there are any: sizes and grids fit
-/// the format; tiles have their records, weights, lists and gains; heads and levels exist; every patch is inside its
-/// plane, and of every pixel with weight the four samples are inside the patch's rows and the plane; weights and gains
-/// are in range.
+/// Proves that blend_rows and validity_rows, called with heads and a raymap that match the table, read and write only
+/// inside them and never overflow, and that the weights of every covered pixel sum to exactly one. Checks that sizes
+/// and grids fit the format; tiles have their records, weights, lists and gains; heads and levels exist; every patch is
+/// inside its plane; the four samples of every pixel with weight are inside the patch's rows and the plane; weights and
+/// gains are in range.
 ///
 /// Threading: thread-safe.
 /// Errors: kTableInvalid, naming the grid and the tile.
