@@ -130,8 +130,8 @@ void BulkReceiver::consumed(const BulkPiece& piece) {
 std::optional<BulkReceiver::Credit> BulkReceiver::next_credit() {
   for (auto& [id, stream] : streams_) {
     const std::uint64_t allowed = stream.consumed + stream.window;
-    if (stream.stopped || allowed - stream.told < stream.window / 4) continue;
-    stream.told = allowed;
+    if (stream.stopped || allowed - stream.credit_sent < stream.window / 4) continue;
+    stream.credit_sent = allowed;
     return Credit{id, allowed};
   }
   return std::nullopt;

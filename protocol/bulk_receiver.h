@@ -50,7 +50,7 @@ class BulkReceiver {
     bool stopped = false;
     std::uint64_t received = 0;  // item bytes in total
     std::uint64_t consumed = 0;
-    std::uint64_t told = 0;  // the newest credit sent
+    std::uint64_t credit_sent = 0;  // the newest
     // The incomplete item, if next_offset is not 0, and the expected continuation.
     std::uint64_t item = 0;
     std::uint64_t total = 0;

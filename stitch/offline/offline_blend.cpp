@@ -9,7 +9,7 @@
 #include "stitch/blend/blend.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/geometry/head.h"
-#include "stitch/registration/parallel.h"
+#include "stitch/parallel/workers.h"
 
 namespace nodal::offline {
 namespace {
@@ -43,7 +43,7 @@ Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const ta
   const std::vector<PixelFormat> formats(calibration.heads.size(), head_format);
   auto compiler = table::TableCompiler::make(calibration, raymap, formats, options);
   if (!compiler) return fail(compiler.error());
-  const registration::Workers workers(threads);
+  const parallel::Workers workers(threads);
   const int rows = compiler->row_count();
   const int at_once = 4 * workers.threads();  // rows of tiles between two calls of progress()
   for (int done = 0; done < rows;) {
@@ -75,7 +75,7 @@ Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) co
                       std::to_string(source.height) + " (" + std::string(pixel_format_name(source.format)) + ")");
     }
   }
-  const registration::Workers workers(threads_);
+  const parallel::Workers workers(threads_);
   std::vector<Prepared> prepared(heads);
   workers.run(static_cast<int>(heads), [&](int i) {
     const auto h = static_cast<std::size_t>(i);

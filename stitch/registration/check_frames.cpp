@@ -8,7 +8,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr float kBlack = 6;  // levels: nothing in the picture is brighter
+constexpr float kBlack = 6;  // levels: a picture without a brighter pixel is black
 constexpr double kLeastAgreement = 0.4;
 
 std::string quoted(const std::string& name) { return "'" + name + "'"; }
@@ -20,7 +20,7 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
     return fail(Errc::kBadValue, "the calibration has one head; registration needs two or more that overlap");
   }
   if (frame_sets.empty())
-    return fail(Errc::kBadValue, "no frames; give one picture a head, in the calibration's order");
+    return fail(Errc::kBadValue, "no frames; give one picture per head, in the calibration's order");
   for (const FrameSet& frames : frame_sets) {
     if (frames.size() != prior.heads.size()) {
       return fail(Errc::kBadValue, std::to_string(frames.size()) + " pictures for " +
@@ -45,7 +45,7 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
 
 Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyramids) {
   for (std::size_t h = 0; h < pyramids.size(); ++h) {
-    // One good picture among many is enough.
+    // A head needs one picture that is not black; the others may be.
     float brightest = 0;
     for (const Plane& plane : pyramids[h].levels.back())
       brightest = std::max(brightest, std::ranges::max(plane.values));
@@ -92,25 +92,25 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
     return fail(Errc::kHeadMismatch,
                 (wrong.size() == placed ? std::string("the heads' pictures") : "most heads' pictures (" + names + ")") +
                     " have nothing in common where they should overlap; check that they are of one scene and in the "
-                    "calibration's order, that the lens model is right, and start nearer (point pairs)");
+                    "calibration's order and that the lens model is right, or start from point pairs");
   }
   return fail(Errc::kHeadMismatch,
               std::string(wrong.size() == 1 ? "head " : "heads ") + names +
                   " and their neighbours see different things where they should overlap; check that each picture is "
-                  "its head's and all are of one moment, or start nearer (point pairs)");
+                  "of its own head and all were taken at the same moment, or start from point pairs");
 }
 
 std::string lens_misfit(bool focals, double promised) {
   const int percent = static_cast<int>(std::lround(100 * promised));
-  return "the lenses do not fit the pictures (others would take away " + std::to_string(percent) +
-         " % of what is left of the differences), and the rotations make up for it; seek the " +
-         (focals ? "focal lengths, too" : "whole lenses, too, or calibrate them");
+  return "the lenses do not fit the pictures (other lenses would remove " + std::to_string(percent) +
+         " % of the remaining differences), which falsifies the rotations; " +
+         (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
 std::string wrong_lenses(bool focals) {
-  return std::string("the calibration's lenses cannot have taken these pictures, and so they place only some heads; ") +
-         (focals ? "seek the focal lengths, too"
-                 : "check the lens model and the field of view, and seek the lenses, too");
+  return std::string("the calibration's lenses do not fit these pictures, so only some heads can be placed; ") +
+         (focals ? "estimate the focal lengths, too"
+                 : "check the lens model and the field of view, and estimate the lenses, too");
 }
 
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought) {
@@ -122,15 +122,15 @@ std::string wrong_focals(double rms_percent, double mean_percent, double held, d
   const bool one_way = std::abs(mean_percent) > 0.7 * rms_percent;
   return "the calibration's focal lengths are about " + number("%.1f", rms_percent) + " % " +
          (one_way ? mean_percent > 0 ? "too short" : "too long" : "off") +
-         ", and rotations alone cannot make up for that (" + number("%.1f", held) + " levels of difference, " +
-         number("%.1f", sought) + " with the right ones); seek the focal lengths, too";
+         ", and rotations alone cannot compensate for that (the heads differ by " + number("%.1f", held) +
+         " levels, and by " + number("%.1f", sought) +
+         " with estimated focal lengths); estimate the focal lengths, too";
 }
 
 std::string doubtful_seam(const std::string& a, const std::string& b) {
   return "heads " + quoted(a) + " and " + quoted(b) +
-         " do not line up in fine detail; look at their seam: things stand near the rig, their lenses are not right, "
-         "or "
-         "they repeat and are a period off (point pairs help)";
+         " do not line up in fine detail; look at their seam: objects are close to the rig, the lenses are wrong, or a "
+         "repeating pattern is matched one period off (start from point pairs)";
 }
 
 std::string nothing_shared(const Calibration& prior) {

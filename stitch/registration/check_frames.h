@@ -1,4 +1,4 @@
-// Checks that detect unusable frames, with one sentence that says what to try, instead of a plausible but wrong result.
+// Detects frames that would give a plausible but wrong result. Each error is one sentence that says what to try.
 #pragma once
 
 #include <string>
@@ -11,29 +11,29 @@
 
 namespace nodal::registration {
 
-/// Numbers and sizes. Errors: kBadValue, kUnsupported.
+/// Checks numbers and sizes of pictures. Errors: kBadValue, kUnsupported.
 Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame_sets);
 
-/// Errors: kNotDetermined for a black head, kHeadMismatch for one picture given to two heads.
+/// Errors: kNotDetermined if a head is black, kHeadMismatch if two heads have the same picture.
 Status check_light(const Calibration& prior, const std::vector<HeadPyramid>& pyramids);
 
-/// Errors: kNoCoverage when fewer than two heads are left; `why_not` is empty for a head that is placed.
+/// Errors: kNoCoverage if fewer than two heads are placed; `why_not` is empty for a placed head.
 Status check_enough_placed(const Calibration& prior, const std::vector<std::string>& why_not);
 
-/// Checks for heads whose detail differs from their neighbours' in the overlaps.
+/// The heads whose detail differs from their neighbours' in the overlaps.
 std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std::string>& why_not);
-/// Errors: kHeadMismatch when there are any.
+/// Errors: kHeadMismatch if `wrong` is not empty.
 Status check_agreement(const Calibration& prior, const std::vector<std::size_t>& wrong, std::size_t placed);
 
-/// What is said of lenses that cannot have taken the pictures; `focals`: their focal lengths are what is wrong.
-/// `promised`: the share of the differences that other lenses would take away.
+/// Messages for lenses that do not fit the pictures. `focals`: only their focal lengths are wrong. `promised`: the
+/// share of the differences that other lenses would remove.
 std::string lens_misfit(bool focals, double promised);
 std::string wrong_lenses(bool focals);
-/// What is said of focal lengths that are wrong by so many percent, rms and mean: the heads differ by so many levels
-/// with them held, and with them sought.
+/// The message for wrong focal lengths: their errors in percent (rms and mean), and by how many levels the heads differ
+/// if they are held and if they are estimated.
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought);
 
-/// What is said of two placed heads whose fine detail does not line up.
+/// The message for two placed heads whose fine detail does not line up.
 std::string doubtful_seam(const std::string& a, const std::string& b);
 
 std::string nothing_shared(const Calibration& prior);

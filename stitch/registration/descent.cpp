@@ -13,17 +13,17 @@ namespace {
 
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
 constexpr int kMostRefusals = 4;
-constexpr double kGrain = 2e-4;  // of the objective: what rays that come and go at the rims make of it, up or down
+constexpr double kGrain = 2e-4;  // relative noise of the objective, from rays that enter and leave at the rims
 constexpr double kSameObjective =
-    1.001;  // a step that raises the objective by less may still be one in the right direction
-constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are their rounding
+    1.001;                            // a step that raises the objective by less than this factor may still be accepted
+constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are rounding errors
 
-/// Bounds on a step that keep every head's fall-off plausible at some places.
+/// Bounds on a step that keep every head's fall-off plausible at a few radii.
 std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vector<HeadState>& heads) {
   std::vector<solve::Bound> bounds;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const int slot = parameters.slots()[h].vignetting;
-    // Not for a head that starts outside of them.
+    // Not for a head that starts outside these bounds.
     if (slot < 0 || !plausible_fall_off(heads[h].vignetting)) continue;
     const Eigen::Index first = static_cast<Eigen::Index>(h) * parameters.stride() + slot;
     for (const double s : kFallOffPlaces) {
@@ -38,7 +38,7 @@ std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vec
   return bounds;
 }
 
-/// The objective as the descent sees it: nothing where a lens does not rise over its region.
+/// The objective for the descent: nothing where a lens is not monotonic over its region.
 using Evaluation = std::optional<Normal>;
 using Heads = std::vector<HeadState>;
 using Trial = solve::Trial<Heads, Evaluation>;
@@ -67,9 +67,9 @@ class LevelProblem {
     const double here = cost(trial.here), there = cost(trial.there);
     if (there < here) return true;
     if (options_.curvature != Curvature::kCommon || !(there < here * kSameObjective)) return false;
-    // The derivative holds the weights still, the objective does not: near the end the zero of the one is not quite the
-    // minimum of the other. There the promise of the next step, which goes to nothing where the derivative is zero,
-    // decides.
+    // The derivative treats the weights as constant, the objective does not, so near the end the zero of the derivative
+    // is not exactly the minimum of the objective. There a step is accepted if it halves the predicted decrease of the
+    // next step, which is 0 where the derivative is 0.
     const Eigen::VectorXd next = step(trial.state, trial.there, trial.next_damping);
     return promised(trial.there, next) < 0.5 * promised_;
   }
@@ -91,7 +91,7 @@ class LevelProblem {
   const DescentOptions& options_;
   int tried_ = 0;
   bool refused_ = false;  // the latest step
-  double promised_ = 0;   // by the first step tried from the best heads
+  double promised_ = 0;   // the decrease that the first step from the best heads predicted
 };
 
 }  // namespace
@@ -117,7 +117,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   auto end = solve::descend_from(std::move(heads), Evaluation(std::move(*start)), problem,
                                  {.most_steps = options.most_iterations,
                                   .most_refusals = kMostRefusals,
-                                  .enough = kNever,  // ends() decides
+                                  .enough = kNever,  // ends() ends the descent
                                   .sure = kNever,
                                   .first_damping = kFirstDamping,
                                   .least_damping = kLeastDamping,

@@ -12,26 +12,27 @@ namespace nodal::registration {
 struct DescentOptions {
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 25;
-  double turn_rad = 3e-6;  ///< a step that turns every head by less ...
-  double gain = 2e-6;      ///< ... or lowers the objective by a smaller share ends the descent
+  double turn_rad = 3e-6;  ///< the descent ends with a step that turns every head by less than this,
+  double gain = 2e-6;      ///< or that lowers the objective by a smaller fraction than this
   /// After every accepted step (and before the first, as iteration 0): the objective and the largest turn, rad.
   std::function<void(int iteration, double objective, double turn)> accepted;
 };
 
 struct Descended {
   std::vector<HeadState> heads;
-  Normal normal;  ///< there, with derivatives
+  Normal normal;  ///< at the result, with derivatives
   int iterations = 0;
 };
 
-/// A symmetric system of the objective's sums, whose rounding bounds the pivots that mean something.
+/// Solves a symmetric system of the objective's sums. Pivots below the rounding error of these sums count as zero.
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
 
-/// The step to the quadratic model's minimum among the plausible fall-offs; `damping` is a share of each curvature.
+/// The step to the minimum of the quadratic model, with plausible fall-offs only; `damping` is relative to each
+/// curvature.
 Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads, const Normal& normal,
                                 Curvature curvature, double damping);
 
-/// Keeps the best heads so far. Errors: those of evaluating the start.
+/// Returns the best heads that were found. Errors: those of evaluating the start.
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
                           const DescentOptions& options);
 

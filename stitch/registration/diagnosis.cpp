@@ -9,7 +9,7 @@ constexpr std::size_t kMostSingles = 12;  // heads that are tried one by one
 
 enum class Mistake : std::uint8_t { kUpsideDown, kMirrored };
 
-// The same bytes, read from the other end.
+// Views the same bytes in reverse order.
 ImageView undone(ImageView image, Mistake mistake) {
   for (int c = 0; c < component_count(image.format); ++c) {
     PlaneView& plane = image.planes[static_cast<std::size_t>(c)];
@@ -43,8 +43,8 @@ std::optional<std::string> usual_mistake(const Calibration& prior, const std::ve
   std::vector<std::size_t> all(prior.heads.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   std::vector<std::vector<std::size_t>> suspects{wrong};
-  if (wrong != all) suspects.push_back(all);  // where some of them agree by chance
-  // One wrong head may affect all its neighbours; so many at once have another cause.
+  if (wrong != all) suspects.push_back(all);  // some heads may agree by chance
+  // One wrong head may affect all its neighbours. If very many heads disagree, the cause is another one.
   const bool singles = wrong.size() > 1 && wrong.size() <= kMostSingles;
   for (std::size_t k = 0; singles && k < wrong.size(); ++k) suspects.push_back({wrong[k]});
   for (const std::vector<std::size_t>& heads : suspects) {

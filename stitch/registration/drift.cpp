@@ -14,8 +14,8 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kByChance = 4;   // standard deviations
-constexpr double kKnownWell = 2;  // so many must fit into the tolerance
+constexpr double kByChance = 4;   // standard deviations up to which a movement may be chance
+constexpr double kKnownWell = 2;  // standard deviations that must fit into the tolerance
 
 HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const HeadReport& found, double tolerance_px,
                    double focal_px) {
@@ -29,7 +29,7 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   }
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R_was(was.R_head_rig.data()),
       R_is(is.R_head_rig.data());
-  // A ray fixed to the head as it was, in the head as it is: the head turned by the opposite.
+  // The matrix takes a ray from the old head frame to the new one: the head itself turned by the inverse.
   const Eigen::AngleAxisd turn(Eigen::Matrix3d(R_was * R_is.transpose()));
   const Eigen::Vector3d about = turn.angle() * turn.axis() * kDegrees;
   drift.moved_deg = about.norm();
@@ -38,18 +38,18 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   drift.right_deg = about.y();
   drift.roll_deg = about.z();
   if (kKnownWell * drift.sigma_px > tolerance_px) {
-    drift.why = "the detail it shares with others does not hold it well enough";
+    drift.why = "the detail it shares with other heads does not determine it accurately enough";
   } else if (drift.moved_px <= tolerance_px) {
     drift.standing = Standing::kStands;
   } else if (drift.moved_deg > kByChance * drift.sigma_deg) {
     drift.standing = Standing::kMoved;
   } else {
-    drift.why = "it may have moved, or it may be chance; take more frames, or another scene";
+    drift.why = "the measured movement may be chance; take more frames, or another scene";
   }
   return drift;
 }
 
-// A calibration that makes everything darker leaves smaller differences, and is no better for it.
+// Makes the mean log gain 0: otherwise a calibration that darkens everything would have smaller differences.
 void level_gains(std::vector<HeadState>& heads) {
   for (std::size_t c = 0; c < 3; ++c) {
     double sum = 0;
@@ -97,7 +97,7 @@ Result<DriftReport> measure_drift(const Calibration& calibration, const std::vec
 
 Result<std::vector<double>> objectives_of(const std::vector<Calibration>& calibrations,
                                           const std::vector<FrameSet>& frame_sets, const Options& options) {
-  const Workers workers(options.threads);
+  const parallel::Workers workers(options.threads);
   std::vector<double> objectives;
   for (const Calibration& calibration : calibrations) {
     Result<Prepared> ready = prepare(calibration, frame_sets, options, workers);

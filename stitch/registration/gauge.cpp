@@ -15,8 +15,8 @@ Eigen::Vector3d mean_of(const std::vector<Eigen::Vector3d>& turns) {
   return sum / static_cast<double>(turns.size());
 }
 
-// Weiszfeld's iteration: a mean, each counted by how near it is. Turns nearer than `same` count alike, which also keeps
-// the weights finite.
+// Weiszfeld's iteration: a mean with weights 1 / distance. Distances below `same` count as `same`, which keeps the
+// weights finite.
 Eigen::Vector3d geometric_median_of(const std::vector<Eigen::Vector3d>& turns) {
   constexpr double kSame = 1e-6;
   Eigen::Vector3d median = mean_of(turns);
@@ -40,7 +40,7 @@ Eigen::Vector3d geometric_median_of(const std::vector<Eigen::Vector3d>& turns) {
 
 void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::vector<bool>& placed,
                    std::vector<HeadState>& heads) {
-  // The mean of turns is no linear thing; Newton's steps to where it is zero gain digits by the pair.
+  // The mean of rotations is not linear; Newton's method finds where it is zero and converges quadratically.
   for (int round = 0; round < 8; ++round) {
     std::vector<Eigen::Vector3d> turns;
     for (std::size_t h = 0; h < heads.size(); ++h) {

@@ -10,13 +10,13 @@
 
 namespace nodal::registration {
 
-/// Turns the placed heads together, so that their turns away from `start` have mean zero (kMean), or geometric median
-/// zero (kMost): then fewer than half of them may have moved anyhow, and the others' turns are zero all the same.
+/// Turns all placed heads together, so that their turns relative to `start` have mean zero (kMean) or geometric median
+/// zero (kMost). With the median, the turns of heads that did not move are zero if fewer than half of the heads moved.
 void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::vector<bool>& placed,
                    std::vector<HeadState>& heads);
 
-/// What holding the mean does to small changes of the heads' numbers (rows as in Parameters::basis()): the mean of the
-/// placed heads' turns is taken from each, the rest stays.
+/// The effect of the mean gauge on small changes of the heads' parameters (rows as in Parameters::basis()): subtracts
+/// the mean of the placed heads' turns from each turn; other parameters are unchanged.
 Eigen::MatrixXd mean_taken_out(const std::vector<HeadState>& heads, const std::vector<bool>& placed,
                                const Parameters& parameters);
 

@@ -21,7 +21,7 @@ HeadSight sight_of(const HeadState& head, const RadialTable& table, double used_
   sight.level_scale = static_cast<float>(level_scale);
   sight.width = first.width;
   sight.height = first.height;
-  // A level's outermost pixel centres are the last places with neighbours on both sides.
+  // Interpolation is possible up to a level's outermost pixel centres.
   const auto low = [&](double edge) { return static_cast<float>(std::max(edge + margin_px, 0.5 * level_scale)); };
   const auto high = [&](double edge, int pixels) {
     return static_cast<float>(std::min(edge - margin_px, (pixels - 0.5) * level_scale));

@@ -8,9 +8,9 @@
 
 namespace nodal::registration {
 
-/// `planes` are all of one size, at the level where a pixel is `level_scale` full-size pixels; rays nearer than
-/// `margin_px` (full-size) to the region's edge are not seen. The table must outlive the sight. Channels are left to
-/// the caller.
+/// `planes` all have the same size, at the level where a pixel is `level_scale` full-size pixels. Rays closer than
+/// `margin_px` (full-size) to the region's edge are not seen. The table must outlive the sight. The caller fills in the
+/// channels.
 HeadSight sight_of(const HeadState& head, const RadialTable& table, double used_angle,
                    const std::vector<PlaneRef>& planes, double level_scale, double margin_px);
 

@@ -74,8 +74,8 @@ Result<HeadState> HeadState::from(const HeadCalibration& head) {
   state.edge_angle = *angle;
   state.vignetting = head.vignetting.coefficients;
   if (state.vignetting == std::array<double, 3>{}) {
-    // No fall-off so far: its centre and radius mean nothing yet. The centre is the lens's; the radius is the region's,
-    // so that heads of one kind that share a fall-off mean the same by it wherever their centres are.
+    // No fall-off in the prior, so its centre and radius are not set. The centre becomes the lens's, the radius the
+    // region's, so that a fall-off shared by equal heads is the same function for all of them.
     const Region& region = head.region;
     const double across = region.right - region.left, down = (region.bottom - region.top) / head.aspect;
     state.vignetting_radius = std::hypot(across, down) / 2;
@@ -119,7 +119,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
   if (slots.focal >= 0) {
     std::vector<double> radial;
     for (int k = 0; k < slots.radials; ++k) radial.push_back(step[slots.radial + k]);
-    // Far from the goal a step may be absurd; the next one corrects a short one.
+    // Far from the minimum a step may be much too large; it is limited, and the next step corrects it.
     const double log_focal = std::clamp(step[slots.focal], -0.1, 0.1);
     const bool moves = log_focal != 0 || std::ranges::any_of(radial, [](double each) { return each != 0; });
     if (moves) next.lens = changed_lens(head.lens, log_focal, radial, head.edge_angle, head.edge_radius);
@@ -132,7 +132,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
     next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];
   }
   if (slots.vignetting >= 0) {
-    // A step that runs away is shortened, and at last not taken; one that starts outside goes where it wants.
+    // A step to an implausible fall-off is shortened, in the end to zero; not if the start is implausible already.
     for (double share = 1; share > 1e-3; share /= 2) {
       for (std::size_t k = 0; k < kVignettingTerms; ++k) {
         next.vignetting[k] = head.vignetting[k] + share * step[slots.vignetting + static_cast<Eigen::Index>(k)];

@@ -1,4 +1,4 @@
-// Whether the pictures fit the heads' lenses.
+// Measures whether the pictures fit the heads' lenses.
 #pragma once
 
 #include "protocol/base/result.h"
@@ -8,9 +8,9 @@
 
 namespace nodal::registration {
 
-/// The share of the objective that one more step would take away, were focals or whole lenses free, too. Near nothing
-/// when the lenses that are held are right, whatever the noise.
-/// Errors: those of evaluating.
+/// The share of the objective that one more step would remove if focal lengths or whole lenses were estimated, too.
+/// Close to 0 if the lenses are right, independent of noise.
+/// Errors: those of Objective::evaluate().
 Result<double> promised_by(Objective& objective, const std::vector<HeadState>& heads, Sought sought, const Held& held,
                            Free free);
 

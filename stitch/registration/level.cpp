@@ -11,10 +11,10 @@ namespace {
 
 constexpr int kCoarsestWidth = 64;
 constexpr double kCoarseSigma = 2.0, kFineSigma = 1.5;  // level px
-constexpr double kDetailRatio = 4;                      // detail is what a blur this much wider takes away
+constexpr double kDetailRatio = 4;                      // detail is what a blur wider by this factor removes
 
-// Rays a picture's pixel, by level: fine pictures are sampled a little thinner than they are, since they are blurred;
-// coarse ones denser, since they cost nothing.
+// Rays per pixel of a picture, by level. Fine levels have fewer rays than pixels, because pictures are blurred; coarse
+// levels have more, because they are cheap.
 double density_of(int level) { return level <= 1 ? 0.8 : level <= 3 ? 1.2 : 1.6; }
 
 int rounded_width(double width) { return std::max(64, static_cast<int>(std::lround(width / 32)) * 32); }
@@ -24,7 +24,8 @@ LevelPlan plan_level(int level, int width, double per_radian, const Options& opt
   plan.level = level;
   plan.width = width;
   plan.sigma_px = level <= 2 ? kFineSigma : kCoarseSigma;
-  // Near the region's edge the blur has nothing to take from; coarse levels cannot spare what is there.
+  // Close to the region's edge the blur lacks pixels, so a margin is left out; coarse levels are too small for a full
+  // one.
   plan.margin_px = level <= 1 ? 2 * kFineSigma : 1.5;
   plan.focal = options.free != Free::kRotations && level <= 2;
   plan.lens = options.free == Free::kLens && level <= 1;
@@ -34,14 +35,14 @@ LevelPlan plan_level(int level, int width, double per_radian, const Options& opt
   }
   plan.curvature = level <= 1 ? Curvature::kCommon : Curvature::kOwn;
   plan.most_iterations = level == 0 ? 15 : 12;
-  // A thirtieth of a pixel of a coarse level is what the next one finds at a glance; a thousandth at the end.
+  // A coarse level ends at a thirtieth of a pixel, because the next level refines it; the finest at a thousandth.
   plan.turn_rad = (level == 0 ? 0.001 : 0.03 * (1 << level)) / per_radian;
   return plan;
 }
 
 std::vector<std::vector<Plane>> blurred_planes(const LevelPlan& plan, Level::Pictures pictures,
                                                const std::vector<HeadPyramid>& pyramids,
-                                               const std::vector<HeadState>& heads, const Workers& workers) {
+                                               const std::vector<HeadState>& heads, const parallel::Workers& workers) {
   std::vector<std::vector<Plane>> planes(heads.size());
   const double sigma = plan.sigma_px * (1 << plan.level) / pixels_per_radian(heads);
   workers.run(static_cast<int>(heads.size()), [&](int head) {
@@ -77,7 +78,7 @@ std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Op
     plans.push_back(plan_level(level, width, per_radian, options));
     if (last) break;
   }
-  // Whatever is sought must be sought by the finest level there is.
+  // The finest level must estimate all requested parameters.
   LevelPlan& finest = plans.back();
   finest.focal = options.free != Free::kRotations;
   finest.lens = options.free == Free::kLens;
@@ -90,7 +91,7 @@ std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Op
 Result<std::unique_ptr<Level>> Level::make(const LevelPlan& plan, Pictures pictures,
                                            const std::vector<HeadPyramid>& pyramids,
                                            const std::vector<HeadState>& heads, const Options& options,
-                                           double slack_rad, const Workers& workers) {
+                                           double slack_rad, const parallel::Workers& workers) {
   const auto layout = layout_of_width(options.layout, plan.width);
   if (!layout) return fail(layout.error());
   std::unique_ptr<Level> level(new Level);

@@ -1,4 +1,4 @@
-// One level of a registration: the rays of a raymap, and every head's pictures blurred to match.
+// One level of a registration: the rays of a raymap, and every head's pictures with a matching blur.
 #pragma once
 
 #include <memory>
@@ -16,36 +16,37 @@ struct LevelPlan {
   int width = 0;         ///< of the raymap, as if it were equirectangular
   int level = 0;         ///< of the pyramid
   double sigma_px = 0;   ///< of the blur, in the level's pixels
-  double margin_px = 0;  ///< kept from the region's edge, in the level's pixels
+  double margin_px = 0;  ///< distance kept from the region's edge, in the level's pixels
   bool focal = false, lens = false;
-  bool share_lens = false;  ///< all heads' lenses move alike
+  bool share_lens = false;  ///< one lens is estimated for all heads
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 10;
-  double turn_rad = 0;  ///< that ends the descent
+  double turn_rad = 0;  ///< the descent ends when all turns are smaller
 };
 
-/// Full-size pixels a radian of a typical head.
+/// Full-size pixels per radian of a typical head.
 double pixels_per_radian(const std::vector<HeadState>& heads);
 
-/// From coarse to fine. `deepest`: the coarsest level the pyramids have.
+/// The levels, from coarse to fine. `deepest`: the coarsest level of the pyramids.
 std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Options& options, int deepest);
 
-/// Ownership: keeps everything its objective reads. Not to be moved once made.
+/// Ownership: owns everything that its objective reads. Must not be moved.
 class Level {
  public:
   enum class Pictures { kLight, kDetail };
 
-  /// Rays that no two heads may share after turning by `slack_rad` are left out.
+  /// Leaves out rays that two heads cannot share even after turns of `slack_rad`.
   /// Errors: those of the layout.
   static Result<std::unique_ptr<Level>> make(const LevelPlan& plan, Pictures pictures,
                                              const std::vector<HeadPyramid>& pyramids,
                                              const std::vector<HeadState>& heads, const Options& options,
-                                             double slack_rad, const Workers& workers);
+                                             double slack_rad, const parallel::Workers& workers);
   Level(const Level&) = delete;
   Level& operator=(const Level&) = delete;
 
   Objective& objective() { return *objective_; }
-  /// How much less the sums know than their measure says: neighbouring rays see the same blurred pixels.
+  /// The factor by which the sums contain less information than their solid angle suggests, because neighbouring rays
+  /// see the same blurred pixels.
   double pixels_a_sample() const { return pixels_a_sample_; }
 
  private:

@@ -14,7 +14,7 @@ MaskField::MaskField(const HeadCalibration& head) {
   rows_ = (head.height + cell - 1) / cell;
   per_px_ = 1.0F / static_cast<float>(cell);
   const geometry::Masks masks(head.region);
-  constexpr double kFarthest = 1e6;  // px: no margin is as wide
+  constexpr double kFarthest = 1e6;  // px: more than any margin
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
       const double distance = masks.distance({(column + 0.5) * cell, (row + 0.5) * cell}, kFarthest);

@@ -1,4 +1,4 @@
-// How far the places of a head's picture are from its masks, on a coarse grid: for loops over many places.
+// The distance of each point of a head's picture from its masks, on a coarse grid, for fast lookup.
 #pragma once
 
 #include <algorithm>
@@ -16,10 +16,10 @@ class MaskField {
   /// Cells of one pixel, or larger ones in pictures of more than 512 px. 1 MiB at most.
   explicit MaskField(const HeadCalibration& head);
 
-  /// Whether the place, px, is masked or within `margin` px of a mask. Up to a cell's diagonal farther away, too.
+  /// Whether the point (px) is masked or within `margin` px of a mask. May also be true up to a cell's diagonal beyond.
   bool hides(float u, float v, float margin) const {
     const auto cell = [](float at, float per_px, int count) {
-      const float place = at * per_px;  // NaN is in the first cell
+      const float place = at * per_px;  // NaN goes to the first cell
       return place > 0 ? static_cast<std::size_t>(std::min(place, static_cast<float>(count - 1))) : std::size_t{0};
     };
     return distance_[cell(v, per_px_, rows_) * static_cast<std::size_t>(columns_) + cell(u, per_px_, columns_)] <
@@ -29,7 +29,7 @@ class MaskField {
  private:
   int columns_ = 0, rows_ = 0;
   float per_px_ = 1;
-  std::vector<float> distance_;  ///< px, of a cell's nearest place
+  std::vector<float> distance_;  ///< px, from the nearest point of each cell
 };
 
 }  // namespace nodal::registration

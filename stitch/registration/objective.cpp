@@ -11,7 +11,7 @@
 namespace nodal::registration {
 namespace {
 
-// Chunks are fixed by the number of tiles alone, so that the order of sums never depends on the threads.
+// The number of chunks depends on the number of tiles only, so the order of additions does not depend on the threads.
 int chunk_count(std::size_t tiles) { return static_cast<int>(std::clamp<std::size_t>(tiles / 32, 1, 16)); }
 
 struct Workspace {
@@ -86,7 +86,7 @@ void Normal::add(const Normal& other) {
 }
 
 Objective::Objective(const std::vector<Tile>& tiles, std::vector<std::vector<PlaneRef>> planes, double level_scale,
-                     double margin_px, ObjectiveSettings settings, const Workers& workers)
+                     double margin_px, ObjectiveSettings settings, const parallel::Workers& workers)
     : tiles_(tiles),
       planes_(std::move(planes)),
       level_scale_(level_scale),

@@ -31,7 +31,7 @@ std::vector<double> fall_off_seen(const std::vector<HeadState>& heads) {
   }
   std::vector<std::vector<double>> distances(heads.size());
   for (int k = 0; k < kRays; ++k) {
-    // Evenly over the sphere: equal steps down, the golden angle round.
+    // Directions spread evenly over the sphere: equal steps in height, golden angle in longitude.
     const double y = 1 - (2 * k + 1.0) / kRays, round = k * std::numbers::pi * (3 - std::sqrt(5.0)),
                  r = std::sqrt(1 - y * y);
     const Eigen::Vector3d ray(r * std::cos(round), y, r * std::sin(round));
@@ -57,7 +57,7 @@ std::vector<double> fall_off_seen(const std::vector<HeadState>& heads) {
 
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
-                              const Options& options, const Workers& workers) {
+                              const Options& options, const parallel::Workers& workers) {
   Options sum = options;
   sum.norm = Norm::kSum;
   Result<std::unique_ptr<Level>> level =
@@ -87,7 +87,7 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
     HeadDetail mine;
     mine.rms = total > 0 ? std::sqrt(all.aa / total) : 0;
     mine.agreement = all.correlation();
-    // The noise is what the two disagree by, half each.
+    // The noise is the difference of the two, half of it for each.
     const double noise = total > 0 ? all.difference / total / 2 : 0;
     const Eigen::Matrix3d H = normal->hessian(h, h, Curvature::kCommon);
     mine.sigma_rad = total > 0 ? worst_sigma(H / std::max(noise * (*level)->pixels_a_sample(), 1e-12))
@@ -102,7 +102,7 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
 Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
                        const Eigen::MatrixXd& gauge) {
   const Eigen::Index n = parameters.free_count();
-  // Where the common curvature is not positive nothing is known; the own one then at least says how little.
+  // Where the common curvature is not positive it gives no estimate; the own curvature then gives a bound.
   Eigen::MatrixXd H = parameters.hessian(normal, Curvature::kCommon);
   if (n > 0 && Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff() <= 0) {
     H = parameters.hessian(normal, Curvature::kOwn);

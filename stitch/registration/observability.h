@@ -8,41 +8,41 @@
 
 namespace nodal::registration {
 
-/// How one head's detail sits with the others'.
+/// How one head's detail compares with the other heads'.
 struct HeadDetail {
-  double rms = 0;        ///< of its own detail where others see too, levels
-  double agreement = 0;  ///< with the others' there: 1 the same, 0 nothing in common
-  double sigma_rad = 0;  ///< of its rotation about the worst axis, all others known; infinite when undetermined
+  double rms = 0;        ///< of its own detail in the overlaps, levels
+  double agreement = 0;  ///< correlation with the other heads' detail: 1 the same, 0 nothing in common
+  double sigma_rad = 0;  ///< of its rotation about the worst axis, if all others are known; infinite if undetermined
   double shared_sr = 0;
 };
 
-/// Detail is what lies between two blurs: free of gain, fall-off and of a sky's slow shades, which move a head anywhere
-/// at little cost.
+/// Detail is the difference of two blurs. It is free of gain, fall-off and the slow gradients of a sky, which would let
+/// a head move far at little cost.
 struct Detail {
   std::vector<HeadDetail> heads;
   std::vector<PairSums> pairs;  ///< as Normal::pairs
 };
 
-/// With the heads where they are now. `plan` says on which level; a middle one is quiet and still exact. Heads whose
-/// `used` is false take no part: what they disagree by says nothing about the others.
+/// Measures detail with the heads' current rotations, on the level `plan`; a middle level has little noise and is still
+/// accurate. Heads whose `used` is false are ignored, so that their disagreement does not count against the others.
 Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyramid>& pyramids,
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
-                              const Options& options, const Workers& workers);
+                              const Options& options, const parallel::Workers& workers);
 
-/// Of each head, how far apart in its picture the rays lie that it shares: the spread (5th to 95th percentile) of the
-/// distance from the lens's centre squared, 1 at the head's edge; 0 where it shares none. Where it is small a fall-off
-/// cannot be told from a gain.
+/// For each head, the spread (5th to 95th percentile) of the squared distance from the lens's centre over the rays that
+/// it shares, where 1 is the head's edge; 0 if it shares none. If it is small, a fall-off cannot be distinguished from
+/// a gain.
 std::vector<double> fall_off_seen(const std::vector<HeadState>& heads);
 
-/// Below this rms a head has no detail, levels.
+/// A head with a smaller rms than this has no detail, levels.
 inline constexpr double kDullRms = 0.5;
 
-/// Standard deviations of what was sought.
+/// Standard deviations of the estimated parameters.
 struct Certainty {
-  std::vector<double> rotation_rad;  ///< about the worst axis, against what holds the rig
-  std::vector<double> log_focal;     ///< 0 where not sought
+  std::vector<double> rotation_rad;  ///< about the worst axis, relative to the gauge
+  std::vector<double> log_focal;     ///< 0 if not estimated
 };
-/// `gauge`: what the gauge makes of small changes of the heads' numbers (gauge.h); empty when the parameters hold it.
+/// `gauge`: the gauge's effect on small changes of the heads' parameters (gauge.h); empty if the parameters contain it.
 Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
                        const Eigen::MatrixXd& gauge);
 

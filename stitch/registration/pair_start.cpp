@@ -13,8 +13,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kTolerance = 1.5 * kDegree;  // a lens may still be wrong by that
-constexpr double kLeastBase = 2 * kDegree;    // two things nearer to each other hold no turn about them
+constexpr double kTolerance = 1.5 * kDegree;  // the lens may still be wrong by this much
+constexpr double kLeastBase = 2 * kDegree;  // two points closer to each other do not determine the rotation about them
 constexpr std::size_t kMostTried = 1500;
 
 struct Joint {
@@ -24,7 +24,7 @@ struct Joint {
 
 double between(const Vector3d& a, const Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
-// A frame of two directions: the middle, and what is across.
+// An orthonormal frame from two directions: the middle, and across it.
 Matrix3d frame_of(const Vector3d& p, const Vector3d& q) {
   Matrix3d frame;
   frame.col(0) = (p + q).normalized();
@@ -33,7 +33,7 @@ Matrix3d frame_of(const Vector3d& p, const Vector3d& q) {
   return frame;
 }
 
-// The rotation that takes the rays of a nearest to those of b (Kabsch).
+// The least-squares rotation from the rays of a to those of b (Kabsch's algorithm).
 Matrix3d best_rotation(const std::vector<RayPair>& pairs, const Matrix3d& near) {
   Matrix3d sum = Matrix3d::Zero();
   for (const RayPair& pair : pairs) {
@@ -53,7 +53,7 @@ int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a) {
 Joint joint_of(const std::vector<RayPair>& pairs) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
-  // When there are too many, every so many of them: the same ones each time.
+  // If there are too many combinations, a regular subset of them: the same one every time.
   const std::size_t step = 1 + all / kMostTried;
   std::size_t number = 0;
   for (std::size_t i = 0; i < n; ++i) {

@@ -26,19 +26,20 @@ using Eigen::Vector3d;
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMostRounds = 60;
 constexpr double kEnough = 1e-14;                  // of the cost
-constexpr double kDamping = 1e-9;                  // the start is near: steps are nearly Gauss and Newton's
-constexpr double kLeastOutlier = 0.05 / kDegrees;  // by hand nobody is better than that
-constexpr double kFocalSigma = 0.05;  // what a prior's focal length may be off; holds what the pairs do not
+constexpr double kDamping = 1e-9;                  // the start is close, so steps are nearly Gauss-Newton steps
+constexpr double kLeastOutlier = 0.05 / kDegrees;  // pairs set by hand are not more accurate than this
+constexpr double kFocalSigma =
+    0.05;  // relative error of a prior's focal length; determines focal lengths that the pairs do not
 constexpr double kFocalStep = 1e-5;
 constexpr double kMostRms = 2 / kDegrees;
 
-/// Where the heads stand, as far as it is sought.
+/// The estimated parameters of the heads.
 struct Stand {
   std::vector<Matrix3d> R_head_rig;
   std::vector<double> log_focal;  ///< change of the prior's
 };
 
-// The adjustment under way.
+// One adjustment.
 class Bundle {
  public:
   Bundle(const Calibration& prior, const std::vector<PointPair>& pairs, bool focals)
@@ -70,7 +71,7 @@ class Bundle {
   Stand stand_;
   std::vector<bool> placed_, used_;
   std::vector<double> weights_;  // of the pairs
-  std::vector<int> columns_;     // of a head's turn; its focal length is behind; -1: it stays
+  std::vector<int> columns_;     // of a head's turn; its focal length follows; -1: fixed
   int first_ = 0;
   int count_ = 0;
   Eigen::MatrixXd H_;
@@ -111,7 +112,7 @@ Status Bundle::start() {
   std::vector<Matrix3d>& R = stand_.R_head_rig;
   for (const HeadCalibration& head : prior_.heads) R.push_back(geometry::matrix_of(head.R_head_rig));
   stand_.log_focal.assign(R.size(), 0.0);
-  // Of islands that nothing joins the largest is placed; the first of its heads holds the rig.
+  // Of groups that no pair connects, the largest is placed; its first head keeps its rotation.
   std::vector<std::optional<Matrix3d>> found;
   std::ptrdiff_t most = 1;
   for (std::size_t h = 0; h < R.size(); ++h) {
@@ -124,7 +125,7 @@ Status Bundle::start() {
   }
   if (first_ < 0) {
     return fail(Errc::kNoCoverage,
-                "the point pairs join no two heads; give at least two pairs, some degrees apart, for "
+                "the point pairs connect no two heads; give at least two pairs, some degrees apart, for "
                 "two heads that overlap, and check that they belong to these heads");
   }
   for (std::size_t h = 0; h < R.size(); ++h) {
@@ -150,7 +151,7 @@ Result<std::vector<double>> Bundle::errors(const Stand& stand) const {
   return all;
 }
 
-// A robust standard deviation of the errors of pairs that are joined.
+// A robust standard deviation of the errors of pairs between placed heads.
 double Bundle::scale_of(std::vector<double> errors) const {
   std::vector<double> joined_ones;
   for (std::size_t p = 0; p < errors.size(); ++p) {
@@ -171,7 +172,7 @@ Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight
     error += sign * (back * *r);
     int column = column_of(head);
     if (static_cast<int>(head) != first_) {
-      // The head turns by w: its ray is seen in the rig at R^T (r - w x r) = R^T r + R^T (r x w).
+      // If the head turns by w, its ray r is at R^T (r - w x r) = R^T r + R^T (r x w) in the rig.
       Matrix3d cross;
       cross << 0, -r->z(), r->y(), r->z(), 0, -r->x(), -r->y(), r->x(), 0;
       J.block<3, 3>(0, column) += sign * (back * cross);
@@ -189,7 +190,7 @@ Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight
   return {};
 }
 
-// Which pairs are outliers where the heads stand, and how much the others weigh.
+// Finds the outliers for the current rotations, and the weights of the other pairs.
 Status Bundle::reweigh(const Stand& stand) {
   const Result<std::vector<double>> all = errors(stand);
   if (!all) return fail(all.error());
@@ -287,7 +288,7 @@ Result<PairFit> Bundle::fit() const {
     head.name = prior_.heads[h].name;
     head.placed = placed_[h];
     if (!placed_[h]) {
-      head.why_not = "no two point pairs join it to the others";
+      head.why_not = "no two point pairs connect it to the others";
       head.sigma_deg = std::numeric_limits<double>::infinity();
       fit.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
       fit.heads.push_back(head);

@@ -1,5 +1,6 @@
-// Point pairs (§4.4): what two heads saw of one thing, by hand or by another program's features, places heads however
-// far they stand from the prior. Less exact than the pictures themselves: a place to start from.
+// Point pairs (§4.4): pixels of two heads that show the same point of the scene, set by hand or found by another
+// program. They place heads at any distance from the prior, less accurately than the pictures: a start for
+// registration.
 #pragma once
 
 #include <string>
@@ -12,7 +13,7 @@
 
 namespace nodal::registration {
 
-/// One thing in the world as two heads saw it; a pixel's centre is at + 1/2.
+/// One point of the scene in the pictures of two heads; a pixel's centre is at + 1/2.
 struct PointPair {
   std::size_t head_a = 0;
   geometry::Pixel pixel_a;
@@ -31,18 +32,18 @@ struct PairFit {
   Calibration calibration;
   std::vector<HeadReport> heads;
   std::vector<PairAgreement> agreements;
-  std::vector<bool> used;  ///< one a pair: false for what contradicts the rest
+  std::vector<bool> used;  ///< one per pair: false for outliers
   double rms_deg = 0;      ///< of all that are used
   std::vector<std::string> warnings;
 };
 
-/// Turns the heads until the pairs' rays meet: a start from any two pairs of two heads that agree, then a bundle
-/// adjustment on the rays with Huber's norm. With Free::kFocals focal lengths, too. Of islands that no pairs join
-/// the largest is placed; the first of its heads stays.
+/// Estimates rotations (with Free::kFocals focal lengths, too) that bring the pairs' rays together: an initial solution
+/// from two consistent pairs of two heads, then a bundle adjustment on the rays with Huber's norm. If the pairs do not
+/// connect all heads, the largest connected group is placed; the first head of this group keeps its rotation.
 ///
 /// Threading: thread-safe.
-/// Errors: kBadValue for a pair of a head that is not there or a pixel outside its lens; kNoCoverage when no two heads
-///   have two pairs; kHeadMismatch when the pairs contradict each other.
+/// Errors: kBadValue for a pair with an unknown head or a pixel outside its lens; kNoCoverage if no two heads have two
+///   pairs; kHeadMismatch if the pairs contradict each other.
 Result<PairFit> fit_to_pairs(const Calibration& prior, const std::vector<PointPair>& pairs, Free free);
 
 }  // namespace nodal::registration

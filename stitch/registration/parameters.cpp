@@ -5,7 +5,7 @@
 namespace nodal::registration {
 namespace {
 
-// Columns of B as they come: each a list of (row, factor).
+// Collects the columns of B: each is a list of (row, factor).
 class Basis {
  public:
   explicit Basis(int rows) : rows_(rows) {}
@@ -27,7 +27,7 @@ class Basis {
   std::vector<Entry> entries_;
 };
 
-// Sum zero: each free one is set against the last.
+// Keeps the sum zero: each free parameter changes the last one by the opposite.
 void add_zero_sum(Basis& basis, const std::vector<int>& rows) {
   for (std::size_t k = 0; k + 1 < rows.size(); ++k) {
     const int column = basis.add();
@@ -42,7 +42,7 @@ void add_shared(Basis& basis, const std::vector<int>& rows) {
   for (const int row : rows) basis.set(row, column, 1);
 }
 
-// `own` have a column each, and the rest of `all` their mean; one column moves all where none is own.
+// Those in `own` have a column each, and the rest of `all` follows their mean; without any, one column moves all.
 void add_vignetting(Basis& basis, const std::vector<int>& all, const std::vector<int>& own) {
   if (own.empty()) return add_shared(basis, all);
   for (const int row : own) {
@@ -100,7 +100,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
       add_zero_sum(basis, all);
     }
   }
-  std::vector<bool> others = held.light;  // than those whose fall-off follows
+  std::vector<bool> others = held.light;  // heads without a fall-off of their own
   for (std::size_t h = 0; h < heads.size(); ++h) {
     others[h] = others[h] || held.own_vignetting.empty() || !held.own_vignetting[h];
   }

@@ -10,18 +10,18 @@
 namespace nodal::registration {
 
 struct Held {
-  std::vector<bool> geometry;  ///< of a head: it stays where it is, with its lens
-  std::vector<bool> light;     ///< of a head: its gain and fall-off stay, and are no part of the sum that is zero
-  int first = 0;               ///< the head whose rotation holds the rig
-  bool share_lens = false;     ///< all heads' lenses move alike
-  /// Of a head: its fall-off is its own. The others' moves with the mean of these, or with one another where there are
-  /// none. Empty: none.
+  std::vector<bool> geometry;  ///< by head: its rotation and lens are fixed
+  std::vector<bool> light;     ///< by head: its gain and fall-off are fixed, and not part of the zero sum
+  int first = 0;               ///< the head whose rotation is fixed
+  bool share_lens = false;     ///< one lens is estimated for all heads
+  /// By head: it has its own fall-off. All other heads get the mean change of these, or, if there are none, one common
+  /// change. Empty: none.
   std::vector<bool> own_vignetting;
-  bool free_gains = false;  ///< no sum of log gains is held, since some heads' light is known
+  bool free_gains = false;  ///< the sum of log gains is free, because some heads' light is known
 };
 
-/// The heads' numbers as a linear image of the free ones: all = B * free. Sharing, holding and the gauges (the first
-/// head's rotation; log gains with sum zero, a channel) are all in B.
+/// The heads' parameters as a linear function of the free ones: all = B * free. B contains which parameters are shared
+/// or fixed, and the gauges (the first head's rotation; a zero sum of log gains per channel).
 ///
 /// Threading: immutable.
 class Parameters {
@@ -30,7 +30,7 @@ class Parameters {
 
   int free_count() const { return static_cast<int>(basis_.cols()); }
   const std::vector<Slots>& slots() const { return slots_; }
-  /// One row a number of a head: [head * stride + slot].
+  /// One row for each parameter of each head: [head * stride + slot].
   const Eigen::MatrixXd& basis() const { return basis_; }
   int stride() const { return stride_; }
 

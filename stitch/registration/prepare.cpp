@@ -12,7 +12,7 @@ constexpr int kSmallestLevel = 16;  // px on the shorter side of the coarsest pi
 }  // namespace
 
 Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
-                         const Options& options, const Workers& workers) {
+                         const Options& options, const parallel::Workers& workers) {
   if (Status fits = check_frames(calibration, frame_sets); !fits) return fail(fits.error());
   Prepared ready;
   for (const HeadCalibration& head : calibration.heads) {

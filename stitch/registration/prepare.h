@@ -1,4 +1,4 @@
-// The common first steps: the heads' states, the pictures' pyramids of light, and the levels.
+// The first steps of registration and drift: the heads' states, the pictures' pyramids of light, and the levels.
 #pragma once
 
 #include <vector>
@@ -18,6 +18,6 @@ struct Prepared {
 
 /// Errors: those of check_frames() and check_light(); kLensDomain.
 Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
-                         const Options& options, const Workers& workers);
+                         const Options& options, const parallel::Workers& workers);
 
 }  // namespace nodal::registration

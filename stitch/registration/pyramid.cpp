@@ -48,7 +48,7 @@ class RowReader {
   std::array<PlaneGrid, 3> grids_;
 };
 
-// The place of the region that is nearest to a pixel's centre, as a pixel.
+// The pixel of the region that is nearest to a pixel's centre.
 std::pair<int, int> nearest_inside(const Region& region, int i, int j, int width, int height) {
   double x = i + 0.5, y = j + 0.5;
   for (int round = 0; round < 3; ++round) {
@@ -81,13 +81,13 @@ void fill_outside(Plane& plane, const Region& region) {
   }
 }
 
-// Adds tap * (a + b), number by number.
+// Adds tap * (a + b), element by element.
 NODAL_WIDE
 void add_tapped(float tap, const float* a, const float* b, int count, float* sum) {
   for (int i = 0; i < count; ++i) sum[i] += tap * (a[i] + b[i]);
 }
 
-// A symmetric filter: the middle tap, then those on either side. What lies beyond the edge is as at the edge.
+// A symmetric filter: the middle tap, then those on either side. Edge pixels are repeated.
 void filter_across(const Plane& in, const std::vector<float>& taps, Plane& out) {
   const int radius = static_cast<int>(taps.size()) - 1;
   std::vector<float> row(static_cast<std::size_t>(in.width + 2 * radius));
@@ -119,7 +119,7 @@ void filter_down(const Plane& in, const std::vector<float>& taps, Plane& out) {
 std::vector<Plane> light_of(const ImageView& image, const HeadCalibration& head, int channels) {
   const RowReader reader(image);
   const bool linear = head.response.curve == Response::Curve::kLinear;
-  // A finer table than 8 bits, since luminance of three bytes is no byte.
+  // More than 256 entries, because the luminance of three bytes is not an integer.
   std::array<float, 1021> light{};
   for (std::size_t k = 0; k < light.size(); ++k) {
     light[k] = static_cast<float>(255 * geometry::decode(head.response, static_cast<double>(k) / 1020));
@@ -141,7 +141,7 @@ std::vector<Plane> light_of(const ImageView& image, const HeadCalibration& head,
 }
 
 Plane halved(const Plane& plane) {
-  // Binomial [1 5 10 10 5 1] / 32 both ways, between the pixels.
+  // Binomial filter [1 5 10 10 5 1] / 32 along rows and columns, centred between pixels.
   constexpr std::array<float, 6> kTaps{1.0F / 32, 5.0F / 32, 10.0F / 32, 10.0F / 32, 5.0F / 32, 1.0F / 32};
   const int w = plane.width / 2, h = plane.height / 2;
   Plane out = make_plane(w, h);
@@ -192,10 +192,10 @@ double level_variance(int level) {
 
 namespace {
 
-// A picture's px a radian squared, by how far from the lens's centre: what one cone of rays is on it.
+// The squared px per radian of a picture, by distance from the lens's centre: the size of a cone of rays in it.
 class Stretch {
  public:
-  static constexpr int kSteps = 256;  // of the radius squared
+  static constexpr int kSteps = 256;  // equal steps of the squared radius
 
   explicit Stretch(const HeadState& head) : per_step_(kSteps / (head.edge_radius * head.edge_radius)) {
     const Result<geometry::Lens> lens = geometry::Lens::make(head.lens, head.max_angle);
@@ -206,15 +206,15 @@ class Stretch {
       const double slope = lens ? lens->slope(a, r) : 1;
       across_.push_back(q * q);
       extra_.push_back((slope * slope - q * q) / (at * at));
-      // As if the steps were of the radius.
+      // Weights of 1 / radius: the mean is then over equal steps of the radius.
       mean_ += (slope * slope + q * q) / 2 / at;
       radii += 1 / at;
     }
     mean_ /= radii;
   }
-  /// Across the radius.
+  /// Perpendicular to the radius.
   const std::vector<double>& across() const { return across_; }
-  /// What is more along it, by the radius squared.
+  /// The excess along the radius, divided by the squared radius.
   const std::vector<double>& extra() const { return extra_; }
   double per_step() const { return per_step_; }
   double mean() const { return mean_; }
@@ -225,13 +225,14 @@ class Stretch {
   double mean_ = 0;
 };
 
-// What a row's pixels lack in second moments, as factors of second derivatives.
+// The missing second moments of a row's pixels, as factors of second derivatives.
 struct Lack {
   std::array<float, Stretch::kSteps> across, extra;
   float per_step, aspect, already;
 };
 
-// x: of the row's first pixel from the centre, full-size px; the next ones are `scale` apart. y: aspect taken out.
+// x: distance of the row's first pixel from the centre, full-size px; pixels are `scale` apart. y: divided by the
+// aspect.
 NODAL_WIDE
 void put_right(const Lack& lack, const float* p, std::ptrdiff_t w, int count, float x0, float scale, float y,
                float* out) {
@@ -255,7 +256,7 @@ Plane blurred_in_angle(const Plane& plane, int level, const HeadState& head, dou
   const Stretch stretch(head);
   const double base = std::max(sigma2 * stretch.mean() - there, 0.16), already = there + base;
   const Plane smooth = blurred(plane, std::sqrt(base));
-  Lack lack;  // halves, since a Gaussian's second moment acts on half the second derivative
+  Lack lack;  // halved, because a blur adds half its second moment times the second derivative
   for (std::size_t k = 0; k < lack.across.size(); ++k) {
     lack.across[k] = static_cast<float>(sigma2 * stretch.across()[k] / 2);
     lack.extra[k] = static_cast<float>(sigma2 * stretch.extra()[k] / 2);

@@ -1,12 +1,12 @@
-// Pictures as relative light, at full size and in halves of halves.
+// Pictures as relative light, at full size and repeatedly halved.
 #pragma once
 
 #include <vector>
 
 #include "protocol/base/image.h"
 #include "protocol/calibration.h"
+#include "stitch/parallel/workers.h"
 #include "stitch/registration/head_state.h"
-#include "stitch/registration/parallel.h"
 #include "stitch/registration/tile_kernel.h"
 
 namespace nodal::registration {
@@ -18,22 +18,22 @@ struct Plane {
   PlaneRef ref() const { return {values.data(), width, height}; }
 };
 
-/// Luminance (channels 1) or red, green and blue (3) of a picture, its response undone, what is outside the region
-/// replaced by the nearest that is inside, so that no blur brings black borders in.
+/// Luminance (channels 1) or red, green and blue (3) of a picture as light (its response is undone). Pixels outside the
+/// region are replaced by the nearest pixel inside, so that blurs do not mix in black borders.
 std::vector<Plane> light_of(const ImageView& image, const HeadCalibration& head, int channels);
 
-/// Half the size both ways; each pixel is centred on its four.
+/// Halves both sides; each pixel is centred on four pixels of the original.
 Plane halved(const Plane& plane);
-/// Gaussian, edges repeated; sigma in its own pixels, 0: unchanged.
+/// Gaussian blur, edge pixels repeated; sigma in the plane's pixels, 0: unchanged.
 Plane blurred(const Plane& plane, double sigma);
 
-/// What blurs a picture of a pyramid's level already, in its own pixels squared a direction: the pixel itself, the
-/// halvings, and the kernel's interpolation.
+/// The blur that a pyramid's level already has, as a variance per direction in its pixels squared: from the pixel's
+/// area, the halvings, and the kernel's interpolation.
 double level_variance(int level);
 
-/// Gaussian of one width in angle, `sigma_rad`, whatever the lens makes of an angle there: two heads' pictures of one
-/// ray are then blurred alike. A plain blur makes each head's detail lie a little elsewhere, by its own lens's stretch.
-/// A constant Gaussian's second moments are put right, pixel by pixel, by the picture's own second derivatives.
+/// Gaussian blur of constant width in angle, `sigma_rad`, so that the pictures of one ray by two heads have the same
+/// blur. A blur of constant width in pixels would displace detail, because the lens's local scale differs. Computed as
+/// a constant Gaussian whose second moments are corrected, pixel by pixel, with the picture's second derivatives.
 Plane blurred_in_angle(const Plane& plane, int level, const HeadState& head, double sigma_rad);
 
 /// Every head's planes: levels[k][plane], plane = frame set * channels + channel.
@@ -41,7 +41,7 @@ struct HeadPyramid {
   std::vector<std::vector<Plane>> levels;
 };
 
-/// The deepest level is still at least `smallest` pixels on its shorter side, and at most kLevels deep.
+/// Makes at most kLevels levels; the shorter side of the last one has at least `smallest` pixels.
 inline constexpr int kLevels = 6;
 HeadPyramid make_pyramid(std::vector<Plane> planes, int smallest);
 

@@ -17,7 +17,7 @@ struct Overloaded : F... {
 template <class... F>
 Overloaded(F...) -> Overloaded<F...>;
 
-// A polynomial lens is sought up to its fourth coefficient, whether the prior has that many or not.
+// Four coefficients of a polynomial lens are estimated, even if the prior has fewer.
 constexpr std::size_t kPolynomialOrder = 4;
 
 std::vector<double> changed_polynomial(std::vector<double> c, double scale, const std::vector<double>& radial,
@@ -28,7 +28,7 @@ std::vector<double> changed_polynomial(std::vector<double> c, double scale, cons
   return c;
 }
 
-// dr of one unit of log focal and of each coefficient, at angle a with radius r.
+// Derivatives of the radius r at angle a by log focal and by each coefficient.
 struct RadialDerivatives {
   double a, r, edge_angle, edge_radius;
   std::vector<double> operator()(const TsaiLens& lens) const {
@@ -99,7 +99,7 @@ Result<RadialTable> RadialTable::make(const LensModel& model, double max_angle, 
   table.cells_per_t_ = static_cast<float>(1 / cell);
   if (derivatives) table.derivatives_.resize(static_cast<std::size_t>(1 + radial_count(model)));
   for (int i = 0; i <= kCells + 1; ++i) {
-    // The functions have a limit on the axis and perhaps none straight behind; both are approached, not taken.
+    // On the axis the functions are limits, and straight behind they may be infinite: both ends are approached only.
     const double a =
         std::clamp(2 * std::asin(std::min(i * cell, 1.0)), 1e-4, std::min(last_angle, std::numbers::pi - 1e-3));
     const double r = lens->radius(a).value_or(lens->max_radius());

@@ -21,20 +21,20 @@ void set_cone(Tile& tile, const std::vector<Eigen::Vector3d>& rays) {
   Eigen::Vector3d axis = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& ray : rays) axis += ray;
   const double length = axis.norm();
-  double cosine = -1;  // rays that cancel: everywhere
+  double cosine = -1;  // if the rays cancel each other: the whole sphere
   if (length > 1e-9) {
     axis /= length;
     cosine = 1;
     for (const Eigen::Vector3d& ray : rays) cosine = std::min(cosine, axis.dot(ray));
   }
-  // A little more, so that rounding to float never loses a ray.
+  // Slightly larger, so that rounding to float never excludes a ray.
   cosine = std::max(-1.0, cosine - 1e-6);
   for (int k = 0; k < 3; ++k) tile.axis[k] = static_cast<float>(axis[k]);
   tile.cos_radius = static_cast<float>(cosine);
   tile.sin_radius = static_cast<float>(std::sqrt(1 - cosine * cosine));
 }
 
-// False when the places hold no ray that is wanted.
+// False if no ray at these places is wanted.
 bool fill(Tile& tile, const RaymapLayout& layout, const std::vector<Place>& places,
           const std::function<bool(const Tile&)>& wanted) {
   std::vector<Eigen::Vector3d> rays;
@@ -58,7 +58,7 @@ bool fill(Tile& tile, const RaymapLayout& layout, const std::vector<Place>& plac
   return true;
 }
 
-// The places of a layout whose neighbours are no neighbours on the sphere, sorted so that they are.
+// For layouts whose neighbouring pixels have no neighbouring rays: their pixels, sorted so that rays are neighbours.
 std::vector<Place> sorted_places(const RaymapLayout& layout) {
   struct Keyed {
     std::uint64_t key;
@@ -69,7 +69,7 @@ std::vector<Place> sorted_places(const RaymapLayout& layout) {
     for (int i = 0; i < layout.width(); ++i) {
       const std::optional<Ray> ray = layout.ray(i + 0.5, j + 0.5);
       if (!ray) continue;
-      // Along a Z-curve over the cube around the sphere.
+      // In the order of a Z-curve over the cube around the sphere.
       std::uint64_t key = 0;
       for (int bit = 9; bit >= 0; --bit) {
         for (int k = 0; k < 3; ++k) {
@@ -89,13 +89,13 @@ std::vector<Place> sorted_places(const RaymapLayout& layout) {
 }  // namespace
 
 Result<std::unique_ptr<RaymapLayout>> layout_of_width(const std::string& name, int width) {
-  // A cube's faces are as fine in their middle as the equator is.
+  // The centre of a cube's face has the resolution of the equator.
   const int face = std::max(1, width / 4);
   if (name == "cube") return geometry::make_layout(name, 3 * face, 2 * face);
   return geometry::make_layout(name, width, width / 2);
 }
 
-std::vector<Tile> make_tiles(const RaymapLayout& layout, const Workers& workers,
+std::vector<Tile> make_tiles(const RaymapLayout& layout, const parallel::Workers& workers,
                              const std::function<bool(const Tile&)>& wanted) {
   std::vector<Place> sorted;
   if (layout.scattered()) sorted = sorted_places(layout);

@@ -9,12 +9,12 @@
 namespace nodal::registration {
 namespace {
 
-constexpr int kQuickWidth = 512;        // of the raymap where usual mistakes are tried
-constexpr double kFocalsWrong = 1.0;    // percent, rms; a calibrated lens that was focused anew moves by less
-constexpr double kFocalsExplain = 0.7;  // of the objective, at most so much is left with the right ones
+constexpr int kQuickWidth = 512;        // width of the raymap on which common mistakes are tried
+constexpr double kFocalsWrong = 1.0;    // percent, rms; refocusing a calibrated lens changes it by less
+constexpr double kFocalsExplain = 0.7;  // largest share of the objective that may remain with right focal lengths
 
-// Focal lengths that are wrong bend the rotations to make up for them, and the result only looks fine. What they are
-// when they are sought, too, tells them from things that stand near.
+// Wrong focal lengths are compensated by wrong rotations, and the result only looks right. Estimating the focal
+// lengths, too, distinguishes this from objects close to the rig.
 Status check_focals(const Calibration& prior, const std::vector<FrameSet>& frame_sets, const Options& options,
                     double held) {
   Options sought = options;

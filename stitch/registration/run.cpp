@@ -16,11 +16,12 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kLooseSigmaPx = 0.5;  // of the picture, or the raymap where that is coarser: more shows at the seams
-constexpr int kAgreementWidth = 400;   // of a raymap that still shows detail, not only where the sky is
+constexpr double kLooseSigmaPx =
+    0.5;  // pixels of the picture, or of the raymap if that is coarser: more is visible at seams
+constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
 constexpr double kLeastPairAgreement = 0.2;
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
-constexpr double kLensMisfit = 0.15;       // share of the objective; a true lens's is 0.001, by noise and blur 0.05
+constexpr double kLensMisfit = 0.15;  // share of the objective; 0.001 for right lenses, up to 0.05 with noise and blur
 
 }  // namespace
 
@@ -43,15 +44,15 @@ Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
   own_vignetting_.assign(heads_.size(), false);
   if (options_.vignetting == VignettingModel::kOwn) own_vignetting_ = tells;
   if (options_.vignetting != VignettingModel::kFixed && std::ranges::none_of(tells, std::identity())) {
-    // Only the rims' own shades, flare and dark edges would be fitted, and inwards it may come to anything.
+    // The fit would follow flare and dark edges at the rims, and be arbitrary further inwards.
     options_.vignetting = VignettingModel::kFixed;
-    report_.warnings.push_back("the heads share only their rims, which do not tell a fall-off; it stays as it was");
+    report_.warnings.push_back("the heads share only their rims, which do not determine a fall-off; it is not changed");
   }
   return {};
 }
 
 void Run::unplace(std::size_t head, std::string why) {
-  // Its place and lens are the prior's; what is known of its light stays.
+  // Rotation and lens become the prior's again; the estimate of its light is kept.
   HeadState back = start_[head];
   back.log_gain = heads_[head].log_gain;
   back.vignetting = heads_[head].vignetting;
@@ -111,7 +112,7 @@ Status Run::descend_level(const LevelPlan& plan) {
   const Result<Normal> start = objective.evaluate(heads_, sought, false);
   if (!start) return fail(start.error());
   if (start->measure <= 0) {
-    // A thin overlap may be lost in a coarse level's margins; the finest one has to see it.
+    // A narrow overlap may lie within a coarse level's margin; only the finest level has to contain it.
     if (plan.level == plans_.back().level) return fail(Errc::kNoCoverage, nothing_shared(prior_));
     work_done_ += static_cast<double>(plan.width) * plan.width;
     return {};
@@ -138,16 +139,16 @@ Status Run::find_dull_heads() {
     const HeadDetail& head = detail->heads[h];
     loose_sigma_[h] = std::numeric_limits<double>::infinity();
     if (head.shared_sr <= 0) {
-      unplace(h, "it shares no rays with another head where the prior has it");
+      unplace(h, "with the prior's rotations and lenses it shares no rays with another head");
     } else if (head.rms < kDullRms) {
-      unplace(h, "what it shares with other heads has no detail (smooth sky, fog, a bare wall)");
+      unplace(h, "the rays it shares with other heads show no detail (smooth sky, fog, a bare wall)");
     }
   }
   return check_enough_placed(prior_, why_not_);
 }
 
-// Heads that stand right agree on detail of some size: the finest, where they share a nodal point; coarser where things
-// are near and each sees them from its own place.
+// Heads with right rotations agree on detail of some size: on the finest if they share a nodal point; only on coarser
+// detail if objects are close and each head sees them from its own position.
 Status Run::check_agreement() {
   std::optional<Detail> best;
   std::vector<double> pairs;
@@ -183,7 +184,7 @@ Status Run::check_placed(bool& changed) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail->heads[h].sigma_rad;
     if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
-    unplace(h, std::string("the detail it shares with other heads does not hold it in every direction") +
+    unplace(h, std::string("the detail it shares with other heads does not determine its rotation in every direction") +
                    (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
     ++loose_heads_;
     changed = true;
@@ -191,7 +192,7 @@ Status Run::check_placed(bool& changed) {
   return check_enough_placed(prior_, why_not_);
 }
 
-// Heads that are not placed took no part so far; their light is compared with the others' where they stand.
+// Heads that are not placed were ignored so far. This estimates their light, with the prior's rotations.
 Status Run::light_unplaced_heads() {
   if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
   const LevelPlan& plan = detail_plan();
@@ -208,7 +209,7 @@ Status Run::light_unplaced_heads() {
   held.geometry.assign(heads_.size(), true);
   held.free_gains = true;
   for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start->shared[h] <= 0);
-  // Its fall-off changes as the others' do in the mean.
+  // Their fall-offs change by the mean change of the other heads.
   std::array<double, 3> change{};
   const auto placed = static_cast<double>(std::ranges::count(why_not_, std::string()));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
@@ -225,7 +226,7 @@ Status Run::light_unplaced_heads() {
   return {};
 }
 
-// Lenses that are held must be able to take these pictures: a wrong one bends the rotations to make up for it.
+// Fixed lenses must fit the pictures: wrong ones are compensated by wrong rotations.
 Status Run::check_lenses(Objective& objective) {
   if (options_.free == Free::kLens || !options_.geometry) return {};
   const Sought sought = sought_of(plans_.back());
@@ -301,8 +302,8 @@ Result<Report> Run::report() {
   return std::move(report_);
 }
 
-// Coarse levels from the prior; from where a search puts the heads, when they then do not agree. Heads may agree with most
-// of their neighbours and still stand in two groups: pairs tell.
+// Runs the coarse levels from the prior, and, if the heads then disagree, again from the result of a search. Heads can
+// agree with most of their neighbours and still form two separate groups; the count of disagreeing pairs shows this.
 Status Run::descend_coarse() {
   const auto descend_all = [&]() -> Status {
     for (const LevelPlan& plan : plans_) {

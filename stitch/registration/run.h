@@ -1,22 +1,22 @@
-// One registration under way: coarse to fine, the placed heads, the report.
+// One run of registration: its levels from coarse to fine, the placed heads, the report.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "stitch/parallel/workers.h"
 #include "stitch/registration/head_state.h"
 #include "stitch/registration/level.h"
 #include "stitch/registration/observability.h"
-#include "stitch/registration/parallel.h"
 #include "stitch/registration/pyramid.h"
 #include "stitch/registration/registration.h"
 
 namespace nodal::registration {
 
-/// Huber's norm turns linear at so much of the rms difference that a level starts with.
+/// Huber's norm becomes linear at this share of the rms difference at the start of a level.
 inline constexpr double kHuberShare = 1.0;
-/// Heads that share less are not checked for alignment.
+/// Heads that share a smaller solid angle are not checked for alignment.
 inline constexpr double kSmallOverlapSr = 0.02;
 
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
@@ -25,11 +25,11 @@ class Run {
   Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
 
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
-  /// Heads that did not agree with the others when run() failed.
+  /// The heads that disagreed with the others when run() failed.
   const std::vector<std::size_t>& wrong() const { return wrong_; }
-  /// The lenses that were held do not fit, by the focal lengths at least.
+  /// The fixed lenses do not fit the pictures; at least their focal lengths may be wrong.
   bool focals_doubtful() const { return focals_doubtful_; }
-  /// At the end, also of a run() that then failed for its lenses; levels squared.
+  /// The final objective, levels squared; also after a run() that failed because of its lenses.
   double objective_after() const { return report_.objective_after; }
 
  private:
@@ -53,7 +53,7 @@ class Run {
   int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
   Sought sought_of(const LevelPlan& plan) const;
   bool lenses_far_off() const { return options_.lens_far_off && options_.free == Free::kLens && options_.geometry; }
-  /// The finest is noisy where it is of full-size pictures.
+  /// The level on which detail is measured: not the finest, because full-size pictures are noisy.
   const LevelPlan& detail_plan() const {
     return plans_[plans_.back().level == 0 && plans_.size() > 1 ? plans_.size() - 2 : plans_.size() - 1];
   }
@@ -62,18 +62,18 @@ class Run {
   const Calibration& prior_;
   Options options_;
   double huber_share_ = kHuberShare;
-  Workers workers_;
+  parallel::Workers workers_;
   std::vector<HeadPyramid> pyramids_;
   std::vector<HeadState> start_, heads_;
   std::vector<LevelPlan> plans_;
   std::vector<bool> own_vignetting_;
   std::vector<std::string> why_not_;  // empty: placed
   std::vector<double> loose_sigma_;   // of heads that are not placed, rad
-  std::vector<std::size_t> wrong_;    // of the latest check_agreement()
-  std::ptrdiff_t apart_ = 0;          // pairs that have detail in common and do not agree on it, then
+  std::vector<std::size_t> wrong_;    // by the latest check_agreement()
+  std::ptrdiff_t apart_ = 0;          // pairs of heads whose common detail did not agree in that check
   bool focals_doubtful_ = false;
-  int loose_heads_ = 0;         // that have detail, which does not hold them
-  std::optional<Normal> last_;  // at the end of the latest level
+  int loose_heads_ = 0;         // heads whose detail does not determine their rotation
+  std::optional<Normal> last_;  // from the end of the latest level
   double last_pixels_a_sample_ = 1;
   Report report_;
   double work_done_ = 0, work_all_ = 1;

@@ -5,11 +5,11 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kStrictHuber = 0.3;  // of the rms difference: what lines up outweighs what stands near
+constexpr double kStrictHuber = 0.3;  // of the rms difference: lowers the weight of close objects, which do not line up
 
 }  // namespace
 
-// Of the detail that a seam shows on both sides, at the worst of them.
+// The agreement of the heads' detail at the worst seam.
 Result<double> Run::least_agreement() const {
   const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
@@ -20,9 +20,9 @@ Result<double> Run::least_agreement() const {
   return least;
 }
 
-// From a data sheet's lenses there are many valleys, and what stands near the rig decides which one is taken. Plans
-// `first` to before `last` are descended twice, the second time with it counting less; the better of the two is that
-// whose worst seam lines up better.
+// With a data sheet's lenses the objective has many local minima, and objects close to the rig influence which one is
+// reached. Runs levels [first, last) twice, the second time with a lower weight for such objects, and keeps the result
+// whose worst seam agrees better.
 Status Run::choose_valley(std::size_t first, std::size_t last) {
   struct Valley {
     std::vector<HeadState> heads;

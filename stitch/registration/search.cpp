@@ -16,22 +16,22 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kPixelDeg = 1.2;  // about what a pixel of the pictures that are compared spans
-constexpr double kGridDeg = 3.0;   // detail blurred by two such pixels agrees over that
-constexpr int kStride = 2;         // blurred pixels that are taken, both ways
+constexpr double kPixelDeg = 1.2;  // approximate angle of a pixel in the pictures that are compared
+constexpr double kGridDeg = 3.0;   // step of the search: detail blurred by two such pixels still correlates over it
+constexpr int kStride = 2;         // every second blurred pixel is used, in both directions
 constexpr std::size_t kCandidates = 6;
 constexpr double kLeastRays = 40;
 constexpr int kRounds = 6;
-constexpr std::size_t kGlance = 4;     // tiles of which one is taken at a glance
-constexpr std::size_t kLookedAt = 12;  // turns of which one is worth a look
+constexpr std::size_t kGlance = 4;     // the first, rough evaluation uses one tile in this many
+constexpr std::size_t kLookedAt = 12;  // then the best turns, one in this many, are evaluated completely
 
-// One head's blurred detail, as rays of its own frame and as a picture to look into.
+// One head's blurred detail, as rays in its own frame and as a picture to sample.
 struct Sample {
   Plane plane;
   RadialTable table;
   double angle = 0, scale = 1;
   std::vector<Tile> rays;
-  std::vector<std::vector<float>> values;  // of each tile's rays
+  std::vector<std::vector<float>> values;  // for the rays of each tile
 };
 
 struct Candidate {
@@ -49,7 +49,7 @@ int search_level(const HeadPyramid& pyramid, double per_radian) {
   return std::clamp(static_cast<int>(std::lround(level)), 0, static_cast<int>(pyramid.levels.size()) - 1);
 }
 
-// The ray of the head's own frame that a pixel saw, when the head is good there.
+// The ray of a pixel in the head's own frame, if it is inside the region and the lens.
 std::optional<Vector3d> own_ray(const HeadState& head, const geometry::Lens& lens, double u, double v) {
   const Region& region = head.region;
   if (u < region.left || u > region.right || v < region.top || v > region.bottom) return std::nullopt;
@@ -107,7 +107,7 @@ Result<Sample> make_sample(const HeadPyramid& pyramid, const HeadState& head, do
   return sample;
 }
 
-// What the rays of one head and the picture of another have in common under one turn.
+// The correlation of one head's rays with another head's picture, for one turn.
 class Correlator {
  public:
   Correlator(const Sample& from, const HeadState& into, const Sample& picture)
@@ -119,8 +119,8 @@ class Correlator {
     for (float& term : sight_.vignetting) term = 0;
   }
 
-  // How unlikely it is by chance: -n log(1 - correlation^2), so that a large overlap beats a lucky small one.
-  // `step`: only every so many tiles are looked at.
+  // The significance, -n log(1 - correlation^2): a large overlap outweighs a small one that correlates by chance.
+  // `step`: uses only every step-th tile.
   double score(const Matrix3d& R_into_from, std::size_t step = 1) {
     for (int k = 0; k < 9; ++k) sight_.R[k] = static_cast<float>(R_into_from(k / 3, k % 3));
     double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
@@ -172,7 +172,7 @@ Matrix3d turn_by(const Vector3d& w) {
   return angle > 0 ? Eigen::AngleAxisd(angle, w / angle).toRotationMatrix() : Matrix3d::Identity();
 }
 
-// Climbs from a place on the grid by ever smaller steps.
+// Refines a maximum on the grid with decreasing steps.
 Candidate climb(Correlator& correlator, Candidate best) {
   for (double step = kGridDeg / 2; step > kGridDeg / 10; step /= 2) {
     for (bool better = true; better;) {
@@ -197,7 +197,7 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
     const Matrix3d R = turn_by(turn) * prior_b_a;
     if (const double score = correlator.score(R, kGlance); score > 0) all.push_back({R, score});
   }
-  // A glance tells which few are worth a look.
+  // A rough evaluation selects the few turns that are evaluated completely.
   std::ranges::stable_sort(all, std::greater<>(), &Candidate::score);
   all.resize(std::min(all.size(), turns.size() / kLookedAt));
   for (Candidate& each : all) each.score = correlator.score(each.R_b_a);
@@ -215,7 +215,7 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
   return kept;
 }
 
-// Puts heads where the pairs' candidates say, together.
+// Combines the candidates of all pairs into one rotation per head.
 class Assembly {
  public:
   Assembly(const std::vector<HeadState>& heads, const std::vector<Sample>& samples, std::vector<Pair> pairs)
@@ -232,7 +232,7 @@ class Assembly {
   }
 
  private:
-  // Each next head is the one whose best candidate against those placed already is the surest.
+  // Places heads in the order of the significance of their best candidate against the heads placed already.
   void grow(std::size_t first) {
     std::vector<bool> placed(heads_.size(), false);
     placed[first] = true;
@@ -265,7 +265,7 @@ class Assembly {
     return sum;
   }
 
-  // Moves every head to the place that most of its neighbours' candidates support. False when none moved.
+  // Moves every head to the rotation that most of its neighbours' candidates support. False if none moved.
   bool improve(std::size_t first) {
     bool moved = false;
     for (std::size_t head = 0; head < heads_.size(); ++head) {
@@ -296,7 +296,7 @@ class Assembly {
 };
 
 std::vector<Pair> possible_pairs(const std::vector<HeadState>& heads, const std::vector<bool>& used) {
-  // Half of what is searched: farther out the two would share too little to be found.
+  // Half of the searched angle: heads farther apart would share too little to be found.
   const std::vector<Cone> cones = cones_of(heads, 0);
   std::vector<Pair> pairs;
   for (std::size_t a = 0; a < heads.size(); ++a) {
@@ -313,7 +313,7 @@ std::vector<Pair> possible_pairs(const std::vector<HeadState>& heads, const std:
 
 Result<std::vector<HeadState>> search_rotations(const std::vector<HeadPyramid>& pyramids,
                                                 const std::vector<HeadState>& heads, const std::vector<bool>& used,
-                                                const Workers& workers) {
+                                                const parallel::Workers& workers) {
   const double per_radian = pixels_per_radian(heads);
   std::vector<Sample> samples;
   for (std::size_t h = 0; h < heads.size(); ++h) {

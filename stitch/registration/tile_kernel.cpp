@@ -20,7 +20,7 @@ NODAL_INLINE bool any(const float* __restrict values) {
   return all > 0;
 }
 
-// Four values a lane: a cell's two nodes, or a pixel's four neighbours.
+// Four values per lane: a cell's two nodes, or a pixel's four neighbours.
 struct Four {
   const float* __restrict a;
   const float* __restrict b;
@@ -28,7 +28,7 @@ struct Four {
   const float* __restrict d;
 };
 
-// The rays in the head's frame, and their place in the radial table.
+// Computes the rays in the head's frame, and their positions in the radial table.
 NODAL_INLINE void turn(const HeadSight& head, const Tile& __restrict tile, float* __restrict t,
                        TileHead& __restrict out) {
   const float r0 = head.R[0], r1 = head.R[1], r2 = head.R[2], r3 = head.R[3], r4 = head.R[4], r5 = head.R[5],
@@ -50,7 +50,7 @@ NODAL_INLINE void turn(const HeadSight& head, const Tile& __restrict tile, float
   }
 }
 
-// Where the rays fall on the picture: Hermite between two nodes of the table; dz = -4 t dt.
+// Computes the rays' pixels by Hermite interpolation between two nodes of the table; dz = -4 t dt.
 NODAL_INLINE void bend(const HeadSight& head, const float* __restrict t, const Four& nodes, TileHead& __restrict out) {
   const float center_x = head.center_x, center_y = head.center_y, aspect = head.aspect;
   const float per_4 = head.table->cells_per_t() / 4;
@@ -65,14 +65,14 @@ NODAL_INLINE void bend(const HeadSight& head, const float* __restrict t, const F
   }
 }
 
-// Takes the weight from rays that the head does not see. False when it sees none.
+// Sets the weight of rays that the head does not see to 0. False if it sees none.
 NODAL_INLINE bool clip(const HeadSight& head, const float* __restrict t, TileHead& __restrict out) {
   const float max_t = head.table->max_t(), aspect = head.aspect, left = head.left, right = head.right, top = head.top,
               bottom = head.bottom, circle_x = head.circle_x, circle_y = head.circle_y,
               circle_radius2 = head.circle_radius2;
   for (int i = 0; i < kTile; ++i) {
     const float u = out.u[i], v = out.v[i], cx = u - circle_x, cy = v - circle_y;
-    // How far inside, whatever the unit: only the sign counts.
+    // A distance from the edges in any unit: only its sign is used.
     float inside = max_t - t[i];
     inside = std::min(inside, std::min(u - left, right - u));
     inside = std::min(inside, std::min(v - top, bottom - v));
@@ -129,7 +129,7 @@ NODAL_INLINE void interpolate(const Four& taps, float per_gain, float per_scale,
   }
 }
 
-// What a shift of the picture changes: its own gradient, and the fall-off that stays behind.
+// The derivative by a shift of the picture: its own gradient, and the fall-off, which does not shift.
 NODAL_INLINE void full_gradient(const HeadSight& head, TileHead& __restrict out) {
   const float aspect = head.aspect;
   for (int i = 0; i < kTile; ++i) {
@@ -143,7 +143,7 @@ using RowsOut = float (*)[kTile];
 NODAL_INLINE void by_rotation(const TileHead& in, const float* __restrict gu, const float* __restrict gv,
                               float* __restrict jx, float* __restrict jy, float* __restrict jz) {
   for (int i = 0; i < kTile; ++i) {
-    // The ray turns by w x d, so the light changes by w . (d x gradient).
+    // A turn w moves the ray by w x d, so the light changes by w . (d x gradient).
     const float a = gu[i] * in.q[i], b = gv[i] * in.q[i];
     const float c = in.dq_dz[i] * (gu[i] * in.x[i] + gv[i] * in.y[i]);
     jx[i] = in.y[i] * c - in.z[i] * b;
@@ -166,7 +166,7 @@ NODAL_INLINE void by_geometry(const HeadSight& head, const Slots& slots, const T
     }
   }
   if (slots.center >= 0) {
-    // The fall-off moves with the centre, so only the picture's own gradient counts; that is put back.
+    // The fall-off moves with the centre, so its part of the gradient is subtracted again.
     const float per_aspect = 1 / head.aspect;
     float* __restrict ju = J[slots.center];
     float* __restrict jv = J[slots.center + 1];
@@ -218,8 +218,8 @@ NODAL_INLINE void add_weighted(const TileHead& in, RowsOut all, float* __restric
   }
 }
 
-// The mean of the others' gradients along the ray's tangent plane, as one of this head's picture. Along the radius
-// the picture moves by r'(a) a radian, across it by q: r' = q cos a - sin^2 a dq/dz.
+// The mean of the other heads' gradients in the ray's tangent plane, converted to this head's picture. Per radian, the
+// picture moves by r'(a) along the radius and by q across it: r' = q cos a - sin^2 a dq/dz.
 NODAL_INLINE void picture_gradient_of_others(const HeadSight& head, const TileHead& in, Rows all,
                                              const float* __restrict weights, float* __restrict gu,
                                              float* __restrict gv) {
@@ -246,7 +246,7 @@ NODAL_INLINE void picture_gradient_of_others(const HeadSight& head, const TileHe
 
 bool may_see(const HeadSight& head, const Tile& tile) {
   const float c = head.axis[0] * tile.axis[0] + head.axis[1] * tile.axis[1] + head.axis[2] * tile.axis[2];
-  // angle(axes) <= reach + radius, said without an arc cosine.
+  // angle(axes) <= reach + radius, without an arc cosine.
   const float limit = head.cos_reach * tile.cos_radius - head.sin_reach * tile.sin_radius;
   const bool wraps = head.sin_reach * tile.cos_radius + head.cos_reach * tile.sin_radius < 0;
   return wraps || c >= limit;

@@ -10,12 +10,12 @@ namespace nodal::registration {
 
 inline constexpr int kTile = 128;
 
-/// Rays that lie together, rig frame. Places past the last ray repeat it with no solid angle.
+/// Neighbouring rays, in the rig frame. Unused places repeat the last ray with solid angle 0.
 struct alignas(64) Tile {
   float x[kTile], y[kTile], z[kTile];
   float omega[kTile];  ///< sr
   float axis[3] = {0, 0, 1};
-  float cos_radius = 1, sin_radius = 0;  ///< every ray is that near to the axis
+  float cos_radius = 1, sin_radius = 0;  ///< of a cone about the axis that contains all rays
 };
 
 /// One picture of a head at one level of its pyramid, relative light in 8-bit levels (0..255).
@@ -24,26 +24,26 @@ struct PlaneRef {
   int width = 0, height = 0;
 };
 
-/// One head as the kernel reads it, of one state and one level.
+/// One head as the kernel reads it, for one state and one level.
 struct HeadSight {
   float R[9];  ///< rig to head
   const RadialTable* table = nullptr;
   float center_x, center_y, aspect;
-  float left, top, right, bottom;  ///< of the region, drawn in so that every tap is good
+  float left, top, right, bottom;  ///< of the region, reduced so that every tap is inside
   float circle_x, circle_y, circle_radius2;
-  const MaskField* masks = nullptr;  ///< null where nothing is masked
+  const MaskField* masks = nullptr;  ///< null if nothing is masked
   float mask_margin = 0;             ///< full-size px
   float vignetting_x, vignetting_y, per_vignetting_radius2, vignetting[3];
   float gain[3];
-  float level_scale;             ///< full-size pixels a level pixel
+  float level_scale;             ///< full-size pixels per pixel of the level
   int width = 0, height = 0;     ///< of the level
   float axis[3];                 ///< in the rig
-  float cos_reach, sin_reach;    ///< the angle from its axis up to which it sees
-  std::vector<PlaneRef> planes;  ///< frame sets times channels
+  float cos_reach, sin_reach;    ///< of the largest angle from its axis that it sees
+  std::vector<PlaneRef> planes;  ///< number of frame sets times channels
   std::vector<int> channels;     ///< of each plane
 };
 
-/// One head on one tile: the kernel's memory, reused from tile to tile.
+/// One head on one tile: the kernel's working memory, reused for every tile.
 struct alignas(64) TileHead {
   float x[kTile], y[kTile], z[kTile];  ///< the rays in the head's frame
   float fraction[kTile];
@@ -54,43 +54,43 @@ struct alignas(64) TileHead {
   float falloff[kTile];                  ///< V
   float dlog_du[kTile], dlog_dv[kTile];  ///< of V, by the picture's px
   float fx[kTile], fy[kTile];
-  float light[kTile], du[kTile], dv[kTile];  ///< du, dv: by px, gain and V divided out
+  float light[kTile], du[kTile], dv[kTile];  ///< du, dv: derivatives by px; all divided by gain and V
   float error[kTile];                        ///< from the ray's mean
   float share[kTile];                        ///< w / W
-  float active[kTile];                       ///< the weight its difference counts with
-  float gu[kTile], gv[kTile];        ///< of light by the picture's px, aspect taken out, fall-off's share included
-  float gradient[3][kTile];          ///< of light by the ray, rig frame
-  float J[kMaxSlots][kTile];         ///< of light, by the head's slots
-  float J_others[kMaxSlots][kTile];  ///< the same as the other heads on the ray see the light's gradient
+  float active[kTile];                       ///< the weight of its difference
+  float gu[kTile], gv[kTile];        ///< derivatives of light by px without the aspect, including the fall-off's
+  float gradient[3][kTile];          ///< of light by the ray, in the rig frame
+  float J[kMaxSlots][kTile];         ///< derivatives of light by the head's slots
+  float J_others[kMaxSlots][kTile];  ///< the same with the light's gradient from the other heads on the ray
   int cell[kTile];
   int offset[kTile];  ///< of the upper left tap
   int head = 0;
 };
 using Rows = const float (*)[kTile];
 
-/// Per ray of a tile, for one plane.
+/// Values per ray of a tile, for one plane.
 struct alignas(64) TileRays {
   float total[kTile];  ///< W, sum of weights
   float mean[kTile];
-  float measure[kTile];  ///< omega, 0 where fewer than two heads see the ray
+  float measure[kTile];  ///< omega; 0 where fewer than two heads see the ray
   float robust[kTile];   ///< Huber's factor
   float active_total[kTile], active_error[kTile];
-  float cost[kTile];  ///< of the ray, Huber's, without measure
+  float cost[kTile];  ///< Huber's cost of the ray, without measure
 };
 
-/// Whether a head may see anything of a tile.
+/// Whether a head may see any ray of a tile.
 bool may_see(const HeadSight& head, const Tile& tile);
-/// Fills everything up to fx, fy and the taps. False when it sees none of the rays.
+/// Fills in the members up to fx, fy and the taps. False if the head sees none of the rays.
 bool project(const HeadSight& head, const Tile& tile, TileHead& out);
-/// Reads one plane: light, du, dv.
+/// Samples one plane: light, du, dv.
 void sample(const HeadSight& head, int plane, TileHead& out);
-/// Mean, errors, Huber's factors. `huber`: the difference, in levels, from which a ray counts less; 0: never.
-/// Returns false when no ray is seen by two.
+/// Computes mean, errors and Huber's factors. `huber`: the difference, in levels, from which on a ray's weight
+/// decreases; 0: never. Returns false if no ray is seen by two heads.
 bool compare(TileHead* const* heads, int count, const Tile& tile, float huber, bool max_norm, TileRays& rays);
-/// The derivatives of light by the slots, J.
+/// Computes J, the derivatives of light by the slots.
 void differentiate(const HeadSight& head, const Slots& slots, int channel, TileHead& out);
-/// J_others, for all heads of a tile together. The noise in a head's own gradient, squared, makes curvature that is not
-/// there; two heads' noise has nothing in common.
+/// Computes J_others, for all heads of a tile. A head's own gradient squared contains its noise squared, which adds
+/// false curvature; the noise of two heads is independent.
 void differentiate_by_others(const std::vector<HeadSight>& sights, const std::vector<Slots>& slots,
                              TileHead* const* heads, int count);
 

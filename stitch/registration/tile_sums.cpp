@@ -8,7 +8,7 @@
 namespace nodal::registration {
 namespace {
 
-// Lane sums in a fixed tree, so that every register width adds in the same order.
+// Adds lanes in a fixed tree, so that every register width adds in the same order.
 inline double sum_lanes(const float* lanes) {
   float s[kLanes];
   for (int i = 0; i < kLanes; ++i) s[i] = lanes[i];

@@ -49,9 +49,8 @@ int patch_start(Span span, int size, int slack) {
   return std::max(0, std::min(first, size - kPatch));
 }
 
-/// The same for columns, chosen for the cache. A patch that starts at a multiple of 16 has each row in one cache line,
-/// if the picture's stride is a multiple of 16. Otherwise a start is preferred whose rows lie in one cache line in
-/// pictures whose rows begin at a cache line.
+/// The same for columns. Prefers a multiple of 16 (each row of the patch is then in one cache line if the stride is a
+/// multiple of 16), then a start for which that holds if the picture's rows begin at cache lines.
 int patch_left(Span span, int size, int slack) {
   const int most = patch_start(span, size, slack);
   if (most < 0) return most;
@@ -232,9 +231,8 @@ double TileBuilder::square_between_rays(const Part& part) const {
          (plane_grid.step_x * plane_grid.step_y);
 }
 
-/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels. If steps along
-/// rows and columns differ, the larger one is used: a finer level would alias along that direction. Parts for which
-/// square_step() has no value take the coarsest level of the tile's other parts.
+/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels, in the direction
+/// of the larger step, so that it does not alias. Parts without square_step() take the coarsest level of the others.
 void TileBuilder::choose_levels() {
   int others = 0;
   for (const bool small : {false, true}) {

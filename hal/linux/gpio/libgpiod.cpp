@@ -21,7 +21,8 @@ struct ChipCloser {
 };
 using Chip = std::unique_ptr<gpiod_chip, ChipCloser>;
 
-/// Null with errno. gpiod_chip_open_lookup() is not used: it would open any path, and take digits for a number.
+/// Null with errno. gpiod_chip_open_lookup() is not used: it would open any path, and read a name of digits as the
+/// chip's number.
 Chip open_chip(const std::string& name) {
   if (name.find('/') != std::string::npos) {
     errno = ENOENT;

@@ -20,7 +20,7 @@
 namespace nodal::hal::gpio {
 namespace {
 
-/// Above the kernel's threads of interrupts (50) nothing of ours may run.
+/// Below the priority of the kernel's interrupt threads (50).
 constexpr int kPriority = 40;
 
 timespec timespec_of(std::int64_t ns) { return {static_cast<time_t>(ns / 1'000'000'000), ns % 1'000'000'000}; }

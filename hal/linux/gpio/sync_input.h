@@ -1,4 +1,4 @@
-// Numbers the pulses of a line that another device drives, and tells lost edges from doubled ones.
+// Numbers the pulses of a line that another device drives, and distinguishes lost from doubled edges.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 
 namespace nodal::hal::gpio {
 
-/// Predicts every pulse from those before it. An edge within 1/kWindow of a period of a predicted one is that pulse, and
-/// predicted ones in between were lost. Any other edge is doubled (noise, ringing) and is discarded. After kJump
+/// Predicts every pulse from those before it. An edge within 1/kWindow of a period of a predicted one is that pulse,
+/// and predicted ones in between were lost. Any other edge is doubled (noise, ringing) and is discarded. After kJump
 /// discarded edges in a row that are one period apart, the source has a new phase, and they are pulses.
 ///
 /// Threading: thread-bound.
@@ -22,8 +22,8 @@ class SyncInput {
   static constexpr int kFilter = 4;
 
   void start(FrameRate rate, Instant from);
-  /// An edge in order of time; `after_overrun`: the kernel's queue was full before it. Returns the pulse, or nothing when
-  /// the edge is discarded.
+  /// An edge in order of time; `after_overrun`: the kernel's queue was full before it. Returns the pulse, or nothing
+  /// when the edge is discarded.
   std::optional<TriggerEdge> add(Instant at, bool after_overrun);
   const TriggerCounts& counts() const { return counts_; }
 

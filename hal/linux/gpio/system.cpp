@@ -7,7 +7,7 @@ namespace nodal::hal::gpio {
 namespace {
 
 std::string joined(const std::vector<std::string>& chips) {
-  if (chips.empty()) return "this machine shows none";
+  if (chips.empty()) return "this machine has no GPIO chip, or nodald may not open it";
   std::string all = "this machine has ";
   for (std::size_t i = 0; i < chips.size(); ++i) all += (i > 0 ? ", " : "") + chips[i];
   return all;
@@ -30,7 +30,8 @@ Error explain_claim(System& system, const LineName& line, int error) {
                                               joined(system.chips()) + "; correct rig.toml");
     case EINVAL:
       return because(Errc::kNoSuchDevice, "the chip has no line " + std::to_string(line.offset) +
-                                              " that can be used so; " + joined(system.chips()) + "; correct rig.toml");
+                                              " that can be used in this way; " + joined(system.chips()) +
+                                              "; correct rig.toml");
     case EBUSY: {
       const std::string holder = system.holder(line);
       if (holder == "nodald") {

@@ -1,4 +1,4 @@
-// The lines, the clock and the threads that the GPIO ports use, so that tests put a driver of their own in their place.
+// The lines, the clock and the threads that the GPIO ports use, as an interface that tests replace.
 #pragma once
 
 #include <cstddef>

@@ -80,7 +80,8 @@ Status GpioTrigger::check(const TriggerSettings& settings) const {
                 who_ + "rig.toml names no input line to follow; set [trigger] source = \"external\"");
   }
   if (!settings.follow && outputs_.empty()) {
-    return fail(Errc::kUnsupported, who_ + "the line is an input, and drives nothing; set [trigger] source = \"own\"");
+    return fail(Errc::kUnsupported,
+                who_ + "the line is an input and cannot send pulses; set [trigger] source = \"own\"");
   }
   if (settings.active_high != lines_.active_high) {
     return fail(Errc::kUnsupported, who_ + "the polarity is fixed while nodald runs; set it in rig.toml");

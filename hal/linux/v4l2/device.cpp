@@ -107,10 +107,10 @@ Result<std::unique_ptr<Device>> open_device(System& system, const std::string& h
   // Several nodes on one bus address are one device; the first is its main stream.
   if (!on_bus.empty()) return std::move(on_bus.front());
   if (by_card.size() == 1) return std::move(by_card.front());
-  if (by_card.empty()) return fail(no_such(head, "no device is called so; " + seen_devices(system)));
+  if (by_card.empty()) return fail(no_such(head, "no device has this name; " + seen_devices(system)));
   std::string all;
   for (const auto& device : by_card) all += (all.empty() ? "" : ", ") + device->node() + " on " + device->bus();
-  return fail(Errc::kBadValue, "head '" + head + "': " + all + " are all called so; name the bus instead");
+  return fail(Errc::kBadValue, "head '" + head + "': " + all + " all have this name; name the bus instead");
 }
 
 std::vector<HeadIdentity> list_devices(System& system) {

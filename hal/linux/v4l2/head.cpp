@@ -93,9 +93,9 @@ void V4l2Head::post_stream(bool again) {
   }
   worker_.post([channel = channel_, &clock = clock_, start = ++starts_, again, to_queue = std::move(to_queue)] {
     const Status done = again ? channel->stream.restart(to_queue) : channel->stream.begin(channel->request.buffers);
-    Channel::Report told{Channel::Report::About::kStream, start, clock.now(), std::nullopt, {}, false};
-    if (!done) told.error = done.error();
-    report(*channel, std::move(told));
+    Channel::Report result{Channel::Report::About::kStream, start, clock.now(), std::nullopt, {}, false};
+    if (!done) result.error = done.error();
+    report(*channel, std::move(result));
   });
 }
 

@@ -37,7 +37,7 @@ std::string fourcc_text(std::uint32_t code) {
 Result<Layout> make_layout(const FourCc& format, int width, int height, std::span<const std::uint32_t> strides) {
   const std::string what = fourcc_text(format.code) + " of " + std::to_string(width) + "x" + std::to_string(height);
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
-    return fail(Errc::kDeviceFailed, "the driver offers " + what + ", which is no size of a picture");
+    return fail(Errc::kDeviceFailed, "the driver offers " + what + ", which is not a valid size; choose another size");
   }
   NODAL_ASSERT(strides.size() >= static_cast<std::size_t>(format.memory_planes));
   Layout layout;

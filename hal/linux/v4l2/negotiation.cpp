@@ -105,7 +105,7 @@ Result<FourCc> choose_format(const Device& device, PixelFormat pixels) {
   }
   return fail(unsupported(device, "does not deliver " + std::string(pixel_format_name(pixels)) + "; it delivers " +
                                       joined(names) +
-                                      " (YU12 is I420, GREY, YUYV, UYVY and NV12 are called so, RGB3 "
+                                      " (YU12 is I420, GREY, YUYV, UYVY and NV12 keep their names, RGB3 "
                                       "is RGB24); change format in rig.toml"));
 }
 

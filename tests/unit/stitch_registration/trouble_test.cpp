@@ -144,7 +144,8 @@ TEST(Register, FocalsTwoPercentOffAndNotSought_AreRefusedWithHowFarOffTheyAre) {
     EXPECT_EQ(report.error().code, Errc::kHeadMismatch);
     const std::string says = percent > 0 ? "about 2.0 % too long" : "about 2.0 % too short";
     EXPECT_NE(report.error().message.find(says), std::string::npos) << report.error().message;
-    EXPECT_NE(report.error().message.find("seek the focal lengths, too"), std::string::npos) << report.error().message;
+    EXPECT_NE(report.error().message.find("estimate the focal lengths, too"), std::string::npos)
+        << report.error().message;
   }
 }
 

@@ -1,17 +1,18 @@
-// Work cut into chunks whose number does not depend on the number of threads, so that sums taken chunk by chunk are
-// the same to the bit however many there are.
+// Runs chunks of work on several threads. If the number of chunks does not depend on the number of threads, sums that are
+// computed chunk by chunk are the same to the bit for any number of threads.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
 #include <vector>
 
-namespace nodal::registration {
+namespace nodal::parallel {
 
 /// Threading: thread-bound; run() starts its threads and waits for them.
 class Workers {
  public:
-  /// 0: one a core.
+  /// `threads` 0: one per core.
   explicit Workers(int threads)
       : threads_(threads > 0 ? threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()))) {}
 
@@ -21,12 +22,12 @@ class Workers {
   template <class Work>
   void run(int chunks, const Work& work) const {
     std::atomic<int> next{0};
-    const auto labour = [&] {
+    const auto work_off = [&] {
       for (int i = next.fetch_add(1); i < chunks; i = next.fetch_add(1)) work(i);
     };
     std::vector<std::thread> others;
-    for (int t = 1; t < std::min(threads_, chunks); ++t) others.emplace_back(labour);
-    labour();
+    for (int t = 1; t < std::min(threads_, chunks); ++t) others.emplace_back(work_off);
+    work_off();
     for (std::thread& other : others) other.join();
   }
 
@@ -34,4 +35,4 @@ class Workers {
   int threads_;
 };
 
-}  // namespace nodal::registration
+}  // namespace nodal::parallel
