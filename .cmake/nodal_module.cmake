@@ -1,17 +1,16 @@
 # nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE] [HARDENED])
 #
-# One folder, one library, called as its folder with _ for /. What it may include is its folder's line in
-# .cmake/includes.txt: a header of a module that is not named there is not on the compiler's path, because every
-# module's headers are reached through a folder of links that holds nothing else. A header that includes another
-# module's header makes its users name both.
+# Defines the library of one folder, named after the folder with _ for /. It may include the modules that its folder's
+# line in .cmake/includes.txt names. Other headers are not on the compiler's path, because each module's headers are in a
+# folder of links of their own. If a header includes another module's header, users of the first must name both.
 #
-# With EXECUTABLE the module is a program called NAME (OUTPUT renames the file). SEES names what a program sees besides
-# its folder's line, and all that a module of tests/ sees, whose folders have no line. HARDENED is for code that reads
-# what peers, devices and files say: it is compiled with stack protection and checked library calls. Numeric kernels are
-# not, since they read checked tables only and are measured by the millisecond.
+# With EXECUTABLE the module is a program called NAME (OUTPUT renames the file). SEES: for a program, modules in addition
+# to its folder's line; for a module of tests/, whose folders have no line, all modules. HARDENED is for code that reads
+# data from peers, devices and files: it is compiled with stack protection and checked library calls. Numeric kernels are
+# not, because they read only checked tables and their time matters.
 set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/.cmake/includes.txt)
 
-# The modules that the line of `folder` names: of a header, the one that holds it.
+# The modules that the line of `folder` names; for a header, the module that contains it.
 function(nodal_line_of folder result)
   file(READ ${CMAKE_SOURCE_DIR}/.cmake/includes.txt table)
   string(REGEX REPLACE "\n[ \t]+" " " table "${table}")

@@ -1,10 +1,9 @@
 # nodal_test(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... LABELS label ...
 #            [TIMEOUT seconds] [SERIAL])
 #
-# One GoogleTest program of one line; each of its tests is a ctest of its own. LABELS says what kind it is
-# (unit, conformance, scenario, crash, data, tidy, ...), so that `ninja tests_unit` builds and `ctest -L unit`
-# runs a kind. Tests may include any module that SEES names. NODAL_SOURCE_DIR is the checkout; NODAL_SHARED_DIR,
-# the test data beside it, which may not be there.
+# Defines a GoogleTest program; each of its tests is a separate ctest. LABELS gives its kind (unit, conformance, scenario,
+# crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Tests may include the
+# modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it, which may be absent.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
@@ -23,8 +22,8 @@ function(nodal_test name)
     list(APPEND links nodal_package_${package})
   endforeach()
   target_link_libraries(${test} PRIVATE nodal_flags ${links} GTest::gtest GTest::gtest_main)
-  # Only for sources that ask for them: the rest then compile to the same objects in every checkout, which a
-  # compiler cache makes use of.
+  # Only for sources that use them, so that all others compile to the same objects in every checkout and a compiler cache
+  # can reuse them.
   foreach(source IN LISTS ARG_SOURCES)
     file(STRINGS ${source} asks REGEX "NODAL_(SOURCE|SHARED|BIN)_DIR" LIMIT_COUNT 1)
     if(asks)

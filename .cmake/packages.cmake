@@ -1,6 +1,6 @@
-# The libraries of Debian that Nodal uses, each as a target nodal_package_NAME that a module asks for with
-# PACKAGES NAME. Header-only ones outside /usr/include need a name too, so that SEES and PACKAGES together
-# are everything a module can reach.
+# The Debian libraries that Nodal uses, each as a target nodal_package_NAME that a module requests with PACKAGES NAME.
+# Header-only libraries outside /usr/include need a target, too, so that SEES and PACKAGES name everything that a module
+# can include.
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 
@@ -26,8 +26,8 @@ nodal_pkgconfig_package(seccomp libseccomp)
 nodal_pkgconfig_package(zlib zlib)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
 nodal_pkgconfig_package(gpiod libgpiod>=1.6 libgpiod<2)
-# Debian has yaml-cpp's development files for one architecture at a time: the headers serve all, and a cross build
-# links the library itself.
+# Debian's yaml-cpp development files can be installed for one architecture only: their headers serve all architectures,
+# and a cross build links the library file directly.
 find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 REQUIRED)
 nodal_package(yaml ${NODAL_YAML_LIBRARY})
 nodal_package(json)      # nlohmann-json: headers in /usr/include

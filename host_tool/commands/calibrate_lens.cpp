@@ -194,7 +194,7 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_calibrate(CLI::App& app, CommandLine& line) {
-  CLI::App* group = add_command(app, "calibrate", "Find out what heads do to rays and to light; needs no rig", "");
+  CLI::App* group = add_command(app, "calibrate", "Measure lenses and light of heads; needs no rig", "");
   group->require_subcommand(1);
   CLI::App* lens =
       add_command(*group, "lens", "A head's lens from photographs of the pattern",

@@ -136,7 +136,7 @@ void add_calibrate_light(CLI::App& group, CommandLine& line) {
       "light.\n");
   auto args = std::make_shared<Args>();
   light->add_option("FILE", args->file, "The calibration, registered, JSON")->required()->type_name("");
-  light->add_option("PICTURES", args->pictures, "Folders with pictures called as the heads are, or the pictures")
+  light->add_option("PICTURES", args->pictures, "Folders with pictures named after the heads, or the pictures")
       ->required()
       ->type_name("");
   light->add_option("--stops", args->stops, "How much more light each set got, in stops, such as -1,0,1")

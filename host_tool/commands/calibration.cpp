@@ -80,7 +80,7 @@ Status run_upload(Context& context, const Args& args) {
   const Result<Calibration> calibration = read_calibration(args.file, &content);
   if (!calibration) {
     if (content.empty() || !args.unchecked) return fail(calibration.error());
-    context.console().warning(calibration.error().text() + "; sent all the same, since --unchecked");
+    context.console().warning(calibration.error().text() + "; sent nevertheless because of --unchecked");
   }
   const Result<std::string> signature = read_signature(args);
   if (!signature) return fail(signature.error());
@@ -115,7 +115,7 @@ Status run_list(Context& context) {
   }
   context.console().document({{"calibrations", list}});
   if (list.empty()) {
-    context.console().line("the rig has no calibration; `nodal calibration upload FILE` brings one");
+    context.console().line("the rig has no calibration; `nodal calibration upload FILE` uploads one");
     return {};
   }
   for (const std::string& line : table.lines()) context.console().line(line);
@@ -196,8 +196,7 @@ Status run_check(Context& context, const Args& args) {
 }  // namespace
 
 void add_calibration(CLI::App& app, CommandLine& line) {
-  CLI::App* group =
-      add_command(app, "calibration", "The rig document: check it, upload it, choose among the rig's", "");
+  CLI::App* group = add_command(app, "calibration", "The calibration of the rig: check, upload, list, choose", "");
   group->require_subcommand(1);
   auto args = std::make_shared<Args>();
   const auto add = [&](const std::string& name, const std::string& description, const std::string& examples) {
@@ -206,13 +205,13 @@ void add_calibration(CLI::App& app, CommandLine& line) {
 
   CLI::App* upload = add("upload", "Check a calibration, send it, and put it in force between two frame sets",
                          "  nodal calibration upload rig.json\n"
-                         "An upload that is cut off goes on where it stopped, even by a second `nodal`.\n");
+                         "An interrupted upload continues where it stopped, also in a second run of `nodal`.\n");
   upload->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   CLI::Option* unchecked =
       upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
   upload->add_flag("--trial", args->trial, "Keep it only if the heads differ by less with it; else the rig goes back")
       ->excludes(unchecked);
-  upload->add_option("--signature", args->signature, "What ssh-keygen -Y sign made of it; FILE.sig when not given")
+  upload->add_option("--signature", args->signature, "Its signature by ssh-keygen -Y sign; FILE.sig when not given")
       ->type_name("FILE");
   line.on(upload, [args](Context& context) { return run_upload(context, *args); });
 
@@ -230,10 +229,10 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   use->add_option("ID", args->id, "The first digits of its id")->required()->type_name("");
   line.on(use, [args](Context& context) { return run_use(context, *args); });
 
-  line.on(add("rollback", "Back to the calibration that was in force before", "  nodal calibration rollback\n"),
+  line.on(add("rollback", "Go back to the calibration that was in force before", "  nodal calibration rollback\n"),
           run_rollback);
 
-  CLI::App* check = add("check", "Say whether a file is a good calibration, and what it means; needs no rig",
+  CLI::App* check = add("check", "Check a calibration file and describe it; needs no rig",
                         "  nodal calibration check rig.json\n"
                         "  nodal calibration check rig.json --json | jq .unseen\n");
   check->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");

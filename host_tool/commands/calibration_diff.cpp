@@ -72,11 +72,12 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_calibration_diff(CLI::App& group, CommandLine& line) {
-  CLI::App* diff = add_command(group, "diff", "How far apart two calibrations are, head by head; needs no rig",
-                               "  nodal calibration diff before.json after.json\n"
-                               "  nodal calibration diff a.json b.json --json | jq '.heads[].turned_deg'\n"
-                               "Degrees are told raw and after the turn of the whole rig that brings the two nearest\n"
-                               "together; pixels are where a ray falls, by place and lens, and by the lens alone.\n");
+  CLI::App* diff = add_command(
+      group, "diff", "Compare two calibrations, head by head; needs no rig",
+      "  nodal calibration diff before.json after.json\n"
+      "  nodal calibration diff a.json b.json --json | jq '.heads[].turned_deg'\n"
+      "Degrees are given as they are, and after the rotation of the whole rig that brings the two\n"
+      "closest; pixels are the distance of a ray's images, for rotation and lens, and for the lens alone.\n");
   auto args = std::make_shared<Args>();
   diff->add_option("A", args->a, "The first calibration, JSON")->required()->type_name("");
   diff->add_option("B", args->b, "The second")->required()->type_name("");

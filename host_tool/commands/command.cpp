@@ -116,17 +116,17 @@ CommandLine::CommandLine(Console& console)
       context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
   app_.formatter(std::make_shared<OrderedHelp>());  // before there are subcommands, because they inherit it
-  app_.set_help_flag("-h,--help", "Explain, and stop");
-  app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Say the version, and stop");
+  app_.set_help_flag("-h,--help", "Print this help and exit");
+  app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Print the version and exit");
   app_.require_subcommand(1);
   app_.footer(footer());
-  app_.add_option("--rig", context_.rig, "Where the rig is: unix:PATH or ssh://[USER@]HOST[:PORT]")
+  app_.add_option("--rig", context_.rig, "Address of the rig: unix:PATH or ssh://[USER@]HOST[:PORT]")
       ->type_name("ADDRESS")
       ->check(checked_by([](const std::string& text) { return parse_rig_address(text, "ssh"); }));
-  app_.add_option("--timeout", context_.timeout, "How long the rig may take to answer (10s when not given)")
+  app_.add_option("--timeout", context_.timeout, "Longest time for an answer of the rig (10s when not given)")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
-  app_.add_flag("--json", context_.json, "Answer in JSON, one document a line, for programs");
+  app_.add_flag("--json", context_.json, "Print JSON for programs, one document per line");
   add_status(app_, *this);
   add_heads(app_, *this);
   add_hosts(app_, *this);

@@ -73,7 +73,7 @@ std::string verdict_on(const HeadDrift& head) {
   switch (head.standing) {
     case Standing::kStands: return "stands as calibrated";
     case Standing::kMoved: return "has moved";
-    case Standing::kUnknown: return "cannot be told: " + head.why;
+    case Standing::kUnknown: return "unknown: " + head.why;
   }
   return "";
 }
@@ -87,8 +87,9 @@ void tell(Console& console, const DriftReport& report) {
                known ? fmt::format("{:.2g}°", head.sigma_deg) : std::string("?"), verdict_on(head)});
   }
   for (const std::string& line : table.lines()) console.line(line);
-  console.line(fmt::format("where they overlap the heads differ by {:.2f} levels; stood they as now found, by {:.2f}",
-                           std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
+  console.line(
+      fmt::format("where they overlap the heads differ by {:.2f} levels; with the rotations found now, by {:.2f}",
+                  std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
 }
 
 /// A sentence that names the heads that moved; empty if none moved.
@@ -100,8 +101,9 @@ std::string verdict(const DriftReport& report, bool live) {
                          head.moved_px);
   }
   if (moved.empty()) return "";
-  return "the rig is no longer as it was calibrated: moved " + moved +
-         (live ? "; `nodal register --trial` registers it anew as it runs" : "; `nodal register` registers it anew");
+  return "the rig is no longer as calibrated; moved: " + moved +
+         (live ? "; `nodal register --trial` registers the running rig again"
+               : "; `nodal register` registers it again");
 }
 
 Status run(Context& context, const Args& args) {
@@ -127,7 +129,7 @@ Status run(Context& context, const Args& args) {
   context.console().document(to_json(*report, options.tolerance_px));
   tell(context.console(), *report);
   for (const std::string& warning : report->warnings) context.console().warning(warning);
-  if (!args.out.empty()) context.console().line("wrote how the heads stand now to " + args.out);
+  if (!args.out.empty()) context.console().line("wrote the calibration with the current rotations to " + args.out);
   if (const std::string moved = verdict(*report, live); !moved.empty()) {
     context.console().warning(moved);
     context.answer = ExitCode::kJudged;
@@ -139,7 +141,7 @@ Status run(Context& context, const Args& args) {
 
 void add_drift(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "drift", "Say whether the heads still stand as calibrated, from what they see of each other now",
+      app, "drift", "Check whether the heads still stand as calibrated, from their current pictures",
       "  nodal drift                            the running rig against its calibration in force\n"
       "  nodal drift --json | jq -r '.heads[] | select(.standing == \"moved\") | .name'\n"
       "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
@@ -154,7 +156,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
   command->add_option("--tolerance", args->options.tolerance_px, "Pixels a head may be off (0.5 when not given)")
       ->type_name("PX")
       ->check(CLI::Range(0.001, 1000.0));
-  command->add_option("-o,--out", args->out, "Save the calibration with the heads as they stand now")
+  command->add_option("-o,--out", args->out, "Save the calibration with the heads' current rotations")
       ->type_name("FILE");
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")

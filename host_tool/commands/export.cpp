@@ -79,14 +79,15 @@ void add_export(CLI::App& app, CommandLine& line) {
                   "  nodal export rig.json --format pto --square-pixels         pictures resampled first\n"
                   "  nodal export rig.json --format opencv -o cam.yaml          one file a head\n"
                   "Formats: pto (Hugin), pts (PTGui), ptv (VideoStitch), surround360, opencv, kalibr. What a format\n"
-                  "cannot hold is fitted, and how far off that is, is told for every head, in pixels.\n");
+                  "cannot represent is approximated; the error is printed for every head, in pixels.\n");
   auto args = std::make_shared<Args>();
   command->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")
       ->required()
       ->type_name("pto|pts|ptv|surround360|opencv|kalibr")
       ->check(checked_by([](std::string_view name) { return interchange::export_format_named(name); }));
-  command->add_option("-o,--out", args->out, "Where to; by the calibration's name when not given")->type_name("FILE");
+  command->add_option("-o,--out", args->out, "The file to write; named after the calibration when not given")
+      ->type_name("FILE");
   command->add_option("--images", args->images, "The heads' pictures, in order, as the file should name them")
       ->type_name("FILE");
   command->add_flag("--square-pixels", args->square_pixels,

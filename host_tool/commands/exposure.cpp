@@ -126,16 +126,16 @@ Status run_set(Context& context, const Args& args) {
 }  // namespace
 
 void add_exposure(CLI::App& app, CommandLine& line) {
-  CLI::App* exposure =
-      add_command(app, "exposure", "Who sets shutters and gains: hosts, every head, or all together", "");
+  CLI::App* exposure = add_command(
+      app, "exposure", "Who sets shutters and gains: hosts, every head by itself, or all heads together", "");
   exposure->require_subcommand(1);
 
-  CLI::App* show_it = add_command(*exposure, "show", "The program, what every head sees, and where it should be",
+  CLI::App* show_it = add_command(*exposure, "show", "Show the program, each head's light, and its target",
                                   "  nodal exposure show --json | jq .settled\n");
   line.on(show_it, run_show);
 
   auto args = std::make_shared<Args>();
-  CLI::App* set = add_command(*exposure, "set", "Choose the program, and how it exposes",
+  CLI::App* set = add_command(*exposure, "set", "Choose the program and its settings",
                               "  nodal exposure set joint\n"
                               "  nodal exposure set joint --difference 2 --anchor cam0\n"
                               "  nodal exposure set --target 3 --longest 1/100\n"
@@ -161,9 +161,9 @@ void add_exposure(CLI::App& app, CommandLine& line) {
   });
   line.on(set, [args](Context& context) { return run_set(context, *args); });
 
-  CLI::App* lock = add_command(*exposure, "lock", "Exposures stay as they are now", "  nodal exposure lock\n");
+  CLI::App* lock = add_command(*exposure, "lock", "Keep the present exposures", "  nodal exposure lock\n");
   line.on(lock, [](Context& context) { return run_lock(context, true); });
-  CLI::App* unlock = add_command(*exposure, "unlock", "The program goes on", "  nodal exposure unlock\n");
+  CLI::App* unlock = add_command(*exposure, "unlock", "Continue the program", "  nodal exposure unlock\n");
   line.on(unlock, [](Context& context) { return run_lock(context, false); });
 }
 

@@ -56,8 +56,7 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
 }  // namespace
 
 void add_genlock(CLI::App& app, CommandLine& line) {
-  CLI::App* genlock =
-      add_command(app, "genlock", "All heads exposed together: start it, stop it, see how well it holds", "");
+  CLI::App* genlock = add_command(app, "genlock", "Expose all heads together: start, stop, accuracy", "");
   genlock->require_subcommand(1);
   auto args = std::make_shared<Args>();
 
@@ -74,7 +73,7 @@ void add_genlock(CLI::App& app, CommandLine& line) {
       ->check(checked_by(parse_duration));
   line.on(start, [args](Context& context) { return run(context, wire::GenlockRequest::START, *args); });
 
-  CLI::App* stop = add_command(*genlock, "stop", "Every head by its own clock again", "  nodal genlock stop\n");
+  CLI::App* stop = add_command(*genlock, "stop", "Let every head run by its own clock again", "  nodal genlock stop\n");
   line.on(stop, [](Context& context) { return run(context, wire::GenlockRequest::STOP, {}); });
 
   CLI::App* show = add_command(*genlock, "show", "State, rate, triggers and spread",

@@ -139,7 +139,7 @@ Status run_set(Context& context, const SetArgs& args) {
   const Result<wire::Reply> reply = (*rig)->ask(request);
   if (!reply) return fail(reply.error());
   const std::string whom = all ? fmt::format("all {} heads", heads->heads_size()) : names;
-  context.console().line(whom + ": set; frames that carry it come in a moment, `nodal heads` shows");
+  context.console().line(whom + ": set; takes effect with one of the next frames (see `nodal heads`)");
   show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, *reply);
   return {};
 }
@@ -147,7 +147,7 @@ Status run_set(Context& context, const SetArgs& args) {
 }  // namespace
 
 void add_heads(CLI::App& app, CommandLine& line) {
-  CLI::App* heads = add_command(app, "heads", "Every head: what it is, its settings in effect, its losses and skew",
+  CLI::App* heads = add_command(app, "heads", "List the heads: device, settings in effect, losses and skew",
                                 "  nodal heads\n"
                                 "  nodal heads --json | jq '.heads[] | select(.present|not).name'\n");
   line.on(heads, run_heads);

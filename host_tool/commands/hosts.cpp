@@ -53,7 +53,7 @@ Status run(Context& context, std::uint64_t end) {
   const Result<wire::Reply> reply = (*rig)->ask(request);
   if (!reply) return fail(reply.error());
   if (end != 0) {
-    context.console().line(fmt::format("host {} is told that its conversation ends", end));
+    context.console().line(fmt::format("host {} is being disconnected", end));
     context.console().document({{"ended", end}, {"done", true}});
     return {};
   }
@@ -65,12 +65,13 @@ Status run(Context& context, std::uint64_t end) {
 }  // namespace
 
 void add_hosts(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(app, "hosts", "Who talks to the rig and what each pulls; ends a conversation",
-                                  "  nodal hosts\n"
-                                  "  nodal hosts --end 3\n"
-                                  "  nodal hosts --json | jq '.hosts[] | select(.idle_ns > 60e9) | .number'\n");
+  CLI::App* command =
+      add_command(app, "hosts", "List the hosts that are connected to the rig and what each receives; disconnect one",
+                  "  nodal hosts\n"
+                  "  nodal hosts --end 3\n"
+                  "  nodal hosts --json | jq '.hosts[] | select(.idle_ns > 60e9) | .number'\n");
   auto end = std::make_shared<std::uint64_t>(0);
-  command->add_option("--end", *end, "Close the conversation with this host, by its number")
+  command->add_option("--end", *end, "Disconnect the host with this number")
       ->type_name("N")
       ->check(CLI::PositiveNumber);
   line.on(command, [end](Context& context) { return run(context, *end); });

@@ -155,7 +155,7 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_import(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(app, "import", "Make a calibration from another program's project; needs no rig",
+  CLI::App* command = add_command(app, "import", "Convert another program's project to a calibration; needs no rig",
                                   "  nodal import rig.pts -o calibration.json\n"
                                   "  nodal import hugin.pto --rig-toml rig.toml     and replay its pictures\n"
                                   "  nodal import camchain.yaml -o rig.json\n"

@@ -11,7 +11,8 @@ namespace nodal::host {
 /// --nominal, --circle and --roll. `words` must live as long as the command.
 inline void add_nominal_options(CLI::App& command, NominalWords& words) {
   CLI::Option* const nominal =
-      command.add_option("--nominal", words.rig, "Start from fisheyes evenly round the horizon: heads x field of view")
+      command
+          .add_option("--nominal", words.rig, "Start from fisheyes evenly around the horizon: heads x field of view")
           ->type_name("NxDEGREES")
           ->check(checked_by(parse_nominal));
   command

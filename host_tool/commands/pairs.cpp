@@ -79,11 +79,11 @@ Status run(Context& context, const Args& args) {
 
 void add_pairs(CLI::App& app, CommandLine& line) {
   CLI::App* command =
-      add_command(app, "pairs", "Place the heads by point pairs, however far off they are; needs no rig",
+      add_command(app, "pairs", "Place the heads by point pairs, at any distance from the start; needs no rig",
                   "  nodal pairs rig.json points.csv -o near.json     head_a,x_a,y_a,head_b,x_b,y_b\n"
                   "  nodal pairs rig.json project.pto                 its control points\n"
                   "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
-                  "A start for `nodal register`, which is far more exact.\n");
+                  "A start for `nodal register`, which is much more accurate.\n");
   auto args = std::make_shared<Args>();
   command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
   command->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts); with --cpfind a picture of each head")
@@ -91,7 +91,7 @@ void add_pairs(CLI::App& app, CommandLine& line) {
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
-  command->add_flag("--focals", args->focals, "Seek focal lengths, too");
+  command->add_flag("--focals", args->focals, "Estimate focal lengths, too");
   command->add_flag("--cpfind", args->cpfind, "Find the pairs in pictures by Hugin's cpfind");
   command->add_option("--csv", args->csv, "Write the pairs as CSV, too")->type_name("FILE");
   line.on(command, [args](Context& context) { return run(context, *args); });

@@ -84,7 +84,8 @@ Status run(Context& context, const Args& args) {
                               {"bytes", bytes->size()}});
   context.console().line(fmt::format("wrote {}: {}x{} px{}", args.out, spec.width, spec.height,
                                      paper ? fmt::format(" on {}", args.size) : ""));
-  if (paper) context.console().note("print it at 100 % on matt paper, and mount it flat: what bends, bends the lens");
+  if (paper)
+    context.console().note("print it at 100 % on matt paper and mount it flat: a bent print falsifies the lens");
   return {};
 }
 
@@ -98,7 +99,7 @@ void add_pattern(CLI::App& app, CommandLine& line) {
                                   "Every paper of the A series holds the same pattern, which `calibrate lens` knows\n"
                                   "by itself; any other is given to it with --pattern.\n");
   auto args = std::make_shared<Args>();
-  command->add_option("-o,--out", args->out, "Where to: .pdf or .png")->required()->type_name("FILE");
+  command->add_option("-o,--out", args->out, "The file to write: .pdf or .png")->required()->type_name("FILE");
   command->add_option("--size", args->size, "Paper A0 to A5, or pixels as 1920x1080 (A3 when not given)")
       ->type_name("SIZE")
       ->check(checked_by(parse_size));

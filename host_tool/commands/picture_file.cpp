@@ -45,13 +45,13 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
   if (header.width() == 0 || header.height() == 0 || header.width() > kMaxRaymapSide ||
       header.height() > kMaxRaymapSide) {
-    return fail(Errc::kBadFormat,
-                fmt::format("raymap of set {}: {}×{} is no size", header.set(), header.width(), header.height()));
+    return fail(Errc::kBadFormat, fmt::format("raymap of set {}: {}×{} is not a valid size", header.set(),
+                                              header.width(), header.height()));
   }
   if (header.coding() == "jpeg") return std::uint64_t{header.width()} * header.height() * 3 + kMaxJpegOverhead;
   const std::optional<PixelFormat> format = raw_format(header.coding());
   if (!format) {
-    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: nobody here knows the coding '{}'; is the rig newer "
+    return fail(Errc::kUnsupported, fmt::format("raymap of set {}: the coding '{}' is unknown; is the rig newer "
                                                 "than this program?",
                                                 header.set(), header.coding()));
   }

@@ -86,7 +86,7 @@ class Assembly {
   Status begin(const BulkPiece& piece) {
     header_.Clear();
     if (!header_.ParseFromString(piece.meta)) {
-      return fail(Errc::kBadFormat, "the rig sent a raymap without a header that can be read");
+      return fail(Errc::kBadFormat, "the rig sent a raymap with an invalid header");
     }
     if (const Status good = check_and_clean(header_); !good) return good;
     if ((header_.coding() == "jpeg") != jpeg_) {
@@ -182,7 +182,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
     text += fmt::format(", {:.2f} a second, {} dropped on the way, worst spread {}", tally.rate(), tally.dropped,
                         show_duration(tally.worst_spread_ns));
   }
-  if (tally.incomplete != 0) text += fmt::format(", {} passed over for a missing head", tally.incomplete);
+  if (tally.incomplete != 0) text += fmt::format(", {} skipped because a head is missing", tally.incomplete);
   console.line(text + "; the last is " + last_name);
 }
 
@@ -340,9 +340,9 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_raymap(CLI::App& app, CommandLine& line) {
-  CLI::App* raymap = add_command(app, "raymap", "The stitched sphere", "");
+  CLI::App* raymap = add_command(app, "raymap", "Raymaps: the stitched sphere", "");
   raymap->require_subcommand(1);
-  CLI::App* command = add_command(*raymap, "pull", "Get raymaps as files, as they are made",
+  CLI::App* command = add_command(*raymap, "pull", "Save raymaps as files as the rig makes them",
                                   "  nodal raymap pull                            raymap.jpg\n"
                                   "  nodal raymap pull -n 100 --out r-%04d.png\n"
                                   "  nodal raymap pull --continuous --out live.jpg    always the newest\n"
@@ -352,19 +352,22 @@ void add_raymap(CLI::App& app, CommandLine& line) {
   CLI::Option* count = command->add_option("-n,--count", args->count, "How many (1 when not given)")
                            ->type_name("N")
                            ->check(checked_by(parse_count));
-  CLI::Option* continuous = command->add_flag("--continuous", args->continuous, "Go on until Ctrl-C");
-  CLI::Option* seconds = command->add_option("--for", args->seconds, "Go on for so long, such as 10s")
+  CLI::Option* continuous = command->add_flag("--continuous", args->continuous, "Continue until Ctrl-C");
+  CLI::Option* seconds = command->add_option("--for", args->seconds, "Continue for this long, such as 10s")
                              ->type_name("DURATION")
                              ->check(checked_by(parse_duration));
   count->excludes(continuous)->excludes(seconds);
   continuous->excludes(seconds);
   command->add_option("-o,--out", args->out, "File; %06d is replaced by the number, - is standard output")
       ->type_name("PATTERN");
-  command->add_option("--format", args->format, "jpg as it comes, png, or raw with a .json beside it; else by --out")
+  command
+      ->add_option("--format", args->format,
+                   "jpg as received, png, or raw with a .json file beside it; default: by --out")
       ->type_name("jpg|png|raw")
       ->check(checked_by(parse_raymap_format));
-  command->add_flag("--complete", args->complete, "Only raymaps that every head of the rig is in");
-  command->add_flag("--lossless", args->lossless, "Every raymap that is made, or an error when this end is too slow");
+  command->add_flag("--complete", args->complete, "Only raymaps with pictures of every head of the rig");
+  command->add_flag("--lossless", args->lossless,
+                    "Every raymap that the rig makes, or an error if this computer is too slow");
   line.on(command, [args](Context& context) { return run(context, *args); });
 }
 

@@ -143,7 +143,7 @@ void tell(Console& console, const Report& report, bool focals, const std::string
       row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
       row.push_back(fmt::format("{:.2g} %", head.sigma_focal_percent));
     }
-    row.push_back(head.placed ? "" : "not placed, kept as it was");
+    row.push_back(head.placed ? "" : "not placed, not changed");
     table.row(row);
   }
   for (const std::string& line : table.lines()) console.line(line);
@@ -220,13 +220,13 @@ Status run(Context& context, const Args& args) {
 
 void add_register(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "register", "Find how the heads stand to each other, from pictures they took together",
+      app, "register", "Estimate how the heads are turned relative to each other, from pictures they took together",
       "  nodal register rig.json cam0.png cam1.png cam2.png -o found.json\n"
-      "  nodal register rig.json noon/ evening/ --free focals     folders with pictures called as the heads are\n"
+      "  nodal register rig.json noon/ evening/ --free focals     folders with pictures named after the heads\n"
       "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
-      "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps what is found if it is better\n"
-      "Gain and fall-off are found with the rest. A head that the pictures do not place is named and kept as it "
-      "was.\n");
+      "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps the result if it is better\n"
+      "Gain and fall-off are estimated, too. A head that the pictures do not place is named and keeps its "
+      "rotation.\n");
   auto args = std::make_shared<Args>();
   command
       ->add_option("INPUT", args->inputs,
@@ -260,8 +260,8 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->check(one_of(kColour));
   command
       ->add_option("--gauge", args->gauge,
-                   "What stays: the first head (of files), the heads' mean, what most heads agree on "
-                   "(of a rig)")
+                   "What is fixed: the first head (for files), the heads' mean, what most heads agree on "
+                   "(for a rig)")
       ->type_name("first|mean|most")
       ->check(one_of(kGauge));
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");

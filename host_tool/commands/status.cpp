@@ -45,10 +45,10 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   if (!status.activity().empty()) row("now", status.activity());
   row("up", show_duration(status.uptime_ns()));
   row("calibration", status.calibration_id().empty()
-                         ? "none; `nodal calibration upload FILE` brings one"
+                         ? "none; `nodal calibration upload FILE` uploads one"
                          : fmt::format("{} ({})", status.calibration_name(), show_id(status.calibration_id())));
   if (status.has_trial()) {
-    row("trial", fmt::format("the rig goes back to {} in {} unless it is told to keep it",
+    row("trial", fmt::format("the rig goes back to {} in {} unless a host keeps the trial",
                              show_id(status.trial().before()), show_duration(status.trial().left_ns())));
   }
   const std::string by =
@@ -137,17 +137,17 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_status(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(app, "status", "How the rig is: state, rate, sync, losses, memory",
+  CLI::App* command = add_command(app, "status", "Show the rig's state: rate, sync, losses, memory",
                                   "  nodal status\n"
                                   "  nodal status --watch                    redrawn every second, Ctrl-C ends\n"
                                   "  nodal status --watch --interval 10s >> rig.log\n"
                                   "  nodal status --json | jq .losses\n");
   auto args = std::make_shared<Args>();
-  command->add_flag("-w,--watch", args->watch, "Go on; redrawn on a terminal, a line each time elsewhere");
+  command->add_flag("-w,--watch", args->watch, "Repeat; redrawn on a terminal, else one line each time");
   command->add_option("--interval", args->interval, "With --watch: how often (1s when not given)")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
-  command->add_option("--count", args->count, "With --watch: end after so many")->type_name("N");
+  command->add_option("--count", args->count, "With --watch: end after this many")->type_name("N");
   line.on(command, [args](Context& context) { return run(context, *args); });
 }
 

@@ -193,7 +193,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
       "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg -o sphere.jpg\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
-      "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures called as the heads are\n"
+      "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
       "The calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
@@ -215,13 +215,14 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
       ->type_name("8|16")
       ->check(CLI::IsMember({8, 16}));
-  command->add_option("--quality", args->quality, "Of a JPEG (92 when not given)")
+  command->add_option("--quality", args->quality, "JPEG quality (92 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, 100));
   CLI::Option* const seam =
       command
-          ->add_option("--seam", args->seam_deg,
-                       "Show the best head alone, but for a ramp of so many degrees: sharp where heads' views differ")
+          ->add_option(
+              "--seam", args->seam_deg,
+              "Show only the best head, with a ramp of this many degrees at seams: sharp where heads' views differ")
           ->type_name("DEGREES")
           ->check(number_between(0, table::kWidestSeamDeg));
   command

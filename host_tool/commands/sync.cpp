@@ -44,7 +44,7 @@ Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& c
     if (piece == nullptr || !piece->first) continue;
     wire::RaymapHeader header;
     if (!header.ParseFromString(piece->meta)) {
-      return fail(Errc::kBadFormat, "the rig sent a set's evidence that cannot be read");
+      return fail(Errc::kBadFormat, "the rig sent invalid timing data of a set");
     }
     if (const Status good = check_and_clean(header); !good) return good;
     report.add(header);
@@ -86,9 +86,9 @@ Status run(Context& context, const Args& args) {
 }  // namespace
 
 void add_sync(CLI::App& app, CommandLine& line) {
-  CLI::App* sync = add_command(app, "sync", "How well the heads are exposed together", "");
+  CLI::App* sync = add_command(app, "sync", "Measure how well the heads are exposed together", "");
   sync->require_subcommand(1);
-  CLI::App* report = add_command(*sync, "report", "Skew of every head, drift and losses, over many sets",
+  CLI::App* report = add_command(*sync, "report", "Skew of every head, drift and losses over many sets",
                                  "  nodal sync report                          ten seconds at 29.97\n"
                                  "  nodal sync report -n 1800 --svg sync.svg\n"
                                  "  nodal sync report --json | jq '.heads[] | {name, worst_ns}'\n");

@@ -81,7 +81,7 @@ void tell_verdict(Context& context, const TrialVerdict& verdict) {
   const std::string figures = fmt::format("on frames of the trial the heads differ by {:.3f} levels, {:.3f} before",
                                           std::sqrt(verdict.after), std::sqrt(verdict.before));
   if (!verdict.kept) {
-    console.warning("what was tried is no better, and the rig is back to what was in force: " + figures);
+    console.warning("the tried calibration is not better, and the rig uses the previous one again: " + figures);
     context.answer = ExitCode::kJudged;
     return;
   }

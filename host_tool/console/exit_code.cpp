@@ -22,14 +22,14 @@ ExitCode exit_code_of_signal(int signal) { return signal == SIGTERM ? ExitCode::
 const std::array<ExitCodeHelp, 13>& exit_code_help() {
   static const std::array<ExitCodeHelp, 13> help{{
       {ExitCode::kOk, "done"},
-      {ExitCode::kFailed, "Nodal itself went wrong (errors 9xx)"},
+      {ExitCode::kFailed, "an internal error of Nodal (9xx)"},
       {ExitCode::kUsage, "the command line cannot be understood"},
       {ExitCode::kUnreachable, "no rig answers, or the link to it was lost (3xx)"},
       {ExitCode::kBadInput, "a file, a value or a calibration is refused (1xx, 2xx)"},
       {ExitCode::kDevice, "a head or another device of the rig failed (4xx)"},
       {ExitCode::kStorage, "a file or a disk, here or on the rig (5xx)"},
       {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},
-      {ExitCode::kJudged, "asked to judge, and the answer is no: heads have moved, or a trial was no better"},
+      {ExitCode::kJudged, "the result of a check is negative: heads have moved, or a trial was no better"},
       {ExitCode::kOutputLost, "standard output could not be written: full, or closed"},
       {ExitCode::kInterrupted, "Ctrl-C came before the work was done"},
       {ExitCode::kReaderGone, "the reader of standard output went away, as | head does"},

@@ -36,15 +36,14 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   const auto format = format_of(head.format());
   const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= media::kMaxImageSide &&
                     head.height() <= media::kMaxImageSide;
-  if (!sane)
-    return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of no format that there is");
+  if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of an unknown format");
   return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
 }
 
 /// Reads the header; returns the total bytes of its pictures, which is the set's limit.
 Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
   if (!header.ParseFromString(first.meta)) {
-    return fail(Errc::kBadFormat, "the rig sent a frame set without a header that can be read");
+    return fail(Errc::kBadFormat, "the rig sent a frame set with an invalid header");
   }
   if (const Status good = check_and_clean(header); !good) return fail(good.error());
   std::uint64_t sum = 0;
@@ -70,7 +69,7 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
     const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
     if (!event) return fail(event.error());
     if (!*event) {
-      return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent no more of it for {}",
+      return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent nothing more of it for {}",
                                               show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
     }
     if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
@@ -85,7 +84,7 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
       whole = piece->last;
     } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
       if (closed->error) return fail(*closed->error);
-      if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was whole");
+      if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was complete");
       set.bytes = bytes.take();
       return set;
     }
@@ -100,7 +99,7 @@ Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture&
   picture.width = static_cast<int>(head.width());
   picture.height = static_cast<int>(head.height());
   if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < *bytes) {
-    return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is not whole");
+    return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is incomplete");
   }
   const auto begin = set.bytes.begin() + static_cast<std::ptrdiff_t>(head.offset());
   picture.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(*bytes));

@@ -87,7 +87,7 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
   if (std::ranges::any_of(arguments, is_folder)) {
     for (const std::string& argument : arguments) {
       if (!is_folder(argument)) {
-        return fail(Errc::kBadValue, argument + " is no folder; give folders only, or pictures only");
+        return fail(Errc::kBadValue, argument + " is not a folder; give either folders or pictures");
       }
       files.emplace_back();
       for (const std::string& name : names) {
@@ -99,7 +99,7 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
   } else {
     if (arguments.size() % names.size() != 0) {
       return fail(Errc::kBadValue, fmt::format("{} pictures for {} heads; give one a head, in the calibration's order, "
-                                               "set after set, or folders with pictures called as the heads are",
+                                               "set after set, or folders with pictures named after the heads",
                                                arguments.size(), names.size()));
     }
     for (std::size_t k = 0; k < arguments.size(); ++k) {
@@ -170,7 +170,7 @@ Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<Decode
   }
   Calibration rig;
   rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
-  rig.comment = "From the data sheet: fisheyes evenly round the horizon.";
+  rig.comment = "From the data sheet: fisheyes evenly around the horizon.";
   for (std::size_t h = 0; h < heads; ++h) {
     const int width = pictures[h].width;
     const int height = pictures[h].height;

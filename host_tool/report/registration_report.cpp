@@ -162,7 +162,7 @@ void add_heads(const Report& report, HtmlReport& page) {
     return std::isfinite(value) ? fmt::format("{:.2g}{}", value, unit) : std::string("?");
   };
   for (const registration::HeadReport& head : report.heads) {
-    rows.push_back({head.name, head.placed ? "placed" : "kept as it was", fmt::format("{:.4f}", head.turned_deg),
+    rows.push_back({head.name, head.placed ? "placed" : "not changed", fmt::format("{:.4f}", head.turned_deg),
                     sure(head.sigma_deg, "°"), fmt::format("{:.4f}", head.focal_change_percent),
                     sure(head.sigma_focal_percent, " %"), fmt::format("{:.3f}", head.shared_sr), head.why_not});
   }

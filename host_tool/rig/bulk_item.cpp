@@ -12,7 +12,7 @@ Status BulkItemBytes::begin(const BulkPiece& first, std::uint64_t limit, std::st
   bytes_ = {};
   total_ = first.total;
   if (total_ <= limit) return {};
-  return fail(Errc::kTooLarge, fmt::format("the rig announced {} of {}; by what it says of it, it has at most {}", what,
+  return fail(Errc::kTooLarge, fmt::format("the rig announced {} of {}, but its header allows at most {}", what,
                                            show_bytes(total_), show_bytes(limit)));
 }
 

@@ -58,7 +58,7 @@ Result<RigAddress> parse_ssh(std::string_view text, std::string_view place, std:
   if (host.empty()) return bad(text, "the host is missing");
   // ssh would interpret "-oProxyCommand=..." as an option.
   if (host.starts_with('-') || user.starts_with('-')) return bad(text, "a host or user does not begin with '-'");
-  if (host.find_first_of("/ \t\"'`$;|&<>\\") != std::string_view::npos) return bad(text, "that is no host's name");
+  if (host.find_first_of("/ \t\"'`$;|&<>\\") != std::string_view::npos) return bad(text, "this is not a host name");
   if (!port.empty() && !port_of(port)) return bad(text, "the port is not 1 to 65535");
 
   RigAddress address{std::string(text), {std::string(ssh_program), "-T"}, {}};
@@ -78,7 +78,7 @@ Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh
     return bad(text, "TCP is not served, since any user of the machine could connect; use the Unix socket or ssh://");
   }
   if (text.starts_with("ssh://")) return parse_ssh(text, after("ssh://"), ssh_program);
-  return bad(text, text.empty() ? "it is empty" : "nobody knows that kind of link");
+  return bad(text, text.empty() ? "it is empty" : "this kind of link does not exist");
 }
 
 }  // namespace nodal::host

@@ -21,7 +21,7 @@ class Check {
   void list(const List& entries, int most, std::string_view what) {
     if (entries.size() <= most || !result_) return;
     result_ = fail(Errc::kTooLarge,
-                   fmt::format("the rig sent a list of {} {}; at most {} are taken", entries.size(), what, most));
+                   fmt::format("the rig sent a list of {} {}; at most {} are accepted", entries.size(), what, most));
   }
   template <class List>
   void counts(List& entries, std::string_view what) {

@@ -19,8 +19,8 @@ Status send(RigConnection& rig, const UploadSender& sender, std::optional<Durati
   if (!answer) return fail(answer.error());
   const std::uint64_t offset = answer->upload().offset();
   if (offset != 0) {
-    console.note(
-        fmt::format("the rig has {} of {} already; going on from there", show_bytes(offset), show_bytes(state.bytes)));
+    console.note(fmt::format("the rig already has {} of {}; the upload continues there", show_bytes(offset),
+                             show_bytes(state.bytes)));
     state.resumed_at = offset;
   }
   if (offset < state.bytes) {

@@ -22,7 +22,6 @@ constexpr double kPi = std::numbers::pi;
 /// One input's lens with the file's numbers.
 struct Lens {
   RadialBasis basis = RadialBasis::kAngle;
-  double scale = 1;  ///< of the basis: tan(a/2) is a pinhole's tangent of half the angle
   bool circle = false;
   double fx = 0, fy = 0;
   double a = 0, b = 0, c = 0;

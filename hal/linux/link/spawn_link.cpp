@@ -79,6 +79,7 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
 
   std::vector<std::string> words = command;
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 

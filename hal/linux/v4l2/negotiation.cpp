@@ -72,6 +72,7 @@ Result<v4l2_std_id> choose_standard(const Device& device, const std::string& wan
                                            [&](const Standard& standard) { return standard.name == wanted; });
     if (known == kStandards.end()) {
       std::vector<std::string> names;
+      names.reserve(kStandards.size());
       for (const Standard& standard : kStandards) names.emplace_back(standard.name);
       return fail(unsupported(device, "there is no standard '" + wanted + "'; choose one of " + joined(names)));
     }

@@ -48,6 +48,7 @@ class Kernel final : public System {
     }
     std::sort(numbered.begin(), numbered.end());
     std::vector<std::string> nodes;
+    nodes.reserve(numbered.size());
     for (auto& [number, node] : numbered) nodes.push_back(std::move(node));
     return nodes;
   }
