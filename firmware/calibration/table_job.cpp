@@ -5,6 +5,18 @@
 #include <utility>
 
 namespace nodal::firmware {
+namespace {
+
+table::Transition transition_of(RaymapTransition transition) {
+  switch (transition) {
+    case RaymapTransition::kTwoBand: return table::Transition::kTwoBand;
+    case RaymapTransition::kSeam: return table::Transition::kSeam;
+    case RaymapTransition::kFeather: return table::Transition::kFeather;
+  }
+  return table::Transition::kTwoBand;
+}
+
+}  // namespace
 
 Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig& config,
                                 std::vector<PixelFormat> formats) {
@@ -13,8 +25,7 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig&
   job.calibration_ = calibration;
   job.formats_ = std::move(formats);
   job.spec_ = {std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height, raymap.format};
-  job.options_.transition =
-      raymap.transition == RaymapTransition::kSeam ? table::Transition::kSeam : table::Transition::kFeather;
+  job.options_.transition = transition_of(raymap.transition);
   job.options_.seam_width_deg = raymap.seam_width_deg;
   job.options_.feather = raymap.feather;
   job.fields_ = {std::nullopt};

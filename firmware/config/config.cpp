@@ -36,17 +36,18 @@ void read_rig(TomlReader reader, RigConfig& config) {
   }
 }
 
-/// Each kind of transition has one width; the key of the other one would have no effect.
+/// A key that has no effect on the kind of transition is refused.
 void read_transition(TomlReader& reader, RaymapConfig& raymap) {
-  raymap.transition = reader.choice<RaymapTransition>(
-      "transition", {{"feather", RaymapTransition::kFeather}, {"seam", RaymapTransition::kSeam}});
-  const bool seam = raymap.transition == RaymapTransition::kSeam;
-  if (seam && reader.has("feather")) {
-    reader.refuse("feather", "is used with transition = \"feather\" only; remove it, or write that");
+  raymap.transition = reader.choice<RaymapTransition>("transition", {{"two-band", RaymapTransition::kTwoBand},
+                                                                     {"seam", RaymapTransition::kSeam},
+                                                                     {"feather", RaymapTransition::kFeather}});
+  if (raymap.transition == RaymapTransition::kSeam && reader.has("feather")) {
+    reader.refuse("feather",
+                  "has no effect with transition = \"seam\"; remove it, or write \"two-band\" or \"feather\"");
   }
-  if (!seam && reader.has("seam_width")) {
+  if (raymap.transition == RaymapTransition::kFeather && reader.has("seam_width")) {
     reader.refuse("seam_width",
-                  "is used with transition = \"seam\" only; write that too for sharp seams, or remove seam_width");
+                  "has no effect with transition = \"feather\"; remove it, or write \"two-band\" or \"seam\"");
   }
   raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);

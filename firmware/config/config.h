@@ -82,7 +82,7 @@ enum class FieldUse : std::uint8_t {
   kSeparate,  ///< one raymap per field, each with a table for the rows of that field
 };
 
-enum class RaymapTransition : std::uint8_t { kSeam, kFeather };
+enum class RaymapTransition : std::uint8_t { kTwoBand, kSeam, kFeather };
 
 /// [raymap]
 struct RaymapConfig {
@@ -92,9 +92,9 @@ struct RaymapConfig {
   PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
   int jpeg_quality = 85;                    ///< 1 .. 100
   /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
-  RaymapTransition transition = RaymapTransition::kFeather;
-  double seam_width_deg = 1;  ///< kSeam: 0 .. 180
-  double feather = 0.5;       ///< kFeather: 0.01 .. 1
+  RaymapTransition transition = RaymapTransition::kTwoBand;
+  double seam_width_deg = 2;  ///< kTwoBand, kSeam: 0 .. 180
+  double feather = 0.5;       ///< kTwoBand, kFeather: 0.01 .. 1
   bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped
   FieldUse fields = FieldUse::kWeave;
 

@@ -63,9 +63,9 @@ bool Blender::run_band() {
   const blend::BlendTable& table = this->table();
   if (preparing_) {
     const ToPrepare& head = to_prepare_[band_of(ticket)];
-    std::array<ImageView, blend::kMaxLevels> views;
+    std::array<ImageView, blend::kMaxPictures> views;
     blend::prepare_picture(*head.source, head.picture, head.memory, views);
-    for (std::size_t level = 0; level < head.source->levels; ++level) {
+    for (std::size_t level = 0; level < head.source->pictures(); ++level) {
       pictures_[level * table.sources.size() + head.index] = views[level];
     }
   } else {

@@ -137,7 +137,7 @@ class Blender {
   std::array<ToPrepare, kMaxHeads> to_prepare_;
   std::size_t heads_to_prepare_ = 0;
   bool preparing_ = false;
-  std::array<ImageView, kMaxHeads * blend::kMaxLevels> pictures_;  ///< in the order of blend::Pictures
+  std::array<ImageView, kMaxHeads * blend::kMaxPictures> pictures_;  ///< in the order of blend::Pictures
   blend::SetTone tone_;
   MutableImageView into_;
   std::atomic<std::uint64_t> next_band_{0};

@@ -26,17 +26,18 @@ struct Args {
   int width = 0;
   int bits = 8;
   int quality = 92;
-  std::optional<double> seam_deg;
-  double feather = 0.5;
+  std::string transition = "two-band";
+  double seam_width_deg = table::TableOptions().seam_width_deg;
+  double feather = table::TableOptions().feather;
   int threads = 0;
 };
 
 table::TableOptions table_options(const Args& args) {
   table::TableOptions options;
+  if (args.transition == "seam") options.transition = table::Transition::kSeam;
+  if (args.transition == "feather") options.transition = table::Transition::kFeather;
+  options.seam_width_deg = args.seam_width_deg;
   options.feather = args.feather;
-  if (!args.seam_deg) return options;
-  options.transition = table::Transition::kSeam;
-  options.seam_width_deg = *args.seam_deg;
   return options;
 }
 
@@ -218,18 +219,19 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--quality", args->quality, "JPEG quality (92 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, 100));
-  CLI::Option* const seam =
-      command
-          ->add_option(
-              "--seam", args->seam_deg,
-              "Show only the best head, with a ramp of this many degrees at seams: sharp where heads' views differ")
-          ->type_name("DEGREES")
-          ->check(number_between(0, table::kWidestSeamDeg));
+  command
+      ->add_option("--transition", args->transition,
+                   "Where heads overlap: two-band (when not given), sharp without a step in brightness; seam, sharp;\n"
+                   "feather, mixed over the overlap")
+      ->type_name("two-band|seam|feather")
+      ->check(CLI::IsMember({"two-band", "seam", "feather"}));
+  command->add_option("--seam-width", args->seam_width_deg, "Of the ramp between two heads' detail (2 when not given)")
+      ->type_name("DEGREES")
+      ->check(number_between(0, table::kWidestSeamDeg));
   command
       ->add_option("--feather", args->feather,
-                   "Mix heads over their overlap, fading in over this part of a picture (0.5 when not given)")
+                   "With two-band and feather: a head fades in over this part of half a picture (0.5 when not given)")
       ->type_name("PART")
-      ->excludes(seam)
       ->check(number_between(0.01, 1));
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")

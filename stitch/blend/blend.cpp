@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "stitch/blend/blend_job.h"
+#include "stitch/blend/low_band.h"
 #include "stitch/blend/tile_math.h"
 
 namespace nodal::blend {
@@ -26,27 +28,45 @@ struct Kernels {
   }
 };
 
+/// By pixel, the sum of the weights of a tile's records.
+struct Presence {
+  Weights all{};
+  Weights present{};  ///< of heads that are there
+};
+
+Presence presence_of(const GridTable& grid, std::size_t t, Pictures pictures) {
+  Presence of;
+  Weights weights;
+  const std::size_t records = grid.tiles[t + 1].record - grid.tiles[t].record;
+  WeightReader reader(grid, grid.tiles[t], records);
+  for (std::size_t r = grid.tiles[t].record; r < grid.tiles[t].record + records; ++r) {
+    reader.next(weights);
+    const bool missing = pictures[grid.records[r].head()].planes[0].data == nullptr;
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      of.all[p] = static_cast<std::uint16_t>(of.all[p] + weights[p]);
+      if (!missing) of.present[p] = static_cast<std::uint16_t>(of.present[p] + weights[p]);
+    }
+  }
+  return of;
+}
+
 /// Writes the validity of one tile's pixels, for the rows in [row_begin, row_end).
 void validity_of_tile(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int column, int row,
                       int row_begin, int row_end) {
   const GridTable& grid = table.grids[0];
   const std::size_t t = grid.tile_index(column, row);
-  const Tile& tile = grid.tiles[t];
-  std::array<std::uint32_t, kTilePixels> there{};
-  Weights weights;
-  const std::size_t records = grid.tiles[t + 1].record - tile.record;
-  WeightReader reader(grid, tile, records);
-  for (std::size_t r = tile.record; r < tile.record + records; ++r) {
-    reader.next(weights);
-    if (pictures[grid.records[r].head()].planes[0].data == nullptr) continue;
-    for (std::size_t p = 0; p < kTilePixels; ++p) there[p] += weights[p];
-  }
+  const Presence own = presence_of(grid, t, pictures);
+  Weights cover{};
+  if (!table.cover.empty()) cover = presence_of(table.cover[0], t, pictures).present;
   for (int y = std::max(row_begin, row * kTile); y < std::min(row_end, (row + 1) * kTile); ++y) {
     for (int x = column * kTile; x < std::min(grid.width, (column + 1) * kTile); ++x) {
       const auto i = static_cast<std::size_t>(x % kTile);
-      const std::uint32_t weight = there[static_cast<std::size_t>(y % kTile) * kTile + i];
+      const std::size_t p = static_cast<std::size_t>(y % kTile) * kTile + i;
+      constexpr std::uint32_t kOne = 1U << kWeightBits;
+      const auto lacking = static_cast<std::uint32_t>(own.all[p] - own.present[p]);
+      const std::uint32_t weight = own.present[p] + (lacking * cover[p] >> kWeightBits);
       const std::uint32_t share = weight * 255 >> kWeightBits;
-      const bool part = weight > 0 && weight < 1U << kWeightBits;
+      const bool part = weight > 0 && weight < kOne;
       std::ptrdiff_t to_x = x;
       std::ptrdiff_t to_y = y;
       if (!grid.places.empty()) {
@@ -106,6 +126,8 @@ void blend_rows_by(Kernel kernel, const BlendTable& table, Pictures pictures, co
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
     BlendJob job;
     make_job(table, g, pictures, tone, raymap, row_begin, row_end, job);
+    std::optional<LowBand> low_band;
+    if (!job.grid->low.cells.empty()) job.low_band = &low_band.emplace(job);
     switch (kernel) {
 #if defined(__x86_64__)
       case Kernel::kAvx2: blend_avx2(job); break;

@@ -11,9 +11,9 @@
 
 namespace nodal::blend {
 
-/// The pictures of one set: head h at pyramid level l is pictures[l * heads + h]. Levels above the largest
-/// Source::levels may be left out. A missing head has planes[0].data == nullptr at level 0. Planes are read in place,
-/// with any stride.
+/// The pictures of one set: head h at pyramid level l is pictures[l * heads + h]; its low picture, if it has one, follows
+/// as level Source::levels. Levels that no head has may be left out. A missing head has planes[0].data == nullptr at
+/// level 0. Planes are read in place, with any stride.
 using Pictures = std::span<const ImageView>;
 
 /// Blends one frame set into rows [row_begin, row_end) of the raymap. If chroma is subsampled vertically, row_begin is
@@ -26,7 +26,8 @@ using Pictures = std::span<const ImageView>;
 ///     sample    = t - mulr(t - b, 8 g)                           0 .. kMaxSample
 ///     negative  = 128 black - curve(sample)                      curve: HeadTone's. Light and weights are stored
 ///     negative  = mulr(negative, gain)                           negative, as a weight of exactly one then fits into
-///     light    += mulr(negative, -weight)                        16 bits. gain: mulr(vignetting's, HeadTone's), if any
+///     negative += mulr(q, 2^13), clamped to +-kMaxSample         16 bits. gain: mulr(vignetting's, HeadTone's), if any
+///     light    += mulr(negative, -weight)                        q: only with two bands, LowBand::coefficients at (i, j)
 ///   level       = black + mulr(light, scale), or (curve(light) + 64) >> 7, clamped to 0 .. 255
 ///   or, for 16-bit raymaps: number = table.linear[light], 0 for light below 0
 ///
@@ -35,6 +36,13 @@ using Pictures = std::span<const ImageView>;
 /// (w c 2^15 + W / 2) / W, rounded down; W is the sum of w c over the tile's records; the pixel is black where W is 0.
 /// c is the head's confidence (0: missing; 1: no confidence set) by the pixel's own sample before curve and gain (the
 /// largest of R G B); for chroma, by the luma sample nearest to chroma sample (x, y).
+///
+/// Where the table has a cover (BlendTable::cover), its records take what the tile's own lack: with C the confidence of a
+/// head without doubt (255; 1 if no confidence is set), S the sum of w over the tile's own records, and V the sum of w c
+/// over the cover's, where V is not 0,
+///
+///   own records:    (w c 2^15 + C S / 2) / (C S)
+///   cover records:  (w c (C S - W) 2^15 + C S V / 2) / (C S V)
 ///
 /// If SetTone::fade is set, chroma then becomes 128 + ((chroma - 128) fade.of_luma[m] + 128 >> 8); m is the mean of its
 /// four luma samples, rounded half up; at odd edges the edge sample is repeated. Not in raymaps whose rays were sorted
@@ -54,8 +62,8 @@ void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone,
                 int row_begin, int row_end);
 
 /// The share of each raymap pixel's weight that comes from present heads, for rows [row_begin, row_end): 255 where no
-/// head is missing, 0 where all are missing (the pixel is black), else 1 .. 254. Of `pictures` it reads only whether
-/// pictures[h].planes[0].data of level 0 is null.
+/// head is missing, 0 where all are missing (the pixel is black), else 1 .. 254. What a cover replaces counts by the
+/// share of its weight that is there. Of `pictures` it reads only whether pictures[h].planes[0].data of level 0 is null.
 ///
 /// Threading, ownership, errors: as blend_rows. `validity` has the raymap's size.
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,

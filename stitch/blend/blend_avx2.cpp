@@ -139,6 +139,28 @@ struct Avx2 {
     }
   }
 
+  /// Adds the correction of the head's low frequencies.
+  template <int N>
+  [[gnu::always_inline]] static inline void correct(const BlendJob& job, HeadIndex head, Light<N>& negative_light) {
+    const std::int16_t* q = job.low_band->coefficients(head);
+    if (q == nullptr) return;
+    const V unit = all(LowBand::kUnit);
+    const V most = all(kMaxSample);
+    const V least = all(-kMaxSample);
+    const auto corrected = [&](V light, V by) {
+      const V sum = _mm256_adds_epi16(light, _mm256_mulhrs_epi16(by, unit));
+      return _mm256_max_epi16(_mm256_min_epi16(sum, most), least);
+    };
+    for (std::size_t c = 0; c < N; ++c) {
+      Bilinear bilinear;
+      bilinear.set(out_of_sight(kConstants), q + 4 * c);
+      for (Rows& rows : negative_light[c]) {
+        const Rows by = bilinear.half();
+        rows = {corrected(rows.upper, by.upper), corrected(rows.lower, by.lower)};
+      }
+    }
+  }
+
   /// The light that a record contributes to a tile, negative.
   template <int N>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r,
@@ -157,6 +179,7 @@ struct Avx2 {
       }
     }
     if (job.curves || job.gains) tone<N>(job, r, negative_light);
+    if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
   }
 
   static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
@@ -246,9 +269,10 @@ struct Avx2 {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
+  static void samples(const BlendJob& job, const GridTable& grid, const PatchRecord& record,
+                      std::array<TileValues, N>& samples) {
     const Constants& k = out_of_sight(kConstants);
-    Coordinates coordinates(k, *job.grid, record);
+    Coordinates coordinates(k, grid, record);
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);

@@ -190,15 +190,42 @@ struct Avx512 {
       const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
       negative_light[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
     }
-    if (!job.gains) return;
+    if (job.gains) apply_gains<N>(job, r, k, negative_light);
+    if (job.low_band != nullptr) correct<N>(job, record.head(), k, negative_light);
+  }
+
+  template <int N>
+  [[gnu::always_inline]] static inline void apply_gains(const BlendJob& job, std::size_t r, const Constants& k,
+                                                        std::array<Rows, N>& negative_light) {
+    const HeadIndex head = job.grid->records[r].head();
     const bool alone = job.grid->gains.empty();
     const Rows vignetting = alone ? Rows{} : bilinear(k, job.grid->gains[r].data());
     for (std::size_t c = 0; c < N; ++c) {
-      const V head = all(job.gain(record.head(), c));
-      const V upper = alone ? head : _mm512_mulhrs_epi16(vignetting.upper, head);
-      const V lower = alone ? head : _mm512_mulhrs_epi16(vignetting.lower, head);
+      const V of_head = all(job.gain(head, c));
+      const V upper = alone ? of_head : _mm512_mulhrs_epi16(vignetting.upper, of_head);
+      const V lower = alone ? of_head : _mm512_mulhrs_epi16(vignetting.lower, of_head);
       negative_light[c] = {_mm512_mulhrs_epi16(negative_light[c].upper, upper),
                            _mm512_mulhrs_epi16(negative_light[c].lower, lower)};
+    }
+  }
+
+  /// Adds the correction of the head's low frequencies.
+  template <int N>
+  [[gnu::always_inline]] static inline void correct(const BlendJob& job, HeadIndex head, const Constants& k,
+                                                    std::array<Rows, N>& negative_light) {
+    const std::int16_t* q = job.low_band->coefficients(head);
+    if (q == nullptr) return;
+    const V unit = all(LowBand::kUnit);
+    const V most = all(kMaxSample);
+    const V least = all(-kMaxSample);
+    const auto corrected = [&](V light, V by) {
+      const V sum = _mm512_adds_epi16(light, _mm512_mulhrs_epi16(by, unit));
+      return _mm512_max_epi16(_mm512_min_epi16(sum, most), least);
+    };
+    for (std::size_t c = 0; c < N; ++c) {
+      const Rows by = bilinear(k, q + 4 * c);
+      Rows& rows = negative_light[c];
+      rows = {corrected(rows.upper, by.upper), corrected(rows.lower, by.lower)};
     }
   }
 
@@ -276,12 +303,13 @@ struct Avx512 {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
+  static void samples(const BlendJob& job, const GridTable& grid, const PatchRecord& record,
+                      std::array<TileValues, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     std::array<Patch, N> patch;
     by_layout<N>(plane.layout, [&](auto layout) { load_patch<N, decltype(layout)::value>(plane, record, patch); });
     const Constants& k = out_of_sight(kConstants);
-    const Places at = places_of(k, *job.grid, record);
+    const Places at = places_of(k, grid, record);
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
       const Rows negative = mix(k, patch[c], at, zero);

@@ -84,6 +84,7 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
   const GridTable& grid = table.grids[g];
   job.table = &table;
   job.grid = &grid;
+  job.cover = table.cover.empty() ? nullptr : &table.cover[g];
   job.row_begin = (row_begin + grid.row_step - 1) / grid.row_step;
   job.row_end = (row_end + grid.row_step - 1) / grid.row_step;
   job.components = 0;
@@ -104,6 +105,7 @@ void make_job(const BlendTable& table, std::size_t g, Pictures pictures, const S
       job.missing |= 1U << h;
       continue;
     }
+    if (table.sources[h].low_size != 0) job.low[h] = pictures[table.sources[h].levels * heads + h];
     const int component = job.component[0].component;
     const PixelFormat format = table.sources[h].format;
     const PlaneGrid chroma = halved_chroma_grid(format, component, component_grid(format, component));

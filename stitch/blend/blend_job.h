@@ -73,10 +73,13 @@ struct JobComponent {
   bool output_curve = false;
 };
 
+class LowBand;
+
 /// One grid's part of a call.
 struct BlendJob {
   const BlendTable* table = nullptr;
   const GridTable* grid = nullptr;
+  const GridTable* cover = nullptr;  ///< BlendTable::cover's of the same grid, if there is one
   const SetTone* tone = nullptr;
   bool gains = false;         ///< whether any gain is applied
   bool curves = false;        ///< whether any head has a curve
@@ -86,6 +89,8 @@ struct BlendJob {
   std::array<JobComponent, kMaxPlanes> component{};
   std::array<std::array<PatchPlane, kMaxHeads>, kMaxLevels> planes{};
   std::array<std::array<PlaneView, kMaxHeads>, kMaxLevels> luma{};  ///< for confidence
+  std::array<ImageView, kMaxHeads> low{};                           ///< low pictures
+  LowBand* low_band = nullptr;                                      ///< with two bands
   /// Per head, shifts from chroma to luma coordinates: a chroma sample (x, y) has luma (x << right, y << down).
   std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
   std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;

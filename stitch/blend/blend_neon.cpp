@@ -246,6 +246,21 @@ struct Neon {
         }
       }
     }
+    if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
+  }
+
+  /// Adds the correction of the head's low frequencies.
+  template <int N>
+  static inline void correct(const BlendJob& job, HeadIndex head, std::array<TileRows, N>& negative_light) {
+    const std::int16_t* q = job.low_band->coefficients(head);
+    if (q == nullptr) return;
+    for (std::size_t c = 0; c < N; ++c) {
+      const TileRows by = bilinear_over_tile(q + 4 * c);
+      for (std::size_t j = 0; j < kTile; ++j) {
+        const Row sum = vqaddq_s16(negative_light[c][j], vqrdmulhq_s16(by[j], vdupq_n_s16(LowBand::kUnit)));
+        negative_light[c][j] = vmaxq_s16(vminq_s16(sum, vdupq_n_s16(kMaxSample)), vdupq_n_s16(-kMaxSample));
+      }
+    }
   }
 
   template <int N>
@@ -316,11 +331,12 @@ struct Neon {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
+  static void samples(const BlendJob& job, const GridTable& grid, const PatchRecord& record,
+                      std::array<TileValues, N>& samples) {
     Staged<N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
-    const Coordinates at = coordinates_of(*job.grid, record);
+    const Coordinates at = coordinates_of(grid, record);
     for (std::size_t j = 0; j < kTile; j += 2) {
       const int first = record.first_row(j / kQuarter);
       const Places places = places_of(at, j, first, record.last_row());

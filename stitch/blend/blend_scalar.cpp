@@ -13,14 +13,14 @@ struct Scalar {
     WeightReader reader(*job.grid, tile, records);
     for (std::size_t r = tile.record; r < tile.record + records; ++r) {
       reader.next(weights);
-      samples<N>(job, job.grid->records[r], negative_light);
+      samples<N>(job, *job.grid, job.grid->records[r], negative_light);
       for (std::size_t c = 0; c < N; ++c) {
         for (int j = 0; j < kTile; ++j) {
           for (int i = 0; i < kTile; ++i) {
             const auto p = static_cast<std::size_t>(j * kTile + i);
             if (weights[p] == 0) continue;  // its sample and its gain are any number
-            light[c][p] =
-                wrap(light[c][p] + mulr(negative_light_of(job, r, c, negative_light[c][p], i, j), wrap(-weights[p])));
+            light[c][p] = wrap(light[c][p] + mulr(negative_light_of(job, *job.grid, r, c, negative_light[c][p], i, j),
+                                                  wrap(-weights[p])));
           }
         }
       }
@@ -29,11 +29,12 @@ struct Scalar {
   }
 
   template <int N>
-  static void samples(const BlendJob& job, const PatchRecord& record, std::array<TileValues, N>& samples) {
+  static void samples(const BlendJob& job, const GridTable& grid, const PatchRecord& record,
+                      std::array<TileValues, N>& samples) {
     const PatchPlane& plane = job.plane(record);
     for (int j = 0; j < kTile; ++j) {
       for (int i = 0; i < kTile; ++i) {
-        const Place at = place_of(*job.grid, record, i, j);
+        const Place at = place_of(grid, record, i, j);
         const auto p = static_cast<std::size_t>(j * kTile + i);
         for (std::size_t c = 0; c < N; ++c) samples[c][p] = wrap(sample_at(plane.views[c], record, at));
       }

@@ -30,6 +30,9 @@ inline constexpr int kMaxSharpen = 16;
 inline constexpr int kSharpenReach = 2;  ///< distance in samples of the neighbours that Source::sharpen subtracts
 inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< entries of BlendTable::linear
 inline constexpr int kMaxLevels = 5;                  ///< levels of a head's pyramid: 1, 1/2, .. 1/16
+inline constexpr int kMaxPictures = kMaxLevels + 1;   ///< and its low picture
+inline constexpr int kLeastLowSize = 16;
+inline constexpr int kMaxLowSize = 256;
 
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
@@ -90,6 +93,28 @@ struct Tile {
   friend bool operator==(const Tile&, const Tile&) = default;
 };
 
+/// What one head shows at one point of a LowGrid.
+struct LowSight {
+  std::uint16_t x = 0;  ///< in the head's low picture, in 1/256 of its samples
+  std::uint16_t y = 0;
+  std::uint16_t weight = 0;  ///< in 1 / (1 << kWeightBits); those of a point sum to exactly one
+  std::int16_t gain = 0;     ///< undoes vignetting, as GridTable::gains; 0 if there is none to undo
+  HeadIndex head = 0;
+  friend bool operator==(const LowSight&, const LowSight&) = default;
+};
+
+/// Two bands (low_band.h): the points at which the light of the heads' low pictures is compared. They are the corners of
+/// square cells of a block's tiles. Cells share a corner where their rays there are the same.
+struct LowGrid {
+  int cell_tiles = 2;                      ///< side of a cell in tiles, 1 or 2
+  std::vector<std::uint32_t> first_point;  ///< of every block, and one more
+  std::vector<std::uint32_t> first_sight;  ///< of every point, and one more
+  std::vector<LowSight> sights;
+  /// Of every block's cells, row by row: upper left, upper right, lower left and lower right corner, as numbers of points
+  /// of the block.
+  std::vector<std::array<std::uint8_t, 4>> cells;
+};
+
 /// The tiles of one sample grid of the raymap.
 struct GridTable {
   static constexpr int kBlockTiles = 8;  ///< tiles are blended in blocks of this many columns and block_rows() rows
@@ -113,6 +138,11 @@ struct GridTable {
     return static_cast<std::uint32_t>(y) << 16 | static_cast<std::uint32_t>(x);
   }
 
+  LowGrid low;                                        ///< empty: one band
+  static constexpr std::size_t kMostLowPoints = 128;  ///< per block
+  int low_cells_across() const { return kBlockTiles / low.cell_tiles; }
+  int low_cells_down() const { return block_rows() / low.cell_tiles; }
+
   /// Rounded up to whole blocks, which may extend beyond the grid; tiles outside the grid have no records.
   int tiles_across() const { return (width + 8 * kTile - 1) / (8 * kTile) * 8; }
   /// Height of a block in tiles: as many as cover 64 raymap rows.
@@ -121,6 +151,7 @@ struct GridTable {
   std::size_t tile_count() const {
     return static_cast<std::size_t>(tiles_across()) * static_cast<std::size_t>(tiles_down());
   }
+  std::size_t block_count() const { return tile_count() / static_cast<std::size_t>(kBlockTiles * block_rows()); }
   /// The index of the tile whose first pixel is (8 column, 8 row). Tiles are ordered block by block, and row by row
   /// within a block, so that the samples that neighbouring tiles share are still in the cache.
   std::size_t tile_index(int column, int row) const {
@@ -157,11 +188,20 @@ struct BlendTable {
     std::uint8_t sharpen = 0;
     /// Pyramid levels that this head's records use; 1: only the picture itself.
     std::uint8_t levels = 1;
+    /// Two bands: side of the squares of which the head's low picture has one sample each (low_picture.h), in samples of
+    /// the picture: a power of two, kLeastLowSize .. kMaxLowSize. 0: there is no low picture.
+    std::uint16_t low_size = 0;
+    /// The head's entries in Pictures: its levels, then its low picture.
+    std::size_t pictures() const { return std::size_t{levels} + (low_size != 0 ? 1 : 0); }
     /// Which field of the head's frames the picture is; `height` is then the field's height. Nothing: a whole frame.
     std::optional<FieldParity> field = std::nullopt;
   };
   std::vector<Source> sources;   ///< format, size and preparation of each head's picture, by head index
   std::vector<GridTable> grids;  ///< full resolution first, then chroma if it is subsampled
+  /// What replaces a head that is missing or not trusted, where `grids` show only the best head of each pixel: for every
+  /// grid, the tiles of a blend of all heads, in the same order (places are the grid's own). A tile that only one head
+  /// sees has no records here. Empty if `grids` blend all heads.
+  std::vector<GridTable> cover;
   std::array<ComponentRule, kMaxPlanes> components{};
   /// What a GridTable::gains value of one (1 << 15) stands for, in 1/256; 256 .. 2048.
   std::uint16_t vignetting_scale = 256;

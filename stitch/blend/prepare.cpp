@@ -4,15 +4,11 @@
 #include <array>
 #include <cstring>
 
+#include "stitch/blend/clones.h"
+#include "stitch/blend/low_picture.h"
+
 namespace nodal::blend {
 namespace {
-
-/// Also compiled for AVX2; the loader selects the version. The arithmetic is integer, so both give the same bytes.
-#ifdef __x86_64__
-#define NODAL_CLONES [[gnu::target_clones("default", "avx2")]]
-#else
-#define NODAL_CLONES
-#endif
 
 constexpr int kOne = 1 << kSharpenBits;
 
@@ -167,6 +163,7 @@ std::size_t prepared_size(const BlendTable::Source& source) {
     shape = half(shape);
     bytes += size_apart(shape);
   }
+  if (source.low_size != 0) bytes += low_picture(source, shape_of(source), nullptr).bytes;
   return bytes == 0 ? 0 : bytes + kLine;  // the memory may begin anywhere
 }
 
@@ -194,6 +191,9 @@ void prepare_picture(const BlendTable::Source& source, const ImageView& picture,
     }
     larger = views[level];
   }
+  if (source.low_size == 0) return;
+  views[source.levels] = low_picture(source, read, memory);
+  make_low_picture(source, read, memory);
 }
 
 }  // namespace nodal::blend

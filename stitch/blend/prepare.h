@@ -1,4 +1,4 @@
-// Prepares pictures before the blend, for heads that need it: sharpens and downscales them.
+// Prepares pictures before the blend, for heads that need it: sharpens and downscales them, and makes low pictures.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace nodal::blend {
 /// Bytes that prepare_picture needs for a head; 0 when the blend takes its picture as it is.
 std::size_t prepared_size(const BlendTable::Source& source);
 
-/// Fills views[0 .. source.levels) with the pictures of a head that the blend reads (Pictures): the picture itself, or
+/// Fills views[0 .. source.pictures()) with the pictures of a head that the blend reads (Pictures): the picture itself, or
 /// pictures made in `memory`, each component in its own plane, with rows that begin at multiples of 64 bytes:
 ///
 ///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - its four neighbours kSharpenReach away) / 64
@@ -22,6 +22,8 @@ std::size_t prepared_size(const BlendTable::Source& source);
 ///
 /// all rounded half up and clamped to 0 .. 255, in every component's own grid (YUYV and UYVY as by halved_chroma, and
 /// stored as I420); beyond the picture's edge the edge sample is repeated.
+///
+/// and, if source.low_size is not 0, the low picture of `picture`, see low_picture.h.
 ///
 /// Threading: thread-safe for different heads.
 /// Ownership: the views refer to `picture` and `memory`. Allocates nothing.

@@ -4,8 +4,9 @@
 //   template <int N, class Number> static void tile(const BlendJob&, const Tile&, std::size_t records, Number* out);
 //     blends N components of a tile that has no missing head, component c at out + c * kStrip, row by row: levels
 //     (std::uint8_t), or, for 16-bit raymaps, light (std::int16_t);
-//   template <int N> static void samples(const BlendJob&, const PatchRecord&, std::array<TileValues, N>&);
-//     computes the samples of a record's pixels with weight, before curve and gain;
+//   template <int N> static void samples(const BlendJob&, const GridTable&, const PatchRecord&,
+//                                        std::array<TileValues, N>&);
+//     computes the samples of the pixels with weight of a record of that table, before curve and gain;
 //   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
 //     writes a whole strip to the raymap at (x, y), or returns false and leaves that to write_strip;
 //   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes);
@@ -43,58 +44,128 @@ inline void finish_tile(const BlendJob&, std::size_t, const TileValues& light, s
   std::copy(light.begin(), light.end(), out);
 }
 
-/// The general case: a head of the tile is missing, or weights depend on confidence. Iterates over the records twice:
-/// the first pass sums the weights, the second blends.
-template <class Kernel, int N, class Number>
-void blend_carefully(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
-  std::array<std::uint32_t, kTilePixels> sum{};
-  std::array<std::array<std::int16_t, kTilePixels>, N> light{};
+/// A tile of one of the two tables that a careful blend reads: the grid's own, or its cover.
+struct TileRecords {
+  const GridTable& grid;
+  const Tile& tile;
+  std::size_t count;
+
+  TileRecords(const GridTable& of, std::size_t t)
+      : grid(of), tile(of.tiles[t]), count(of.tiles[t + 1].record - of.tiles[t].record) {}
+};
+
+/// Whether a record of the tile is of a missing head, which must not be read.
+inline bool any_missing(const BlendJob& job, const TileRecords& of) {
+  if (job.missing == 0) return false;
+  for (std::size_t r = of.tile.record; r < of.tile.record + of.count; ++r) {
+    if ((job.missing >> of.grid.records[r].head() & 1) != 0) return true;
+  }
+  return false;
+}
+
+/// By pixel: the sum of the weights of a tile's records, and of the products with the confidence in their heads.
+struct WeightSums {
+  std::array<std::uint32_t, kTilePixels> all{};
+  std::array<std::uint32_t, kTilePixels> trusted{};
+};
+
+/// Calls `use(r, samples, weight, trusted weight)` for every record of the tile whose head is there.
+template <class Kernel, int N, class Use>
+void each_trusted(const BlendJob& job, const TileRecords& of, bool needs_samples, Use use) {
   std::array<TileValues, N> samples;
   Weights weights;
   std::array<std::uint8_t, kTilePixels> trusted;
-  trusted.fill(1);
-  for (const bool adding_up : {true, false}) {
-    WeightReader reader(*job.grid, tile, records);
-    for (std::size_t r = tile.record; r < tile.record + records; ++r) {
-      const PatchRecord& record = job.grid->records[r];
-      reader.next(weights);
-      if ((job.missing >> record.head() & 1) != 0) continue;
-      if (job.careful || !adding_up) Kernel::template samples<N>(job, record, samples);
-      if (job.careful) trust(job, record, samples, trusted);
-      for (std::size_t p = 0; p < kTilePixels; ++p) {
-        const std::uint32_t weight = weights[p] * std::uint32_t{trusted[p]};
-        if (adding_up) {
-          sum[p] += weight;
-          continue;
+  WeightReader reader(of.grid, of.tile, of.count);
+  for (std::size_t r = of.tile.record; r < of.tile.record + of.count; ++r) {
+    const PatchRecord& record = of.grid.records[r];
+    reader.next(weights);
+    const bool missing = (job.missing >> record.head() & 1) != 0;
+    trusted.fill(missing ? 0 : 1);
+    if (!missing && (job.careful || needs_samples)) Kernel::template samples<N>(job, of.grid, record, samples);
+    if (!missing && job.careful) trust(job, of.grid, record, samples, trusted);
+    use(r, samples, weights, trusted);
+  }
+}
+
+template <class Kernel, int N>
+WeightSums sums_of(const BlendJob& job, const TileRecords& of) {
+  WeightSums sums;
+  each_trusted<Kernel, N>(job, of, false, [&](std::size_t, const auto&, const Weights& weights, const auto& trusted) {
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      sums.all[p] += weights[p];
+      sums.trusted[p] += weights[p] * std::uint32_t{trusted[p]};
+    }
+  });
+  return sums;
+}
+
+/// By pixel: what a trusted weight counts in the result, `times` / `of`.
+struct Shares {
+  std::array<std::uint64_t, kTilePixels> times{};
+  std::array<std::uint64_t, kTilePixels> of{};
+};
+
+template <class Kernel, int N>
+void add_light(const BlendJob& job, const TileRecords& of, const Shares& shares,
+               std::array<std::array<std::int16_t, kTilePixels>, N>& light) {
+  each_trusted<Kernel, N>(
+      job, of, true, [&](std::size_t r, const auto& samples, const Weights& weights, const auto& trusted) {
+        for (std::size_t p = 0; p < kTilePixels; ++p) {
+          const std::uint64_t weight = weights[p] * std::uint64_t{trusted[p]} * shares.times[p];
+          if (weight == 0) continue;
+          const std::uint64_t share = ((weight << kWeightBits) + shares.of[p] / 2) / shares.of[p];
+          const int i = static_cast<int>(p % kTile);
+          const int j = static_cast<int>(p / kTile);
+          for (std::size_t c = 0; c < N; ++c) {
+            const std::int16_t negative_light = negative_light_of(job, of.grid, r, c, samples[c][p], i, j);
+            light[c][p] = wrap(light[c][p] + mulr(negative_light, wrap(-static_cast<int>(share))));
+          }
         }
-        if (weight == 0) continue;
-        const std::uint64_t share = ((std::uint64_t{weight} << kWeightBits) + sum[p] / 2) / sum[p];
-        const int i = static_cast<int>(p % kTile);
-        const int j = static_cast<int>(p / kTile);
-        for (std::size_t c = 0; c < N; ++c) {
-          const std::int16_t negative_light = negative_light_of(job, r, c, samples[c][p], i, j);
-          light[c][p] = wrap(light[c][p] + mulr(negative_light, wrap(-static_cast<int>(share))));
-        }
-      }
+      });
+}
+
+/// The general case: a head of the tile is missing, or weights depend on confidence. What the tile's own records then
+/// lack to a weight of one is taken from those of its cover, if there is one.
+template <class Kernel, int N, class Number>
+void blend_carefully(const BlendJob& job, std::size_t t, Number* out) {
+  const TileRecords own(*job.grid, t);
+  const WeightSums sums = sums_of<Kernel, N>(job, own);
+  const std::uint32_t most = job.careful ? 255 : 1;
+  std::array<std::uint32_t, kTilePixels> lacking{};
+  bool any = any_missing(job, own);
+  for (std::size_t p = 0; p < kTilePixels; ++p) {
+    lacking[p] = sums.all[p] * most - sums.trusted[p];
+    any = any || lacking[p] != 0;
+  }
+  if (!any) return Kernel::template tile<N, Number>(job, own.tile, own.count, out);  // the same bytes
+  Shares of_own;
+  Shares of_cover;
+  of_own.times.fill(1);
+  for (std::size_t p = 0; p < kTilePixels; ++p) of_own.of[p] = sums.trusted[p];
+  const bool covered = job.cover != nullptr && job.cover->tiles[t + 1].record > job.cover->tiles[t].record;
+  if (covered) {
+    const WeightSums cover = sums_of<Kernel, N>(job, TileRecords(*job.cover, t));
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      if (cover.trusted[p] == 0 || sums.all[p] == 0) continue;
+      of_own.of[p] = std::uint64_t{sums.all[p]} * most;
+      of_cover.times[p] = lacking[p];
+      of_cover.of[p] = of_own.of[p] * cover.trusted[p];
     }
   }
+  std::array<std::array<std::int16_t, kTilePixels>, N> light{};
+  add_light<Kernel, N>(job, own, of_own, light);
+  if (covered) add_light<Kernel, N>(job, TileRecords(*job.cover, t), of_cover, light);
   for (std::size_t c = 0; c < N; ++c) finish_tile(job, c, light[c], out + c * kStrip);
 }
 
 template <class Kernel, int N, class Number>
 void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
-  const Tile& tile = job.grid->tiles[t];
-  const std::size_t records = job.grid->tiles[t + 1].record - tile.record;
-  bool carefully = job.careful && records > 1;
-  if (job.missing != 0) {
-    for (std::size_t r = tile.record; r < tile.record + records; ++r) {
-      carefully = carefully || (job.missing >> job.grid->records[r].head() & 1) != 0;
-    }
-  }
-  if (carefully) {
-    blend_carefully<Kernel, N, Number>(job, tile, records, out);
+  const TileRecords own(*job.grid, t);
+  const bool several = own.count > 1 || (job.cover != nullptr && TileRecords(*job.cover, t).count > 1);
+  if ((job.careful && several) || any_missing(job, own)) {
+    blend_carefully<Kernel, N, Number>(job, t, out);
   } else {
-    Kernel::template tile<N, Number>(job, tile, records, out);
+    Kernel::template tile<N, Number>(job, own.tile, own.count, out);
   }
 }
 
@@ -196,9 +267,14 @@ void blend_grid(const BlendJob& job) {
   const int last = (std::min(job.row_end, grid.height) + kTile - 1) / kTile;
   for (int block = first / block_rows * block_rows; block < last; block += block_rows) {
     for (int column = 0; column * kTile < grid.width; column += GridTable::kBlockTiles) {
+      if (job.low_band != nullptr) {
+        job.low_band->begin_block(static_cast<std::size_t>(
+            block / block_rows * (grid.tiles_across() / GridTable::kBlockTiles) + column / GridTable::kBlockTiles));
+      }
       for (int row = std::max(first, block); row < std::min(last, block + block_rows); ++row) {
         const std::size_t t = grid.tile_index(column, row);
         for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
+          if (job.low_band != nullptr) job.low_band->begin_tile(static_cast<int>(k), row - block);
           blend_tile<Kernel, N, Number>(job, t + k, strip.data() + k * kTilePixels);
         }
         if (grid.places.empty()) {

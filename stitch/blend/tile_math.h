@@ -9,6 +9,7 @@
 #include <span>
 
 #include "stitch/blend/blend_job.h"
+#include "stitch/blend/low_band.h"
 
 namespace nodal::blend {
 namespace {
@@ -62,16 +63,23 @@ inline int sample_at(const PlaneView& plane, const PatchRecord& record, Place at
   return top - mulr(wrap(top - bottom), wrap(g << (15 - kFractionBits)));
 }
 
-/// The light that a head contributes to component c of a pixel, negative.
-inline std::int16_t negative_light_of(const BlendJob& job, std::size_t r, std::size_t c, int sample, int i, int j) {
-  const HeadIndex head = job.grid->records[r].head();
+/// The light that record r of `grid` contributes to component c of a pixel, negative.
+inline std::int16_t negative_light_of(const BlendJob& job, const GridTable& grid, std::size_t r, std::size_t c,
+                                      int sample, int i, int j) {
+  const HeadIndex head = grid.records[r].head();
   const JobComponent& component = job.component[c];
   const int shown = job.curves ? curve_at<10>(job.curve[head][component.tone], sample) : sample;
-  const std::int16_t negative_light = wrap(component.black - shown);
-  if (!job.gains) return negative_light;
-  const std::int16_t head_gain = job.gain(head, c);
-  if (job.grid->gains.empty()) return mulr(negative_light, head_gain);
-  return mulr(negative_light, mulr(bilinear_at(job.grid->gains[r].data(), i, j), head_gain));
+  std::int16_t negative_light = wrap(component.black - shown);
+  if (job.gains) {
+    const std::int16_t head_gain = job.gain(head, c);
+    const bool alone = grid.gains.empty();
+    negative_light = mulr(negative_light, alone ? head_gain : mulr(bilinear_at(grid.gains[r].data(), i, j), head_gain));
+  }
+  if (job.low_band == nullptr) return negative_light;
+  const std::int16_t* correction = job.low_band->coefficients(head);
+  if (correction == nullptr) return negative_light;
+  const int corrected = negative_light + mulr(bilinear_at(correction + 4 * c, i, j), LowBand::kUnit);
+  return static_cast<std::int16_t>(std::clamp(corrected, -kMaxSample, kMaxSample));
 }
 
 inline std::uint8_t level_of(const BlendJob& job, std::size_t c, int light) {
@@ -140,8 +148,8 @@ template <int N>
 
 /// The confidence in a head at each pixel of a record. `samples` are the pixels' own samples, by component, before any
 /// curve.
-inline void trust(const BlendJob& job, const PatchRecord& record, std::span<const TileValues> samples,
-                  std::array<std::uint8_t, kTilePixels>& trusted) {
+inline void trust(const BlendJob& job, const GridTable& grid, const PatchRecord& record,
+                  std::span<const TileValues> samples, std::array<std::uint8_t, kTilePixels>& trusted) {
   const auto& of_level = job.tone->confidence->of_level[record.head()];
   const bool chroma = job.component[0].component != 0;
   const PlaneView& luma = job.luma[static_cast<std::size_t>(record.pyramid_level())][record.head()];
@@ -150,7 +158,7 @@ inline void trust(const BlendJob& job, const PatchRecord& record, std::span<cons
       const std::size_t p = j * kTile + i;
       int level = 0;
       if (chroma) {
-        const Place at = place_of(*job.grid, record, static_cast<int>(i), static_cast<int>(j));
+        const Place at = place_of(grid, record, static_cast<int>(i), static_cast<int>(j));
         const auto& shift = job.luma_shift[record.head()];
         const int x = std::min((record.left + (at.x >> kFractionBits)) << shift[0], luma.width - 1);
         const int y = std::min((record.top + (at.y >> kFractionBits)) << shift[1], luma.height - 1);

@@ -19,7 +19,7 @@ constexpr int kBandRows = 64;  ///< raymap rows per band: the blend is fastest w
 /// A head's picture and its pyramid, as the blend reads them.
 struct Prepared {
   std::vector<std::uint8_t> memory;
-  std::vector<ImageView> levels = std::vector<ImageView>(blend::kMaxLevels);
+  std::vector<ImageView> levels = std::vector<ImageView>(blend::kMaxPictures);
 };
 
 }  // namespace
@@ -83,9 +83,9 @@ Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) co
     prepared[h].memory.resize(blend::prepared_size(table_.sources[h]));
     blend::prepare_picture(table_.sources[h], pictures[h], prepared[h].memory.data(), prepared[h].levels);
   });
-  std::vector<ImageView> views(heads * blend::kMaxLevels);
+  std::vector<ImageView> views(heads * blend::kMaxPictures);
   for (std::size_t h = 0; h < heads; ++h) {
-    for (std::size_t l = 0; l < table_.sources[h].levels; ++l) views[l * heads + h] = prepared[h].levels[l];
+    for (std::size_t l = 0; l < table_.sources[h].pictures(); ++l) views[l * heads + h] = prepared[h].levels[l];
   }
   const blend::SetTone tone = blend::calibrated_tone(table_);
   DecodedImage raymap{table_.format, table_.width, table_.height, {}};

@@ -15,6 +15,7 @@ enum class Interpolation : std::uint8_t {
 
 /// How one head's picture passes into the next one's where several heads see a ray.
 enum class Transition : std::uint8_t {
+  kTwoBand,  ///< seams for detail; low frequencies pass as with kFeather, so that no step in brightness shows
   kSeam,     ///< only the head with the largest weight, except on a ramp along the seam: sharp
   kFeather,  ///< all heads, by their weights: blurred, and doubled where heads have different nodal points
 };
@@ -23,12 +24,12 @@ inline constexpr double kWidestSeamDeg = 180;
 
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
-  Transition transition = Transition::kFeather;
-  /// kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
+  Transition transition = Transition::kTwoBand;
+  /// kTwoBand, kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
   /// head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which the
   /// ramp hides, are angles, and because the width is then independent of the raymap's size.
-  double seam_width_deg = 1;
-  /// kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative to half
+  double seam_width_deg = 2;
+  /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative to half
   /// the region's shorter side.
   double feather = 0.5;
   /// Heads with a smaller share of a sample than this do not contribute to it.

@@ -98,7 +98,7 @@ double reach_of(const geometry::Head& head) {
 
 RaySampler::Optics optics_of(const geometry::Head& head, PixelFormat raymap_format, double power,
                              const TableOptions& options) {
-  const double full = options.transition == Transition::kSeam ? 1 : options.feather;
+  const double full = options.transition == Transition::kFeather ? options.feather : 1;
   const double reach = reach_of(head);
   const Eigen::Matrix3d& R = head.R_head_rig();
   Response response = head.calibration().response;
@@ -234,6 +234,11 @@ void RowSampler::sample(int grid, std::span<const std::uint32_t> places) {
   }
 }
 
+void RowSampler::sample(int grid, std::span<const std::optional<geometry::Ray>> rays) {
+  begin(grid);
+  for (const std::optional<geometry::Ray>& ray : rays) add(ray);
+}
+
 void RowSampler::begin(int grid) {
   if (grid != grid_) {
     for (auto& rays : rays_) rays.clear();
@@ -255,7 +260,7 @@ void RowSampler::add(const std::optional<geometry::Ray>& ray) {
 /// Fills in the heads that see the ray, with weights that sum to 1, and returns their number.
 int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const {
   const std::span<const geometry::Head> heads = rig_.heads();
-  const bool seams = rig_.options().transition == Transition::kSeam;
+  const bool seams = rig_.options().transition != Transition::kFeather;
   std::size_t count = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const RaySampler::Optics& optics = rig_.optics()[h];

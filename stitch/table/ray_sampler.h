@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -112,6 +113,8 @@ class RowSampler {
   /// The same for any list of samples, given by GridTable::place(); at(k) then returns the sources of the k-th, none
   /// for kNowhere.
   void sample(int grid, std::span<const std::uint32_t> places);
+  /// The same for any rays.
+  void sample(int grid, std::span<const std::optional<geometry::Ray>> rays);
   int width() const { return static_cast<int>(ends_.size()); }
   /// The sources of sample x of the row; empty where no head sees its ray.
   std::span<const RaySample> at(int x) const;

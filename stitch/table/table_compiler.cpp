@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/low_band_compiler.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
 #include "stitch/table/sphere_order.h"
@@ -180,25 +182,38 @@ std::string masks_that_hide(std::span<const geometry::Head> heads) {
 
 int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile - 1) / blend::kTile; }
 
+/// Whether there is a pixel that several heads see.
+bool any_shared(const TileSamples& tile) {
+  return std::ranges::any_of(tile.at, [](const std::vector<RaySample>& at) { return at.size() > 1; });
+}
+
 }  // namespace
 
 struct TableCompiler::Work {
   std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< if make() was given a layout's name
   RaySampler sampler;
-  int vignetting_scale = 0;  ///< 0: nothing to undo
-  std::vector<TileRun> rows;
+  std::optional<RaySampler> cover;                 ///< for BlendTable::cover
+  int vignetting_scale = 0;                        ///< 0: nothing to undo
+  std::vector<TileRun> rows;                       ///< of every grid, then of every grid of the cover
   std::vector<std::vector<std::uint32_t>> places;  ///< by grid, for scattered layouts; else empty
+  std::vector<std::uint16_t> low_sizes;            ///< by head; empty: one band
+  std::vector<std::vector<blend::LowGrid>> low;    ///< by grid, then row of blocks
+
+  void compile_rows(const RaySampler& rays, int first, int begin, int end);
 };
 
 TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)) {
   std::size_t rows = 0;
   for (const RaySampler::Grid& grid : work_->sampler.grids()) rows += static_cast<std::size_t>(tile_rows(grid));
-  work_->rows.resize(rows);
+  work_->rows.resize(work_->cover ? 2 * rows : rows);
   work_->vignetting_scale = vignetting_scale(work_->sampler);
+  if (work_->sampler.options().transition == Transition::kTwoBand) work_->low_sizes = low_sizes(*work_->cover);
   const bool scattered = work_->sampler.layout().scattered();
   for (std::size_t g = 0; g < work_->sampler.grids().size(); ++g) {
     work_->places.emplace_back();
     if (scattered) work_->places.back() = sphere_order(work_->sampler, static_cast<int>(g));
+    const blend::GridTable shape = empty_table(work_->sampler.grids()[g]);
+    work_->low.emplace_back(static_cast<std::size_t>(shape.tiles_down() / shape.block_rows()));
   }
 }
 TableCompiler::TableCompiler(TableCompiler&&) noexcept = default;
@@ -220,26 +235,52 @@ Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const 
                                           const TableOptions& options) {
   Result<RaySampler> sampler = RaySampler::make(calibration, layout, raymap_format, head_formats, options);
   if (!sampler) return fail(sampler.error());
-  return TableCompiler(std::make_unique<Work>(Work{nullptr, std::move(*sampler), 0, {}, {}}));
+  auto work = std::make_unique<Work>(Work{nullptr, std::move(*sampler), std::nullopt, 0, {}, {}, {}, {}});
+  if (options.transition != Transition::kFeather) {
+    TableOptions all = options;
+    all.transition = Transition::kFeather;
+    Result<RaySampler> cover = RaySampler::make(calibration, layout, raymap_format, head_formats, all);
+    if (!cover) return fail(cover.error());
+    work->cover = std::move(*cover);
+  }
+  return TableCompiler(std::move(work));
 }
 
 int TableCompiler::row_count() const { return static_cast<int>(work_->rows.size()); }
 
 void TableCompiler::compile_rows(int begin, int end) {
-  const RaySampler& sampler = work_->sampler;
-  RowSampler sampled(sampler);
-  int first = 0;
-  for (std::size_t g = 0; g < sampler.grids().size(); ++g) {
-    const RaySampler::Grid& shape = sampler.grids()[g];
-    TileRowSamples samples(shape, work_->places[g]);
-    TileBuilder builder(sampler, static_cast<int>(g), work_->vignetting_scale);
+  work_->compile_rows(work_->sampler, 0, begin, end);
+  if (work_->cover) work_->compile_rows(*work_->cover, row_count() / 2, begin, end);
+}
+
+/// Compiles those of rows [begin, end) that are of one of the two tables, whose rows begin at `first`.
+void TableCompiler::Work::compile_rows(const RaySampler& rays, int first, int begin, int end) {
+  RowSampler sampled(rays);
+  for (std::size_t g = 0; g < rays.grids().size(); ++g) {
+    const RaySampler::Grid& shape = rays.grids()[g];
+    TileRowSamples samples(shape, places[g]);
+    TileBuilder builder(rays, static_cast<int>(g), vignetting_scale);
+    const blend::GridTable empty = empty_table(shape);
+    std::optional<LowBandCompiler> low_band;
+    if (!low_sizes.empty() && &rays == &*cover) {
+      low_band.emplace(rays, static_cast<int>(g), empty, places[g], low_sizes, vignetting_scale);
+    }
     for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
       samples.sample(sampled, static_cast<int>(g), r - first);
-      TileRun& row = work_->rows[static_cast<std::size_t>(r)];
+      TileRun& row = rows[static_cast<std::size_t>(r)];
       row = TileRun{};
-      for (TileSamples& tile : samples.tiles()) builder.append(tile, row);
+      for (TileSamples& tile : samples.tiles()) {
+        if (&rays != &sampler && !any_shared(tile)) {
+          for (std::vector<RaySample>& at : tile.at) at.clear();
+        }
+        builder.append(tile, row);
+      }
       row.records.shrink_to_fit();
       row.weights.shrink_to_fit();
+      if (low_band && (r - first) % empty.block_rows() == 0) {
+        const int block_row = (r - first) / empty.block_rows();
+        low[g][static_cast<std::size_t>(block_row)] = low_band->compile(block_row);
+      }
     }
     first += tile_rows(shape);
   }
@@ -265,18 +306,30 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   if (work_->vignetting_scale != 0) table.vignetting_scale = static_cast<std::uint16_t>(work_->vignetting_scale);
   std::span<TileRun> rows(work_->rows);
   std::uint32_t unshrunk = 0;  // heads with a record of level 0 (the picture itself), one bit each
-  for (const RaySampler::Grid& shape : sampler.grids()) {
-    const auto height = static_cast<std::size_t>(tile_rows(shape));
-    Result<blend::GridTable> grid = join(shape, rows.first(height));
-    if (!grid) return fail(grid.error());
-    rows = rows.subspan(height);
-    grid->places = std::move(work_->places[table.grids.size()]);
-    for (const blend::PatchRecord& record : grid->records) {
-      std::uint8_t& levels = table.sources[record.head()].levels;
-      levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
-      if (record.pyramid_level() == 0) unshrunk |= 1U << record.head();
+  const auto add_grids = [&](std::vector<blend::GridTable>& grids) -> Status {
+    for (const RaySampler::Grid& shape : sampler.grids()) {
+      const auto height = static_cast<std::size_t>(tile_rows(shape));
+      Result<blend::GridTable> grid = join(shape, rows.first(height));
+      if (!grid) return fail(grid.error());
+      rows = rows.subspan(height);
+      for (const blend::PatchRecord& record : grid->records) {
+        std::uint8_t& levels = table.sources[record.head()].levels;
+        levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
+        if (record.pyramid_level() == 0) unshrunk |= 1U << record.head();
+      }
+      grids.push_back(std::move(*grid));
     }
-    table.grids.push_back(std::move(*grid));
+    return {};
+  };
+  if (Status added = add_grids(table.grids); !added) return fail(added.error());
+  for (std::size_t g = 0; g < table.grids.size(); ++g) {
+    table.grids[g].places = std::move(work_->places[g]);
+    if (work_->low_sizes.empty()) continue;
+    for (const blend::LowGrid& low : work_->low[g]) append(low, table.grids[g].low);
+  }
+  for (std::size_t h = 0; h < work_->low_sizes.size(); ++h) table.sources[h].low_size = work_->low_sizes[h];
+  if (work_->cover) {
+    if (Status added = add_grids(table.cover); !added) return fail(added.error());
   }
   if (table.grids[0].records.empty()) {
     return fail(Errc::kNoCoverage, "no head sees any ray of the " + std::string(sampler.layout().name()) +

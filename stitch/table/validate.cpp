@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <span>
 #include <string>
 #include <vector>
@@ -57,6 +58,10 @@ Status check_shape(const BlendTable& table) {
     if (source.levels < 1 || source.levels > blend::kMaxLevels) {
       return invalid(head + std::to_string(source.levels) + " levels");
     }
+    const bool low_ok =
+        source.low_size == 0 || (source.low_size >= blend::kLeastLowSize && source.low_size <= blend::kMaxLowSize &&
+                                 std::has_single_bit(source.low_size));
+    if (!low_ok) return invalid(head + "low picture of squares of " + std::to_string(source.low_size));
     if (source.sharpen > blend::kMaxSharpen) return invalid(head + "sharpening " + std::to_string(source.sharpen));
   }
   return {};
@@ -84,11 +89,11 @@ Status check_components(const BlendTable& table) {
   return {};
 }
 
-/// Validates one grid.
+/// Validates one grid, of the table's own or of its cover.
 class GridProof {
  public:
-  GridProof(const BlendTable& table, std::size_t g)
-      : table_(table), grid_(table.grids[g]), where_("grid " + std::to_string(g)) {
+  GridProof(const BlendTable& table, const GridTable& grid, std::size_t g, const std::string& kind)
+      : table_(table), grid_(grid), where_(kind + " " + std::to_string(g)) {
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
       const BlendTable::Source& source = table.sources[h];
       planes_[h] = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
@@ -256,15 +261,100 @@ class GridProof {
   int inside_y_ = 0;
 };
 
+/// Whether `first` divides `count` things into `parts`, one after the other, each of `most` at most.
+bool divides(const std::vector<std::uint32_t>& first, std::size_t parts, std::size_t count, std::size_t most) {
+  if (first.size() != parts + 1 || first.front() != 0 || first.back() != count) return false;
+  for (std::size_t k = 0; k < parts; ++k) {
+    if (first[k + 1] < first[k] || first[k + 1] - first[k] > most) return false;
+  }
+  return true;
+}
+
+/// Nothing, or the fault of a point.
+const char* fault_of_point(const BlendTable& table, const GridTable& grid, std::size_t g, std::size_t point) {
+  const blend::LowGrid& low = grid.low;
+  std::uint32_t sum = 0;
+  std::uint32_t heads = 0;
+  for (std::size_t s = low.first_sight[point]; s < low.first_sight[point + 1]; ++s) {
+    const blend::LowSight& sight = low.sights[s];
+    if (sight.head >= table.sources.size()) return "names a head that is not there";
+    const BlendTable::Source& source = table.sources[sight.head];
+    if (source.low_size == 0) return "names a head that has no low picture";
+    if ((heads >> sight.head & 1) != 0) return "names a head twice";
+    heads |= 1U << sight.head;
+    const PlaneView plane = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
+    const int square = g == 0 ? source.low_size : source.low_size / 2;
+    if (sight.x > (std::max(1, plane.width / square) - 1) * 256 ||
+        sight.y > (std::max(1, plane.height / square) - 1) * 256) {
+      return "reads outside its head's low picture";
+    }
+    if (grid.gains.empty() ? sight.gain != 0 : sight.gain < 1) return "has a gain out of range";
+    sum += sight.weight;
+  }
+  return heads == 0 || sum == 1U << blend::kWeightBits ? nullptr : "has weights that do not sum to one";
+}
+
+/// Of all grids or of none.
+Status check_low(const BlendTable& table) {
+  for (std::size_t g = 0; g < table.grids.size(); ++g) {
+    const GridTable& grid = table.grids[g];
+    const blend::LowGrid& low = grid.low;
+    const std::string where = "low band of grid " + std::to_string(g);
+    if (low.cells.empty() != table.grids[0].low.cells.empty()) return invalid(where + " is missing");
+    if (low.cells.empty()) continue;
+    if (low.cell_tiles != 1 && low.cell_tiles != 2)
+      return invalid(where + ": cells of " + std::to_string(low.cell_tiles) + " tiles");
+    const std::size_t blocks = grid.block_count();
+    const std::size_t points = low.first_sight.empty() ? 0 : low.first_sight.size() - 1;
+    const auto cells = static_cast<std::size_t>(grid.low_cells_across() * grid.low_cells_down());
+    if (!divides(low.first_point, blocks, points, GridTable::kMostLowPoints))
+      return invalid(where + ": points of blocks");
+    if (!divides(low.first_sight, points, low.sights.size(), kMaxHeads)) return invalid(where + ": sights of points");
+    if (low.cells.size() != blocks * cells) return invalid(where + ": there is not one entry a cell");
+    for (std::size_t k = 0; k < low.cells.size(); ++k) {
+      const std::uint32_t count = low.first_point[k / cells + 1] - low.first_point[k / cells];
+      if (std::ranges::any_of(low.cells[k], [&](std::uint8_t point) { return point >= count; })) {
+        return invalid(where + ", cell " + std::to_string(k) + ": names a point that is not there");
+      }
+    }
+    for (std::size_t p = 0; p < points; ++p) {
+      if (const char* fault = fault_of_point(table, grid, g, p)) {
+        return invalid(where + ", point " + std::to_string(p) + ": " + fault);
+      }
+    }
+  }
+  return {};
+}
+
+/// A cover has tiles where the table has them, and no places of its own.
+Status check_cover(const BlendTable& table) {
+  if (!table.cover.empty() && table.cover.size() != table.grids.size()) {
+    return invalid(std::to_string(table.cover.size()) + " covers for " + std::to_string(table.grids.size()) + " grids");
+  }
+  for (std::size_t g = 0; g < table.cover.size(); ++g) {
+    const GridTable& cover = table.cover[g];
+    const GridTable& grid = table.grids[g];
+    const std::string where = "cover " + std::to_string(g);
+    if (cover.width != grid.width || cover.height != grid.height || cover.row_step != grid.row_step) {
+      return invalid(where + " does not have its grid's size");
+    }
+    if (!cover.records.empty() && cover.gains.empty() != grid.gains.empty()) return invalid(where + ": gains");
+    if (!cover.places.empty()) return invalid(where + " has places of its own");
+    if (Status proven = GridProof(table, cover, g, "cover").run(); !proven) return proven;
+  }
+  return {};
+}
+
 }  // namespace
 
 Status validate_blend_table(const BlendTable& table) {
   if (Status shape = check_shape(table); !shape) return shape;
   if (Status components = check_components(table); !components) return components;
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
-    if (Status grid = GridProof(table, g).run(); !grid) return grid;
+    if (Status grid = GridProof(table, table.grids[g], g, "grid").run(); !grid) return grid;
   }
-  return {};
+  if (Status cover = check_cover(table); !cover) return cover;
+  return check_low(table);
 }
 
 }  // namespace nodal::table

@@ -13,6 +13,7 @@
 #include "frames.h"
 #include "growth.h"
 #include "measure.h"
+#include "multi_band_peer.h"
 #include "opencv_peer.h"
 #include "report.h"
 #include "stitch/blend/blend.h"
@@ -56,6 +57,7 @@ class Course {
     const geometry::RaymapLayout& own = *layout_;
     add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, own, false);
     add_blends("seams of 1 degree", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, table::Transition::kSeam);
+    add_blends("two bands", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, table::Transition::kTwoBand);
     add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
     add_blends("the same, sharpened", PixelFormat::kI420, PixelFormat::kI420, own, true, table::TableOptions().sharpen);
     add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
@@ -167,6 +169,10 @@ void Course::add_peers() {
   opencv_out_ = out.get();
   for (const int threads : {1, 2})
     add("OpenCV remap + blend", "native", threads, pixels, peer->table_bytes(), opencv_frame_);
+  auto multi_band = std::make_shared<MultiBandPeer>(sampler);
+  kept_.push_back(multi_band);
+  add("OpenCV MultiBandBlender", "native", 1, pixels, multi_band->table_bytes(),
+      [&input, out, multi_band](std::size_t set, Pool&) { multi_band->blend(input.at(set).heads, out->at(set)); });
 }
 
 /// With two threads, as fast as they can.

@@ -48,15 +48,15 @@ class Outputs {
 /// Sharpened and downscaled pictures of the heads, for tables that use them, in memory that is reused for every frame.
 class Levels {
  public:
-  explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxLevels) {
+  explicit Levels(const blend::BlendTable& table) : table_(table), views_(table.sources.size() * blend::kMaxPictures) {
     for (const blend::BlendTable::Source& source : table.sources) memory_.emplace_back(blend::prepared_size(source));
   }
   blend::Pictures make(std::span<const ImageView> heads, Pool& pool) {
     pool.run(static_cast<int>(heads.size()), [&](int head) {
       const auto h = static_cast<std::size_t>(head);
-      std::array<ImageView, blend::kMaxLevels> levels;
+      std::array<ImageView, blend::kMaxPictures> levels;
       blend::prepare_picture(table_.sources[h], heads[h], memory_[h].data(), levels);
-      for (std::size_t l = 0; l < table_.sources[h].levels; ++l) views_[l * heads.size() + h] = levels[l];
+      for (std::size_t l = 0; l < table_.sources[h].pictures(); ++l) views_[l * heads.size() + h] = levels[l];
     });
     return views_;
   }

@@ -198,9 +198,9 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   const std::string before = read("pictures/cam2.png");
   expect_refused({rig, pictures, "-o", pictures + "/../pictures/cam2.png"}, "cam2.png is one of the pictures");
   EXPECT_EQ(read("pictures/cam2.png"), before);
-  expect_refused({rig, pictures, "--seam", "181"}, "--seam");
-  expect_refused({rig, pictures, "--seam", "nan"}, "--seam");
-  expect_refused({rig, pictures, "--seam", "1", "--feather", "0.5"}, "--seam excludes --feather");
+  expect_refused({rig, pictures, "--seam-width", "181"}, "--seam-width");
+  expect_refused({rig, pictures, "--seam-width", "nan"}, "--seam-width");
+  expect_refused({rig, pictures, "--transition", "cut"}, "--transition");
   expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
   test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
   expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -46,6 +47,13 @@ TableOptions feather(double part) {
 TableOptions seam(double degrees) {
   TableOptions options;
   options.transition = Transition::kSeam;
+  options.seam_width_deg = degrees;
+  return options;
+}
+
+TableOptions two_bands(double degrees) {
+  TableOptions options;
+  options.transition = Transition::kTwoBand;
   options.seam_width_deg = degrees;
   return options;
 }
@@ -156,14 +164,31 @@ struct Row {
   const char* name;
   TableOptions options;
 };
-const Row kRows[] = {{"feather 0.5", feather(0.5)}, {"feather 0.05", feather(0.05)},
-                     {"seam 10", seam(10)},         {"seam 4", seam(4)},
-                     {"seam 2", seam(2)},           {"seam 1", seam(1)},
-                     {"seam 0.5", seam(0.5)}};
+const Row kRows[] = {{"feather 0.5", feather(0.5)},
+                     {"feather 0.05", feather(0.05)},
+                     {"seam 10", seam(10)},
+                     {"seam 4", seam(4)},
+                     {"seam 2", seam(2)},
+                     {"seam 1", seam(1)},
+                     {"seam 0.5", seam(0.5)},
+                     {"two bands 4", two_bands(4)},
+                     {"two bands 2", two_bands(2)},
+                     {"two bands 1", two_bands(1)},
+                     {"two bands 0.5", two_bands(0.5)}};
+
+/// To look at: the raymaps of `set` as $NODAL_PICTURES/<name>-<transition>.png.
+void write_pictures(const char* name, const Set& set) {
+  const char* const folder = std::getenv("NODAL_PICTURES");
+  if (folder == nullptr) return;
+  for (const Row& row : kRows) {
+    ASSERT_TRUE(write_png(fs::path(folder) / (std::string(name) + "-" + row.name + ".png"), set.stitched(row.options)));
+  }
+}
 
 /// Prints a row for each transition; returns the contrast of a seam of one degree.
 double table_of(const char* name, const Set& set) {
   const Contrast contrast(set);
+  write_pictures(name, set);
   for (const Row& row : kRows) std::printf("%-18s %-12s %.3f\n", name, row.name, contrast.of(row.options));
   return contrast.of(seam(1));
 }

@@ -13,14 +13,14 @@ namespace nodal::test {
 class PreparedHeads {
  public:
   PreparedHeads(const blend::BlendTable& table, std::span<const ImageView> heads)
-      : views_(heads.size() * blend::kMaxLevels) {
-    std::vector<ImageView> levels(blend::kMaxLevels);
+      : views_(heads.size() * blend::kMaxPictures) {
+    std::vector<ImageView> levels(blend::kMaxPictures);
     for (std::size_t h = 0; h < heads.size(); ++h) {
       const blend::BlendTable::Source& source = table.sources[h];
       if (heads[h].planes[0].data == nullptr) continue;
       std::vector<std::uint8_t>& memory = memory_.emplace_back(blend::prepared_size(source));
       blend::prepare_picture(source, heads[h], memory.data(), levels);
-      for (std::size_t l = 0; l < source.levels; ++l) views_[l * heads.size() + h] = levels[l];
+      for (std::size_t l = 0; l < source.pictures(); ++l) views_[l * heads.size() + h] = levels[l];
     }
   }
   std::span<const ImageView> views() const { return views_; }

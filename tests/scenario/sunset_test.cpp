@@ -357,27 +357,30 @@ Response response_of(Response::Curve curve, double gamma = 2.2) {
   return response;
 }
 
-INSTANTIATE_TEST_SUITE_P(Heads, Sunsets,
-                         testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
-                                         Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
-                                         Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
-                                         Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)},
-                                         // With a seam, the darker head helps the brighter one only in the ramp.
-                                         Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
-                                              table::Transition::kSeam, 0.004},
-                                         Case{"i420-seam", PixelFormat::kI420, response_of(Response::Curve::kGamma),
-                                              table::Transition::kSeam, 0.004}),
-                         [](const auto& param_info) {
-                           std::string name = param_info.param.name;
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Heads, Sunsets,
+    testing::Values(
+        Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+        Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
+        Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
+        Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)},
+        Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), table::Transition::kSeam},
+        Case{"i420-seam", PixelFormat::kI420, response_of(Response::Curve::kGamma), table::Transition::kSeam},
+        Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), table::Transition::kTwoBand},
+        Case{"i420-bands", PixelFormat::kI420, response_of(Response::Curve::kGamma), table::Transition::kTwoBand}),
+    [](const auto& param_info) {
+      std::string name = param_info.param.name;
+      std::replace(name.begin(), name.end(), '-', '_');
+      return name;
+    });
 
 INSTANTIATE_TEST_SUITE_P(Heads, LinearSunsets,
                          testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
                                          Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
                                          Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
-                                              table::Transition::kSeam}),
+                                              table::Transition::kSeam},
+                                         Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
+                                              table::Transition::kTwoBand}),
                          [](const auto& param_info) { return std::string(param_info.param.name).substr(4); });
 
 }  // namespace

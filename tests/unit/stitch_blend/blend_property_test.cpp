@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <memory>
 #include <thread>
 
 #include "definition.h"
 #include "small_tables.h"
+#include "tests/reference/prepared_heads.h"
 
 namespace nodal::blend::test {
 namespace {
@@ -16,7 +18,8 @@ struct Scene {
   BlendTable table;
   SetTone tone;
   std::vector<Picture> pictures;
-  std::vector<ImageView> heads;
+  std::shared_ptr<nodal::test::PreparedHeads> prepared;
+  std::vector<ImageView> heads;  ///< prepared
 };
 
 struct Kind {
@@ -38,7 +41,7 @@ Kind random_kind(RandomTables& tables) {
 /// A random table over noise; each head is missing with probability 1 / missing_in, never for 0.
 Scene random_scene(RandomTables& tables, int width, int height, int head_width, int head_height, int missing_in) {
   const Kind kind = random_kind(tables);
-  Scene scene{tables.table(kind.raymap, kind.head, width, height, 3, head_width, head_height), {}, {}, {}};
+  Scene scene{tables.table(kind.raymap, kind.head, width, height, 3, head_width, head_height), {}, {}, {}, {}};
   scene.tone = tables.tone(scene.table);
   if (tables.below(3) == 0) {
     scene.tone.confidence.emplace();
@@ -51,9 +54,12 @@ Scene random_scene(RandomTables& tables, int width, int height, int head_width, 
     for (auto& left : scene.tone.fade->of_luma) left = static_cast<std::uint16_t>(tables.below(kScaleOne + 1));
   }
   for (int h = 0; h < 3; ++h) scene.pictures.push_back(noise(tables.random(), kind.head, head_width, head_height));
+  std::vector<ImageView> heads;
   for (const Picture& picture : scene.pictures) {
-    scene.heads.push_back(missing_in != 0 && tables.below(missing_in) == 0 ? ImageView{} : picture.view());
+    heads.push_back(missing_in != 0 && tables.below(missing_in) == 0 ? ImageView{} : picture.view());
   }
+  scene.prepared = std::make_shared<nodal::test::PreparedHeads>(scene.table, heads);
+  scene.heads.assign(scene.prepared->views().begin(), scene.prepared->views().end());
   return scene;
 }
 
@@ -127,10 +133,16 @@ RC_GTEST_PROP(BlendRows, ConstantScene_GivesExactlyThatConstantWhereCovered, (st
   const PixelFormat head_format = kHeadFormats[static_cast<std::size_t>(tables.below(4))];
   BlendTable table = tables.table(PixelFormat::kI420, head_format, 91, 67, 3, 40, 34);
   for (GridTable& grid : table.grids) grid.gains.clear();
+  for (GridTable& grid : table.cover) grid.gains.clear();
+  for (GridTable& grid : table.grids) {
+    for (LowSight& sight : grid.low.sights) sight.gain = 0;
+  }
   table.vignetting_scale = 256;
   const Picture head(head_format, 40, 34, level);
   const bool lose_one = tables.below(2) == 0;
-  const std::vector<ImageView> heads{lose_one ? ImageView{} : head.view(), head.view(), head.view()};
+  const nodal::test::PreparedHeads prepared(
+      table, std::vector<ImageView>{lose_one ? ImageView{} : head.view(), head.view(), head.view()});
+  const auto heads = prepared.views();
   for (const Kernel kernel : kernels()) {
     Picture raymap(PixelFormat::kI420, 91, 67);
     const MutableImageView view = raymap.mutable_view();
@@ -167,8 +179,10 @@ TEST(BlendRows, YuyvUyvyAndNv12ReadInPlace_EqualTheSamePlanesApart) {
     Picture unpacked(PixelFormat::kI420, 100, 80);
     const SetTone tone = calibrated_tone(table);
     for (const Kernel kernel : kernels()) {
-      blend_rows_by(kernel, table, std::vector{packed.view()}, tone, in_place.mutable_view(), 0, 80);
-      blend_rows_by(kernel, table, std::vector{apart}, tone, unpacked.mutable_view(), 0, 80);
+      const nodal::test::PreparedHeads of_packed(table, std::vector{packed.view()});
+      const nodal::test::PreparedHeads of_apart(table, std::vector{apart});
+      blend_rows_by(kernel, table, of_packed.views(), tone, in_place.mutable_view(), 0, 80);
+      blend_rows_by(kernel, table, of_apart.views(), tone, unpacked.mutable_view(), 0, 80);
       EXPECT_EQ(in_place.bytes, unpacked.bytes) << pixel_format_name(format) << " by " << kernel_name(kernel);
     }
   }

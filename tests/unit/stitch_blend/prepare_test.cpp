@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "small_tables.h"
+#include "stitch/blend/low_picture.h"
 
 namespace nodal::blend::test {
 namespace {
@@ -16,7 +18,7 @@ constexpr std::array kFormats{PixelFormat::kGrey8, PixelFormat::kI420, PixelForm
 
 struct Prepared {
   std::vector<std::uint8_t> memory;
-  std::array<ImageView, kMaxLevels> views;
+  std::array<ImageView, kMaxPictures> views;
   Prepared(const BlendTable::Source& source, const Picture& picture) : memory(prepared_size(source)) {
     prepare_picture(source, picture.view(), memory.data(), views);
   }
@@ -91,7 +93,7 @@ RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std:
     }
     std::vector<std::uint8_t> larger = bytes_of(plane);
     int width = plane.width;
-    for (std::size_t level = 1; level < source.levels; ++level) {
+    for (std::size_t level = 1; level < source.pictures(); ++level) {
       const PlaneView& small = prepared.views[level].planes[c];
       RC_ASSERT(small.width == width / 2);
       std::vector<std::uint8_t> expected;
@@ -106,6 +108,49 @@ RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std:
       RC_ASSERT(bytes_of(small) == expected);
       larger = expected;
       width = small.width;
+    }
+  }
+}
+
+RC_GTEST_PROP(PreparePicture, TheLowPicture_IsOfTheRowsThatItNames, (std::uint32_t seed)) {
+  std::mt19937 random(seed);
+  const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
+  const bool large = random() % 4 == 0;  // several pieces of a row at a time
+  BlendTable::Source source{kFormats[random() % 6], (large ? 8000 : 4) + below(300), 4 + below(90)};
+  source.sharpen = static_cast<std::uint8_t>(below(3));
+  source.levels = static_cast<std::uint8_t>(1 + below(2));
+  source.low_size = static_cast<std::uint16_t>(16 << below(large ? 2 : 5));
+  Picture picture = noise(random, source.format, source.width, source.height);
+  if (random() % 4 == 0) std::ranges::fill(picture.bytes, std::uint8_t{255});  // the largest sums
+  const ImageView view = halved_chroma(picture.view());
+  const Prepared prepared(source, picture);
+  RC_ASSERT(source.pictures() == source.levels + 1U);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(source.format)); ++c) {
+    const PlaneView& plane = view.planes[c];
+    const PlaneView& low = prepared.views[source.levels].planes[c];
+    const int n = source.low_size / (has_chroma(source.format) && c > 0 ? 2 : 1);
+    RC_ASSERT(low.width == std::max(1, plane.width / n));
+    RC_ASSERT(low.height == std::max(1, plane.height / n));
+    for (int y = 0; y < low.height; ++y) {
+      for (int x = 0; x < low.width; ++x) {
+        double sum = 0;
+        int least = 255, most = 0;
+        for (const int row : {n / 4 - 1, n / 4, 3 * n / 4 - 1, 3 * n / 4}) {
+          const int line = std::min(n * y + row, plane.height - 1);
+          for (int k = 0; k < n; ++k) {
+            const int column = std::min(n * x + k, plane.width - 1);
+            const int level = plane.data[line * plane.row_stride + column * plane.pixel_stride];
+            sum += level;
+            least = std::min(least, level);
+            most = std::max(most, level);
+          }
+        }
+        LowSample sample;
+        std::memcpy(&sample, low.data + y * low.row_stride + x * low.pixel_stride, sizeof sample);
+        RC_ASSERT(sample.mean == std::floor(sum / (4 * n) * 128 + 0.5));
+        RC_ASSERT(sample.least == least);
+        RC_ASSERT(sample.most == most);
+      }
     }
   }
 }

@@ -107,15 +107,20 @@ class RandomTables {
     table.vignetting_scale = static_cast<std::uint16_t>(gains ? 257 + below(1792) : 256);
     const ImageView head =
         halved_chroma(packed_image(head_format, head_width, head_height, static_cast<const std::uint8_t*>(nullptr)));
-    for (std::size_t g = 0; g < (chroma ? 2U : 1U); ++g) {
-      GridTable grid;
-      grid.width = g == 0 ? width : (width + 1) / 2;
-      grid.height = g == 0 ? height : (height + 1) / 2;
-      grid.row_step = g == 0 ? 1 : 2;
-      for (std::size_t t = 0; t < grid.tile_count(); ++t) add_tile(grid, heads, head.planes[g], gains);
-      grid.tiles.push_back({static_cast<std::uint32_t>(grid.records.size()), 0});
-      table.grids.push_back(std::move(grid));
-    }
+    const auto add_grids = [&](std::vector<GridTable>& grids) {
+      for (std::size_t g = 0; g < (chroma ? 2U : 1U); ++g) {
+        GridTable grid;
+        grid.width = g == 0 ? width : (width + 1) / 2;
+        grid.height = g == 0 ? height : (height + 1) / 2;
+        grid.row_step = g == 0 ? 1 : 2;
+        for (std::size_t t = 0; t < grid.tile_count(); ++t) add_tile(grid, heads, head.planes[g], gains);
+        grid.tiles.push_back({static_cast<std::uint32_t>(grid.records.size()), 0});
+        grids.push_back(std::move(grid));
+      }
+    };
+    add_grids(table.grids);
+    if (below(2) == 0) add_grids(table.cover);
+    if (below(2) == 0) add_low(table, head, gains);
     if (chroma) table.components = {{{0, 16, 0}, {1, 128, 1}, {1, 128, 1}}};
     if (in_8_bits(format) == PixelFormat::kRgb24) table.components = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}}};
     return table;
@@ -149,6 +154,47 @@ class RandomTables {
   }
 
  private:
+  void add_low(BlendTable& table, const ImageView& head, bool gains) {
+    for (auto& source : table.sources) source.low_size = static_cast<std::uint16_t>(16 << below(2));
+    for (std::size_t g = 0; g < table.grids.size(); ++g) {
+      GridTable& grid = table.grids[g];
+      LowGrid& low = grid.low;
+      low.cell_tiles = 1 + below(2);
+      low.first_point = low.first_sight = {0};
+      const int cells = grid.low_cells_across() * grid.low_cells_down();
+      for (std::size_t block = 0; block < grid.block_count(); ++block) {
+        const int points = 1 + below(static_cast<int>(GridTable::kMostLowPoints));
+        for (int p = 0; p < points; ++p) {
+          add_sights(table, g, head.planes[g], gains);
+          low.first_sight.push_back(static_cast<std::uint32_t>(low.sights.size()));
+        }
+        for (int k = 0; k < cells; ++k) {
+          auto& corners = low.cells.emplace_back();
+          for (auto& corner : corners) corner = static_cast<std::uint8_t>(below(points));
+        }
+        low.first_point.push_back(static_cast<std::uint32_t>(low.first_sight.size() - 1));
+      }
+    }
+  }
+
+  void add_sights(BlendTable& table, std::size_t g, const PlaneView& plane, bool gains) {
+    int left = kOneWeight;
+    for (std::size_t h = 0; h < table.sources.size() && left > 0; ++h) {
+      if (below(4) == 0 && h + 1 < table.sources.size()) continue;
+      const int square = table.sources[h].low_size / (g == 0 ? 1 : 2);
+      const auto place = [&](int size) {
+        const int last = (std::max(1, size / square) - 1) * 256;
+        return static_cast<std::uint16_t>(below(5) == 0 ? last : below(last + 1));
+      };
+      const bool last = h + 1 == table.sources.size() || below(4) == 0;
+      const int weight = last ? left : below(left + 1);
+      left -= weight;
+      table.grids[g].low.sights.push_back({place(plane.width), place(plane.height), static_cast<std::uint16_t>(weight),
+                                           static_cast<std::int16_t>(gains ? 1 + below(32767) : 0),
+                                           static_cast<HeadIndex>(h)});
+    }
+  }
+
   void add_tile(GridTable& grid, int heads, const PlaneView& plane, bool gains) {
     const auto how = static_cast<Sharing>(below(4));
     const int records = how == Sharing::kAlone ? below(2) : 1 + below(4);

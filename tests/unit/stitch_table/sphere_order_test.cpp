@@ -106,12 +106,15 @@ TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
   std::mt19937 random(3);
   const Shot shot(PixelFormat::kGrey8, random);
   const Shuffled layout(64, 32, random);
-  const blend::BlendTable table = compile_blend_table(shot.rig, layout, PixelFormat::kGrey8, shot.formats).value();
+  TableOptions options;
+  options.transition = Transition::kFeather;  // a cover's share is not the sampler's
+  const blend::BlendTable table =
+      compile_blend_table(shot.rig, layout, PixelFormat::kGrey8, shot.formats, options).value();
   std::vector<ImageView> heads = shot.heads;
   heads[2].planes[0].data = nullptr;
   std::vector<std::uint8_t> validity(64 * 32, 1);
   blend::validity_rows(table, heads, {validity.data(), 64, 32, 64, 1}, 0, 32);
-  const RaySampler sampler = RaySampler::make(shot.rig, layout, PixelFormat::kGrey8, shot.formats, {}).value();
+  const RaySampler sampler = RaySampler::make(shot.rig, layout, PixelFormat::kGrey8, shot.formats, options).value();
   RowSampler row(sampler);
   for (int y = 0; y < 32; ++y) {
     row.sample(0, y);

@@ -14,36 +14,43 @@ namespace {
 
 using test::cube_rig;
 
-void expect_equal(const blend::BlendTable& a, const blend::BlendTable& b) {
-  ASSERT_EQ(a.grids.size(), b.grids.size());
-  for (std::size_t g = 0; g < a.grids.size(); ++g) {
-    EXPECT_EQ(a.grids[g].tiles, b.grids[g].tiles);
-    EXPECT_EQ(a.grids[g].records, b.grids[g].records);
-    EXPECT_EQ(a.grids[g].weights, b.grids[g].weights);
-    EXPECT_EQ(a.grids[g].coordinates, b.grids[g].coordinates);
-    EXPECT_EQ(a.grids[g].gains, b.grids[g].gains);
+void expect_equal(const std::vector<blend::GridTable>& a, const std::vector<blend::GridTable>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t g = 0; g < a.size(); ++g) {
+    EXPECT_EQ(a[g].tiles, b[g].tiles);
+    EXPECT_EQ(a[g].records, b[g].records);
+    EXPECT_EQ(a[g].weights, b[g].weights);
+    EXPECT_EQ(a[g].coordinates, b[g].coordinates);
+    EXPECT_EQ(a[g].gains, b[g].gains);
+    EXPECT_EQ(a[g].low.cells, b[g].low.cells);
+    EXPECT_EQ(a[g].low.first_point, b[g].low.first_point);
+    EXPECT_EQ(a[g].low.first_sight, b[g].low.first_sight);
+    EXPECT_EQ(a[g].low.sights, b[g].low.sights);
   }
 }
 
 TEST(TableCompiler, AnyPartitionOnAnyThreads_GivesTheSameTable) {
-  const Calibration rig = cube_rig(48);
-  const RaymapSpec spec{"equirectangular", 136, 68, PixelFormat::kI420};
+  const Calibration rig = cube_rig(160);
+  const RaymapSpec spec{"equirectangular", 264, 132, PixelFormat::kI420};
   const std::vector<PixelFormat> formats(6, PixelFormat::kYuyv);
   const Result<blend::BlendTable> whole = compile_blend_table(rig, spec, formats);
   ASSERT_TRUE(whole) << whole.error().text();
 
   Result<TableCompiler> compiler = TableCompiler::make(rig, spec, formats);
   ASSERT_TRUE(compiler);
-  ASSERT_EQ(compiler->row_count(), 9 + 5);  // of tiles
+  ASSERT_EQ(compiler->row_count(), 2 * (17 + 9));  // of tiles: with two bands there is a cover
   {
     std::vector<std::jthread> threads;
-    for (const auto& [begin, end] : {std::pair{8, 14}, std::pair{0, 3}, std::pair{3, 4}, std::pair{4, 8}}) {
+    for (const auto& [begin, end] :
+         {std::pair{8, 30}, std::pair{0, 3}, std::pair{3, 4}, std::pair{4, 8}, std::pair{41, 52}, std::pair{30, 41}}) {
       threads.emplace_back([&compiler, begin = begin, end = end] { compiler->compile_rows(begin, end); });
     }
   }
   const Result<blend::BlendTable> pieces = std::move(*compiler).finish();
   ASSERT_TRUE(pieces) << pieces.error().text();
-  expect_equal(*whole, *pieces);
+  expect_equal(whole->grids, pieces->grids);
+  expect_equal(whole->cover, pieces->cover);
+  EXPECT_FALSE(whole->grids[0].low.sights.empty());
 }
 
 TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {

@@ -47,6 +47,7 @@ struct Fault {
   const char* name;
   const char* says;
   std::function<void(BlendTable&)> make;
+  const BlendTable& (*good)() = good_table;
 };
 
 class ValidateFinds : public testing::TestWithParam<Fault> {};
@@ -81,6 +82,24 @@ std::vector<Fault> faults() {
       {"LinearLightInEightBits", "numbers of linear light",
        [](BlendTable& t) { t.linear.resize(blend::kLinearSteps); }},
       {"RaymapOfNothing", "raymap of 0 x 20", [](BlendTable& t) { t.width = 0; }},
+      {"CoverMissing", "1 covers for 2 grids", [](BlendTable& t) { t.cover.assign(1, t.grids[0]); }},
+      {"CoverOfAnotherSize", "cover 1 does not have", [](BlendTable& t) { t.cover.assign(2, t.grids[0]); }},
+      {"CoverWithPlaces", "cover 0 has places",
+       [](BlendTable& t) {
+         t.cover = t.grids;
+         t.cover[0].places.assign(64, 0);
+       }},
+      {"CoverWithoutGains", "cover 1: gains",
+       [](BlendTable& t) {
+         t.cover = t.grids;
+         t.cover[1].gains.clear();
+       }},
+      {"CoverNamesAHeadNotThere", "cover 0, tile (0, 0): names a head",
+       [](BlendTable& t) {
+         t.cover = t.grids;
+         ASSERT_TRUE(validate_blend_table(t).has_value());
+         t.cover[0].records[0].source |= 5;
+       }},
       {"GridMissing", "1 grids", [](BlendTable& t) { t.grids.pop_back(); }},
       {"GridOfAnotherSize", "grid 1", [](BlendTable& t) { t.grids[1].width = 19; }},
       {"GridStep", "grid 1", [](BlendTable& t) { t.grids[1].row_step = 1; }},
@@ -133,8 +152,8 @@ std::vector<Fault> faults() {
 }
 
 TEST_P(ValidateFinds, TheFaultAndSaysWhereItIs) {
-  ASSERT_TRUE(validate_blend_table(good_table()));
-  BlendTable table = good_table();
+  ASSERT_TRUE(validate_blend_table(GetParam().good()));
+  BlendTable table = GetParam().good();
   GetParam().make(table);
   const Status proven = validate_blend_table(table);
   ASSERT_FALSE(proven);
@@ -143,6 +162,69 @@ TEST_P(ValidateFinds, TheFaultAndSaysWhereItIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Planted, ValidateFinds, testing::ValuesIn(faults()),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+const BlendTable& two_band_table() {
+  static const BlendTable table = [] {
+    Calibration rig = test::cube_rig(480);
+    for (HeadCalibration& head : rig.heads) head.vignetting.coefficients = {-0.1, 0, 0};
+    TableOptions options;
+    options.transition = Transition::kTwoBand;
+    return compile_blend_table(rig, {"equirectangular", 512, 256, PixelFormat::kI420},
+                               std::vector(6, PixelFormat::kYuyv), options)
+        .value();
+  }();
+  return table;
+}
+
+/// The first point of the chroma grid that two heads see.
+std::size_t shared_point(const BlendTable& table) {
+  const std::vector<std::uint32_t>& first = table.grids[1].low.first_sight;
+  for (std::size_t p = 0; p + 1 < first.size(); ++p) {
+    if (first[p + 1] - first[p] > 1) return p;
+  }
+  throw std::logic_error("no point is shared");
+}
+
+blend::LowSight& shared_sight(BlendTable& table) {
+  return table.grids[1].low.sights[table.grids[1].low.first_sight[shared_point(table)]];
+}
+
+std::vector<Fault> low_faults() {
+  std::vector<Fault> faults{
+      {"SquaresOfNoPowerOfTwo", "squares of 24", [](BlendTable& t) { t.sources[2].low_size = 24; }},
+      {"SquaresTooSmall", "squares of 8", [](BlendTable& t) { t.sources[2].low_size = 8; }},
+      {"SquaresTooLarge", "squares of 512", [](BlendTable& t) { t.sources[2].low_size = 512; }},
+      {"OneGridOnly", "grid 1 is missing", [](BlendTable& t) { t.grids[1].low = {}; }},
+      {"CellsOfThreeTiles", "cells of 3", [](BlendTable& t) { t.grids[0].low.cell_tiles = 3; }},
+      {"CellsOfOtherTiles", "one entry a cell", [](BlendTable& t) { t.grids[0].low.cell_tiles = 1; }},
+      {"CellsTooFew", "one entry a cell", [](BlendTable& t) { t.grids[0].low.cells.pop_back(); }},
+      {"CellNamesNoPoint", "cell 3: names a point", [](BlendTable& t) { t.grids[0].low.cells[3][2] = 200; }},
+      {"BlocksTooFew", "points of blocks", [](BlendTable& t) { t.grids[0].low.first_point.pop_back(); }},
+      {"BlocksFall", "points of blocks", [](BlendTable& t) { t.grids[0].low.first_point[1] = 1000; }},
+      {"TooManyPoints", "points of blocks",
+       [](BlendTable& t) {
+         blend::LowGrid& low = t.grids[0].low;
+         low.first_point.back() += 200;
+         low.first_sight.insert(low.first_sight.end(), 200, low.first_sight.back());
+       }},
+      {"PointsNotFromZero", "sights of points", [](BlendTable& t) { t.grids[0].low.first_sight[0] = 1; }},
+      {"SightsPastTheEnd", "sights of points", [](BlendTable& t) { t.grids[0].low.first_sight.back() += 1; }},
+      {"HeadOfASightNotThere", "names a head that is not there", [](BlendTable& t) { shared_sight(t).head = 6; }},
+      {"HeadTwice", "names a head twice", [](BlendTable& t) { (&shared_sight(t) + 1)->head = shared_sight(t).head; }},
+      {"HeadWithoutLowPicture", "has no low picture",
+       [](BlendTable& t) { t.sources[shared_sight(t).head].low_size = 0; }},
+      {"RightOfTheLowPicture", "outside its head's low picture",
+       [](BlendTable& t) { shared_sight(t).x = 14 * 256 + 1; }},
+      {"BelowTheLowPicture", "outside its head's low picture", [](BlendTable& t) { shared_sight(t).y = 65535; }},
+      {"WeightsTooSmall", "do not sum to one", [](BlendTable& t) { shared_sight(t).weight -= 1; }},
+      {"NoGainOfASight", "gain out of range", [](BlendTable& t) { shared_sight(t).gain = 0; }},
+  };
+  for (Fault& fault : faults) fault.good = two_band_table;
+  return faults;
+}
+
+INSTANTIATE_TEST_SUITE_P(PlantedInTheLowBand, ValidateFinds, testing::ValuesIn(low_faults()),
                          [](const auto& test) { return std::string(test.param.name); });
 
 TEST(ValidateLinear, NumbersThatLightCouldMissOrBlackThatIsNone_AreRefused) {

@@ -1,0 +1,27 @@
+// A head's low picture: its low frequencies, for two bands (low_band.h). Internal to stitch/blend.
+#pragma once
+
+#include <cstdint>
+
+#include "protocol/base/image.h"
+#include "stitch/blend/blend_table.h"
+
+namespace nodal::blend {
+
+/// A sample of a low picture: of some rows of a square of the picture, see make_low_picture().
+struct LowSample {
+  std::uint16_t mean = 0;   ///< in 1/128 of a level, rounded half up
+  std::uint8_t least = 0;   ///< level of the darkest sample
+  std::uint8_t most = 255;  ///< of the brightest
+};
+static_assert(sizeof(LowSample) == 4);
+
+/// The low picture of a picture of the shape `read`, in `memory`: a plane of LowSample for each component, with as many
+/// samples as the component has whole squares; one at least. ImageView::bytes is what it takes in all.
+ImageView low_picture(const BlendTable::Source& source, const ImageView& read, const std::uint8_t* memory);
+
+/// Makes it. A square has n x n samples, n = Source::low_size, or half of it in the chroma of subsampled formats. Of each,
+/// rows n/4 - 1, n/4, 3n/4 - 1 and 3n/4 are read; beyond the picture's edge the edge sample is repeated.
+void make_low_picture(const BlendTable::Source& source, const ImageView& read, std::uint8_t* memory);
+
+}  // namespace nodal::blend
