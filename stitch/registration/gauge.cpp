@@ -36,6 +36,15 @@ Eigen::Vector3d geometric_median_of(const std::vector<Eigen::Vector3d>& turns) {
   return median;
 }
 
+Eigen::Vector3d middle_of(Gauge gauge, const std::vector<Eigen::Vector3d>& turns) {
+  switch (gauge) {
+    case Gauge::kFirstHead: return turns.front();
+    case Gauge::kMean: return mean_of(turns);
+    case Gauge::kMost: return geometric_median_of(turns);
+  }
+  return Eigen::Vector3d::Zero();
+}
+
 }  // namespace
 
 void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::vector<bool>& placed,
@@ -50,7 +59,8 @@ void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::
       turns.push_back(turn.angle() * turn.axis());
     }
     if (turns.empty()) return;
-    const Eigen::Vector3d middle = gauge == Gauge::kMost ? geometric_median_of(turns) : mean_of(turns);
+    const Eigen::Vector3d middle = middle_of(gauge, turns);
+    if (middle.isZero(0)) return;
     const Eigen::Quaterniond back(geometry::rotation_about(middle));
     for (std::size_t h = 0; h < heads.size(); ++h) {
       if (placed[h]) heads[h].q_head_rig = (heads[h].q_head_rig * back).normalized();

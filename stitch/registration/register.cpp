@@ -1,6 +1,8 @@
 #include "stitch/registration/registration.h"
 
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/diagnosis.h"
@@ -33,27 +35,47 @@ Status check_focals(const Calibration& prior, const std::vector<FrameSet>& frame
   return fail(Errc::kHeadMismatch, wrong_focals(rms, sum / count, std::sqrt(held), std::sqrt(found->objective_after)));
 }
 
-}  // namespace
+/// A head that was left out, and why.
+struct LeftOut {
+  std::size_t head = 0;
+  std::string why;
+};
 
-Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
-                              const Options& options) {
-  Run run(prior, options);
-  Result<Report> report = run.run(frame_sets);
-  if (run.focals_doubtful()) {
-    if (Status right = check_focals(prior, frame_sets, options, run.objective_after()); !right)
-      return fail(right.error());
-  }
-  if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
+/// The mistake that explains why the heads in `wrong` disagree with the others, if it is a usual one.
+std::optional<std::string> mistake_of(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
+                                      const Options& options, const std::vector<std::size_t>& wrong) {
   Options quick = options;
   quick.free = Free::kRotations;
   quick.search = false;
   quick.progress = nullptr;
   quick.width = kQuickWidth;
   const Attempt attempt = [&](const std::vector<FrameSet>& tried) { return Run(prior, quick).run(tried).has_value(); };
-  if (const auto mistake = usual_mistake(prior, frame_sets, run.wrong(), attempt)) {
-    return fail(Errc::kHeadMismatch, *mistake);
+  return usual_mistake(prior, frame_sets, wrong, attempt);
+}
+
+}  // namespace
+
+Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
+                              const Options& options) {
+  for (std::vector<LeftOut> left_out;;) {
+    Run run(prior, options);
+    for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);
+    Result<Report> report = run.run(frame_sets);
+    if (run.focals_doubtful()) {
+      if (Status right = check_focals(prior, frame_sets, options, run.objective_after()); !right)
+        return fail(right.error());
+    }
+    if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
+    if (const auto mistake = mistake_of(prior, frame_sets, options, run.wrong())) {
+      return fail(Errc::kHeadMismatch, *mistake);
+    }
+    // One head alone must not refuse the others, if those that are left can contradict each other.
+    if (run.wrong().size() != 1 || prior.heads.size() - left_out.size() < 4) return report;
+    left_out.push_back(
+        {run.wrong().front(),
+         "it and its neighbours see different things where they should overlap; check that the picture is "
+         "its own and was taken at the same moment, or start from point pairs"});
   }
-  return report;
 }
 
 }  // namespace nodal::registration

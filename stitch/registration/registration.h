@@ -105,10 +105,10 @@ struct Report {
 ///
 /// Threading: thread-safe; starts `threads` of its own for the time of the call.
 /// Ownership: the frames' bytes must remain valid during the call.
-/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage if the heads share too little; kNotDetermined
-/// for
-///   black frames; kHeadMismatch if the frames contradict the prior (the same picture twice, mirrored, upside down,
-///   another lens, noise). Each message says what is wrong and what to try.
+/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage if the heads share too little; kNotDetermined for
+///   black frames; kHeadMismatch if the frames contradict the prior (the same picture twice, mirrored, upside down, another
+///   lens, noise). Each message says what is wrong and what to try. One head that contradicts three or more others is left
+///   out and reported as not placed.
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                               const Options& options);
 

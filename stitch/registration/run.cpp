@@ -51,6 +51,11 @@ Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
   return {};
 }
 
+void Run::leave_out(std::size_t head, std::string why) {
+  why_not_.resize(prior_.heads.size());
+  why_not_[head] = std::move(why);
+}
+
 void Run::unplace(std::size_t head, std::string why) {
   // Rotation and lens become the prior's again; the estimate of its light is kept.
   HeadState back = start_[head];
@@ -138,6 +143,7 @@ Status Run::find_dull_heads() {
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const HeadDetail& head = detail->heads[h];
     loose_sigma_[h] = std::numeric_limits<double>::infinity();
+    if (!why_not_[h].empty()) continue;
     if (head.shared_sr <= 0) {
       unplace(h, "with the prior's rotations and lenses it shares no rays with another head");
     } else if (head.rms < kDullRms) {
@@ -244,7 +250,6 @@ Status Run::check_lenses(Objective& objective) {
 
 Result<Report> Run::report() {
   const LevelPlan& finest = plans_.back();
-  if (options_.gauge != Gauge::kFirstHead) hold_together(options_.gauge, start_, used(), heads_);
   double farthest = 0;
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
@@ -345,6 +350,8 @@ Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
     if (!changed) break;
     if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
   }
+  // The head that held the rig may have been found not to be placed, after it had turned all others.
+  hold_together(options_.gauge, start_, used(), heads_);
   if (Status light = light_unplaced_heads(); !light) return fail(light.error());
   return report();
 }

@@ -24,6 +24,8 @@ class Run {
  public:
   Run(const Calibration& prior, const Options& options) : prior_(prior), options_(options), workers_(options.threads) {}
 
+  /// Before run(): the head keeps the prior's rotation, for this reason.
+  void leave_out(std::size_t head, std::string why);
   Result<Report> run(const std::vector<FrameSet>& frame_sets);
   /// The heads that disagreed with the others when run() failed.
   const std::vector<std::size_t>& wrong() const { return wrong_; }

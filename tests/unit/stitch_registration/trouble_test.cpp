@@ -78,6 +78,61 @@ TEST(Register, AHeadUpsideDown_IsNamed) {
   expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch, "head 'cam1' is upside down");
 }
 
+TEST(Register, AHeadThatFilmedSomethingElse_IsLeftOutAndNamedWhileTheOthersAreFound) {
+  test::RenderedRig rig = town();
+  rig.bytes[2] =
+      test::render_rig(rig.truth, hal::sim::town_square_scene(77), {PixelFormat::kGrey8, 1.0, 5, 3}).bytes[5];
+  const Calibration prior = test::turned(rig.truth, 0.5, 1.5, 3);
+  const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+  ASSERT_TRUE(report) << report.error().text();
+  std::vector<bool> counted(6, true);
+  counted[2] = false;
+  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kPixelDeg);
+  EXPECT_FALSE(report->heads[2].placed);
+  EXPECT_NE(report->heads[2].why_not.find("see different things"), std::string::npos) << report->heads[2].why_not;
+  EXPECT_EQ(report->calibration.heads[2].R_head_rig, prior.heads[2].R_head_rig);
+  ASSERT_FALSE(report->warnings.empty());
+  EXPECT_NE(report->warnings[0].find("'cam2'"), std::string::npos) << report->warnings[0];
+}
+
+/// The mean over `reach` pixels on all sides.
+std::vector<std::uint8_t> blurred(const std::vector<std::uint8_t>& picture, int reach) {
+  std::vector<std::uint8_t> result;
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      int sum = 0, count = 0;
+      for (int j = std::max(0, y - reach); j <= std::min(kSide - 1, y + reach); ++j) {
+        for (int i = std::max(0, x - reach); i <= std::min(kSide - 1, x + reach); ++i, ++count) {
+          sum += picture[static_cast<std::size_t>(j * kSide + i)];
+        }
+      }
+      result.push_back(static_cast<std::uint8_t>(sum / count));
+    }
+  }
+  return result;
+}
+
+TEST(Register, TheFirstHeadIsNotPlaced_TheSecondHoldsTheRig) {
+  // Out of focus: the first head has some detail, holds the rig at first, and is given up later.
+  bool given_up_late = false;
+  for (const int reach : {12, 20}) {
+    test::RenderedRig rig = town();
+    rig.bytes[0] = blurred(rig.bytes[0], reach);
+    const Calibration prior = test::turned(rig.truth, 1, 3, 4);
+    const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+    ASSERT_TRUE(report) << report.error().text();
+    if (report->heads[0].placed) continue;
+    given_up_late = given_up_late || report->heads[0].why_not.find("no detail") == std::string::npos;
+    for (std::size_t k = 0; k < 9; ++k) {
+      EXPECT_NEAR(report->calibration.heads[1].R_head_rig[k], prior.heads[1].R_head_rig[k], 1e-12) << reach;
+    }
+    std::vector<bool> counted(6, true);
+    counted[0] = false;
+    EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kPixelDeg) << reach;
+  }
+  EXPECT_TRUE(given_up_late) << "or this test shows nothing";
+}
+
 TEST(Register, MirroredPictures_AreRefused) {
   test::RenderedRig rig = town();
   for (auto& picture : rig.bytes) {
