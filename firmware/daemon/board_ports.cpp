@@ -276,8 +276,10 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
 
 Status BoardPorts::check_devices(const RigConfig& config) {
   for (const HeadConfig& head : config.heads) {
-    if (head.port.kind != PortKind::kV4l2) continue;
-    const auto opened = state_->v4l2->open_and_wait(head.port.text());
+    if (head.port.kind == PortKind::kSim) continue;
+    const std::string port = head.port.text();
+    const auto opened =
+        head.port.kind == PortKind::kV4l2 ? state_->v4l2->open_and_wait(port) : state_->enumerators.replay->open(port);
     if (!opened) {
       return fail(opened.error().in("head '" + head.name + "' (line " + std::to_string(head.line) + " of rig.toml)"));
     }
@@ -332,6 +334,14 @@ Status BoardPorts::listen(const firmware::LinksConfig& links) {
   };
   if (Status control = open(links.unix_path, links.unix_file, firmware::Access::kControl); !control) return control;
   return open(links.view_path, links.view_file, firmware::Access::kView);
+}
+
+Status BoardPorts::check_links(const firmware::LinksConfig& links) const {
+  for (const std::string& path : {links.unix_path, links.view_path}) {
+    if (path.empty() || !hal::connect_link("unix:" + path)) continue;
+    return fail(Errc::kExists, "unix:" + path + ": a program listens there already; stop it or choose another path");
+  }
+  return {};
 }
 
 firmware::RigPorts BoardPorts::ports() {

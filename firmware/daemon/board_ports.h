@@ -24,9 +24,11 @@ class BoardPorts {
   static Result<std::unique_ptr<BoardPorts>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~BoardPorts();
 
-  /// Opens every device that rig.toml names and closes it again, which may take seconds. Errors: the first that cannot be
-  /// opened as rig.toml asks, naming its head and line.
+  /// Opens every device and every replayed picture that rig.toml names and closes it again, which may take seconds. Errors:
+  /// the first that cannot be opened as rig.toml asks, naming its head and line.
   Status check_devices(const firmware::RigConfig& config);
+  /// Errors: kExists if a program listens at one of the sockets.
+  Status check_links(const firmware::LinksConfig& links) const;
   /// Claims the GPIO lines that rig.toml names, which may take long. Returns what could not be claimed, naming the key: a rig
   /// runs without it. Call it before ports().
   std::vector<Error> claim_lines(const firmware::RigConfig& config);

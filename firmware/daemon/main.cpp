@@ -148,6 +148,8 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     return kExitFine;
   }
   log_line(LogLevel::kInfo, std::string(kSoftware) + ": " + describe(config));
+  // Before the long preparation, so that a second nodald ends at once. The sockets open when the rig can serve them.
+  if (const Status free = (*ports)->check_links(config.links); !free) return give_up(free.error(), kExitCannotStart);
   (*ports)->prepare();
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;

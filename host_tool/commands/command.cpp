@@ -75,8 +75,8 @@ void show_setting(Console& console, Json document, const wire::Reply& reply) {
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description,
                       const std::string& examples) {
   CLI::App* command = parent.add_subcommand(name, description);
-  command->fallthrough();  // --rig and --json may also follow the command
-  if (!examples.empty()) command->footer("Examples:\n" + examples);
+  command->fallthrough();                                             // --rig and --json may also follow the command
+  command->footer(examples.empty() ? "" : "Examples:\n" + examples);  // never the parent's, which CLI11 would inherit
   return command;
 }
 

@@ -8,6 +8,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/live_frames.h"
+#include "host_tool/input/registration_advice.h"
 
 namespace nodal::host {
 namespace {
@@ -122,7 +123,7 @@ Status run(Context& context, const Args& args) {
       return registration::measure_drift(input->calibration, input->pictures.frames(), options);
     });
   }
-  if (!report) return fail(report.error());
+  if (!report) return fail(with_advice(report.error(), false));
   if (!args.out.empty()) {
     if (const Status written = write_file(args.out, nodal::to_json(report->calibration)); !written) return written;
   }

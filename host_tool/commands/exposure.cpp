@@ -20,6 +20,9 @@ struct Args {
 };
 
 std::string stops(std::int64_t thousandths) { return fmt::format("{:+.2f}", static_cast<double>(thousandths) / 1000); }
+std::string in_stops(std::uint32_t thousandths) {
+  return fmt::format("{} stop{}", thousandths / 1000.0, thousandths == 1000 ? "" : "s");
+}
 std::string percent(std::uint32_t ppm) { return fmt::format("{:.1f} %", ppm / 1e4); }
 
 void show(Console& console, const wire::ExposureState& state, const wire::Heads& heads) {
@@ -33,18 +36,18 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
   if (settings.locked()) line += ", locked";
   else if (automatic)
     line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
-  line += fmt::format("; mean light {} stops below full, shutters to {}, gain to {}", settings.target_below() / 1000.0,
+  line += fmt::format("; mean light {} below full, shutters to {}, gain to {}", in_stops(settings.target_below()),
                       show_exposure(settings.longest_ns()), show_gain(settings.highest_gain_mdb()));
   if (settings.program() == "joint") {
-    line += fmt::format("; neighbours within {} stops", settings.difference() / 1000.0);
+    line += "; neighbours within " + in_stops(settings.difference());
     if (settings.anchor() >= 0) line += ", anchored on " + name(static_cast<std::uint32_t>(settings.anchor()));
   }
-  console.line(line);
+  for (const std::string& part : wrapped(line, kLineWidth)) console.line(part);
   using Align = Table::Align;
   Table table({{"head"},
                {"exposure, stops", Align::kRight},
-               {"goal", Align::kRight},
-               {"mean", Align::kRight},
+               {"goal, stops", Align::kRight},
+               {"mean, stops", Align::kRight},
                {"clipped", Align::kRight},
                {"black", Align::kRight}});
   for (const wire::HeadExposure& head : state.heads()) {

@@ -32,8 +32,9 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
   const wire::Genlock& now = reply->genlock();
   show_setting(context.console(), to_json(now), *reply);
   const std::string by = now.aligned() ? "heads run free and are moved" : counted(now.triggers(), "trigger");
-  context.console().line(fmt::format("genlock {} at {}/{} Hz; {}; spread of mid-exposures {} (worst {})", now.state(),
-                                     now.rate_numerator(), now.rate_denominator(), by, show_duration(now.spread_ns()),
+  context.console().line(
+      fmt::format("genlock {} at {}/{} Hz; {}", now.state(), now.rate_numerator(), now.rate_denominator(), by));
+  context.console().line(fmt::format("spread of mid-exposures {} (worst {})", show_duration(now.spread_ns()),
                                      show_duration(now.spread_worst_ns())));
   for (const std::string& why : now.unaligned()) {
     context.console().line(context.console().paint(Colour::kWarning, why));

@@ -18,28 +18,39 @@ std::uint64_t losses_of(const wire::HeadState& head) {
 
 std::string show_skew(std::int64_t ns) { return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns))); }
 
-void show(Console& console, const wire::Heads& heads) {
-  Table table({{"#", Table::Align::kRight},
-               {"name"},
-               {"port"},
-               {"format"},
-               {"exposure", Table::Align::kRight},
-               {"gain", Table::Align::kRight},
-               {"red, blue"},
-               {"frames", Table::Align::kRight},
-               {"lost", Table::Align::kRight},
-               {"skew", Table::Align::kRight},
-               {"clock", Table::Align::kRight},
-               {"problem"}});
+/// One line per head, and below it its problem. With `wide` also the port, the format and the white balance, which do not
+/// fit into 80 columns.
+void show(Console& console, const wire::Heads& heads, bool wide) {
+  using Align = Table::Align;
+  std::vector<Table::Column> columns{{"#", Align::kRight}, {"name"}};
+  if (wide) columns.insert(columns.end(), {{"port"}, {"format"}, {"red, blue"}});
+  columns.insert(columns.end(), {{"exposure", Align::kRight},
+                                 {"gain", Align::kRight},
+                                 {"frames", Align::kRight},
+                                 {"lost", Align::kRight},
+                                 {"skew", Align::kRight},
+                                 {"clock", Align::kRight}});
+  Table table(columns);
   for (const wire::HeadState& head : heads.heads()) {
-    const std::string problem = head.problem().empty() && !head.present() ? "not there" : head.problem();
-    table.row({std::to_string(head.index()), head.name(), head.path(), head.format(), show_exposure(head.exposure_ns()),
-               show_gain(head.gain_mdb()), show_white_balance(head.red_q12(), head.blue_q12()),
-               std::to_string(head.frames()), std::to_string(losses_of(head)), show_skew(head.skew_ns()),
-               head.has_drift_ppb() ? fmt::format("{:+.1f} ppm", head.drift_ppb() / 1000.0) : "",
-               console.paint(Colour::kBad, problem)});
+    std::vector<std::string> row{std::to_string(head.index()), head.name()};
+    if (wide) {
+      row.insert(row.end(), {head.path(), head.format(), show_white_balance(head.red_q12(), head.blue_q12())});
+    }
+    row.insert(row.end(), {show_exposure(head.exposure_ns()), show_gain(head.gain_mdb()), std::to_string(head.frames()),
+                           std::to_string(losses_of(head)), show_skew(head.skew_ns()),
+                           head.has_drift_ppb() ? fmt::format("{:+.1f} ppm", head.drift_ppb() / 1000.0) : ""});
+    table.row(std::move(row));
   }
-  for (const std::string& line : table.lines()) console.line(line);
+  const std::vector<std::string> lines = table.lines();
+  console.line(lines.front());
+  for (int h = 0; h < heads.heads_size(); ++h) {
+    const wire::HeadState& head = heads.heads(h);
+    console.line(lines[static_cast<std::size_t>(h) + 1]);
+    const std::string problem = head.problem().empty() && !head.present() ? "not there" : head.problem();
+    for (const std::string& part : wrapped(problem, kLineWidth - 4)) {
+      console.line("    " + console.paint(Colour::kBad, part));
+    }
+  }
 }
 
 Result<wire::Heads> ask_heads(RigConnection& rig) {
@@ -56,13 +67,13 @@ Json to_json(const wire::Heads& heads) {
   return {{"heads", list}};
 }
 
-Status run_heads(Context& context) {
+Status run_heads(Context& context, bool wide) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   const Result<wire::Heads> heads = ask_heads(**rig);
   if (!heads) return fail(heads.error());
   context.console().document(to_json(*heads));
-  show(context.console(), *heads);
+  show(context.console(), *heads, wide);
   return {};
 }
 
@@ -150,7 +161,9 @@ void add_heads(CLI::App& app, CommandLine& line) {
   CLI::App* heads = add_command(app, "heads", "List the heads: device, settings in effect, losses and skew",
                                 "  nodal heads\n"
                                 "  nodal heads --json | jq '.heads[] | select(.present|not).name'\n");
-  line.on(heads, run_heads);
+  auto wide = std::make_shared<bool>(false);
+  heads->add_flag("--wide", *wide, "Also port, format and white balance; wider than 80 columns");
+  line.on(heads, [wide](Context& context) { return run_heads(context, *wide); });
 
   CLI::App* head = add_command(app, "head", "Change a head's settings", "");
   head->require_subcommand(1);

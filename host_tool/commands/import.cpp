@@ -11,6 +11,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/report/calibration_report.h"
 #include "stitch/geometry/head.h"
+#include "stitch/media/image_file.h"
 
 namespace nodal::host {
 namespace {
@@ -97,6 +98,35 @@ Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const
   return text;
 }
 
+/// Sentences about pictures that the project names and that are not there, cannot be read, or have another size than the
+/// project says. Without `all` only about those that are there: a project may have been copied without its pictures.
+std::vector<std::string> picture_warnings(const interchange::ImportResult& imported, const std::string& project,
+                                          bool all) {
+  std::vector<std::string> warnings;
+  for (std::size_t i = 0; i < imported.images.size(); ++i) {
+    const HeadCalibration& head = imported.calibration.heads[i];
+    const std::string& image = imported.images[i];
+    const fs::path file = fs::absolute(project).parent_path() / image;
+    std::error_code error;
+    const bool there = !image.empty() && fs::is_regular_file(file, error);
+    if (!there && !all) continue;
+    const Result<ImageHeader> header = media::read_image_header(file);
+    if (!there) {
+      warnings.push_back(
+          fmt::format("head '{}': there is no picture '{}'; correct its port in rig.toml", head.name, image));
+    } else if (!header) {
+      warnings.push_back(
+          fmt::format("head '{}': {}; heads replay JPEG and PNG pictures only", head.name, header.error().message));
+    } else if (header->width != head.width || header->height != head.height) {
+      warnings.push_back(
+          fmt::format("head '{}': picture '{}' has {}x{} pixels, but the project was made for {}x{}; the "
+                      "calibration does not fit it",
+                      head.name, image, header->width, header->height, head.width, head.height));
+    }
+  }
+  return warnings;
+}
+
 void tell(Console& console, const interchange::ImportResult& imported, const CalibrationReport& report,
           const Residuals& residuals, const Args& args) {
   Json pairs = Json::array();
@@ -107,10 +137,15 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
          {"rms_deg", residual.rms()},
          {"worst_deg", residual.worst}});
   }
-  console.document(
-      {{"out", args.out}, {"notes", imported.notes}, {"residuals", pairs}, {"calibration", to_json(report)}});
+  const std::vector<std::string> warnings = picture_warnings(imported, args.files.front(), !args.rig_toml.empty());
+  console.document({{"out", args.out},
+                    {"notes", imported.notes},
+                    {"warnings", warnings},
+                    {"residuals", pairs},
+                    {"calibration", to_json(report)}});
   show(console, report);
   for (const std::string& note : imported.notes) console.note("note: " + note);
+  for (const std::string& warning : warnings) console.warning(warning);
   if (const Residual total = total_of(residuals); total.points != 0) {
     console.line(fmt::format("  {} control points of {} pairs of heads agree within {:.3f}° rms, {:.3f}° at worst",
                              total.points, residuals.size(), total.rms(), total.worst));

@@ -86,7 +86,8 @@ void add_pairs(CLI::App& app, CommandLine& line) {
                   "A start for `nodal register`, which is much more accurate.\n");
   auto args = std::make_shared<Args>();
   command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
-  command->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts); with --cpfind a picture of each head")
+  command
+      ->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts, .ptv); with --cpfind a picture of each head")
       ->required()
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")

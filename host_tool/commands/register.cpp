@@ -14,6 +14,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
 #include "host_tool/input/pairs_file.h"
+#include "host_tool/input/registration_advice.h"
 #include "host_tool/input/registration_input.h"
 #include "host_tool/report/registration_report.h"
 #include "stitch/registration/pairs.h"
@@ -150,6 +151,7 @@ void tell(Console& console, const Report& report, bool focals, const std::string
   console.line(fmt::format("the heads differ by {:.2f} levels where they overlap, {:.2f} before ({:.1f} s)",
                            std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
   for (const std::string& warning : report.warnings) console.warning(warning);
+  if (const std::string poor = poor_pairs(report); !poor.empty()) console.warning(poor);
   console.line("wrote " + out);
 }
 
@@ -193,7 +195,7 @@ Status run(Context& context, const Args& args) {
       return registration::register_heads(input->calibration, input->pictures.frames(), options);
     });
   }
-  if (!report) return fail(report.error());
+  if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
   if (!args.report.empty()) {
@@ -265,7 +267,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("first|mean|most")
       ->check(one_of(kGauge));
   command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
-  command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts")
+  command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts, .ptv")
       ->type_name("FILE");
   command->add_option("--report", args->report, "A page to look at: convergence, differences, seams, uncertainties")
       ->type_name("HTML");

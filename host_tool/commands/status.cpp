@@ -36,7 +36,11 @@ Colour colour_of(const std::string& state) {
 
 void show(Console& console, const wire::RigStatus& status, const std::string& name, const std::string& address) {
   const auto row = [&](std::string_view what, const std::string& value) {
-    console.line(fmt::format("  {:<12} {}", what, value));
+    constexpr std::size_t kIndent = 15;
+    for (const std::string& part : wrapped(value, kLineWidth - kIndent)) {
+      console.line(fmt::format("  {:<12} {}", what, part));
+      what = "";
+    }
   };
   const wire::Genlock& genlock = status.genlock();
   console.line(fmt::format("{} at {}: {}", console.paint(Colour::kStrong, name), address,

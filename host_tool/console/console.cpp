@@ -198,6 +198,18 @@ std::vector<std::string> Table::lines() const {
   return lines;
 }
 
+std::vector<std::string> wrapped(std::string_view text, std::size_t width) {
+  std::vector<std::string> lines;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(' '), text.size());
+    const std::string_view word = text.substr(0, end);
+    if (lines.empty() || width_of(lines.back()) + 1 + width_of(word) > width) lines.emplace_back(word);
+    else lines.back().append(" ").append(word);
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return lines;
+}
+
 Progress::Progress(Console& console, std::string what, std::uint64_t total)
     : console_(console), what_(std::move(what)), total_(total), last_ns_(now_ns()) {}
 

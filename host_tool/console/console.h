@@ -79,6 +79,12 @@ class Console {
   std::string activity_;
 };
 
+/// The width that the tables and status lines of commands fit into, in characters.
+inline constexpr std::size_t kLineWidth = 80;
+
+/// Breaks a text at spaces into lines of at most `width` visible characters; a longer word gets a line of its own.
+std::vector<std::string> wrapped(std::string_view text, std::size_t width);
+
 /// Columns of text, each as wide as its widest cell; numbers are right-aligned.
 class Table {
  public:

@@ -87,6 +87,7 @@ Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const C
 // Returns the program's exit code; discards its output.
 Result<int> run_quietly(const std::vector<std::string>& command) {
   std::vector<char*> argv;
+  argv.reserve(command.size() + 1);
   for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
   posix_spawn_file_actions_t actions;
@@ -151,12 +152,12 @@ Result<std::vector<PointPair>> parse_pairs_csv(const std::string& text, const Ca
 Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibration& rig) {
   const Result<std::string> text = read_file(file, interchange::kMaxProjectBytes);
   if (!text) return fail(text.error());
-  const bool project = file.ends_with(".pto") || file.ends_with(".pts");
+  const bool project = file.ends_with(".pto") || file.ends_with(".pts") || file.ends_with(".ptv");
   Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
   if (!pairs) return fail(pairs.error().in(file));
   if (pairs->empty()) {
     return fail(Errc::kMissingField,
-                file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its c lines");
+                file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its control points");
   }
   return pairs;
 }

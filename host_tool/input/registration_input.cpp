@@ -206,6 +206,7 @@ Result<CalibratedPictures> read_nominal_pictures(const NominalWords& words, cons
     nominal->circles.push_back(*circle);
   }
   std::vector<std::string> names;
+  names.reserve(static_cast<std::size_t>(nominal->heads));
   for (int h = 0; h < nominal->heads; ++h) names.push_back("cam" + std::to_string(h));
   Result<PictureSets> pictures = read_pictures(arguments, names);
   if (!pictures) return fail(pictures.error());

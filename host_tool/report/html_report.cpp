@@ -18,9 +18,13 @@ constexpr const char* kStyle =
     "table{border-collapse:collapse;font-size:14px}td,th{padding:.25em .8em;border-bottom:1px solid #eee;"
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}"
     "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:340px}figure img{width:100%}"
-    "figcaption{font-size:13px;color:#555}svg{background:#fafafa;border:1px solid #eee}"
+    "figcaption{font-size:13px;color:#555}svg{background:#fafafa;border:1px solid #eee;max-width:100%;height:auto}"
+    "div.table{overflow-x:auto}figure.wide{display:block;max-width:100%;margin-right:0}"
     "@media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}svg{background:#eee}p.warning{color:#222}"
     "td,th{border-color:#333}p.summary,figcaption{color:#aaa}}";
+
+/// Beside the colours, so that curves can be distinguished without them.
+constexpr std::array kDashes{"", "7 3", "2 3", "9 3 2 3", "4 4"};
 
 /// RFC 4648.
 std::string base64(std::span<const std::uint8_t> bytes) {
@@ -44,6 +48,25 @@ bool is_number(const std::string& text) {
 struct Axis {
   double low = 0, high = 1, step = 0.2;
 };
+
+/// Of a logarithmic axis: the numbers 1, 2 and 5 times a power of ten, `steps` from 1 on; 3 steps are a factor of ten.
+double round_number(int steps) {
+  constexpr std::array kRound{1.0, 2.0, 5.0};
+  const int power = static_cast<int>(std::floor(steps / 3.0));
+  return kRound[static_cast<std::size_t>(steps - 3 * power)] * std::pow(10.0, power);
+}
+/// The largest such number of steps up to a value, given by its logarithm; one more for the end of an axis.
+int round_steps(double log_value) {
+  int steps = 3 * static_cast<int>(std::floor(log_value));
+  while (std::log10(round_number(steps + 1)) <= log_value + 1e-9) ++steps;
+  return steps;
+}
+Axis log_axis_of(double low, double high) {
+  const double first = std::log10(round_number(round_steps(low)));
+  int last = round_steps(high);
+  if (std::log10(round_number(last)) < high - 1e-9 || last == round_steps(low)) ++last;
+  return {first, std::log10(round_number(last)), 0};
+}
 
 /// About five round steps over the values.
 Axis axis_of(double low, double high) {
@@ -82,12 +105,22 @@ std::string grid(const Axis& x, const Axis& y, bool log_y) {
     svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{:.4g}</text>", place_x(x, value),
                        kHeight - kBottom + 15, std::abs(value) < 1e-12 ? 0 : value);
   }
-  for (int k = 0; y.low + k * y.step <= y.high + 1e-9 * y.step; ++k) {
-    const double value = y.low + k * y.step;
+  const auto mark_y = [&](double value, double shown) {
     line(kLeft, place_y(y, value), kWidth - kRight, place_y(y, value));
-    const double shown = log_y ? std::pow(10.0, value) : std::abs(value) < 1e-12 ? 0 : value;
     svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{:.4g}</text>", kLeft - 5,
                        place_y(y, value) + 4, shown);
+  };
+  if (log_y) {
+    // Over three decades only the powers of ten have room.
+    const int every = y.high - y.low > 3 ? 3 : 1;
+    for (int k = round_steps(y.low); std::log10(round_number(k)) <= y.high + 1e-9; ++k) {
+      if (k % every == 0) mark_y(std::log10(round_number(k)), round_number(k));
+    }
+    return svg;
+  }
+  for (int k = 0; y.low + k * y.step <= y.high + 1e-9 * y.step; ++k) {
+    const double value = y.low + k * y.step;
+    mark_y(value, std::abs(value) < 1e-12 ? 0 : value);
   }
   return svg;
 }
@@ -115,7 +148,7 @@ void HtmlReport::paragraph(std::string_view text) { body_ += "<p>" + html_escape
 void HtmlReport::warning(std::string_view text) { body_ += "<p class=\"warning\">" + html_escaped(text) + "</p>\n"; }
 
 void HtmlReport::table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows) {
-  body_ += "<table><tr>";
+  body_ += "<div class=\"table\"><table><tr>";
   for (const std::string& title : titles) body_ += "<th>" + html_escaped(title) + "</th>";
   body_ += "</tr>\n";
   for (const auto& row : rows) {
@@ -125,15 +158,17 @@ void HtmlReport::table(const std::vector<std::string>& titles, const std::vector
     }
     body_ += "</tr>\n";
   }
-  body_ += "</table>\n";
+  body_ += "</table></div>\n";
 }
 
 void HtmlReport::pictures(const std::vector<std::pair<std::vector<std::uint8_t>, std::string>>& files_and_captions) {
   body_ += "<div>\n";
   for (const auto& [file, caption] : files_and_captions) {
     const bool jpeg = file.size() > 1 && file[0] == 0xFF && file[1] == 0xD8;
-    body_ += std::string("<figure><img src=\"data:image/") + (jpeg ? "jpeg" : "png") + ";base64," + base64(file) +
-             "\" alt=\"\"><figcaption>" + html_escaped(caption) + "</figcaption></figure>\n";
+    const std::string text = html_escaped(caption);
+    body_ += std::string("<figure") + (files_and_captions.size() == 1 ? " class=\"wide\"" : "") +
+             "><img src=\"data:image/" + (jpeg ? "jpeg" : "png") + ";base64," + base64(file) + "\" alt=\"" + text +
+             "\"><figcaption>" + text + "</figcaption></figure>\n";
   }
   body_ += "</div>\n";
 }
@@ -151,23 +186,28 @@ void HtmlReport::chart(std::string_view title, std::string_view x_label, std::st
   }
   if (!(x_high >= x_low)) return;
   const Axis x_axis = axis_of(x_low, x_high);
-  const Axis y_axis = axis_of(y_low, y_high);
+  const Axis y_axis = log_y ? log_axis_of(y_low, y_high) : axis_of(y_low, y_high);
   std::string svg = fmt::format(
-      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-      "font-family=\"sans-serif\" font-size=\"11\">",
-      kWidth, kHeight);
+      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" role=\"img\" "
+      "aria-label=\"{2}\" font-family=\"sans-serif\" font-size=\"11\">",
+      kWidth, kHeight, html_escaped(fmt::format("{}: {} over {}", title, y_label, x_label)));
   svg += grid(x_axis, y_axis, log_y);
   for (std::size_t n = 0; n < series.size(); ++n) {
     const char* colour = kColours[n % kColours.size()];
-    svg += fmt::format("<polyline fill=\"none\" stroke-width=\"1.6\" stroke=\"{}\" points=\"", colour);
+    const char* dashes = kDashes[n % kDashes.size()];
+    svg += fmt::format("<polyline fill=\"none\" stroke-width=\"1.6\" stroke=\"{}\" stroke-dasharray=\"{}\" points=\"",
+                       colour, dashes);
     for (const auto& [x, y] : series[n].points) {
       if (!std::isfinite(x) || !std::isfinite(shown(y))) continue;
       svg += fmt::format("{:.1f},{:.1f} ", place_x(x_axis, x), place_y(y_axis, shown(y)));
     }
     svg += "\"/>";
     if (series.size() > 1) {
-      svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" fill=\"{}\">{}</text>", kLeft + 8,
-                         kTop + 14 + 13 * static_cast<double>(n), colour, html_escaped(series[n].name));
+      const double y = kTop + 14 + 13 * static_cast<double>(n);
+      svg += fmt::format(
+          "<line x1=\"{:.0f}\" y1=\"{:.0f}\" x2=\"{:.0f}\" y2=\"{:.0f}\" stroke-width=\"1.6\" stroke=\"{}\" "
+          "stroke-dasharray=\"{}\"/><text x=\"{:.0f}\" y=\"{:.0f}\">{}</text>",
+          kLeft + 8, y - 4, kLeft + 34, y - 4, colour, dashes, kLeft + 40, y, html_escaped(series[n].name));
     }
   }
   svg += fmt::format("<text x=\"{:.0f}\" y=\"16\" font-size=\"13\" font-weight=\"bold\">{}</text>", kLeft,

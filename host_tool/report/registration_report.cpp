@@ -178,10 +178,10 @@ void add_convergence(const Report& report, HtmlReport& page) {
     if (each.iteration == 0 || series.empty()) series.push_back({name, {}});
     series.back().points.emplace_back(step++, each.objective);
   }
-  page.heading("How the objective fell");
+  page.heading("Decrease of the objective");
   page.paragraph(
       "The mean squared difference of the rays that heads share. Each finer raymap sees more of the detail, so "
-      "its curve starts anew.");
+      "its curve starts again.");
   page.chart("Objective", "step", "levels squared", series, true);
 }
 
@@ -190,8 +190,8 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
   std::ranges::stable_sort(pairs, std::greater<>(), &registration::PairReport::shared_sr);
   page.heading("Seams, before and after");
   page.paragraph(
-      "Squares of one head alternate with the other's, both with their light undone. Lines go on from square "
-      "to square where the heads stand right.");
+      "Squares of one head alternate with the other's, both with their light undone. Lines continue from "
+      "square to square where the rotations are right.");
   for (std::size_t k = 0; k < std::min(kSeams, pairs.size()); ++k) {
     const auto a = static_cast<std::size_t>(pairs[k].a), b = static_cast<std::size_t>(pairs[k].b);
     const std::optional<Ray> old_axis = middle_of(before, a, b), axis = middle_of(after, a, b);
@@ -222,27 +222,55 @@ void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
                      fmt::format("{} and {}: {:.3f} sr, {:.2f} levels, agreement {:.2f}", report.heads[a].name,
                                  report.heads[b].name, pair.shared_sr, pair.rms_after, pair.agreement)});
   }
-  page.heading("Who overlaps with whom");
+  page.heading("Overlaps of the heads");
   page.paragraph(
-      "Heads where they look, on the unrolled sphere. A head that hangs by thin or red lines alone is not to be "
-      "trusted.");
+      "The directions of the heads on the unrolled sphere. Do not trust a head that only thin or short-dashed red "
+      "lines "
+      "join to others.");
   page.drawing(sphere_graph(nodes, links));
 }
+
+std::string verdict(const Report& report) {
+  const auto placed = std::ranges::count_if(report.heads, &registration::HeadReport::placed);
+  const auto heads = static_cast<std::ptrdiff_t>(report.heads.size());
+  const std::string poor = poor_pairs(report);
+  if (placed == heads && poor.empty() && report.warnings.empty()) {
+    return fmt::format("Good: all {} heads are placed, and all pairs that overlap agree.", heads);
+  }
+  return fmt::format("To be checked: {} of {} heads are placed{}{}.", placed, heads, poor.empty() ? "" : "; ", poor);
+}
+
+std::string name_of(const Report& report, int head) { return report.heads[static_cast<std::size_t>(head)].name; }
 
 void add_pairs(const Report& report, HtmlReport& page) {
   std::vector<std::vector<std::string>> rows;
   for (const registration::PairReport& pair : report.pairs) {
-    rows.push_back({report.heads[static_cast<std::size_t>(pair.a)].name,
-                    report.heads[static_cast<std::size_t>(pair.b)].name, fmt::format("{:.3f}", pair.shared_sr),
+    rows.push_back({name_of(report, pair.a), name_of(report, pair.b), fmt::format("{:.3f}", pair.shared_sr),
                     fmt::format("{:.2f}", pair.rms_before), fmt::format("{:.2f}", pair.rms_after),
                     fmt::format("{:.3f}", pair.agreement)});
   }
-  page.heading("Overlaps");
+  page.heading("Pairs of heads");
   page.paragraph("Differences are in levels of 255; agreement is that of the detail both see, 1 being the same.");
   page.table({"head", "and", "shared, sr", "rms before", "rms after", "agreement"}, rows);
 }
 
 }  // namespace
+
+std::string poor_pairs(const Report& report) {
+  std::string names;
+  for (const registration::PairReport& pair : report.pairs) {
+    const bool placed =
+        report.heads[static_cast<std::size_t>(pair.a)].placed && report.heads[static_cast<std::size_t>(pair.b)].placed;
+    if (!placed || pair.agreement >= kPoorAgreement) continue;
+    names += fmt::format("{}'{}' and '{}' ({:.2f})", names.empty() ? "" : ", ", name_of(report, pair.a),
+                         name_of(report, pair.b), pair.agreement);
+  }
+  if (names.empty()) return "";
+  return fmt::format(
+      "heads that do not agree on what both see, with their agreement (1: the same; below {}): {}; the "
+      "page of --report shows their seams",
+      kPoorAgreement, names);
+}
 
 Result<std::string> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
   const Result<Rig> before = Rig::make(prior, frames), after = Rig::make(report.calibration, frames);
@@ -252,14 +280,15 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
       "Registration of " + prior.name,
       fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before", prior.heads.size(),
                   std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
+  page.paragraph(verdict(report));
   for (const std::string& warning : report.warnings) page.warning(warning);
-  add_heads(report, page);
-  add_convergence(report, page);
   const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
   page.heading("The sphere");
-  page.pictures({{png(old_spheres.mean, kWidth, kHeight), "mean of the heads, before"},
-                 {png(spheres.mean, kWidth, kHeight), "mean of the heads, after"}});
-  page.heading("What the heads differ by");
+  page.pictures({{png(spheres.mean, kWidth, kHeight), "mean of the heads, after"}});
+  page.pictures({{png(old_spheres.mean, kWidth, kHeight), "mean of the heads, before"}});
+  add_heads(report, page);
+  add_convergence(report, page);
+  page.heading("Differences of the heads");
   page.pictures({{png(old_spheres.difference, kWidth, kHeight), "before; white is 32 levels or more"},
                  {png(spheres.difference, kWidth, kHeight), "after"}});
   page.pictures({{png(spheres.seers, kWidth, kHeight), "how many heads see each ray; black is none"}});

@@ -9,6 +9,9 @@
 
 namespace nodal::host {
 
+/// A sentence that names the placed heads whose pairs the report marks red (kPoorAgreement); empty if there are none.
+std::string poor_pairs(const registration::Report& report);
+
 /// One HTML file: heads with their uncertainties, the decrease of the objective, the sphere and the heads' differences
 /// before and after, the overlaps, and close-ups of the largest seams. Of several frame sets the first is shown.
 /// Errors: those of the calibrations.

@@ -12,10 +12,10 @@ namespace {
 
 constexpr double kWidth = 760, kHeight = 400, kMap = 360;  // the legend is below the map
 constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
-constexpr double kGood = 0.8, kPoor = 0.4;
+constexpr double kGood = 0.8;
 
 const char* colour_of(double agreement) {
-  return agreement >= kGood ? "#2b8a3e" : agreement >= kPoor ? "#f08c00" : "#c92a2a";
+  return agreement >= kGood ? "#2b8a3e" : agreement >= kPoorAgreement ? "#f08c00" : "#c92a2a";
 }
 
 double x_of(const GraphNode& node) {
@@ -29,8 +29,11 @@ std::string line(double x0, double y0, double x1, double y1, const GraphLink& li
   return fmt::format(
       "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{:.1f}\" "
       "stroke-opacity=\"0.75\"{}><title>{}</title></line>",
-      x0, y0, x1, y1, colour_of(link.agreement), stroke, link.agreement < kPoor ? " stroke-dasharray=\"6 5\"" : "",
-      html_escaped(link.told));
+      x0, y0, x1, y1, colour_of(link.agreement), stroke,
+      link.agreement < kPoorAgreement ? " stroke-dasharray=\"6 5\""
+      : link.agreement < kGood        ? " stroke-dasharray=\"14 4\""
+                                      : "",
+      html_escaped(link.remark));
 }
 
 std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
@@ -43,13 +46,14 @@ std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
 }
 
 std::string drawn(const GraphNode& node, double x) {
+  const double half = 2.8 * static_cast<double>(node.name.size());  // of the name's width, so that no edge cuts it off
   std::string svg =
       fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.0f}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"{}/>",
                   x, y_of(node), kRadius, node.faint ? "#fff3bf" : "#fff", node.faint ? "#f08c00" : "#333",
                   node.faint ? " stroke-dasharray=\"3 3\"" : "");
   return svg +
          fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\" fill=\"#222\" font-size=\"9.5\">{}</text>",
-                     x, y_of(node) + 3.5, html_escaped(node.name));
+                     std::clamp(x, half, kWidth - half), y_of(node) + 3.5, html_escaped(node.name));
 }
 
 std::string legend() {
@@ -69,7 +73,8 @@ std::string legend() {
 
 std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<GraphLink>& links) {
   std::string svg = fmt::format(
-      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
+      "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" role=\"img\" "
+      "aria-label=\"The heads' directions on the sphere, joined where they overlap\" "
       "font-family=\"sans-serif\" font-size=\"11\">",
       kWidth, kHeight);
   for (int k = 1; k < 4; ++k) {

@@ -129,7 +129,7 @@ std::string SyncReport::svg() const {
   const std::uint64_t last = sets_.empty() ? 0 : sets_.back().set();
   const Axes axes(first, last, worst);
   std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"100%\" style=\"max-width:{0}px\" "
       "font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
       "<text x=\"{2}\" y=\"26\" font-size=\"15\">Middle of each head's exposure after its set's</text>\n",
       kLeft + kWide + kRight, kTop + kHigh + kBelow, kLeft);

@@ -60,7 +60,7 @@ Rational fit_rational(const SampledHead& head) {
 
 /// The residual of a rational lens, as a fit that tell_fit() can report.
 PolynomialHead rational_residual(const SampledHead& head, const Rational& rational) {
-  PolynomialHead told;
+  PolynomialHead fit;
   const PlumbBob bob{rational.k};
   const HeadCalibration& c = head.calibration();
   double square = 0;
@@ -69,10 +69,10 @@ PolynomialHead rational_residual(const SampledHead& head, const Rational& ration
     const double off = std::hypot(c.center_x + rational.f * bent.x() - sample.pixel.x,
                                   c.center_y + c.aspect * rational.f * bent.y() - sample.pixel.y);
     square += off * off;
-    told.max_px = std::max(told.max_px, off);
+    fit.max_px = std::max(fit.max_px, off);
   }
-  told.rms_px = std::sqrt(square / static_cast<double>(std::max<std::size_t>(1, head.samples.size())));
-  return told;
+  fit.rms_px = std::sqrt(square / static_cast<double>(std::max<std::size_t>(1, head.samples.size())));
+  return fit;
 }
 
 std::string matrix_text(const std::string& name, int rows, int columns, const std::vector<double>& values) {

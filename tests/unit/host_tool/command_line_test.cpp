@@ -30,6 +30,14 @@ TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
   }
 }
 
+TEST(CommandLine, HelpOfAGroup_ShowsNoExamplesOfOtherCommands) {
+  for (const char* group : {"raymap", "calibration", "genlock", "exposure", "sync", "calibrate", "head"}) {
+    const Outcome run({group, "--help"});
+    EXPECT_EQ(run.out.find("Examples:"), std::string::npos) << run.out;
+    EXPECT_EQ(run.out.find("Exit codes"), std::string::npos) << run.out;
+  }
+}
+
 TEST(CommandLine, HelpOfEveryOption_ListsItsChoicesOnceAndItsRangeInWords) {
   const std::string help = Outcome({"register", "--help"}).out;
   EXPECT_NE(help.find("--norm sum|max "), std::string::npos) << help;

@@ -48,6 +48,33 @@ TEST(HtmlReport, CurveOfStraightLine_RunsFromCornerToCorner) {
   EXPECT_TRUE(holds(report.finish(), "points=\"62.0,258.0 284.0,142.0 506.0,26.0 \""));
 }
 
+TEST(HtmlReport, LogarithmicAxis_IsMarkedAtOneTwoAndFive) {
+  HtmlReport report("r", "s");
+  report.chart("c", "x", "y", {{"one", {{0, 3}, {1, 70}}}}, true);
+  const std::string page = report.finish();
+  for (const char* mark : {">2<", ">5<", ">10<", ">20<", ">50<", ">100<"}) EXPECT_TRUE(holds(page, mark)) << mark;
+  EXPECT_FALSE(holds(page, ">3<"));
+  EXPECT_FALSE(holds(page, ">200<"));
+  HtmlReport wide("r", "s");
+  wide.chart("c", "x", "y", {{"one", {{0, 0.01}, {1, 1000}}}}, true);
+  EXPECT_TRUE(holds(wide.finish(), ">0.1<"));
+  EXPECT_FALSE(holds(wide.finish(), ">20<")) << "over more than three decades only powers of ten";
+}
+
+TEST(HtmlReport, PageWithoutColoursOrPicturesOrRoom_StillTells) {
+  HtmlReport report("r", "s");
+  report.pictures({{{0x89, 0x50}, "the \"sphere\""}});
+  report.chart("c", "x", "y", {{"one", {{0, 1}, {1, 2}}}, {"two", {{0, 2}, {1, 1}}}});
+  report.table({"head"}, {{"cam0"}});
+  const std::string page = report.finish();
+  EXPECT_TRUE(holds(page, "alt=\"the &quot;sphere&quot;\"")) << "a picture has a text that says what it shows";
+  EXPECT_TRUE(holds(page, "<figure class=\"wide\">")) << "one picture alone is as wide as the page";
+  EXPECT_TRUE(holds(page, "role=\"img\" aria-label=\"c: y over x\""));
+  EXPECT_TRUE(holds(page, "stroke-dasharray=\"7 3\" points=")) << "curves differ by more than their colour";
+  EXPECT_TRUE(holds(page, "<div class=\"table\"><table>")) << "a wide table scrolls by itself on a narrow page";
+  EXPECT_TRUE(holds(page, "svg{background:#fafafa;border:1px solid #eee;max-width:100%"));
+}
+
 TEST(HtmlReport, ValuesThatAreNotFinite_AreLeftOut) {
   HtmlReport report("r", "s");
   report.chart("none", "x", "y", {{"nothing", {{0, NAN}}}});

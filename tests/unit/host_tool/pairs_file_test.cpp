@@ -77,6 +77,23 @@ TEST_F(PairsFile, ControlPointsOfAProject_AreTakenInNodalsPixels) {
   EXPECT_EQ(pairs->front().pixel_b, (geometry::Pixel{40.5, 240}));
 }
 
+TEST_F(PairsFile, ControlPointsOfVideoStitch_AreTakenToo) {
+  std::string inputs;
+  for (int i = 0; i < 3; ++i) {
+    inputs += std::string(i == 0 ? "" : ", ") +
+              R"({"reader_config": "a.jpg", "width": 640, "height": 480, "proj": "rectilinear", )" +
+              R"("geometries": [0, 0, {"horizontalFocal": 320, "yaw": )" + std::to_string(120 * i) + "}]}";
+  }
+  const auto pairs = read("p.ptv", R"({"pano": {"inputs": [)" + inputs +
+                                       R"(], "calibration_control_points": {"matched_control_points": [)" +
+                                       R"({"frame_number": 0, "input_index0": 0, "x0": 600, "y0": 240, )" +
+                                       R"("input_index1": 1, "x1": 40, "y1": 239.5, "score": 0.1}]}}})");
+  ASSERT_TRUE(pairs) << pairs.error().text();
+  ASSERT_EQ(pairs->size(), 1u);
+  EXPECT_EQ(pairs->front().pixel_a, (geometry::Pixel{600.5, 240.5}));
+  EXPECT_EQ(pairs->front().pixel_b, (geometry::Pixel{40.5, 240}));
+}
+
 TEST_F(PairsFile, AProjectOfAnotherRig_IsRefused) {
   rig_ = test::ring(4, 640, 480);
   const auto pairs = read("p.pto", kProject);

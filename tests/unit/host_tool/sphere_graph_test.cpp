@@ -22,6 +22,9 @@ TEST(SphereGraph, HeadsStandWhereTheyLook_FrontInTheMiddleRightToTheRightAndUpUp
 TEST(SphereGraph, AHeadThatLooksBack_StandsHalfOnEitherSide) {
   const std::string svg = sphere_graph({{"back", 180, 0}, {"ahead", 0, 0}}, {});
   EXPECT_EQ(count(svg, ">back<"), 2u);
+  // The name stays inside the map, half a name's width (4 letters of 5.6) from its edges.
+  EXPECT_NE(svg.find("<text x=\"11.2\""), std::string::npos) << svg;
+  EXPECT_NE(svg.find("<text x=\"748.8\""), std::string::npos) << svg;
   EXPECT_EQ(count(svg, ">ahead<"), 1u);
 }
 

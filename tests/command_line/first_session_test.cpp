@@ -1,0 +1,127 @@
+// What a new user meets in the first hour: pictures that are missing or of another size, a second nodald, 80 columns.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <sstream>
+
+#include "rig_process.h"
+#include "tests/support/pictures.h"
+
+namespace nodal::command_line {
+namespace {
+
+class FirstSession : public RigTest {
+ protected:
+  /// Writes replay.toml with one head at `port`; returns nodald's --check of it.
+  Finished check_replay(const std::string& port) const {
+    write("replay.toml",
+          "[rig]\nname = \"replay\"\n[raymap]\nwidth = 256\nheight = 128\n[links]\nunix = \"r.sock\"\n[store]\n"
+          "folder = \"store\"\n[[heads]]\nname = \"cam0\"\nport = '" +
+              port + "'\n");
+    return Process({NODAL_BIN_DIR "/nodald", "--config", path("replay.toml"), "--check"}).wait();
+  }
+  void write_picture(const std::string& name, int width, int height) const {
+    test::write_bytes(path(name), test::png_of(test::smooth_rgb(width, height), width, height, 3));
+  }
+  /// A Hugin project of two pictures of 64x48.
+  std::string project(const std::string& first, const std::string& second) const {
+    std::string text = "p f2 w2048 h1024 v360 n\"TIFF_m\"\n";
+    for (const auto& [yaw, file] : {std::pair{0, first}, {180, second}}) {
+      text += "i w64 h48 f3 v190 a0 b0 c0 d0 e0 y" + std::to_string(yaw) + " p0 r0 n\"" + file + "\"\n";
+    }
+    return write("project.pto", text);
+  }
+  static std::size_t widest_line(const std::string& text) {
+    std::size_t widest = 0;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      const auto continued = [](char c) {
+        return (static_cast<unsigned char>(c) & 0xC0) == 0x80;
+      };  // of a UTF-8 character
+      widest = std::max(widest, line.size() - static_cast<std::size_t>(std::ranges::count_if(line, continued)));
+    }
+    return widest;
+  }
+};
+
+TEST_F(FirstSession, CheckOfReplayedPictures_RefusesWhatCannotBePlayedAndNamesTheHead) {
+  write_picture("cam0.png", 64, 48);
+  const Finished good = check_replay("replay:cam0.png");
+  EXPECT_EQ(good.code, 0) << good.err;
+  write("cam0.mp4", "not a picture");
+  for (const char* port : {"replay:cam0.mp4", "replay:nowhere.png", R"(replay:c:\Users\me\cam0.jpg)"}) {
+    const Finished refused = check_replay(port);
+    EXPECT_EQ(refused.code, 2) << port << refused.err;
+    EXPECT_NE(refused.err.find("head 'cam0' (line 10 of rig.toml)"), std::string::npos) << refused.err;
+  }
+}
+
+TEST_F(FirstSession, SecondNodaldOnOneSocket_EndsBeforeItRenders) {
+  start_nodald();
+  // Rendering these heads takes more than a minute of computation.
+  write("large.json", to_json(six_heads("large", 4000)));
+  std::string toml = read("rig.toml");
+  toml.replace(toml.find("truth.json"), std::string("truth.json").size(), "large.json");
+  write("second.toml", toml);
+  Process second({NODAL_BIN_DIR "/nodald", "--config", path("second.toml"), "--store", path("other")});
+  const Finished ended = second.wait(std::chrono::seconds(20));
+  EXPECT_EQ(ended.code, 3) << ended.err;
+  EXPECT_NE(ended.err.find("nodal.sock"), std::string::npos) << ended.err;
+  EXPECT_EQ(nodal({"status"}).code, 0);
+}
+
+TEST_F(FirstSession, Installed_HasAnExampleThatRunsTheCompletionsAndTheExplanationOfEveryKey) {
+  const Finished installed = Process({"cmake", "--install", NODAL_BIN_DIR "/..", "--prefix", path("usr")}).wait();
+  ASSERT_EQ(installed.code, 0) << installed.err;
+  EXPECT_NE(read("usr/share/bash-completion/completions/nodal").find("complete -o filenames -F _nodal nodal"),
+            std::string::npos);
+  EXPECT_NE(read("usr/share/fish/vendor_completions.d/nodal.fish").find("complete -c nodal"), std::string::npos);
+  EXPECT_TRUE(read("usr/share/zsh/vendor-completions/_nodal").starts_with("#compdef nodal"));
+  EXPECT_NE(read("usr/share/doc/nodal/RIG.md").find("rig.toml"), std::string::npos);
+  const Finished check =
+      Process({path("usr/bin/nodald"), "--config", path("usr/share/doc/nodal/example/rig.toml"), "--check"}).wait();
+  EXPECT_EQ(check.code, 0) << check.err;
+  // The example in the sources names files that are there, too.
+  const Finished source =
+      Process({NODAL_BIN_DIR "/nodald", "--config", NODAL_SOURCE_DIR "/firmware/example.rig.toml", "--check"}).wait();
+  EXPECT_EQ(source.code, 0) << source.err;
+}
+
+TEST_F(FirstSession, TablesOfARunningRig_FitIntoEightyColumns) {
+  start_nodald();
+  bring_up();
+  ASSERT_EQ(nodal({"exposure", "set", "joint", "--anchor", "cam0"}).code, 0);
+  for (const Words& words : {Words{"status"}, {"heads"}, {"exposure", "show"}, {"genlock", "show"}}) {
+    const Finished run = nodal(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_LE(widest_line(run.out), 80U) << run.out;
+  }
+  EXPECT_NE(nodal({"heads", "--wide"}).out.find("sim:cam5"), std::string::npos);
+  EXPECT_NE(nodal({"exposure", "show"}).out.find("mean, stops"), std::string::npos);
+}
+
+TEST_F(FirstSession, ImportOfPicturesOfAnotherSize_WarnsAndNamesHeadAndSizes) {
+  write_picture("a.png", 64, 48);
+  write_picture("b.png", 32, 24);
+  const Finished run = nodal({"import", project("a.png", "b.png"), "-o", path("rig.json")});
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("picture 'b.png' has 32x24 pixels, but the project was made for 64x48"), std::string::npos)
+      << run.err;
+  EXPECT_EQ(run.err.find("'a.png'"), std::string::npos) << run.err;
+}
+
+TEST_F(FirstSession, RigTomlOfPicturesThatCannotBeReplayed_WarnsForEach) {
+  write("clip.mp4", "not a picture");
+  const Words words{"import", project("clip.mp4", R"(c:\Users\me\b.jpg)"), "-o", path("rig.json")};
+  EXPECT_EQ(nodal(words).err.find("b.jpg"), std::string::npos) << "without --rig-toml no picture is needed";
+  Words with_toml = words;
+  with_toml.insert(with_toml.end(), {"--rig-toml", path("import.toml")});
+  const Finished run = nodal(with_toml);
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("heads replay JPEG and PNG pictures only"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find(R"(there is no picture 'c:\Users\me\b.jpg')"), std::string::npos) << run.err;
+}
+
+}  // namespace
+}  // namespace nodal::command_line
