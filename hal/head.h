@@ -70,6 +70,9 @@ struct HeadFormat {
 enum class TriggerMode : std::uint8_t {
   kFreeRun,   ///< the head's own clock starts exposures
   kExternal,  ///< a pulse on its trigger input starts them
+  /// A pulse on a line that its driver does not know starts them, such as the genlock of an NTSC camera. Without pulses
+  /// the head's own clock starts them. The port does the same as in free run.
+  kWired,
 };
 
 /// Whether a frame is good, and if not, why. Every buffer has a verdict; nothing is dropped silently.
@@ -127,7 +130,7 @@ class HeadPort {
   virtual const HeadFormat& format() const = 0;
   virtual const HeadLimits& limits() const = 0;
 
-  /// kWrongState if started already, kUnsupported if it has no input for `trigger`; both change nothing.
+  /// kWrongState if started already, kUnsupported for kExternal without a trigger input; both change nothing.
   virtual Status start(TriggerMode trigger) = 0;
   /// Takes back every lent buffer. Safe in any state, any number of times.
   virtual void stop() = 0;

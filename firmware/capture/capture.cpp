@@ -15,7 +15,9 @@ hal::TriggerSettings settings_of(const RigConfig& config) {
   settings.follow = config.trigger.source == SyncSource::kExternal;
   settings.pulse_width = config.trigger.pulse_width;
   settings.active_high = config.trigger.active_high;
-  for (std::size_t i = 0; i < config.heads.size(); ++i) settings.delay[i] = config.heads[i].trigger_delay;
+  for (std::size_t i = 0; i < config.heads.size(); ++i) {
+    if (!config.heads[i].wired) settings.delay[i] = config.heads[i].trigger_delay;
+  }
   return settings;
 }
 
@@ -33,6 +35,7 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
       commands_(kCommands),
       answers_(kCommands) {
   for (const HeadConfig& head : config.heads) heads_.emplace_back(head, head.port.text(), heads);
+  for (std::size_t i = 0; i < heads_.size(); ++i) wiring_[i] = {config.heads[i].wired, config.heads[i].trigger_delay};
   report_.heads.resize(heads_.size());
   open_.reserve(kMaxOpenSets);
   restart_clocks(rate_, false, Instant());
@@ -77,6 +80,7 @@ void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
   pulse_drift_.restart(rate);
   aligner_.restart(rate.period());
   for (DriftMeter& drift : head_drift_) drift.restart(rate);
+  for (PulseWatch& watch : pulse_watch_) watch.restart(rate);
 }
 
 bool Capture::take_edges() {
@@ -229,6 +233,11 @@ GenlockReport Capture::genlock_report() const {
     report.fixed = aligner_.fixed();
     report.one_way = aligner_.one_way();
     report.unresponsive = aligner_.unresponsive();
+  }
+  if (pulsed()) {
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      if (wiring_[i].wired) report.wired[i] = {pulse_watch_[i].state(), pulse_watch_[i].drift_ppb()};
+    }
   }
   report.drift_ppb = drift_ppb();
   return report;

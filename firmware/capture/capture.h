@@ -19,6 +19,7 @@
 #include "firmware/sync/aligner.h"
 #include "firmware/sync/drift.h"
 #include "firmware/sync/genlock.h"
+#include "firmware/sync/pulse_watch.h"
 #include "firmware/sync/set_clock.h"
 #include "hal/head.h"
 #include "hal/trigger.h"
@@ -134,7 +135,12 @@ class Capture {
   void update_report(Instant now, bool changed);
   void check() const;
 
+  struct Wiring {
+    bool wired = false;
+    Duration delay;  ///< from the trigger to the head's exposure
+  };
   const hal::TriggerSettings trigger_settings_;  ///< from rig.toml
+  std::array<Wiring, kMaxHeads> wiring_{};
   const SyncSource source_;
   std::deque<CaptureHead> heads_;
   Genlock genlock_;
@@ -145,9 +151,10 @@ class Capture {
   SetClock clock_;
   DriftMeter pulse_drift_;
   std::array<DriftMeter, kMaxHeads> head_drift_;
-  const FrameRate rate_;  ///< from rig.toml
-  FrameRate rate_now_;    ///< rate_, or the rate that a host started the genlock with
-  bool genlock_wanted_;   ///< rig.toml says that the genlock starts with the rig, and it was not started yet
+  std::array<PulseWatch, kMaxHeads> pulse_watch_;  ///< of wired heads
+  const FrameRate rate_;                           ///< from rig.toml
+  FrameRate rate_now_;                             ///< rate_, or the rate that a host started the genlock with
+  bool genlock_wanted_;  ///< rig.toml says that the genlock starts with the rig, and it was not started yet
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 
   Outlets<SetLoan> outlets_;

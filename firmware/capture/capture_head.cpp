@@ -67,6 +67,7 @@ void FrameCounts::add(const FrameCounts& other) {
 CaptureHead::CaptureHead(const HeadConfig& config, std::string path, hal::HeadEnumerator& enumerator)
     : name_(config.name),
       path_(std::move(path)),
+      wired_(config.wired),
       enumerator_(enumerator),
       wanted_{config.exposure, config.gain, config.white_balance, config.gamma} {
   report_.path = path_;
@@ -90,6 +91,7 @@ bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
     open(now);
     return port_ != nullptr;
   }
+  if (wired_) mode = hal::TriggerMode::kWired;
   restarting_ = started_ && mode_ != mode;
   if (started_ && !restarting_) return false;
   if (started_) {

@@ -64,7 +64,8 @@ class CaptureHead {
   CaptureHead(const HeadConfig& config, std::string path, hal::HeadEnumerator& enumerator);
   ~CaptureHead();
 
-  /// Opens, closes or restarts the port if necessary. True when something changed.
+  /// Opens, closes or restarts the port if necessary. True when something changed. A wired head is in wired mode whatever
+  /// `mode` is, so it streams on when the genlock starts or stops.
   bool step(Instant now, hal::TriggerMode mode);
   /// The next frame if it is good. A bad frame is counted under its reason and released, and nothing is returned.
   std::optional<hal::FrameView> take_frame();
@@ -111,6 +112,7 @@ class CaptureHead {
 
   const std::string name_;
   const std::string path_;
+  const bool wired_;
   hal::HeadEnumerator& enumerator_;
   SettingsChange wanted_;
   std::unique_ptr<hal::HeadPort> port_;

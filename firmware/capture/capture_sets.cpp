@@ -50,7 +50,7 @@ bool Capture::plausible(const hal::FrameView& frame) const {
 }
 
 std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::FrameView& frame) {
-  const Duration delay = genlock_.settings().delay[head];
+  const Duration delay = wiring_[head].delay;
   const auto match = clock_.match(head, frame.mid_exposure, frame.in_effect.exposure, delay);
   if (match && match->trigger) return match;
   // The thread may have been suspended after it read the pulses of this step, so this frame's pulse may be unread.
@@ -72,6 +72,7 @@ void Capture::place(std::size_t head, const hal::FrameView& frame) {
   if (match->trigger) {
     open->skews.add(head, match->skew);
     set.sync.trigger = match->trigger;
+    if (wiring_[head].wired) pulse_watch_[head].add(*match->trigger, match->skew, frame.sequence);
   }
   heads_[head].hold(frame);
   if (pulsed()) return;

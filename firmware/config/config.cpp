@@ -237,10 +237,11 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
       file.refuse("heads", "must be tables, written [[heads]]");
       return;
     }
-    TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
-                      {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields",
-                       "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us"},
-                      error);
+    TomlReader reader(
+        *table, "heads[" + std::to_string(i) + "]",
+        {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields", "trigger_mode",
+         "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us"},
+        error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second)
       reader.refuse("name", "\"" + head.name + "\" is the name of a head above, too");
@@ -285,9 +286,10 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   read_heads(file, config, error);
   check_formats(raymap, config.heads, config.raymap.format);
   for (const HeadConfig& head : config.heads) {
-    if (config.trigger.source != SyncSource::kNone || head.trigger_delay == Duration()) continue;
-    file.refuse("trigger", "has source = \"none\", so head '" + head.name +
-                               "' has no trigger pulse to delay; remove its trigger_delay_us");
+    if (config.trigger.source != SyncSource::kNone) continue;
+    const std::string no_pulse = "has source = \"none\", so head '" + head.name + "' has no trigger pulse to ";
+    if (head.wired) file.refuse("trigger", no_pulse + "follow; remove its trigger_mode");
+    if (head.trigger_delay != Duration()) file.refuse("trigger", no_pulse + "delay; remove its trigger_delay_us");
   }
   read_field_use(raymap, config.heads, config.raymap);
   read_exposure(

@@ -66,7 +66,8 @@ struct HeadConfig {
   std::optional<WhiteBalance> white_balance;
   std::optional<hal::Gamma> gamma;
   Fields fields = Fields::kProgressive;  ///< the field order that it delivers
-  Duration trigger_delay;                ///< from the trigger to this head's pulse
+  bool wired = false;                    ///< it follows the trigger's line, and its driver does not know of it
+  Duration trigger_delay;                ///< from the trigger to this head's pulse; `wired`: to its exposure
   std::optional<GpioLine> trigger;       ///< the line that its pulses leave by; empty: TriggerConfig::port
   DeviceConfig device;                   ///< of a v4l2: port
   int line = 0;                          ///< line number in rig.toml, for error messages

@@ -88,8 +88,9 @@ void check_delays(TomlReader& file, const RigConfig& config) {
       return file.refuse("heads", "name trigger lines, but head '" + head.name +
                                       "' has none; add trigger to its entry, or port to [trigger]");
     }
+    if (head.wired) continue;  // its delay is its own; the pulse is not delayed
     const HeadConfig& first = *std::find_if(config.heads.begin(), config.heads.end(), [&](const HeadConfig& other) {
-      return line_of(config, other) != nullptr && *line_of(config, other) == *line;
+      return !other.wired && line_of(config, other) != nullptr && *line_of(config, other) == *line;
     });
     if (first.trigger_delay == head.trigger_delay) continue;
     return file.refuse("heads", "'" + first.name + "' and '" + head.name + "' share the trigger line " + line->text() +

@@ -103,14 +103,16 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
     head.gamma =
         hal::Gamma::thousandths(static_cast<std::int32_t>(std::lround(1000 * reader.number("gamma", 0.1, 8, 1))));
   }
+  head.wired = reader.choice<bool>("trigger_mode", {{"input", false}, {"wired", true}});
   head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
   if (head.trigger_delay >= rate.period()) {
     reader.refuse("trigger_delay_us",
                   "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
     reader.refuse("trigger_delay_us", "is not allowed for replay: ports; replayed pictures have no trigger");
-  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2) {
-    reader.refuse("trigger_delay_us", "is not allowed for v4l2: ports; V4L2 heads are not triggered");
+  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2 && !head.wired) {
+    reader.refuse("trigger_delay_us",
+                  "is only allowed for v4l2: ports with trigger_mode = \"wired\"; V4L2 has no trigger input");
   }
   head.trigger = read_line(reader, "trigger", {});
   read_device(reader, head.port.kind, rate, head.device);

@@ -160,6 +160,7 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
     if (!wanted[index]) return;
     head.pixels = wanted[index]->format;
     head.fields = wanted[index]->fields;
+    if (wanted[index]->wired) head.trigger_latency = wanted[index]->trigger_delay;
   };
   return std::make_unique<hal::sim::SimRig>(*truth, options);
 }

@@ -83,6 +83,12 @@ std::string problem_of(const HeadReport& head) {
   return head.ignores.empty() ? mended(head.recoveries) : head.ignores;
 }
 
+/// "+48 ppm".
+std::string ppm_of(std::int32_t ppb) {
+  const std::int32_t ppm = (ppb + (ppb < 0 ? -500 : 500)) / 1000;
+  return (ppm < 0 ? "" : "+") + std::to_string(ppm) + " ppm";
+}
+
 std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(duration.ns()); }
 
 }  // namespace
@@ -126,6 +132,14 @@ void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::G
   fill_pulse_losses(genlock.losses_of_port, into);
   for (std::size_t i = 0; i < config.heads.size(); ++i) {
     const std::string head = "head '" + config.heads[i].name + "' ";
+    if (genlock.wired[i].state == Following::kDrifts) {
+      into.add_unaligned(head + "does not follow the trigger: its exposures drift by " +
+                         ppm_of(genlock.wired[i].drift_ppb) + " against the pulses; check its sync cable and its rate");
+    } else if (genlock.wired[i].state == Following::kSkipsPulses) {
+      into.add_unaligned(head +
+                         "does not follow every trigger: its frames are of every second pulse or fewer; check "
+                         "its rate and its exposure");
+    }
     if ((genlock.fixed & head_bit(i)) != 0) {
       into.add_unaligned(head + "cannot shift its exposures; it runs on its own clock");
     } else if ((genlock.unresponsive & head_bit(i)) != 0) {

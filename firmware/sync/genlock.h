@@ -10,6 +10,7 @@
 #include "firmware/sync/clock_spec.h"
 #include "firmware/sync/offset_filter.h"
 #include "firmware/sync/phase_line.h"
+#include "firmware/sync/pulse_watch.h"
 #include "hal/trigger.h"
 #include "protocol/base/result.h"
 
@@ -61,12 +62,19 @@ std::string_view genlock_condition_name(GenlockCondition condition);
 /// | coasted long   | off       | acquiring | locked    | lost      | lost      |
 GenlockState genlock_after(GenlockState state, GenlockCondition condition);
 
+/// Whether a head follows the pulses on a line that its driver does not know.
+struct WiredReport {
+  Following state = Following::kUnknown;
+  std::int32_t drift_ppb = 0;  ///< relative to the pulses
+};
+
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
   bool aligned = false;       ///< without pulses: the heads run free and are moved
   HeadMask fixed = 0;         ///< of them, those that cannot be moved,
   HeadMask one_way = 0;       ///< that can only wait, and are behind the others,
   HeadMask unresponsive = 0;  ///< and that were moved and did not move
+  std::array<WiredReport, kMaxHeads> wired{};
   FrameRate rate;
   std::uint64_t triggers = 0;             ///< pulses seen since start
   std::uint64_t missing = 0;              ///< pulses whose number never came

@@ -30,8 +30,11 @@ void SetClock::on_edge(const hal::TriggerEdge& edge) {
 
 std::optional<SetClock::Match> SetClock::match(std::size_t head, Instant mid_exposure, Exposure exposure,
                                                Duration trigger_delay) {
-  if (!genlocked_) return match_grid(head, mid_exposure);
   const Instant begin = mid_exposure - exposure.duration() / 2 - trigger_delay;
+  if (!genlocked_) {
+    if (begin < since_) return std::nullopt;  // a wired head's, which streams on: its pulse may have had a set already
+    return match_grid(head, mid_exposure);
+  }
   if (begin < since_ + kStampsOff) return std::nullopt;
   const hal::TriggerEdge* nearest = nullptr;
   bool too_old = edge_count_ > 0;

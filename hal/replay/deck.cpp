@@ -75,6 +75,7 @@ class ReplayTrigger final : public TriggerPort {
       if (sent_.size() > kStartsKept) sent_.pop_front();
     }
   }
+  bool running() const { return running_ && !safe_.load(); }
   std::uint64_t total() const { return total_; }
   std::uint64_t oldest() const { return total_ - sent_.size(); }
   /// The i-th pulse since the deck was made, oldest() to total() - 1.
@@ -206,8 +207,9 @@ class Deck::State::Head final : public HeadPort {
 };
 
 void Deck::State::Head::step() {
-  if (mode_ == TriggerMode::kExternal) {
+  if (mode_ == TriggerMode::kExternal || (mode_ == TriggerMode::kWired && deck_.trigger.running())) {
     deck_.trigger.step();
+    next_free_ = first_after(deck_.clock.now());
     skip_to(next_pulse_, deck_.trigger.oldest());
     for (; next_pulse_ < deck_.trigger.total(); ++next_pulse_) fill(deck_.trigger.sent(next_pulse_));
     return;

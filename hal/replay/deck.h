@@ -33,7 +33,8 @@ class Deck {
   ~Deck();
 
   /// Pulses that step all heads that were started with kExternal: picture n belongs to pulse n. Heads in free run play
-  /// on the clock's grid of frame times, so they are in step with each other too.
+  /// on the clock's grid of frame times, so they are in step with each other too. Wired heads play the pulses while the
+  /// trigger runs, and otherwise the grid.
   TriggerPort& trigger();
 
   /// A path is "replay:" and a file, folder or pattern. open() reads every picture's header and decodes the first.

@@ -174,17 +174,20 @@ Status SimHead::nudge(Duration by) {
 
 void SimHead::step(Instant now) {
   trigger_.step(now);
-  if (streaming_ && mode_ == TriggerMode::kFreeRun) {
-    std::uint64_t done = 0;
-    for (Instant begin = free_run_begin(); begin <= now; begin = free_run_begin()) {
-      if (done++ == kExposuresAStep && skip_to(now)) continue;
-      ++free_run_next_;
-      deliver_until(begin);
-      expose(begin, std::nullopt);
-      nudges_.next_period(options_.limits.nudge, begin + options_.rate.period() - busy_until_);
-    }
-  }
+  if (streaming_ && mode_ != TriggerMode::kExternal) run_free_until(now);
   deliver_until(now);
+}
+
+/// Exposes by the head's own clock.
+void SimHead::run_free_until(Instant now) {
+  std::uint64_t done = 0;
+  for (Instant begin = free_run_begin(); begin <= now; begin = free_run_begin()) {
+    if (done++ == kExposuresAStep && skip_to(now)) continue;
+    ++free_run_next_;
+    deliver_until(begin);
+    expose(begin, std::nullopt);
+    nudges_.next_period(options_.limits.nudge, begin + options_.rate.period() - busy_until_);
+  }
 }
 
 Instant SimHead::free_run_begin() const {
@@ -214,9 +217,20 @@ void SimHead::lose_unseen(std::uint64_t frames) {
 }
 
 void SimHead::on_pulse(std::uint64_t number, Instant at) {
-  if (!streaming_ || mode_ != TriggerMode::kExternal) return;
+  if (!streaming_ || mode_ == TriggerMode::kFreeRun) return;
+  const bool wired = mode_ == TriggerMode::kWired;
+  if (wired) {
+    if (!cable_ || number % static_cast<std::uint64_t>(pulses_an_exposure_) != 0) return;
+    run_free_until(at);
+  }
   deliver_until(std::min(at, clock_.now()));  // a delayed pulse is in the future
-  expose(at + options_.trigger_latency + random_.around_zero(options_.trigger_jitter), number);
+  const Instant begin = at + options_.trigger_latency + random_.around_zero(options_.trigger_jitter);
+  if (wired) {
+    // Its own clock continues only when the next pulse is an eighth of a period late.
+    free_run_from_ = begin + options_.rate.period() * pulses_an_exposure_ + options_.rate.period() / 8;
+    free_run_next_ = 0;
+  }
+  expose(begin, number);
 }
 
 Fields SimHead::fields_that_come() {

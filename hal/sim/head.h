@@ -98,6 +98,10 @@ class SimHead final : public PulseSink {
   void set_light(double factor) { light_ = factor; }
   /// The device's own counter continues from `next`.
   void set_sequence(std::uint32_t next);
+  /// A head in wired mode without its cable receives no pulse, so its own clock starts its exposures.
+  void set_cable(bool connected) { cable_ = connected; }
+  /// A head in wired mode exposes only on every n-th pulse.
+  void set_pulses_an_exposure(int n) { pulses_an_exposure_ = n; }
   /// Without a signal, frames continue, grey, with kNoSignal.
   void set_signal(bool there) { signal_ = there; }
   void set_faults(const HeadFaults& faults) { options_.faults = faults; }
@@ -146,6 +150,7 @@ class SimHead final : public PulseSink {
   Status nudge(Duration by);
   void change(const HeadSettings& wanted);
   void step(Instant now);
+  void run_free_until(Instant now);
   bool skip_to(Instant now);
   void lose_unseen(std::uint64_t frames);
   Instant free_run_begin() const;
@@ -186,7 +191,8 @@ class SimHead final : public PulseSink {
   HeadCounts counts_;
   int lose_ = 0;
   bool corrupt_next_ = false, tear_next_ = false, duplicate_next_ = false, signal_ = true;
-  bool swap_fields_next_ = false, lose_field_next_ = false, stuck_ = false;
+  bool swap_fields_next_ = false, lose_field_next_ = false, stuck_ = false, cable_ = true;
+  int pulses_an_exposure_ = 1;
   double light_ = 1;
   Duration delay_next_;
 };

@@ -212,6 +212,74 @@ TEST(Genlock, AHeadsDelay_MovesItsExposureAndNotTheLock) {
   EXPECT_NEAR(static_cast<double>(header.offset_ns(2)), 3e6, 5e3);
 }
 
+/// Head 2 is wired: its driver does not know of the line. Its exposures begin 7 ms after the pulse.
+StandOptions one_wired() {
+  StandOptions options;
+  options.config.heads[2].wired = true;
+  options.config.heads[2].trigger_delay = Duration::milliseconds(7);
+  options.world.adjust = [](HeadIndex index, hal::sim::HeadOptions& head) {
+    if (index != 2) return;
+    head.limits.has_trigger_input = false;
+    head.trigger_latency = Duration::milliseconds(7) + Duration::microseconds(20);
+    head.free_run_drift_ppm = 50;
+  };
+  return options;
+}
+
+TEST(Genlock, AWiredHead_IsInLockWithTheOthersAndIsNotRestarted) {
+  Stand stand(one_wired());
+  TestHost& host = stand.bring_up();
+  stand.run(Duration::seconds(1));
+  stand.lock(host);
+  stand.run(Duration::seconds(10));
+  const wire::Genlock now = host.status().genlock();
+  EXPECT_EQ(now.state(), "locked");
+  EXPECT_EQ(now.unaligned_size(), 0) << now.unaligned(0);
+  const StreamId stream = host.pull(false, 1);
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  const wire::RaymapHeader& header = host.pulled[stream].at(0).header;
+  EXPECT_EQ(header.heads_mask(), (1U << kHeads) - 1);
+  EXPECT_LE(header.begin_spread_ns(), 4'000U);
+  EXPECT_NEAR(static_cast<double>(header.offset_ns(2)), 7e6, 5e3);
+  EXPECT_EQ(stand.capture().heads[2].opened, 1U);
+  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::STOP)).genlock().state(), "off");
+  const std::uint64_t frames = stand.capture().heads[2].counts.frames;
+  stand.run(Duration::seconds(1));
+  EXPECT_NEAR(static_cast<double>(stand.capture().heads[2].counts.frames - frames), 30, 1);
+}
+
+TEST(Genlock, TheCableOfAWiredHeadIsPulled_ItIsReportedByNameAndTheLockIsNotKept) {
+  Stand stand(one_wired());
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.run(Duration::seconds(20));
+  stand.world.head(2).set_cable(false);
+  stand.run(Duration::seconds(15));
+  wire::Genlock now = host.status().genlock();
+  ASSERT_EQ(now.unaligned_size(), 1);
+  EXPECT_NE(now.unaligned(0).find("head 'cam2' does not follow the trigger"), std::string::npos) << now.unaligned(0);
+  EXPECT_NE(now.unaligned(0).find("+50 ppm"), std::string::npos) << now.unaligned(0);
+  EXPECT_NE(now.state(), "locked");
+  stand.world.head(2).set_cable(true);
+  EXPECT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
+  stand.run(Duration::seconds(10));
+  now = host.status().genlock();
+  EXPECT_EQ(now.unaligned_size(), 0) << now.unaligned(0);
+  EXPECT_EQ(now.state(), "locked");
+}
+
+TEST(Genlock, AWiredHeadOfHalfTheRate_IsReportedByName) {
+  Stand stand(one_wired());
+  TestHost& host = stand.bring_up();
+  stand.lock(host);
+  stand.world.head(2).set_pulses_an_exposure(2);
+  stand.run(Duration::seconds(2));
+  const wire::Genlock now = host.status().genlock();
+  ASSERT_EQ(now.unaligned_size(), 1);
+  EXPECT_NE(now.unaligned(0).find("head 'cam2' does not follow every trigger"), std::string::npos) << now.unaligned(0);
+}
+
 TEST(Genlock, RigTomlSaysStart_ItLocksWithoutAHost) {
   StandOptions options;
   options.config.trigger.start = true;

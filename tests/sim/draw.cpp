@@ -107,6 +107,14 @@ Nature draw_nature(std::uint64_t seed, const DrawOptions& options) {
   nature.hostile = options.faults && (options.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");
   if (!options.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
+  hal::sim::Random wiring(seed, "wiring");
+  if (!nature.aligned && wiring.chance(333'333)) {
+    const bool all = wiring.chance(500'000);
+    for (HeadNature& head : nature.head) {
+      head.wired = all || wiring.chance(500'000);
+      if (head.wired) head.delay = up_to(wiring, nature.rate.period() / 3);
+    }
+  }
   return nature;
 }
 
@@ -126,6 +134,8 @@ firmware::RigConfig config_of(const Nature& nature) {
     head.port = {firmware::PortKind::kSim, head.name};
     head.format = PixelFormat::kGrey8;
     head.fields = nature.fields;
+    head.wired = nature.head[static_cast<std::size_t>(i)].wired;
+    head.trigger_delay = nature.head[static_cast<std::size_t>(i)].delay;
     config.heads.push_back(head);
   }
   return config;

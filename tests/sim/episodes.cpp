@@ -127,7 +127,10 @@ void Swarm::begin_head_fault() {
         break;
       }
       case HeadFault::kMissesPulses: head.miss_pulses(frames); break;
-      case HeadFault::kDeaf: head.set_deaf(true); break;
+      case HeadFault::kDeaf:
+        if (head.wired() && wiring_.chance(333'333)) head.set_half_rate(true);
+        else head.set_deaf(true);
+        break;
     }
   }
   replugged_ = episode_.head_fault == HeadFault::kUnplug;

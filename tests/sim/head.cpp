@@ -134,7 +134,7 @@ void Head::unplug() {
 void Head::forget_faults() {
   lose_ = corrupt_ = tear_ = duplicate_ = resize_ = late_ = miss_ = 0;
   signal_ = true;
-  stuck_ = false;
+  stuck_ = half_rate_ = false;
   set_deaf(false);
   clock_error_ = {};
   stalled_until_ = Instant();
@@ -164,7 +164,7 @@ Status Head::start(hal::TriggerMode mode) {
   started_ = busy_until_ = last_received_ = clock_.now();
   const auto period = static_cast<std::uint64_t>(nature_.rate.period().ns());
   const auto phase = Duration::nanoseconds(static_cast<std::int64_t>(random_.below(period)));
-  if (mode == hal::TriggerMode::kFreeRun || deaf_) run_free(started_ + phase);
+  if (mode != hal::TriggerMode::kExternal || deaf_) run_free(started_ + phase);
   return {};
 }
 
@@ -205,15 +205,24 @@ Status Head::nudge(Duration by) {
   if (!nature_.nudge.possible() || (by < Duration() ? nature_.nudge.shortest : nature_.nudge.longest) == Duration()) {
     return fail(Errc::kUnsupported, identity_.path + ": cannot be moved that way");
   }
-  if (!streaming_ || triggered()) return fail(Errc::kWrongState, identity_.path + ": does not run free");
+  if (!streaming_ || mode_ != hal::TriggerMode::kFreeRun) {
+    return fail(Errc::kWrongState, identity_.path + ": does not run free");
+  }
   if (!stuck_) nudges_.ask(by, nature_.nudge);
   return {};
 }
 
 void Head::on_pulse(PulseId pulse, Instant at) {
-  if (!triggered() || deaf_) return;
+  if (!streaming_ || mode_ == hal::TriggerMode::kFreeRun || deaf_) return;
   if (take_one(miss_) || random_.chance(storm_.miss_pulse)) return;
-  expose(at + nature_.latency + random_.around_zero(nature_.latency_jitter), pulse);
+  const Instant begin = at + nature_.latency + nature_.delay + random_.around_zero(nature_.latency_jitter);
+  if (mode_ == hal::TriggerMode::kWired) {
+    if (half_rate_ && pulse.number % 2 != 0) return;
+    // Its own clock continues only when the next pulse is an eighth of a period late.
+    ++epoch_;
+    run_free(begin + nature_.rate.period() * (half_rate_ ? 2 : 1) + nature_.rate.period() / 8);
+  }
+  expose(begin, pulse);
 }
 
 void Head::on_expose(const Event& event) {
@@ -236,6 +245,7 @@ void Head::expose(Instant begin, PulseId pulse) {
   const Duration exposure = in_effect_.exposure.duration();
   const Duration second_field = interlaced() ? nature_.rate.period() / 2 : Duration();
   last_begin_ = begin;
+  by_pulse_ = pulse.epoch != 0;
   busy_until_ = begin + std::max(second_field + exposure, nature_.readout);
   ++counts_.exposed;
   ++serial_;

@@ -28,6 +28,8 @@ struct HeadNature {
   std::int32_t drift_ppm = 0;  ///< in free run; positive is slow
   Duration clock_jitter;       ///< of the port's mid_exposure
   int control_latency = 2;
+  Duration delay;      ///< in wired mode: in addition to the latency, and known to rig.toml
+  bool wired = false;  ///< it follows the pulses without its driver's knowledge; its own clock replaces missing ones
   hal::NudgeLimits nudge;  ///< its nudge limits in free run; by default it cannot be nudged
 };
 
@@ -61,7 +63,8 @@ class Head {
   void set_signal(bool there) { signal_ = there; }
   void set_stuck(bool stuck) { stuck_ = stuck; }  ///< accepts settings but does not apply them
   void set_deaf(bool deaf);                       ///< ignores pulses: it continues on its own clock, and drifts slowly
-  void stall(Duration how_long);                  ///< delivers nothing until then, then everything
+  void set_half_rate(bool half) { half_rate_ = half; }  ///< in wired mode: exposes only on every second pulse
+  void stall(Duration how_long);                        ///< delivers nothing until then, then everything
   void set_sequence(std::uint32_t next) { sequence_ = next; }
   void set_clock_error(Duration off) { clock_error_ = off; }  ///< error of the port's timestamps: a wrap, a clock step
   void shift(Duration by);                                    ///< the rig's clock jumped by that much
@@ -75,7 +78,11 @@ class Head {
   const HeadCounts& counts() const { return counts_; }
   bool present() const { return present_; }
   bool streaming() const { return streaming_; }
-  bool triggered() const { return streaming_ && mode_ == hal::TriggerMode::kExternal; }
+  /// Pulses start its exposures, in wired mode: started the newest one.
+  bool triggered() const {
+    return streaming_ && (mode_ == hal::TriggerMode::kExternal || (mode_ == hal::TriggerMode::kWired && by_pulse_));
+  }
+  bool wired() const { return nature_.wired; }
   bool is_open() const { return port_ != nullptr; }
   Instant started() const { return started_; }
   std::size_t waiting() const { return exposed_.size() + filled_.size(); }
@@ -133,7 +140,7 @@ class Head {
   const std::uint8_t index_;
 
   Port* port_ = nullptr;
-  bool present_ = true, streaming_ = false, deaf_ = false;
+  bool present_ = true, streaming_ = false, deaf_ = false, half_rate_ = false, by_pulse_ = false;
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
   std::uint32_t epoch_ = 0;
   Instant started_;

@@ -87,6 +87,8 @@ void print_tally(const Tally& tally) {
       static_cast<long long>(tally.slowest_replug.ns / 1'000'000), static_cast<long long>(tally.slowest_replug.periods),
       static_cast<long long>(tally.slowest_recovery.ns / 1'000'000),
       static_cast<long long>(tally.slowest_recovery.periods));
+  std::printf("  wired heads: watched in %llu steps, in %llu of them reported as not following\n", n(tally.watched),
+              n(tally.not_following));
   std::printf("  without a trigger %llu sets were locked; heads in step again %lld periods after faults, at worst\n",
               n(tally.aligned_sets), static_cast<long long>(tally.slowest_alignment));
   std::printf(

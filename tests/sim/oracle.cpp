@@ -31,10 +31,10 @@ std::string of_head(std::size_t head) { return "head " + std::to_string(head) + 
 }  // namespace
 
 void Tally::add(const Tally& other) {
-  for (auto member :
-       {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets, &Tally::raymaps,
-        &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms, &Tally::uploads, &Tally::never_came,
-        &Tally::aligned_sets, &Tally::crowds, &Tally::good_answers, &Tally::good_refused, &Tally::good_dropped}) {
+  for (auto member : {&Tally::events, &Tally::frames, &Tally::sets, &Tally::full_sets, &Tally::locked_sets,
+                      &Tally::raymaps, &Tally::kills, &Tally::replies, &Tally::episodes, &Tally::storms,
+                      &Tally::uploads, &Tally::never_came, &Tally::aligned_sets, &Tally::watched, &Tally::not_following,
+                      &Tally::crowds, &Tally::good_answers, &Tally::good_refused, &Tally::good_dropped}) {
     this->*member += other.*member;
   }
   for (auto member : {&Tally::worst_locked_spread_ns, &Tally::slowest_alignment, &Tally::slowest_full_replug,
@@ -57,7 +57,13 @@ void Tally::add(const Tally& other) {
 }
 
 Oracle::Oracle(World& world, const Nature& nature, Tally& tally)
-    : world_(world), nature_(nature), tally_(tally), taken_before_(world.heads()), last_serial_(world.heads()) {
+    : world_(world),
+      nature_(nature),
+      tally_(tally),
+      taken_before_(world.heads()),
+      followed_(world.heads()),
+      last_pulse_(world.heads()),
+      last_serial_(world.heads()) {
   new_process();
 }
 
@@ -163,6 +169,10 @@ void Oracle::check_members(const firmware::FrameSet& set) {
       return fail(of_head(i) + "exposure " + std::to_string(stamp->serial) + " is in a set after exposure " +
                   std::to_string(last_serial_[i]));
     }
+    const bool next = stamp->pulse.epoch != 0 && stamp->serial == last_serial_[i] + 1 &&
+                      stamp->pulse.number == last_pulse_[i] + 1 && set.sync.trigger;
+    followed_[i] = next ? followed_[i] + 1 : 0;
+    last_pulse_[i] = stamp->pulse.number;
     last_serial_[i] = stamp->serial;
     stamps_[i] = stamp;
     earliest = std::min(earliest.value_or(stamp->mid), stamp->mid);
@@ -198,7 +208,7 @@ void Oracle::check_locked(const firmware::FrameSet& set) {
   std::optional<Instant> earliest, latest;
   for (std::size_t i = 0; i < world_.heads(); ++i) {
     if (!stamps_[i]) continue;
-    const Instant when = nature_.aligned ? stamps_[i]->mid : stamps_[i]->begin;
+    const Instant when = nature_.aligned ? stamps_[i]->mid : stamps_[i]->begin - nature_.head[i].delay;
     earliest = std::min(earliest.value_or(when), when);
     latest = std::max(latest.value_or(when), when);
   }
@@ -220,6 +230,23 @@ void Oracle::after_event(firmware::Rig& rig, std::optional<Instant> captured) {
   if (failure_) return;
   check_books(rig);
   check_genlock(rig, captured);
+  check_wired(rig.capture().report().genlock);
+}
+
+void Oracle::check_wired(const firmware::GenlockReport& genlock) {
+  // A drift is forgotten after this many exposures that follow, a skipped pulse after a few.
+  constexpr int kForgotten = 600, kSkipForgotten = 3;
+  for (std::size_t i = 0; i < world_.heads(); ++i) {
+    const firmware::Following state = genlock.wired[i].state;
+    if (state == firmware::Following::kUnknown) continue;
+    ++tally_.watched;
+    if (state == firmware::Following::kFollows) continue;
+    ++tally_.not_following;
+    if (followed_[i] > (state == firmware::Following::kDrifts ? kForgotten : kSkipForgotten)) {
+      return fail(of_head(i) + "is reported not to follow the pulses, which started its last " +
+                  std::to_string(followed_[i]) + " exposures; drift " + std::to_string(genlock.wired[i].drift_ppb));
+    }
+  }
 }
 
 /// frames = in sets + held + lost, and frames are those that the heads delivered; nothing waits longer than allowed.

@@ -28,7 +28,9 @@ struct Tally {
   Recovery slowest_replug, slowest_recovery;  ///< until sets are whole again
   std::int64_t slowest_full_replug = 0, slowest_full_recovery = 0;  ///< until every head is in the sets again, ns
   std::int64_t slowest_alignment = 0;                               ///< in periods, after faults
-  std::uint64_t aligned_sets = 0;                                   ///< the locked sets without a trigger
+  std::uint64_t watched = 0,
+                not_following = 0;  ///< wired heads in steps of the rig: all, those reported to drift or skip
+  std::uint64_t aligned_sets = 0;   ///< the locked sets without a trigger
   std::array<std::array<std::array<std::uint64_t, kHowMany>, kHeadFaults>, kHeadStates> visited{};
   std::array<std::uint64_t, kRigFaults> rig_faults{};
   std::array<std::uint64_t, firmware::kLossReasons> losses{};
@@ -91,6 +93,8 @@ class Oracle {
   void check_members(const firmware::FrameSet& set);
   /// For a raymap: its reported field, according to the heads' fields, and the time of that field's exposure.
   void check_field(const wire::RaymapHeader& header, Instant set_mid);
+  /// A wired head may be reported as not following only if it did not follow.
+  void check_wired(const firmware::GenlockReport& genlock);
   void check_locked(const firmware::FrameSet& set);
   void check_books(firmware::Rig& rig);
   void check_genlock(firmware::Rig& rig, std::optional<Instant> captured);
@@ -101,8 +105,10 @@ class Oracle {
   std::optional<std::string> failure_;
   std::uint64_t trace_ = 0xcbf29ce484222325ULL;
 
-  std::vector<std::uint64_t> taken_before_;             ///< by the head's counter, at the start of this process
-  std::vector<std::uint64_t> last_serial_;              ///< of each head's newest frame in a set
+  std::vector<std::uint64_t> taken_before_;  ///< by the head's counter, at the start of this process
+  std::vector<int> followed_;                ///< successive exposures of each head that successive pulses started
+  std::vector<std::uint64_t> last_pulse_;    ///< of each newest frame in a set
+  std::vector<std::uint64_t> last_serial_;   ///< of each head's newest frame in a set
   std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< of the present set
   std::optional<std::uint64_t> last_set_;
   std::uint64_t not_taken_ = 0;

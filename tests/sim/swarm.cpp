@@ -18,6 +18,7 @@ Swarm::Swarm(std::uint64_t seed, const DrawOptions& options)
       oracle_(world_, nature_, outcome_.tally),
       config_(config_of(nature_)),
       disk_(std::make_unique<hal::sim::SimDisk>(seed)),
+      wiring_(seed, "wiring faults"),
       crowds_(seed, "crowds"),
       genlocked_(nature_.genlocked) {
   for (int i = 0; i < kCalibrations; ++i) {

@@ -103,6 +103,7 @@ class Swarm {
   std::unique_ptr<SecondReader> reader_;
   std::vector<std::unique_ptr<Host>> hosts_;
   std::uint64_t hosts_made_ = 0;
+  hal::sim::Random wiring_;       ///< faults of wired heads
   hal::sim::Random crowds_;       ///< the time and parameters of crowds
   std::unique_ptr<Crowd> crowd_;  ///< during an episode
 

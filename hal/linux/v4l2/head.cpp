@@ -73,8 +73,10 @@ void V4l2Head::fail_for_good(Error why) {
 Status V4l2Head::start(TriggerMode trigger) {
   if (state_ == State::kFailed) return fail(*final_);
   if (state_ != State::kStopped) return fail(error(Errc::kWrongState, "is started already; stop it first"));
-  if (trigger != TriggerMode::kFreeRun) {
-    return fail(error(Errc::kUnsupported, "V4L2 has no trigger input; it runs free"));
+  if (trigger == TriggerMode::kExternal) {
+    return fail(error(Errc::kUnsupported,
+                      "V4L2 has no trigger input; if the trigger's line is wired to the device, set trigger_mode = "
+                      "\"wired\" in its entry of rig.toml"));
   }
   restarts_in_row_ = 0;
   post_stream(false);

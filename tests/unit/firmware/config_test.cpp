@@ -157,7 +157,14 @@ TEST(RigConfig, WhatADeviceCannotBeAsked_IsRefused) {
   for (const char* const size : {"720", "720x", "x480", "720X480", "720x480x2", "0x480", "720x16385", "-720x480"}) {
     expect_refused(kDevice + "size='" + size + "'\n", Errc::kBadValue, "WIDTHxHEIGHT");
   }
-  expect_refused(kDevice + "trigger_delay_us=100\n", Errc::kBadValue, "not triggered");
+  expect_refused(kDevice + "trigger_delay_us=100\n", Errc::kBadValue, "trigger_mode = \"wired\"");
+  const auto wired = parse_rig_config(kDevice + "trigger_mode='wired'\ntrigger_delay_us=100\n", "rig.toml");
+  ASSERT_TRUE(wired) << wired.error().text();
+  EXPECT_TRUE(wired->heads[0].wired);
+  EXPECT_EQ(wired->heads[0].trigger_delay, Duration::microseconds(100));
+  EXPECT_FALSE(parse_rig_config(kDevice + "trigger_mode='input'\n", "rig.toml")->heads[0].wired);
+  expect_refused(kDevice + "trigger_mode='genlock'\n", Errc::kBadValue, "allowed is one of input, wired");
+  expect_refused(kDevice + "trigger_mode='wired'\n[trigger]\nsource='none'\n", Errc::kBadValue, "'a'");
   expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only allowed for v4l2: ports");
   expect_refused(replaced(kDevice, "v4l2:/dev/video0", "v4l2:"), Errc::kBadValue, "v4l2:DEVICE");
   expect_refused(

@@ -89,6 +89,10 @@ TEST(GpioConfig, DelaysThatDifferOnOneLine_AreRefusedWithBothHeads) {
   expect_refused(rig("port='gpio:c:1'", "", "trigger_delay_us=200"), {"'a' and 'b'", "gpio:c:1", "0 and 200"});
   expect_refused(rig("", "trigger='gpio:c:1'", "trigger='gpio:c:1'\ntrigger_delay_us=200"), {"'a' and 'b'"});
   EXPECT_TRUE(parse_rig_config(rig("port='gpio:c:1'", "", "trigger='gpio:c:2'\ntrigger_delay_us=200"), "rig.toml"));
+  const std::string wired = "trigger_mode='wired'\ntrigger_delay_us=200";
+  EXPECT_TRUE(parse_rig_config(rig("port='gpio:c:1'", "", wired), "rig.toml"))
+      << "the delay of a wired head is its own";
+  EXPECT_TRUE(parse_rig_config(rig("port='gpio:c:1'", wired, "trigger_delay_us=300"), "rig.toml"));
 }
 
 TEST(GpioConfig, LinesThatDoNotFitTheSource_AreRefused) {

@@ -23,6 +23,16 @@ SetClock locked_clock(int edges, Instant first) {
   return clock;
 }
 
+// A wired head streams on when the genlock stops, so its frames of former pulses still arrive.
+TEST(SetClock, FreeRun_AFrameFromBeforeTheRestartIsInNoSet) {
+  SetClock clock = locked_clock(5, at_ms(1000));
+  clock.restart(kNtsc, false, at_ms(1100));
+  const Exposure exposure = Exposure::microseconds(8000);
+  EXPECT_FALSE(clock.match(0, at_ms(1103), exposure, Duration()));
+  EXPECT_FALSE(clock.match(0, at_ms(1110), exposure, Duration::milliseconds(7)));
+  EXPECT_TRUE(clock.match(0, at_ms(1105), exposure, Duration()));
+}
+
 TEST(SetClock, Genlocked_AFrameIsOfThePulseItsExposureBeganAt) {
   SetClock clock = locked_clock(5, at_ms(1000));
   const Exposure exposure = Exposure::microseconds(8000);
