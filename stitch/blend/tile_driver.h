@@ -126,8 +126,9 @@ void add_light(const BlendJob& job, const TileRecords& of, const Shares& shares,
 
 /// The general case: a head of the tile is missing, or weights depend on confidence. What the tile's own records then
 /// lack to a weight of one is taken from those of its cover, if there is one.
+/// False, and nothing done, if no pixel lacks any weight: the tile can then be blended as usual, with the same result.
 template <class Kernel, int N, class Number>
-void blend_carefully(const BlendJob& job, std::size_t t, Number* out) {
+[[gnu::noinline]] bool blend_carefully(const BlendJob& job, std::size_t t, Number* out) {
   const TileRecords own(*job.grid, t);
   const WeightSums sums = sums_of<Kernel, N>(job, own);
   const std::uint32_t most = job.careful ? 255 : 1;
@@ -137,7 +138,7 @@ void blend_carefully(const BlendJob& job, std::size_t t, Number* out) {
     lacking[p] = sums.all[p] * most - sums.trusted[p];
     any = any || lacking[p] != 0;
   }
-  if (!any) return Kernel::template tile<N, Number>(job, own.tile, own.count, out);  // the same bytes
+  if (!any) return false;
   Shares of_own;
   Shares of_cover;
   of_own.times.fill(1);
@@ -156,17 +157,16 @@ void blend_carefully(const BlendJob& job, std::size_t t, Number* out) {
   add_light<Kernel, N>(job, own, of_own, light);
   if (covered) add_light<Kernel, N>(job, TileRecords(*job.cover, t), of_cover, light);
   for (std::size_t c = 0; c < N; ++c) finish_tile(job, c, light[c], out + c * kStrip);
+  return true;
 }
 
 template <class Kernel, int N, class Number>
 void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
   const TileRecords own(*job.grid, t);
-  const bool several = own.count > 1 || (job.cover != nullptr && TileRecords(*job.cover, t).count > 1);
-  if ((job.careful && several) || any_missing(job, own)) {
-    blend_carefully<Kernel, N, Number>(job, t, out);
-  } else {
-    Kernel::template tile<N, Number>(job, own.tile, own.count, out);
-  }
+  const bool doubtful =
+      job.careful && (own.count > 1 || (job.cover != nullptr && TileRecords(*job.cover, t).count > 1));
+  if ((doubtful || any_missing(job, own)) && blend_carefully<Kernel, N, Number>(job, t, out)) return;
+  Kernel::template tile<N, Number>(job, own.tile, own.count, out);
 }
 
 /// Writes the part of a strip that is inside the grid and within the rows of the call.
