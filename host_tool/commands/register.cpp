@@ -125,11 +125,6 @@ Json to_json(const Report& report) {
           {"warnings", report.warnings}};
 }
 
-// For angles of thousandths of a degree or less, without trailing zeros.
-std::string small_angle(double degrees) {
-  return std::isfinite(degrees) ? fmt::format("{:.2g}°", degrees) : std::string("?");
-}
-
 void tell(Console& console, const Report& report, bool focals, const std::string& out, double seconds) {
   using Align = Table::Align;
   std::vector<Table::Column> columns{
@@ -138,11 +133,11 @@ void tell(Console& console, const Report& report, bool focals, const std::string
   columns.push_back({""});
   Table table(columns);
   for (const registration::HeadReport& head : report.heads) {
-    std::vector<std::string> row{head.name, fmt::format("{:.3f}°", head.turned_deg), small_angle(head.sigma_deg),
-                                 fmt::format("{:.2f} sr", head.shared_sr)};
+    std::vector<std::string> row{head.name, fmt::format("{:.3f}°", head.turned_deg),
+                                 show_deviation(head.sigma_deg, "°"), fmt::format("{:.2f} sr", head.shared_sr)};
     if (focals) {
       row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
-      row.push_back(fmt::format("{:.2g} %", head.sigma_focal_percent));
+      row.push_back(show_deviation(head.sigma_focal_percent, " %"));
     }
     row.push_back(head.placed ? "" : "not placed, not changed");
     table.row(row);

@@ -189,4 +189,9 @@ std::string show_id(const std::string& id_bytes) {
   return hex;
 }
 
+std::string show_deviation(double value, std::string_view unit) {
+  if (!std::isfinite(value)) return "?";
+  return value == 0 ? std::string("held") : fmt::format("{:.2g}{}", value, unit);
+}
+
 }  // namespace nodal::host

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "host_tool/console/quantities.h"
 #include "host_tool/report/html_report.h"
 #include "host_tool/report/sphere_graph.h"
 #include "stitch/geometry/head.h"
@@ -158,13 +159,11 @@ std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b,
 
 void add_heads(const Report& report, HtmlReport& page) {
   std::vector<std::vector<std::string>> rows;
-  const auto sure = [](double value, const char* unit) {
-    return std::isfinite(value) ? fmt::format("{:.2g}{}", value, unit) : std::string("?");
-  };
   for (const registration::HeadReport& head : report.heads) {
     rows.push_back({head.name, head.placed ? "placed" : "not changed", fmt::format("{:.4f}", head.turned_deg),
-                    sure(head.sigma_deg, "°"), fmt::format("{:.4f}", head.focal_change_percent),
-                    sure(head.sigma_focal_percent, " %"), fmt::format("{:.3f}", head.shared_sr), head.why_not});
+                    show_deviation(head.sigma_deg, "°"), fmt::format("{:.4f}", head.focal_change_percent),
+                    show_deviation(head.sigma_focal_percent, " %"), fmt::format("{:.3f}", head.shared_sr),
+                    head.why_not});
   }
   page.heading("Heads");
   page.table({"head", "", "turned, °", "± rotation", "focal, %", "± focal", "shared, sr", ""}, rows);

@@ -135,7 +135,12 @@ Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const So
     const auto i = static_cast<std::size_t>(c), n = static_cast<std::size_t>(chunks);
     sum_tiles(sights, slots, tiles_.size() * i / n, tiles_.size() * (i + 1) / n, derivatives, sums[i]);
   });
+  std::vector<std::vector<double>> part_gradients;
+  if (derivatives) {
+    for (const Normal& part : sums) part_gradients.push_back(part.gradient);
+  }
   for (std::size_t c = 1; c < sums.size(); ++c) sums[0].add(sums[c]);
+  sums[0].part_gradients = std::move(part_gradients);
   return std::move(sums[0]);
 }
 

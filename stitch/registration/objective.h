@@ -34,6 +34,8 @@ struct Normal {
   std::vector<double> common;  ///< [head][slot][slot]: a head with itself, with one gradient taken from the other heads
   std::vector<PairSums> pairs;  ///< [pair a <= b]
   std::vector<double> shared;   ///< [head] solid angle that it shares, times the number of planes, sr
+  /// The gradient of each of the parts of the sphere that evaluate() sums over, one below the other.
+  std::vector<std::vector<double>> part_gradients;
 
   Normal(int heads, int slots);
   /// Mean squared difference, levels squared; infinite if nothing is shared.

@@ -99,6 +99,9 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
   return detail;
 }
 
+// Fewer parts of the sphere say too little about how far their gradients spread.
+constexpr Eigen::Index kLeastParts = 8;
+
 Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
                        const Eigen::MatrixXd& gauge) {
   const Eigen::Index n = parameters.free_count();
@@ -107,24 +110,32 @@ Certainty certainty_of(const Normal& normal, const Parameters& parameters, doubl
   if (n > 0 && Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff() <= 0) {
     H = parameters.hessian(normal, Curvature::kOwn);
   }
-  Eigen::MatrixXd covariance(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H, Eigen::VectorXd::Unit(n, k));
-  covariance *= normal.objective() * pixels_a_sample;
-  Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
-  if (gauge.size() > 0) all = gauge * all * gauge.transpose();
-  Certainty certainty;
-  for (std::size_t h = 0; h < parameters.slots().size(); ++h) {
-    const Slots& slots = parameters.slots()[h];
-    const auto row = static_cast<Eigen::Index>(h) * parameters.stride();
-    double rotation = 0, focal = 0;
-    if (slots.rotation >= 0) {
-      const Eigen::Matrix3d block = all.block<3, 3>(row + slots.rotation, row + slots.rotation);
-      rotation =
-          std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff()));
+  Eigen::MatrixXd inverse(n, n);
+  for (Eigen::Index k = 0; k < n; ++k) inverse.col(k) = solve_symmetric(H, Eigen::VectorXd::Unit(n, k));
+  std::vector<Eigen::MatrixXd> estimates{inverse * (normal.objective() * pixels_a_sample)};
+  const Eigen::MatrixXd parts = parameters.part_gradients(normal);
+  if (parts.cols() >= kLeastParts) {
+    const double unbiased = static_cast<double>(parts.cols()) / static_cast<double>(parts.cols() - 1);
+    estimates.emplace_back(inverse * (unbiased * parts * parts.transpose()) * inverse.transpose());
+  }
+  const std::size_t heads = parameters.slots().size();
+  Certainty certainty{std::vector<double>(heads), std::vector<double>(heads)};
+  for (const Eigen::MatrixXd& covariance : estimates) {
+    Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
+    if (gauge.size() > 0) all = gauge * all * gauge.transpose();
+    for (std::size_t h = 0; h < heads; ++h) {
+      const Slots& slots = parameters.slots()[h];
+      const auto row = static_cast<Eigen::Index>(h) * parameters.stride();
+      if (slots.rotation >= 0) {
+        const Eigen::Matrix3d block = all.block<3, 3>(row + slots.rotation, row + slots.rotation);
+        const double worst = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff();
+        certainty.rotation_rad[h] = std::max(certainty.rotation_rad[h], std::sqrt(std::max(0.0, worst)));
+      }
+      if (slots.focal >= 0) {
+        const double focal = all(row + slots.focal, row + slots.focal);
+        certainty.log_focal[h] = std::max(certainty.log_focal[h], std::sqrt(std::max(0.0, focal)));
+      }
     }
-    if (slots.focal >= 0) focal = std::sqrt(std::max(0.0, all(row + slots.focal, row + slots.focal)));
-    certainty.rotation_rad.push_back(rotation);
-    certainty.log_focal.push_back(focal);
   }
   return certainty;
 }

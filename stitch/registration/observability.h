@@ -37,7 +37,9 @@ std::vector<double> fall_off_seen(const std::vector<HeadState>& heads);
 /// A head with a smaller rms than this has no detail, levels.
 inline constexpr double kDullRms = 0.5;
 
-/// Standard deviations of the estimated parameters.
+/// Standard deviations of the estimated parameters: the larger of two estimates. One is that of independent differences,
+/// as noise makes them. The other, the sandwich estimator, comes from how strongly the parts of the sphere pull in
+/// different directions at the result: also what noise does not explain (parallax, wrong lenses, moving objects) counts.
 struct Certainty {
   std::vector<double> rotation_rad;  ///< about the worst axis, relative to the gauge
   std::vector<double> log_focal;     ///< 0 if not estimated

@@ -114,6 +114,15 @@ Eigen::VectorXd Parameters::gradient(const Normal& normal) const {
   return basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
 }
 
+Eigen::MatrixXd Parameters::part_gradients(const Normal& normal) const {
+  Eigen::MatrixXd parts(basis_.cols(), static_cast<Eigen::Index>(normal.part_gradients.size()));
+  for (Eigen::Index p = 0; p < parts.cols(); ++p) {
+    const std::vector<double>& part = normal.part_gradients[static_cast<std::size_t>(p)];
+    parts.col(p) = basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(part.data(), basis_.rows());
+  }
+  return parts;
+}
+
 Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) const {
   Eigen::MatrixXd all(basis_.rows(), basis_.rows());
   for (int a = 0; a < normal.heads; ++a) {

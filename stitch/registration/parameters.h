@@ -35,6 +35,8 @@ class Parameters {
   int stride() const { return stride_; }
 
   Eigen::VectorXd gradient(const Normal& normal) const;
+  /// The gradients of Normal::part_gradients, one per column.
+  Eigen::MatrixXd part_gradients(const Normal& normal) const;
   Eigen::MatrixXd hessian(const Normal& normal, Curvature curvature) const;
   std::vector<HeadState> moved(const std::vector<HeadState>& heads, const Eigen::VectorXd& free_step) const;
   /// The largest turn of a head in a step, rad.

@@ -1,7 +1,9 @@
 #include "host_tool/console/quantities.h"
 
 #include <gtest/gtest.h>
+
 #include <rapidcheck.h>
+#include <limits>
 
 #include <string>
 
@@ -123,6 +125,12 @@ TEST(ShowBytes, EveryMagnitude_ReadsNaturally) {
 TEST(ShowId, ThirtyTwoBytes_ShowAsTheirFirstTwelveDigits) {
   EXPECT_EQ(show_id(std::string("\x3f\xa2\x00\x01\xff\x10", 6) + std::string(26, 'x')), "3fa20001ff10");
   EXPECT_EQ(show_id(""), "none");
+}
+
+TEST(Quantities, Deviations_HeldOrUnknownOnesAreSaidInWords) {
+  EXPECT_EQ(show_deviation(0.00432, "°"), "0.0043°");
+  EXPECT_EQ(show_deviation(0, "°"), "held");
+  EXPECT_EQ(show_deviation(std::numeric_limits<double>::infinity(), " %"), "?");
 }
 
 }  // namespace

@@ -133,6 +133,29 @@ TEST(Register, TheFirstHeadIsNotPlaced_TheSecondHoldsTheRig) {
   EXPECT_TRUE(given_up_late) << "or this test shows nothing";
 }
 
+/// The largest error of a head's rotation relative to the first head, over its claimed standard deviation.
+double worst_ratio(const Calibration& truth, const Report& report) {
+  double worst = 0;
+  for (std::size_t h = 1; h < truth.heads.size(); ++h) {
+    std::vector<bool> counted(truth.heads.size(), false);
+    counted[0] = counted[h] = true;
+    // Two heads: their mean error is half of their relative one.
+    const double error = 2 * test::rotation_error(truth, report.calibration, counted).max_deg;
+    worst = std::max(worst, error / report.heads[h].sigma_deg);
+  }
+  return worst;
+}
+
+TEST(Register, LensesALittleWrong_TheClaimedUncertaintyIsThatOfTheResult) {
+  for (const double percent : {0.0, 0.3, 0.7}) {
+    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
+    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    ASSERT_TRUE(report) << report.error().text();
+    EXPECT_LT(worst_ratio(town().truth, *report), 3) << percent;
+  }
+}
+
 TEST(Register, MirroredPictures_AreRefused) {
   test::RenderedRig rig = town();
   for (auto& picture : rig.bytes) {
