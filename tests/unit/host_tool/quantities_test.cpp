@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <rapidcheck.h>
-#include <limits>
 
+#include <limits>
 #include <string>
 
 namespace nodal::host {
