@@ -57,7 +57,7 @@ template <std::size_t kSquare>
 }
 
 template <std::size_t kSquare>
-NODAL_CLONES void make_row(const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
+[[gnu::always_inline]] inline void make_row_of(const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
   Columns columns;
   constexpr int kSide = kSquare;
   constexpr int kAtOnce = kColumns / kSide;  // squares
@@ -92,14 +92,14 @@ NODAL_CLONES void make_row(const PlaneView& in, int y, const PlaneView& low, std
   }
 }
 
-void make_row(int square, const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
+NODAL_CLONES void make_row(int square, const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
   switch (square) {
-    case 8: make_row<8>(in, y, low, to); break;
-    case 16: make_row<16>(in, y, low, to); break;
-    case 32: make_row<32>(in, y, low, to); break;
-    case 64: make_row<64>(in, y, low, to); break;
-    case 128: make_row<128>(in, y, low, to); break;
-    default: make_row<256>(in, y, low, to); break;
+    case 8: make_row_of<8>(in, y, low, to); break;
+    case 16: make_row_of<16>(in, y, low, to); break;
+    case 32: make_row_of<32>(in, y, low, to); break;
+    case 64: make_row_of<64>(in, y, low, to); break;
+    case 128: make_row_of<128>(in, y, low, to); break;
+    default: make_row_of<256>(in, y, low, to); break;
   }
 }
 

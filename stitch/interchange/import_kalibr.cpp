@@ -88,7 +88,7 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
     }
     PlumbBob radial = bob;
     for (std::size_t i = 2; i < std::min<std::size_t>(4, radial.k.size()); ++i) radial.k[i] = 0;
-    const Projection p = *projection;
+    const Projection& p = *projection;
     return set_radial(
         pinhole,
         [p, radial](double a) {

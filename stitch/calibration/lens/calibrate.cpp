@@ -68,6 +68,7 @@ Status check_photographs(const std::vector<LensPhotograph>& photographs) {
 /// Fits on points: first poses and focal length with centre and aspect held, then all unknowns.
 void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arrangement& arrangement) {
   std::vector<std::vector<PointPair>> pairs;
+  pairs.reserve(radial.size());
   for (const RadialPose& pose : radial) pairs.push_back(pose.inliers);
   std::vector<bool> fixed(static_cast<std::size_t>(arrangement.lens.count), false);
   fixed[kCenterX] = fixed[kCenterY] = fixed[kAspect] = true;
@@ -212,6 +213,8 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   };
   std::vector<GreyImage> lumas;
   std::vector<const GreyImage*> pictures;
+  lumas.reserve(photographs.size());
+  pictures.reserve(photographs.size());
   for (const LensPhotograph& photo : photographs) lumas.push_back(photo.luma);
   for (const GreyImage& luma : lumas) pictures.push_back(&luma);
   const Region region = find_region(pictures);

@@ -70,6 +70,7 @@ Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle)
 /// Signed distances of the points from the circle, px; negative inside.
 std::vector<double> distances(const std::vector<Eigen::Vector2d>& points, const Region::Circle& circle) {
   std::vector<double> all;
+  all.reserve(points.size());
   for (const Eigen::Vector2d& p : points) all.push_back(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius);
   return all;
 }

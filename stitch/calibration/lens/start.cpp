@@ -180,6 +180,7 @@ std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const
                                       double tolerance_px) {
   if (pairs.size() < static_cast<std::size_t>(kLeastPairs)) return std::nullopt;
   std::vector<Eigen::Vector2d> p;
+  p.reserve(pairs.size());
   for (const PointPair& pair : pairs) p.push_back(from_center(pair, center, aspect));
   Draw draw;
   std::vector<std::size_t> best;

@@ -54,6 +54,7 @@ Result<RaymapSize> size_for_width(std::string_view name, double width) {
 
 std::vector<std::string_view> layout_names() {
   std::vector<std::string_view> names;
+  names.reserve(std::size(kKnown));
   for (const Known& known : kKnown) names.push_back(known.name);
   return names;
 }
