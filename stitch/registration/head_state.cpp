@@ -118,6 +118,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
   }
   if (slots.focal >= 0) {
     std::vector<double> radial;
+    radial.reserve(static_cast<std::size_t>(slots.radials));
     for (int k = 0; k < slots.radials; ++k) radial.push_back(step[slots.radial + k]);
     // Far from the minimum a step may be much too large; it is limited, and the next step corrects it.
     const double log_focal = std::clamp(step[slots.focal], -0.1, 0.1);

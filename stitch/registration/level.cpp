@@ -62,6 +62,7 @@ std::vector<std::vector<Plane>> blurred_planes(const LevelPlan& plan, Level::Pic
 
 double pixels_per_radian(const std::vector<HeadState>& heads) {
   std::vector<double> all;
+  all.reserve(heads.size());
   for (const HeadState& head : heads) all.push_back(head.edge_radius / head.edge_angle);
   std::ranges::nth_element(all, all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2));
   return all[all.size() / 2];

@@ -282,6 +282,7 @@ HeadPyramid make_pyramid(std::vector<Plane> planes, int smallest) {
     const std::vector<Plane>& finer = pyramid.levels.back();
     if (std::min(finer.front().width, finer.front().height) / 2 < smallest) break;
     std::vector<Plane> coarser;
+    coarser.reserve(finer.size());
     for (const Plane& plane : finer) coarser.push_back(halved(plane));
     pyramid.levels.push_back(std::move(coarser));
   }

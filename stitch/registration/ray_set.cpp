@@ -82,6 +82,7 @@ std::vector<Place> sorted_places(const RaymapLayout& layout) {
   }
   std::ranges::stable_sort(all, {}, &Keyed::key);
   std::vector<Place> places;
+  places.reserve(all.size());
   for (const Keyed& each : all) places.push_back(each.place);
   return places;
 }

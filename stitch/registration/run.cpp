@@ -40,6 +40,7 @@ Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
   }
   const std::vector<double> seen = fall_off_seen(heads_);
   std::vector<bool> tells;
+  tells.reserve(seen.size());
   for (const double spread : seen) tells.push_back(spread >= kLeastFallOffSeen);
   own_vignetting_.assign(heads_.size(), false);
   if (options_.vignetting == VignettingModel::kOwn) own_vignetting_ = tells;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include "stitch/table/head_sight.h"
 #include "stitch/table/quantize.h"
@@ -43,7 +42,7 @@ LowBandCompiler::LowBandCompiler(const RaySampler& wide, int grid, const blend::
                                  int vignetting_scale)
     : wide_(wide),
       grid_(grid),
-      shape_(std::move(shape)),
+      shape_(shape),
       places_(places),
       sizes_(sizes),
       vignetting_scale_(vignetting_scale),
