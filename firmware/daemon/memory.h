@@ -1,23 +1,23 @@
-// How nodald takes memory from the C library, and gives it back: what a calibration needed while its table was compiled
-// is not kept for the next one.
+// How nodald allocates memory from the C library and returns it to the system: the memory that compiling a table needed is
+// not kept.
 #pragma once
 
 #include <string>
 
 namespace nodal::daemon {
 
-/// Blocks of this many bytes or more have pages of their own, which go back with them.
+/// Blocks of at least this many bytes get their own pages, which are returned when the block is freed.
 inline constexpr int kLargeBlock = 256 * 1024;
 
-/// The C library reserves 64 MiB of addresses for every arena, and would have one a thread: under `ulimit -v` that is what
-/// leaves no room for the threads themselves. Two are enough where the frame path allocates nothing.
+/// The C library reserves 64 MiB of addresses for every arena and uses one arena per thread by default; with `ulimit -v` that
+/// can leave no addresses for the threads. Two are enough, because the frame path allocates nothing.
 inline constexpr int kArenas = 2;
 
-/// Before there are threads.
+/// Call it before threads are started.
 void keep_large_blocks_apart();
-/// What to say when memory or a thread was refused: how much is in use, which limit there is, what to change.
+/// The message for a refused allocation or thread: how much is in use, which limit applies, what to change.
 std::string explain_refused_memory();
-/// Gives back what small blocks left behind. Takes a few milliseconds, in which other threads may wait for memory.
+/// Returns freed small blocks to the system. Takes a few milliseconds, in which other threads may wait for memory.
 void give_back_memory();
 
 }  // namespace nodal::daemon

@@ -1,4 +1,4 @@
-// Brings heads that run free into step, and holds them there.
+// Moves heads that run free until they expose together, and keeps them together.
 #pragma once
 
 #include <array>
@@ -12,23 +12,23 @@
 
 namespace nodal::firmware {
 
-/// A head as the aligner sees it, now.
+/// The current state of a head, for the aligner.
 struct FreeHead {
   bool streaming = false;
   std::uint64_t starts = 0;  ///< times it was started
   hal::NudgeLimits limits;
-  Exposure exposure;  ///< of the frames that a nudge of now will move first
+  Exposure exposure;  ///< of the first frames that a nudge requested now will move
 };
 
-/// Each head's clock is a PhaseLine of the times at which its exposures would begin without nudges: FrameView::nudged, what
-/// the head has moved by so far, is subtracted from every timestamp. So a nudge does not disturb the estimate of the clock,
-/// and where the head will be after all requested nudges is known, however long they take.
+/// For each head, a PhaseLine estimates when its exposures would begin without nudges: FrameView::nudged, the sum of all
+/// nudges so far, is subtracted from every timestamp. So nudges do not disturb the estimate of the clock, and the phase
+/// after all requested nudges is known, however long they take.
 ///
-/// All heads are moved until the middles of their exposures are at one reference. Where there are heads that cannot be
-/// moved, the reference is their median. Else it is the median of all heads, or, of heads near that median which can only
-/// wait, the latest; a head far after it waits for the next period. A head within the dead band around the reference gets
-/// no request. The band is narrow until the heads are in step; then it is an eighth of what jitter leaves of the lock's
-/// limit.
+/// All heads are moved until the middles of their exposures are at one reference. If there are heads that cannot be moved,
+/// the reference is their median. Otherwise it is the median of all heads; or, if heads near that median can only be
+/// delayed, the latest of those. A head long after the reference is delayed until the next period. A head within the dead
+/// band around the reference gets no request. The band is narrow until the heads are in step; then it is an eighth of the
+/// part of the lock's limit that jitter does not use.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -36,25 +36,25 @@ struct FreeHead {
 class Aligner {
  public:
   void restart(Duration period);
-  /// A frame that went into a set, of a head that was started so many times.
+  /// Reports a frame that is in a set, and how often its head was started.
   void on_frame(std::size_t head, std::uint64_t starts, const hal::FrameView& frame);
   using Nudges = std::array<Duration, kMaxHeads>;
-  /// The nudge to request of each head now; it counts as requested.
+  /// The nudges to request now, by head; they count as requested.
   Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
   /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the
   /// head's last.
   Skews skews(const FrameSet& set);
 
-  HeadMask fixed() const { return fixed_; }                ///< heads that cannot be moved
-  HeadMask one_way() const { return one_way_; }            ///< that would have to be earlier, and can only wait
-  HeadMask unresponsive() const { return unresponsive_; }  ///< that did not do what was requested
+  HeadMask fixed() const { return fixed_; }      ///< heads that cannot be moved
+  HeadMask one_way() const { return one_way_; }  ///< heads that would have to be earlier and can only be delayed
+  HeadMask unresponsive() const { return unresponsive_; }  ///< heads that did not carry out a request
   std::optional<std::int32_t> drift_ppb(std::size_t head) const { return heads_[head].clock.drift_ppb(); }
 
-  /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for doubt and jitter.
+  /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for uncertainty and jitter.
   static constexpr std::int64_t kBandsInLimit = 8;
   static constexpr Duration kBandMost = Genlock::kSafeLimit / kBandsInLimit;
-  /// What a crystal that is off by 50 ppm creeps in the longest period, 200 ms: a narrower band would ask for a nudge
-  /// every period.
+  /// How far a crystal with an error of 50 ppm moves in the longest period, 200 ms: a narrower band would cause a request
+  /// in every period.
   static constexpr Duration kBandLeast = Duration::microseconds(10);
 
  private:
@@ -66,7 +66,7 @@ class Aligner {
     Instant still_since;  ///< while a request is open: when it last moved
     Instant left_alone_until;
     bool responds = true;
-    Duration place_in_set;  ///< where nudges and half the exposure put the middle of its last frame in a set
+    Duration place_in_set;  ///< shift of the middle of its last frame in a set by nudges and half the exposure
   };
   std::optional<Duration> reference_place(const std::array<FreeHead, kMaxHeads>& heads, Instant base, Instant at,
                                           Instant now, Nudges& places, HeadMask& placed) const;
@@ -77,7 +77,7 @@ class Aligner {
 
   Duration period_;
   std::array<Head, kMaxHeads> heads_{};
-  std::optional<Instant> reference_;  ///< a middle of it
+  std::optional<Instant> reference_;  ///< the middle of one exposure of the reference
   std::optional<Instant> beat_;       ///< near the newest set, and
   Instant newest_set_;                ///< its middle
   HeadMask fixed_ = 0, one_way_ = 0, unresponsive_ = 0;

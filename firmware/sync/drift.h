@@ -1,4 +1,4 @@
-// How fast somebody else's clock runs, from when it says its periods begin.
+// Measures how fast another clock runs, from the times at which its periods begin.
 #pragma once
 
 #include <array>
@@ -9,9 +9,9 @@
 
 namespace nodal::firmware {
 
-/// The rate of pulses or exposures against a nominal one, over the last kBlocks * kBlockPeriods periods: the older
-/// half's mean distance from the nominal grid against the newer half's. At 30 a second, +-0.2 ms of jitter on every
-/// moment are worth about 1 ppm.
+/// The rate of pulses or exposures relative to a nominal rate, over the last kBlocks * kBlockPeriods periods: the mean
+/// distance from the nominal grid in the newer half, compared with that in the older half. At 30 per second, a jitter of
+/// +-0.2 ms causes an error of about 1 ppm.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -19,10 +19,10 @@ namespace nodal::firmware {
 class DriftMeter {
  public:
   void restart(FrameRate rate);
-  /// Period `number` began, or was exposed, `at`; numbers rise, with gaps where some were missing. A moment that is
-  /// half a period from where the last one was is no drift: the meter starts anew.
+  /// Period `number` began, or was exposed, `at`. Numbers increase; a gap means that periods were missed. If the distance
+  /// from the grid changes by half a period from one call to the next, the measurement starts again.
   void add(std::int64_t number, Instant at);
-  /// Positive is slow, in 1/1000 ppm; nothing before two blocks are full.
+  /// In 1/1000 ppm; positive: slower than nominal. Nothing before two blocks are full.
   std::optional<std::int32_t> ppb() const;
 
   static constexpr std::size_t kBlocks = 16;
@@ -31,8 +31,8 @@ class DriftMeter {
  private:
   struct Block {
     std::int64_t moments = 0;
-    std::int64_t numbers = 0;    ///< their sum, counted from the first
-    std::int64_t distances = 0;  ///< from the nominal grid, ns, their sum
+    std::int64_t numbers = 0;    ///< sum of the numbers, relative to the first
+    std::int64_t distances = 0;  ///< sum of the distances from the nominal grid, ns
   };
   struct Mean {
     std::int64_t number = 0, distance = 0;
@@ -46,9 +46,9 @@ class DriftMeter {
   Instant first_at_;
   std::int64_t last_distance_ = 0;
   Block filling_;
-  std::int64_t filling_since_ = 0;  ///< number, counted from the first
+  std::int64_t filling_since_ = 0;  ///< a number, relative to the first
   std::array<Block, kBlocks> blocks_{};
-  std::size_t full_ = 0;  ///< blocks, ever
+  std::size_t full_ = 0;  ///< number of blocks filled so far
 };
 
 }  // namespace nodal::firmware

@@ -1,4 +1,4 @@
-// Drives or follows the trigger, or does without, and says, honestly, whether the heads are exposed together.
+// Drives or follows the trigger, or works without one, and reports whether the heads are exposed together.
 #pragma once
 
 #include <array>
@@ -16,12 +16,12 @@
 
 namespace nodal::firmware {
 
-/// How long after their pulse, and their own delay, a set's exposures began; without pulses, how long after the others'
-/// their middles were.
+/// How much later a set's exposures began than their pulse plus the head's own delay; without pulses, how much later
+/// their middles were than those of the other heads.
 struct Skews {
-  HeadMask known = 0;  ///< heads whose exposure has its pulse
+  HeadMask known = 0;  ///< heads whose exposure was matched to a pulse
   std::array<Duration, kMaxHeads> of{};
-  std::array<Duration, kMaxHeads> moved{};  ///< of it, what the rig did to the head since its last
+  std::array<Duration, kMaxHeads> moved{};  ///< the part of it that nudges of the rig caused since the head's last set
 
   void add(std::size_t head, Duration skew, Duration by_us = {}) {
     known |= head_bit(head);
@@ -30,23 +30,23 @@ struct Skews {
   }
 };
 
-/// What the genlock's state depends on.
+/// The events that change the genlock's state.
 enum class GenlockCondition : std::uint8_t {
   kStarted,
   kStopped,
   kInStep,         ///< kSetsToLock good sets in a row
-  kOutOfStep,      ///< a set that is not
-  kPulseUnseen,    ///< a set that no pulse exposed, its heads where they were in lock
-  kUnresponsive,   ///< a set whose heads are in step, and one of them was moved and did not move
+  kOutOfStep,      ///< a set that is not good
+  kPulseUnseen,    ///< a set without a pulse, its heads relative to each other as in lock
+  kUnresponsive,   ///< a set whose heads are in step, but one of them did not carry out a nudge
   kPulsesOverdue,  ///< none seen for 2.5 periods
   kSetsOverdue,    ///< none closed for 3 periods
-  kPortGone,       ///< the trigger's, for good
+  kPortGone,       ///< the trigger's port failed permanently
   kCoastedLong,    ///< in holdover for kHoldover
 };
 inline constexpr std::size_t kGenlockConditions = 10;
 std::string_view genlock_condition_name(GenlockCondition condition);
 
-/// The whole table; genlock.cpp holds nothing else about states.
+/// The table of all transitions; genlock.cpp contains no other state logic.
 ///
 /// | condition      | off       | acquiring | locked    | holdover  | lost      |
 /// |----------------|-----------|-----------|-----------|-----------|-----------|
@@ -70,14 +70,14 @@ struct WiredReport {
 
 struct GenlockReport {
   GenlockState state = GenlockState::kOff;
-  bool aligned = false;       ///< without pulses: the heads run free and are moved
-  HeadMask fixed = 0;         ///< of them, those that cannot be moved,
-  HeadMask one_way = 0;       ///< that can only wait, and are behind the others,
-  HeadMask unresponsive = 0;  ///< and that were moved and did not move
+  bool aligned = false;       ///< without pulses: the heads run free and are nudged
+  HeadMask fixed = 0;         ///< heads that cannot be moved
+  HeadMask one_way = 0;       ///< heads that are later than the others and can only be delayed
+  HeadMask unresponsive = 0;  ///< heads that did not carry out a nudge
   std::array<WiredReport, kMaxHeads> wired{};
   FrameRate rate;
   std::uint64_t triggers = 0;             ///< pulses seen since start
-  std::uint64_t missing = 0;              ///< pulses whose number never came
+  std::uint64_t missing = 0;              ///< pulses whose number was skipped
   hal::TriggerCounts losses_of_port;      ///< since the port was made
   Duration spread;                        ///< of mid-exposures, of the newest set with every present head in it
   Duration spread_worst;                  ///< likewise, of the sets while locked, since the genlock was started
@@ -89,47 +89,47 @@ struct GenlockReport {
 /// Every head has a Kalman filter over the offset and the drift of its skews (OffsetFilter), with the noise that
 /// clock_spec.h states. A set is good when three bounds hold:
 /// - for every two heads, the distance of their estimates + 3 standard deviations of it is at most kSafeLimit;
-/// - the set's own skews are at most kSafeLimit apart. They may be exact, and then they are the truth;
-/// - the middle of the skews is within kLockLimit of where it was at the first lock: a latency that all heads share is
-///   no fault, one that grows is.
-/// A skew 3 standard deviations away from its prediction is a jump: the filter starts again from it.
+/// - the set's own skews are at most kSafeLimit apart, because timestamps may be exact;
+/// - the middle of the skews is within kLockLimit of its value at the first lock: a constant latency of all heads is
+///   accepted, a growing one is not.
+/// A skew 3 standard deviations away from its prediction is a jump: the filter starts again with it.
 ///
-/// A head that lost its trigger and runs beside pulses that jitter has that jitter in its skew with the opposite sign.
-/// Page's test compares, after every set, how likely the skew is with and without it. A head under suspicion is judged
-/// both ways; one that certainly runs by itself is out of step.
+/// If a head lost its trigger and runs free while the pulses jitter, its skew contains that jitter with the opposite sign.
+/// After every set, Page's test compares the likelihoods of the skew with and without this jitter. A suspected head must
+/// pass the bounds under both assumptions; a head that certainly runs free is out of step.
 ///
-/// In holdover no pulses are seen, and a set is as good as its heads are where they were against each other in lock.
+/// In holdover no pulses are seen; a set is good if its heads are relative to each other as they were in lock.
 ///
-/// Without pulses (align()) the heads run free and an Aligner moves them. A set is then judged likewise by the middles of
-/// its exposures, and in holdover the heads are in step and one of them cannot be kept there.
+/// Without pulses (align()) the heads run free and an Aligner moves them. The same bounds then apply to the middles of the
+/// exposures; in holdover the heads are in step, but one of them cannot be kept in step.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the port outlives it.
-/// Errors: start() gives the port's.
+/// Errors: start() returns the port's.
 class Genlock {
  public:
   static constexpr Duration kLockLimit = Duration::microseconds(500);
-  /// The limit less what no estimate tells: timestamps of two drivers, and the creep until the next set.
+  /// The limit minus what estimates do not contain: timestamp errors of two drivers, and the drift until the next set.
   static constexpr Duration kSafeLimit = kLockLimit - clock_spec::kDriverTimestampError * 2 - clock_spec::kCreepPerSet;
-  /// Good sets in a row. The first set after a start is never good, because one measurement has 3 x sqrt(2) x 115 us =
-  /// 490 us of doubt; so a lock takes 4 sets.
+  /// Good sets in a row. The first set after a start is never good, because the uncertainty of one measurement is
+  /// 3 x sqrt(2) x 115 us = 490 us; so a lock takes 4 sets.
   static constexpr int kSetsToLock = 3;
-  /// Two crystals are up to 100 ppm apart, which makes kLockLimit in 5 s.
+  /// Two crystals differ by up to 100 ppm: kLockLimit in 5 s.
   static constexpr Duration kHoldover = Duration::seconds(5);
 
   /// `port` may be null: then start() is kNoSuchDevice.
   explicit Genlock(hal::TriggerPort* port) : port_(port) {}
 
   Status start(const hal::TriggerSettings& settings, Instant now);
-  /// Heads run free at this rate, and somebody moves them until they are in step.
+  /// Heads run free at this rate, and are nudged until they are in step.
   void align(FrameRate rate, Instant now);
   void stop();
   bool aligning() const { return running() && aligned_; }
   bool running() const { return state_ != GenlockState::kOff; }
-  /// The next pulse, for the set clock; nothing when none is there. Call until it gives nothing, then step().
+  /// The next pulse, for the set clock; nothing if there is none. Call it until it returns nothing, then step().
   std::optional<hal::TriggerEdge> take_edge(Instant now);
   void step(Instant now);
-  /// A set that was closed; `unresponsive` are heads that were moved and did not move.
+  /// Reports a closed set; `unresponsive` are heads that did not carry out a nudge.
   void on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now, HeadMask unresponsive = 0);
 
   GenlockState state() const { return state_; }
@@ -137,26 +137,27 @@ class Genlock {
   GenlockReport report() const;
 
  private:
-  /// After as long without an exposure a head that runs free may have been started anew, with any phase.
+  /// After this time without an exposure, a head that runs free may have been restarted with any phase.
   static constexpr Duration kHistoryValid = Duration::seconds(1);
-  /// Running means of offsets: the error of a mean of 16 is a quarter of that of one, 50 us of 200.
+  /// Offsets are means of 16 sets, whose error is a quarter of that of one set: 50 us instead of 200.
   static constexpr std::int64_t kMean = 16;
   static constexpr double kSigmas = 3;  ///< standard deviations that count as certain
-  /// Page's test: by chance a sum of log-likelihood ratios reaches h once in e^h sets or more rarely: 1100 sets for a
-  /// suspicion, which costs a lock only when heads are far apart already, and 160 000 for a verdict.
+  /// Page's test: by chance, the sum of log-likelihood ratios reaches h at most once in e^h sets: 1100 sets for a suspicion,
+  /// which ends a lock only if heads are already far apart, and 160 000 for certainty.
   static constexpr double kSuspicious = 7, kRunsFree = 12;
   static constexpr std::size_t kPulsesKept = 32;  ///< as many as SetClock keeps
 
   struct HeadEstimate {
     bool known = false;
     OffsetFilter skew;
-    double free_evidence = 0;  ///< Page's sum, 0 to kRunsFree: that it runs free, against that it follows its pulses
-    Duration offset;           ///< running mean of its mid-exposure after the set's
-    Instant newest;            ///< set's middle that it was in
+    double free_evidence =
+        0;            ///< Page's sum, 0 to kRunsFree: evidence that it runs free and does not follow its pulses
+    Duration offset;  ///< running mean of its mid-exposure relative to the set's
+    Instant newest;   ///< the middle of its newest set
   };
   struct Pulse {
     std::uint64_t number = 0;
-    double late_us = 0;  ///< after the beat of the pulses
+    double late_us = 0;  ///< relative to the expected pulse
   };
 
   void begin(Instant now);
@@ -174,7 +175,7 @@ class Genlock {
   hal::TriggerSettings settings_;
   GenlockState state_ = GenlockState::kOff;
   bool aligned_ = false;
-  bool failed_ = false;  ///< the port is gone for good
+  bool failed_ = false;  ///< the port failed permanently
   Instant newest_edge_;  ///< or the start, before the first
   Instant coasting_since_;
   std::optional<Instant> newest_set_;

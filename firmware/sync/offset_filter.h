@@ -1,4 +1,4 @@
-// Where something is and how fast it moves, from measurements with noise: a Kalman filter over offset and drift.
+// A Kalman filter that estimates an offset and its drift from noisy measurements.
 #pragma once
 
 #include "protocol/base/units.h"
@@ -19,20 +19,20 @@ inline double seconds_of(Duration d) { return static_cast<double>(d.ns()) / 1e9;
 /// Errors: none.
 class OffsetFilter {
  public:
-  /// Knows nothing but this first measurement and what a drift can be.
+  /// Starts with a first measurement; the drift is unknown within the limits of crystals.
   void restart(double offset_us, double variance_us2, double drift_variance_ppm2) {
     *this = {};
     offset_ = offset_us;
     p_offset_ = variance_us2;
     p_drift_ = drift_variance_ppm2;
   }
-  /// Only the drift is still known: the offset is another one, of which this is the first measurement.
+  /// Keeps the estimate of the drift, and starts a new offset with its first measurement.
   void restart_offset(double offset_us, double variance_us2) {
     offset_ = offset_us;
     p_offset_ = variance_us2;
     p_both_ = 0;
   }
-  /// Time goes on by `seconds`, which is not negative.
+  /// Predicts the state `seconds` later; `seconds` is not negative.
   void predict(double seconds, double noise_ppm2_per_s) {
     const double t = seconds;
     offset_ += drift_ * t;
@@ -40,7 +40,7 @@ class OffsetFilter {
     p_both_ += t * p_drift_ + noise_ppm2_per_s * t * t / 2;
     p_drift_ += noise_ppm2_per_s * t;
   }
-  /// A measurement of the offset, whose own variance is given.
+  /// Takes a measurement of the offset with this variance into account.
   void update(double offset_us, double variance_us2) {
     const double innovation = offset_us - offset_;
     const double of_innovation = p_offset_ + variance_us2;
@@ -51,7 +51,7 @@ class OffsetFilter {
     p_both_ -= gain * p_both_;
     p_offset_ -= gain * p_offset_;
   }
-  /// It was moved on purpose, by as much as is known.
+  /// The offset was changed on purpose by a known amount.
   void move(double by_us) { offset_ += by_us; }
 
   double offset_us() const { return offset_; }

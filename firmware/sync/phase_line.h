@@ -1,4 +1,4 @@
-// When a head's own clock begins exposures, from timestamps with noise.
+// Estimates when a head's own clock begins exposures, from noisy timestamps.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,10 @@
 
 namespace nodal::firmware {
 
-/// A Kalman filter over phase and rate (OffsetFilter), with the noise that clock_spec.h states. A timestamp 3 standard
-/// deviations off its prediction, or before the last, is an outlier; three of them in a row are a new phase, as is the
-/// first after a long gap. A head that is started anew has another phase and its old crystal: the rate stays.
+/// A Kalman filter over phase and rate (OffsetFilter) with the noise of clock_spec.h. A timestamp is an outlier if it is
+/// 3 standard deviations away from its prediction, or earlier than the previous one. Three outliers in a row start a new
+/// phase; so does the first timestamp after a long gap. A head that is restarted has a new phase and the same crystal, so
+/// the estimate of the rate is kept.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -23,18 +24,18 @@ class PhaseLine {
   void restart_phase() { moments_ = outliers_ = 0; }
   void add(Instant begin);
 
-  /// Two moments at least, of late enough to go by.
+  /// There are at least two recent timestamps.
   bool known(Instant now) const;
-  /// Of the moments on the line, the one that is nearest.
+  /// The time nearest to the argument at which an exposure begins.
   Instant nearest(Instant at) const;
-  /// Mean distance of a moment from the line.
+  /// Mean distance of the timestamps from their predictions.
   Duration jitter() const { return jitter_; }
-  /// Positive is slow, in 1/1000 ppm; nothing before kMomentsForRate.
+  /// In 1/1000 ppm; positive: slower than nominal. Nothing before kMomentsForRate timestamps.
   std::optional<std::int32_t> drift_ppb() const;
 
-  /// A line through 64 timestamps at 30 a second has a rate to 115 us x sqrt(12 / 64^3) / 33 ms = 23 ppm.
+  /// 64 timestamps at 30 per second give the rate with an error of 115 us x sqrt(12 / 64^3) / 33 ms = 23 ppm.
   static constexpr std::int64_t kMomentsForRate = 64;
-  /// Until it is measured: the mean of a uniform error of up to kTimestampErrorUs is half of it.
+  /// Assumed until it is measured: the mean absolute value of a uniform error of up to kTimestampErrorUs.
   static constexpr Duration kJitterAtFirst =
       Duration::microseconds(static_cast<std::int64_t>(clock_spec::kTimestampErrorUs / 2));
 
@@ -43,7 +44,7 @@ class PhaseLine {
   Instant begin_;             ///< on the line
   OffsetFilter line_;         ///< offset after begin_; drift of the periods
   std::int64_t moments_ = 0;  ///< of this phase
-  std::int64_t of_rate_ = 0;  ///< moments that went into the rate
+  std::int64_t of_rate_ = 0;  ///< timestamps that the rate was estimated from
   int outliers_ = 0;          ///< in a row
   Duration jitter_ = kJitterAtFirst;
 };

@@ -1,4 +1,4 @@
-// Which set a frame belongs to, from when it was exposed.
+// Assigns frames to sets by the time of their exposure.
 #pragma once
 
 #include <array>
@@ -10,10 +10,11 @@
 
 namespace nodal::firmware {
 
-/// Numbers the rig's exposures. Genlocked, a frame's number is that of the trigger pulse it began at; in free run, that
-/// of the frame period it lies in, on a grid that follows the sets. There a head keeps its step: its next frame is of
-/// the next period as long as it lies within 0.6 periods of that one's middle, so that a head whose phase is where two
-/// periods meet does not go to and fro. Numbers only rise; they are internal to assembly and start again nowhere.
+/// Numbers the rig's exposures. With genlock, a frame's number is that of the trigger pulse at which it began. In free
+/// run, it is the number of the frame period that contains it, on a grid that follows the sets. There, a head's next frame
+/// is assigned to the next period as long as it lies within 0.6 periods of that period's middle, so that a head whose
+/// phase is at the border of two periods does not alternate between them. Numbers only increase, are internal to assembly,
+/// and are never reset.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -24,34 +25,34 @@ class SetClock {
 
   explicit SetClock(FrameRate rate) : period_(rate.period()) {}
 
-  /// Forgets the grid and the pulses: the heads were started anew. Genlocked, what was exposed before is of no pulse.
+  /// Discards the grid and the pulses, because the heads were restarted. With genlock, earlier exposures have no pulse.
   void restart(FrameRate rate, bool genlocked, Instant now);
   void on_edge(const hal::TriggerEdge& edge);
 
   struct Match {
     Slot slot = 0;
     std::optional<std::uint64_t> trigger;
-    Duration skew;  ///< genlocked: begin of the exposure after its pulse; else: from the grid's middle
+    Duration skew;  ///< with genlock: from the pulse to the begin of the exposure; else: from the middle of the period
   };
-  /// Genlocked, a frame that has no pulse near goes by the grid, so that a pulse that was not seen costs the sync and
-  /// not the picture. Nothing: it is older than every pulse that is remembered.
+  /// With genlock, a frame without a pulse nearby is assigned by the grid, so that a pulse that was not seen costs
+  /// synchronization and no frame. Nothing: the frame is older than every stored pulse.
   std::optional<Match> match(std::size_t head, Instant mid_exposure, Exposure exposure, Duration trigger_delay);
-  /// A set of this slot was closed: the grid goes an eighth of the way to it.
+  /// A set of this slot was closed: the grid moves towards it by an eighth of the distance.
   void follow(Slot slot, Instant mid_exposure);
 
   Duration period() const { return period_; }
-  /// When the middle of this slot's exposures is to be expected.
+  /// The expected middle of this slot's exposures.
   Instant middle_of(Slot slot) const { return anchor_time_ + period_ * (slot - anchor_slot_); }
 
  private:
   Match match_grid(std::size_t head, Instant mid_exposure);
   void use(std::size_t head, Slot slot, Instant mid_exposure);
 
-  /// Frames come within the open sets and the 2.5 periods until a set closes; this is several times as many pulses.
+  /// Frames arrive within the open sets and the 2.5 periods until a set closes; this is several times as many pulses.
   static constexpr std::size_t kEdges = 32;
   static constexpr std::int64_t kReachTenths = 6;  ///< of a period
-  /// What was exposed just before the pulses began may seem to have been after it by this much, which is more than
-  /// twice the error of a timestamp in clock_spec.h; pulse 0 comes later.
+  /// By its timestamp, an exposure just before the first pulse may seem to be later than it really was by up to this time,
+  /// which is more than twice the timestamp error of clock_spec.h; pulse 0 comes later.
   static constexpr Duration kStampsOff = Duration::microseconds(500);
 
   struct Step {
