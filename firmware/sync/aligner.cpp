@@ -8,13 +8,13 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::int64_t kAhead = 4;  ///< periods: about when a nudge of now has been done
+constexpr std::int64_t kAhead = 4;  ///< periods until a nudge requested now has been carried out, about
 /// A head that has not moved so long after its stated latency counts as unresponsive. A set is closed up to 2.5 periods
 /// after its middle: once before the nudge is requested, and once before its effect is seen; and the request may miss the
 /// start of one period.
 constexpr int kPeriodsOfGrace = 6;
 
-/// Into half a period to either side.
+/// Moves a difference into the range of half a period to either side.
 Duration wrapped(Duration d, Duration period) {
   const std::int64_t rest = ((d + period / 2).ns() % period.ns() + period.ns()) % period.ns();
   return Duration::nanoseconds(rest) - period / 2;
@@ -25,7 +25,7 @@ Duration in_steps(Duration by, Duration step) {
   return step * (by < Duration() ? -steps : steps);
 }
 
-/// What nudges and half the exposure put the middle of a frame after its begin by the head's clock.
+/// From the begin of an exposure by the head's clock to its middle: nudges plus half the exposure.
 Duration place_of(const hal::FrameView& frame) { return frame.nudged + frame.in_effect.exposure.duration() / 2; }
 
 }  // namespace
@@ -44,7 +44,7 @@ void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::Frame
   if (head.starts != starts) {
     head.starts = starts;
     head.clock.restart_phase();
-    // Requests from before this start count as done: nothing of them can still happen.
+    // Requests from before this start count as done, because they can no longer take effect.
     head.requested = head.done = frame.nudged;
     head.place_in_set = place_of(frame);
   }
@@ -54,9 +54,9 @@ void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::Frame
   head.done = frame.nudged;
 }
 
-/// A head that does nothing for long gets a new request. A head that moves away from the requested place still carries out
-/// an older request; it gets none until it rests, since a request meanwhile would make it oscillate. Times are those of
-/// exposures: frames may arrive late, and many at once.
+/// A head that does not move for long gets a new request. A head that moves away from the requested phase still carries out
+/// an older request; it gets none until it stops moving, because another request would make it oscillate. Times are those
+/// of exposures, because frames may arrive late, and many at once.
 void Aligner::follow(Head& head, const hal::FrameView& frame) const {
   const Duration open = head.requested - frame.nudged;
   const Duration latency = period_ * head.limits.latency_frames;
@@ -74,7 +74,7 @@ void Aligner::follow(Head& head, const hal::FrameView& frame) const {
 Duration Aligner::band(bool in_step) const {
   Duration jitter;
   for (const Head& head : heads_) jitter = std::max(jitter, head.starts > 0 ? head.clock.jitter() : Duration());
-  // The largest of uniform errors is twice their mean size, to either side.
+  // The largest uniform error is twice the mean absolute error.
   const Duration left = Genlock::kSafeLimit - jitter * 4;
   const Duration band = std::max(left / kBandsInLimit, kBandLeast);
   return in_step ? band : std::max(band / 2, kBandLeast);
@@ -86,7 +86,7 @@ std::optional<Duration> Aligner::reference_place(const std::array<FreeHead, kMax
   std::array<Duration, kMaxHeads> all{}, fixed{};
   std::size_t known = 0, known_fixed = 0;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
-    // Of one that was started since, what is known is of before.
+    // What is known of a head that was restarted since is from before the restart.
     if (heads[i].starts != heads_[i].starts || !heads[i].streaming || !heads_[i].clock.known(now)) continue;
     const Instant middle = heads_[i].clock.nearest(at) + heads_[i].requested + heads[i].exposure.duration() / 2;
     places[i] = wrapped(middle - base, period_);
@@ -111,7 +111,7 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
   HeadMask placed = 0;
   const Instant at = now + period_ * kAhead;
   fixed_ = one_way_ = unresponsive_ = 0;
-  // Places are relative to the last reference: a head a little before it is then not taken for one a period after it.
+  // Phases are relative to the last reference, so that a head slightly before it does not count as one period after it.
   const Instant base = reference_ ? at + wrapped(*reference_ - at, period_) : at;
   const auto reference = reference_place(heads, base, at, now, places, placed);
   if (!reference) return nudges;
@@ -126,12 +126,12 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
       continue;
     }
     Duration off = wrapped(*reference - places[i], period_);
-    if (limits.shortest == Duration() && off < -near()) off = off + period_;  // it waits for the next
-    // Less than five eighths of a step would not come nearer.
+    if (limits.shortest == Duration() && off < -near()) off = off + period_;  // it waits for the next period
+    // Requests of less than five eighths of a step would not reduce the distance.
     const bool there = abs(off) <= std::max(band, limits.step * 5 / 8);
-    if (there && heads_[i].requested == heads_[i].done) heads_[i].responds = true;  // nothing says otherwise
+    if (there && heads_[i].requested == heads_[i].done) heads_[i].responds = true;  // until it misses a request
     if (!heads_[i].responds) unresponsive_ |= head_bit(i);
-    // One request at a time: else it is not known which of them a movement carries out.
+    // One request at a time; with several, it would be unknown which one a movement carries out.
     if (there || heads_[i].requested != heads_[i].done || now < heads_[i].left_alone_until) continue;
     if ((off < Duration() ? limits.shortest : limits.longest) == Duration()) {
       one_way_ |= head_bit(i);
@@ -144,7 +144,7 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
   return nudges;
 }
 
-/// The middle one of the heads' own periods.
+/// The median of the heads' periods.
 Duration Aligner::true_period() const {
   std::array<std::int32_t, kMaxHeads> drifts{};
   std::size_t known = 0;
@@ -155,8 +155,8 @@ Duration Aligner::true_period() const {
   return period_ + Duration::nanoseconds(period_.ns() / 1000 * median(std::span(drifts).first(known)) / 1'000'000);
 }
 
-/// The reference jumps when an exposure changes. What skews are measured from must not jump, so it is a beat of its own
-/// that goes on at the heads' rate.
+/// The reference jumps when an exposure changes. Skews need an origin that does not jump, so they are measured from a
+/// separate sequence of times at the heads' rate.
 Skews Aligner::skews(const FrameSet& set) {
   if (!beat_) beat_ = newest_set_ = set.mid_exposure;
   const Duration half = period_ / 2;

@@ -6,7 +6,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// Sums of a block's distances stay far from 2^63 within this: eleven days off the nominal grid.
+/// The largest distance from the nominal grid, eleven days: the sums of a block stay far below 2^63.
 constexpr std::int64_t kFarthest = 1'000'000'000'000'000;
 
 }  // namespace
@@ -63,7 +63,8 @@ std::optional<std::int32_t> DriftMeter::ppb() const {
   const std::int64_t span = rate_.start_of(static_cast<std::uint64_t>(newer.number - older.number)).ns();
   if (span <= 0) return std::nullopt;
   constexpr std::int64_t kBillion = 1'000'000'000;
-  constexpr std::int64_t kMost = 8 * kBillion;  // ns, of which a billion times fits; no clock strays so far in 17 s
+  constexpr std::int64_t kMost =
+      8 * kBillion;  // ns: a billion times as much fits 64 bits, and no clock drifts this far in 17 s
   const std::int64_t ppb = std::clamp(newer.distance - older.distance, -kMost, kMost) * kBillion / span;
   return static_cast<std::int32_t>(std::clamp<std::int64_t>(ppb, -kBillion, kBillion));
 }

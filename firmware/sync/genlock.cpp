@@ -119,7 +119,7 @@ bool Genlock::pulses_overdue(Instant now) const {
 void Genlock::step(Instant now) {
   if (!running() || failed_) return;
   if (pulses_overdue(now)) meet(GenlockCondition::kPulsesOverdue, now);
-  // Acquiring, heads may take long to start; once they followed, silence is a loss.
+  // While acquiring, heads may take long to start; after they have followed, missing sets are a loss.
   if (newest_set_ && now - *newest_set_ > settings_.rate.period() * 3) meet(GenlockCondition::kSetsOverdue, now);
   if (state_ == GenlockState::kHoldover && now - coasting_since_ > kHoldover) {
     meet(GenlockCondition::kCoastedLong, now);
@@ -129,7 +129,7 @@ void Genlock::step(Instant now) {
 void Genlock::on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now,
                      HeadMask unresponsive) {
   if (!running() || failed_) return;
-  // As step() would have found, had it been called: sets may come late, many at once.
+  // What step() would have done if it had been called in time: sets may come late, and many at once.
   const Duration since = set.mid_exposure - newest_middle_;
   if (newest_set_ && (since < Duration() || since > settings_.rate.period() * 3))
     meet(GenlockCondition::kSetsOverdue, now);
@@ -154,7 +154,7 @@ void Genlock::add_pulse(const hal::TriggerEdge& edge) {
   pulses_[edge.number % kPulsesKept] = {edge.number, late_us};
 }
 
-/// How long after the beat of the pulses this set's came.
+/// How much later than expected the pulse of this set came.
 double Genlock::lateness_us(const FrameSet& set) const {
   if (aligned_ || !set.sync.trigger) return 0;
   const Pulse& pulse = pulses_[*set.sync.trigger % kPulsesKept];
@@ -169,7 +169,7 @@ void Genlock::estimate(HeadEstimate& head, double skew_us, Instant at, double pu
     head.skew.predict(seconds_of(since), clock_spec::kDriftNoisePpm2PerS);
     const double off = skew_us - head.skew.offset_us();
     jumped = off * off > kSigmas * kSigmas * (head.skew.variance_us2() + kNoise);
-    // A head that runs free does not wait for a late pulse: its skew is earlier by as much.
+    // A head that runs free does not wait for a late pulse, so its skew is smaller by the delay.
     const double off_if_free = off + pulse_late_us;
     const double ratio = (off * off - off_if_free * off_if_free) / (2 * kNoise);
     if (!jumped) head.free_evidence = std::clamp(head.free_evidence + ratio, 0.0, kRunsFree);
@@ -220,7 +220,7 @@ void Genlock::learn(const FrameSet& set, const Skews& skews) {
   }
 }
 
-/// Every head is where it was against the others.
+/// Whether every head has the same position relative to the others as in lock.
 bool Genlock::is_as_in_lock(const FrameSet& set) const {
   Range moved;
   for (std::size_t i = 0; i < heads_.size(); ++i) {

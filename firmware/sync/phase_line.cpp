@@ -5,10 +5,11 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr int kOutliers = 3;                ///< one or two are single bad timestamps; a new phase makes all bad
-constexpr double kSigmas = 3;               ///< standard deviations that count as certain
-constexpr std::int64_t kGap = 16;           ///< periods without a timestamp after which the phase is not known
-constexpr std::int64_t kJitterMemory = 32;  ///< a mean of so many uniform errors is right to 0.58 / sqrt(63) = 7 %
+constexpr int kOutliers = 3;       ///< one or two are single wrong timestamps; with a new phase, all are
+constexpr double kSigmas = 3;      ///< standard deviations that count as certain
+constexpr std::int64_t kGap = 16;  ///< periods without a timestamp after which the phase is not known
+constexpr std::int64_t kJitterMemory =
+    32;  ///< the mean of this many uniform errors has an error of 0.58 / sqrt(63) = 7 %
 constexpr double kTimestampNoise = clock_spec::kTimestampVarianceUs2;
 
 Duration from_us(double us) { return Duration::nanoseconds(static_cast<std::int64_t>(us * 1000)); }
@@ -35,8 +36,8 @@ void PhaseLine::add(Instant begin) {
     return;
   }
   const std::int64_t periods = nearest_multiple(begin - begin_, period_);
-  if (periods == 0) return;  // the same once more
-  if (periods > kGap) {      // a clock may have been set meanwhile, by little
+  if (periods == 0) return;  // the same timestamp again
+  if (periods > kGap) {      // meanwhile a clock may have been set by a small amount
     restart_phase();
     return add(begin);
   }
@@ -46,7 +47,7 @@ void PhaseLine::add(Instant begin) {
   const double measured = us_of(begin - nominal);
   const double off = measured - line.offset_us();
   if (periods < 0 || off * off > kSigmas * kSigmas * (line.variance_us2() + kTimestampNoise)) {
-    if (++outliers_ < kOutliers) return;  // one before the last: a clock was set back
+    if (++outliers_ < kOutliers) return;  // earlier than the last one: a clock was set back
     restart_phase();
     return add(begin);
   }

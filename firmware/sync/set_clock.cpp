@@ -6,7 +6,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// The grid takes an eighth of each set's distance: it settles in a second, and one set's jitter hardly moves it.
+/// The grid moves by an eighth of each set's distance: it settles within a second, and the jitter of one set hardly moves it.
 constexpr std::int64_t kFollow = 8;
 
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
@@ -32,7 +32,8 @@ std::optional<SetClock::Match> SetClock::match(std::size_t head, Instant mid_exp
                                                Duration trigger_delay) {
   const Instant begin = mid_exposure - exposure.duration() / 2 - trigger_delay;
   if (!genlocked_) {
-    if (begin < since_) return std::nullopt;  // a wired head's, which streams on: its pulse may have had a set already
+    if (begin < since_)
+      return std::nullopt;  // from a wired head, which keeps streaming: there may already be a set of its pulse
     return match_grid(head, mid_exposure);
   }
   if (begin < since_ + kStampsOff) return std::nullopt;
@@ -58,7 +59,7 @@ SetClock::Match SetClock::match_grid(std::size_t head, Instant mid_exposure) {
   if (const auto& last = last_[head]) {
     const Slot next = last->slot + floor_div((mid_exposure - last->mid_exposure + period_ / 2).ns(), period);
     if (next <= last->slot) {
-      slot = last->slot;  // the same exposure once more, wherever the grid has gone since
+      slot = last->slot;  // the same exposure again; the grid may have moved since
     } else if (abs(mid_exposure - middle_of(next)) <= period_ * kReachTenths / 10) {
       slot = next;
     }
@@ -81,7 +82,7 @@ void SetClock::follow(Slot slot, Instant mid_exposure) {
   if (!anchored_) return;
   const Instant middle = middle_of(slot);
   const Duration off = mid_exposure - middle;
-  // The anchor moves on with the slots, so that a head's drift never adds up over many periods.
+  // The anchor moves with the slots, so that a head's drift does not accumulate over many periods.
   anchor_slot_ = slot;
   anchor_time_ = abs(off) > period_ ? mid_exposure : middle + off / kFollow;
 }
