@@ -17,8 +17,9 @@ enum class Following : std::uint8_t {
 };
 
 /// A driver does not report whether its device follows a line, so this class derives it from the delays (skews) between
-/// pulses and exposures. A DriftMeter measures how fast the delay changes. A delay jumps when a cable is plugged in, or when a
-/// driver reports a new exposure time too late; the measurement then starts again. A head that exposes at another rate jumps again and again, which is drift.
+/// pulses and exposures. A DriftMeter measures how fast the delay changes. The delay jumps when a cable is plugged in, or
+/// when a driver reports a new exposure time too late; the measurement then starts again. The delay of a head that exposes
+/// at another rate jumps repeatedly, which counts as drift.
 ///
 /// The result is kDrifts when the mean delay of the newer half of DriftMeter's blocks differs from that of the older half
 /// by more than kSigmas standard deviations, which are computed from timestamp errors (clock_spec.h) of the pulse and of

@@ -66,17 +66,18 @@ template <std::size_t kSquare>
     const int squares = std::min(kAtOnce, low.width - begin);
     const auto count = static_cast<std::size_t>(squares) * kSquare;
     Rows rows;
-    std::array<std::array<std::uint8_t, kSquare>, kLowRows> repeated;  // of pictures narrower than a square
+    std::array<std::array<std::uint8_t, kColumns>, kLowRows> copied;  // of narrow pictures, or with other strides
     for (std::size_t k = 0; k < kLowRows; ++k) {
       const int half = static_cast<int>(k / 2);
       const int line = std::min(kSide * y + kSide / 4 + half * kSide / 2 - 1 + static_cast<int>(k % 2), in.height - 1);
       const std::uint8_t* row = in.data + line * in.row_stride;
       rows[k] = row + std::ptrdiff_t{begin} * kSide * in.pixel_stride;
       if (whole) continue;
-      for (int x = 0; x < kSide; ++x) {
-        repeated[k][static_cast<std::size_t>(x)] = row[std::ptrdiff_t{std::min(x, in.width - 1)} * in.pixel_stride];
+      for (std::size_t x = 0; x < count; ++x) {
+        const int at = std::min(begin * kSide + static_cast<int>(x), in.width - 1);
+        copied[k][x] = row[std::ptrdiff_t{at} * in.pixel_stride];
       }
-      rows[k] = repeated[k].data();
+      rows[k] = copied[k].data();
     }
     switch (whole ? in.pixel_stride : 1) {
       case 1: add_up<1>(rows, count, columns); break;

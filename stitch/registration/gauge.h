@@ -1,4 +1,5 @@
-// The gauge: fixes the rotation of the whole rig, which overlaps do not determine, by the heads' mean or median.
+// The gauge: fixes the rotation of the whole rig, which overlaps do not determine, by its first placed head, or by the
+// heads' mean or median.
 #pragma once
 
 #include <Eigen/Core>

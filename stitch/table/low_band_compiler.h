@@ -12,7 +12,7 @@
 
 namespace nodal::table {
 
-/// BlendTable::Source::low_size of each head: about kLowCellPixels of the raymap.
+/// BlendTable::Source::low_size of each head: about 16 pixels of the raymap, and at least kLeastLowSize.
 std::vector<std::uint16_t> low_sizes(const RaySampler& sampler);
 
 /// Compiles one row of blocks of a grid at a time.
@@ -24,8 +24,8 @@ std::vector<std::uint16_t> low_sizes(const RaySampler& sampler);
 /// Ownership: keeps its arguments by reference.
 class LowBandCompiler {
  public:
-  /// `wide` is made with Transition::kFeather. `shape` has the grid's size, and no tiles. places: GridTable::places of layouts whose rays
-  /// are sorted into tiles, else empty. vignetting_scale: BlendTable's; 0 where no vignetting is undone.
+  /// `wide` is made with Transition::kFeather. `shape` has the grid's size, and no tiles. places: GridTable::places of
+  /// layouts whose rays are sorted into tiles, else empty. vignetting_scale: BlendTable's; 0 where no vignetting is undone.
   LowBandCompiler(const RaySampler& wide, int grid, const blend::GridTable& shape,
                   std::span<const std::uint32_t> places, std::span<const std::uint16_t> sizes, int vignetting_scale);
 

@@ -25,12 +25,12 @@ inline constexpr double kWidestSeamDeg = 180;
 struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
   Transition transition = Transition::kTwoBand;
-  /// kTwoBand, kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the edge of a
-  /// head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which the
-  /// ramp hides, are angles, and because the width is then independent of the raymap's size.
+  /// kTwoBand, kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the
+  /// edge of a head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which
+  /// the ramp hides, are angles, and because the width is then independent of the raymap's size.
   double seam_width_deg = 2;
-  /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative to half
-  /// the region's shorter side.
+  /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative
+  /// to half the region's shorter side.
   double feather = 0.5;
   /// Heads with a smaller share of a sample than this do not contribute to it.
   double least_weight = 1.0 / 1024;

@@ -155,5 +155,23 @@ RC_GTEST_PROP(PreparePicture, TheLowPicture_IsOfTheRowsThatItNames, (std::uint32
   }
 }
 
+TEST(PreparePicture, TheLowPictureOfSamplesFarApart_IsThatOfTheSameSamplesPacked) {
+  std::mt19937 random(8);
+  const Picture packed = noise(random, PixelFormat::kGrey8, 70, 50);
+  constexpr int kApart = 6;
+  std::vector<std::uint8_t> spread(packed.bytes.size() * kApart);
+  for (std::size_t s = 0; s < packed.bytes.size(); ++s) spread[s * kApart] = packed.bytes[s];
+  ImageView view = packed.view();
+  view.planes[0] = {spread.data(), 70, 50, 70 * kApart, kApart};
+  BlendTable::Source source{PixelFormat::kGrey8, 70, 50};
+  source.low_size = 16;
+  std::vector<std::uint8_t> memory(prepared_size(source));
+  std::array<ImageView, kMaxPictures> views;
+  prepare_picture(source, view, memory.data(), views);
+  const Prepared expected(source, packed);
+  ASSERT_EQ(views[1].bytes, expected.views[1].bytes);
+  EXPECT_EQ(std::memcmp(views[1].planes[0].data, expected.views[1].planes[0].data, views[1].bytes), 0);
+}
+
 }  // namespace
 }  // namespace nodal::blend::test
