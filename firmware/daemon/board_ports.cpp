@@ -234,6 +234,9 @@ BoardPorts::~BoardPorts() = default;
 
 Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   const auto text = read_text(file, firmware::kMaxRigTomlBytes);
+  if (!text && text.error().code == Errc::kNotFound) {
+    return fail(Errc::kNotFound, text.error().message + "; write one (RIG.md explains every key), or copy the example");
+  }
   if (!text) return fail(text.error());
   auto config = firmware::parse_rig_config(*text, file.string());
   if (!config || config->signers_file.empty()) return config;

@@ -78,9 +78,9 @@ TEST_F(FirstSession, Installed_HasAnExampleThatRunsTheCompletionsAndTheExplanati
             std::string::npos);
   EXPECT_NE(read("usr/share/fish/vendor_completions.d/nodal.fish").find("complete -c nodal"), std::string::npos);
   EXPECT_TRUE(read("usr/share/zsh/vendor-completions/_nodal").starts_with("#compdef nodal"));
-  EXPECT_NE(read("usr/share/doc/nodal/RIG.md").find("rig.toml"), std::string::npos);
+  EXPECT_NE(read("usr/share/doc/nodald/RIG.md").find("rig.toml"), std::string::npos);
   const Finished check =
-      Process({path("usr/bin/nodald"), "--config", path("usr/share/doc/nodal/example/rig.toml"), "--check"}).wait();
+      Process({path("usr/bin/nodald"), "--config", path("usr/share/doc/nodald/example/rig.toml"), "--check"}).wait();
   EXPECT_EQ(check.code, 0) << check.err;
   // The example in the sources names files that are there, too.
   const Finished source =

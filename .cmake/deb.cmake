@@ -1,0 +1,73 @@
+# Debian packages: `cmake --build build/release --target packages` writes nodald and nodal to build/release/packages, and
+# the same with build/arm64 those for a 64-bit ARM board. Each contains what the install() lines of the component of its name
+# install. tests/packages/run installs them into a fresh Debian.
+set(NODAL_MAINTAINER "Nodal maintainers <maintainers@nodal.invalid>" CACHE STRING "Maintainer of the Debian packages")
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME nodal)
+set(CPACK_PACKAGE_VENDOR Nodal)
+set(CPACK_PACKAGE_CONTACT ${NODAL_MAINTAINER})
+set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_VERBATIM_VARIABLES ON)
+set(CPACK_COMPONENTS_ALL nodald nodal)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL aarch64)
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
+else()
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE amd64)
+endif()
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
+
+set(CPACK_DEBIAN_NODALD_PACKAGE_NAME nodald)
+set(CPACK_DEBIAN_NODALD_PACKAGE_SECTION video)
+# For its user and groups (systemd-sysusers) and the unit.
+set(CPACK_DEBIAN_NODALD_PACKAGE_DEPENDS systemd)
+set(CPACK_DEBIAN_NODALD_PACKAGE_SUGGESTS "nodal, openssh-server")
+set(CPACK_DEBIAN_NODALD_PACKAGE_CONTROL_EXTRA
+  ${CMAKE_SOURCE_DIR}/firmware/daemon/debian/postinst ${CMAKE_SOURCE_DIR}/firmware/daemon/debian/prerm
+  ${CMAKE_SOURCE_DIR}/firmware/daemon/debian/postrm)
+set(CPACK_DEBIAN_NODALD_DESCRIPTION "daemon of a multi-head camera that films the full sphere
+nodald runs on the board of a rig of 2 to 16 camera heads. It sets every head's
+exposure, drives the genlock, captures the heads and blends every set of frames
+into one picture of the full sphere, the raymap, which it sends to hosts.")
+
+set(CPACK_DEBIAN_NODAL_PACKAGE_NAME nodal)
+set(CPACK_DEBIAN_NODAL_PACKAGE_SECTION video)
+set(CPACK_DEBIAN_NODAL_PACKAGE_RECOMMENDS openssh-client)
+set(CPACK_DEBIAN_NODAL_DESCRIPTION "command line for multi-head cameras that film the full sphere
+nodal watches and sets a rig that runs nodald, here or over ssh, calibrates and
+registers its heads, and pulls raymaps, pictures of the full sphere. Without a
+rig it stitches pictures by a calibration or a project of PTGui or Hugin.")
+
+# What Debian's policy requires in every package: licence, changes of the package, changes of the program.
+string(TIMESTAMP NODAL_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)
+foreach(package nodald nodal)
+  set(documents ${CMAKE_BINARY_DIR}/debian/${package})
+  file(CONFIGURE OUTPUT ${documents}/changelog.Debian @ONLY CONTENT
+    "${package} (@PROJECT_VERSION@-1) unstable; urgency=medium\n\n  * Changes for users are in changelog.gz.\n\n -- @NODAL_MAINTAINER@  @NODAL_DATE@\n")
+  file(CONFIGURE OUTPUT ${documents}/copyright @ONLY CONTENT
+"Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
+Upstream-Name: Nodal
+
+Files: *
+Copyright: 2026 the Nodal maintainers
+License: Apache-2.0
+ The full text is in /usr/share/common-licenses/Apache-2.0.
+")
+  install(FILES ${documents}/changelog.Debian ${documents}/copyright DESTINATION share/doc/${package} COMPONENT ${package})
+  install(FILES .github/CHANGELOG.md DESTINATION share/doc/${package} RENAME changelog COMPONENT ${package})
+endforeach()
+set(CPACK_PRE_BUILD_SCRIPTS ${CMAKE_SOURCE_DIR}/.cmake/deb_compress.cmake)
+
+include(CPack)
+add_custom_target(packages COMMAND ${CMAKE_CPACK_COMMAND} --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake
+  WORKING_DIRECTORY ${CMAKE_BINARY_DIR} VERBATIM)
+add_dependencies(packages nodald nodal)
