@@ -235,7 +235,9 @@ BoardPorts::~BoardPorts() = default;
 Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   const auto text = read_text(file, firmware::kMaxRigTomlBytes);
   if (!text && text.error().code == Errc::kNotFound) {
-    return fail(Errc::kNotFound, text.error().message + "; write one (RIG.md explains every key), or copy the example");
+    return fail(Errc::kNotFound, text.error().message +
+                                     "; nodald --scan prints one for the cameras that are plugged in, and there is an "
+                                     "example; RIG.md explains every key");
   }
   if (!text) return fail(text.error());
   auto config = firmware::parse_rig_config(*text, file.string());
@@ -279,14 +281,17 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
 }
 
 Status BoardPorts::check_devices(const RigConfig& config) {
+  // All stay open until the last one is, because heads of one USB bus share its bandwidth.
+  std::vector<std::unique_ptr<hal::HeadPort>> heads;
   for (const HeadConfig& head : config.heads) {
     if (head.port.kind == PortKind::kSim) continue;
     const std::string port = head.port.text();
-    const auto opened =
+    auto opened =
         head.port.kind == PortKind::kV4l2 ? state_->v4l2->open_and_wait(port) : state_->enumerators.replay->open(port);
     if (!opened) {
       return fail(opened.error().in("head '" + head.name + "' (line " + std::to_string(head.line) + " of rig.toml)"));
     }
+    heads.push_back(std::move(*opened));
   }
   return {};
 }

@@ -19,10 +19,12 @@
 #include "firmware/daemon/log.h"
 #include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
+#include "firmware/daemon/scan_report.h"
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
 #include "hal/linux/gpio/system.h"
 #include "hal/linux/link/standard_descriptors.h"
+#include "hal/linux/v4l2/scan.h"
 
 namespace nodal::daemon {
 namespace {
@@ -128,6 +130,16 @@ void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfi
   close(rig);
 }
 
+/// uvcvideo waits up to 5 s for a control of a device that does not answer.
+constexpr milliseconds kScanWithin = std::chrono::seconds(10);
+
+int scan(const Options& options) {
+  const auto devices = hal::v4l2::scan_devices(hal::v4l2::kernel(), kScanWithin);
+  const std::string text = options.json ? scan_json(devices) + "\n" : scan_text(devices);
+  const bool written = std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
+  return written ? kExitFine : give_up({Errc::kIo, "standard output cannot be written"}, kExitFailed);
+}
+
 int make_lines_safe(const firmware::RigConfig& config) {
   const SafeLevels done = set_safe_levels(config, hal::gpio::kernel());
   for (const std::string& line : done.lines) log_line(LogLevel::kInfo, line);
@@ -181,6 +193,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
   start_log(options.log_level);
   end_while_starting();
 
+  if (options.scan) return scan(options);
   firmware::RigConfig config;
   std::filesystem::path base;
   if (!options.config.empty()) {

@@ -17,6 +17,7 @@ constexpr const char* kFooter =
     "  nodald --config /etc/nodal/rig.toml\n"
     "  nodald --config rig.toml --check           check rig.toml, print the first error, and stop\n"
     "  nodald --config rig.toml --store ./store   store calibrations and settings in this folder\n"
+    "  nodald --scan > rig.toml                   list the V4L2 devices; begin a rig.toml with them\n"
     "  ssh rig nodald --bridge                    connect standard input and output to the nodald that runs on rig\n"
     "\n"
     "SIGTERM and SIGINT end it cleanly. Exit codes: 0 fine, 1 failed while running, 2 command line or rig.toml wrong, "
@@ -46,10 +47,17 @@ Parsed parse_options(int argc, char** argv) {
                "Put the GPIO outputs of rig.toml to their safe levels, and stop; for after a crash")
       ->excludes(check)
       ->excludes("--bridge");
+  CLI::Option* scan =
+      app.add_flag("--scan", options.scan,
+                   "Print the V4L2 devices that are plugged in, and a rig.toml for them, and stop; changes no device")
+          ->excludes(check)
+          ->excludes("--bridge")
+          ->excludes("--safe-levels");
+  app.add_flag("--json", options.json, "With --scan: as JSON")->needs(scan);
   app.add_option("--socket", options.socket, "Socket for --bridge, instead of rig.toml's")->type_name("PATH");
   try {
     app.parse(argc, argv);
-    if (options.config.empty() && !options.bridge) throw CLI::RequiredError("--config FILE");
+    if (options.config.empty() && !options.bridge && !options.scan) throw CLI::RequiredError("--config FILE");
   } catch (const CLI::ParseError& error) {
     const bool asked = error.get_exit_code() == 0;
     app.exit(error);

@@ -15,6 +15,8 @@ struct Options {
   bool check = false;
   bool bridge = false;
   bool safe_levels = false;
+  bool scan = false;
+  bool json = false;      ///< of a scan
   int blend_threads = 0;  ///< 0: one per core
   std::string log_level = "info";
 };

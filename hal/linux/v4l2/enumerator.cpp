@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <chrono>
 #include <future>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -18,16 +19,39 @@ constexpr std::string_view kScheme = "v4l2:";
 
 using Opened = Result<std::shared_ptr<Channel>>;
 
-Opened open_channel(System& system, const std::string& path, const HeadRequest& request) {
+std::int64_t bytes_per_second(const Granted& granted) {
+  const auto& needed = granted.layout.needed;
+  const auto frame =
+      std::accumulate(needed.begin(), needed.end(), std::int64_t{0},
+                      [](std::int64_t sum, std::size_t one) { return sum + static_cast<std::int64_t>(one); });
+  return frame * granted.format.rate.numerator / granted.format.rate.denominator;
+}
+
+/// Its part of the bandwidth of its bus; null for devices that are not on USB.
+Result<UsbBuses::Share> claim_bandwidth(System& system, UsbBuses& buses, const std::string& path, const Device& device,
+                                        const Granted& granted) {
+  const auto usb = system.usb(device.node());
+  if (!usb) return UsbBuses::Share();
+  const HeadFormat& format = granted.format;
+  return buses.claim(*usb, bytes_per_second(granted), path,
+                     std::string(pixel_format_name(format.pixels)) + " " + std::to_string(format.width) + "x" +
+                         std::to_string(format.height) + " at " + std::to_string(format.rate.numerator) + "/" +
+                         std::to_string(format.rate.denominator) + " frames a second");
+}
+
+Opened open_channel(System& system, UsbBuses& buses, const std::string& path, const HeadRequest& request) {
   auto device = open_device(system, path, path.substr(kScheme.size()));
   if (!device) return fail(device.error());
   auto granted = negotiate(**device, request);
   if (!granted) return fail(granted.error());
+  auto share = claim_bandwidth(system, buses, path, **device, *granted);
+  if (!share) return fail(share.error());
   auto controls = Controls::find(**device, request.gain_step_mdb);
   if (!controls) return fail(controls.error());
   const auto settings = controls->read(**device);
   if (!settings) return fail(settings.error());
-  return std::make_shared<Channel>(std::move(*device), request, std::move(*granted), std::move(*controls), *settings);
+  return std::make_shared<Channel>(std::move(*device), request, std::move(*granted), std::move(*controls), *settings,
+                                   std::move(*share));
 }
 
 }  // namespace
@@ -75,7 +99,9 @@ Result<std::unique_ptr<HeadPort>> V4l2Enumerator::open(const std::string& path) 
   }
   if (!one.opening) {
     auto job = std::make_shared<std::packaged_task<Opened()>>(
-        [&system = system_, path, request = one.request] { return open_channel(system, path, request); });
+        [&system = system_, &buses = buses_, path, request = one.request] {
+          return open_channel(system, buses, path, request);
+        });
     one.opening = job->get_future();
     one.worker.post([job] { (*job)(); });
   }

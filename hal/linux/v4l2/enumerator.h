@@ -43,6 +43,7 @@ class V4l2Enumerator final : public HeadEnumerator {
 
   ClockPort& clock_;
   System& system_;
+  UsbBuses buses_;
   std::map<std::string, std::unique_ptr<Path>> paths_;
 };
 

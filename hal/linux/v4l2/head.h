@@ -21,12 +21,14 @@ namespace nodal::hal::v4l2 {
 
 /// An open device that is set up, shared by the head and by the jobs that its worker still has.
 struct Channel {
-  Channel(std::unique_ptr<Device> opened, const HeadRequest& asked, Granted given, Controls found, HeadSettings now)
+  Channel(std::unique_ptr<Device> opened, const HeadRequest& asked, Granted given, Controls found, HeadSettings now,
+          UsbBuses::Share bandwidth)
       : device(std::move(opened)),
         request(asked),
         granted(std::move(given)),
         controls(std::move(found)),
         settings(now),
+        share(std::move(bandwidth)),
         stream(*device, granted) {}
 
   const std::unique_ptr<Device> device;
@@ -34,6 +36,7 @@ struct Channel {
   const Granted granted;
   const Controls controls;
   const HeadSettings settings;  ///< at the time of opening
+  const UsbBuses::Share share;  ///< of its USB bus; null if it is on none
   /// Used by the worker from the posting of a job for it until its report is taken, else by the head.
   Stream stream;
 

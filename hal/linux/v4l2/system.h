@@ -3,9 +3,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "hal/linux/v4l2/usb.h"
 #include "protocol/base/result.h"
 
 namespace nodal::hal::v4l2 {
@@ -25,6 +27,8 @@ class System {
   virtual void unmap(std::uint8_t* start, std::size_t length) = 0;
   /// All /dev/videoN, in the order of N.
   virtual std::vector<std::string> nodes() = 0;
+  /// Nothing if the device of `node` is not on USB.
+  virtual std::optional<UsbPlace> usb(const std::string& node) = 0;
 };
 
 /// This machine's kernel.

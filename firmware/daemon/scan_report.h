@@ -1,0 +1,17 @@
+// The result of a scan for people, whose comments and rig.toml are one TOML document, and for programs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hal/linux/v4l2/scan.h"
+
+namespace nodal::daemon {
+
+/// Devices, buses and reasons as comments, then the proposed rig.toml.
+std::string scan_text(const std::vector<hal::v4l2::FoundDevice>& devices);
+
+/// The same as JSON, complete: the text cuts long lists. nodald(8) explains the fields.
+std::string scan_json(const std::vector<hal::v4l2::FoundDevice>& devices);
+
+}  // namespace nodal::daemon

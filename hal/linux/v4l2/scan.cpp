@@ -1,0 +1,265 @@
+#include "hal/linux/v4l2/scan.h"
+
+#include <linux/videodev2.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "hal/linux/v4l2/device.h"
+#include "hal/linux/v4l2/layout.h"
+#include "protocol/base/text.h"
+
+namespace nodal::hal::v4l2 {
+namespace {
+
+constexpr std::size_t kLongestText = 64;
+constexpr std::uint32_t kSmallestSide = 16, kLargestSide = 16384;  ///< of a head's picture
+
+template <std::size_t kSize>
+std::string text_of(const std::uint8_t (&field)[kSize]) {
+  const std::string_view all(reinterpret_cast<const char*>(field), kSize);
+  return printable(all.substr(0, all.find('\0')), kLongestText);
+}
+
+/// Asks one device, and counts the questions.
+class Question {
+ public:
+  Question(const Device& device, FoundDevice& found) : device_(device), found_(found) {}
+
+  void ask_all() {
+    ask_input();
+    for (std::uint32_t i = 0;; ++i) {
+      v4l2_fmtdesc description{};
+      description.index = i;
+      description.type = device_.buffer_type();
+      if (!ask(VIDIOC_ENUM_FMT, &description)) break;
+      if (found_.formats.size() == kMostFormats) {
+        odd("lists more than " + std::to_string(kMostFormats) + " formats; the others are left out");
+        break;
+      }
+      found_.formats.push_back(format(description.pixelformat));
+    }
+    if (out_of_questions_) {
+      odd("answers more than " + std::to_string(kMostEnumerations) +
+          " questions for formats, sizes and rates; the rest is left out");
+    }
+    ask_controls();
+  }
+
+ private:
+  void odd(const std::string& sentence) {
+    if (std::find(found_.oddities.begin(), found_.oddities.end(), sentence) == found_.oddities.end()) {
+      found_.oddities.push_back(sentence);
+    }
+  }
+
+  bool ask(unsigned long request, void* argument) {
+    if (asked_ == kMostEnumerations) {
+      out_of_questions_ = true;
+      return false;
+    }
+    ++asked_;
+    return device_.ioctl(request, argument) == 0;
+  }
+
+  void ask_input() {
+    int current = 0;
+    v4l2_input input{};
+    if (!ask(VIDIOC_G_INPUT, &current) || current < 0) return;
+    input.index = static_cast<std::uint32_t>(current);
+    if (ask(VIDIOC_ENUMINPUT, &input)) found_.input = text_of(input.name);
+    v4l2_std_id standard = 0;
+    if (!ask(VIDIOC_G_STD, &standard) || standard == 0) return;
+    for (std::uint32_t i = 0;; ++i) {
+      v4l2_standard each{};
+      each.index = i;
+      if (!ask(VIDIOC_ENUMSTD, &each)) return;
+      if ((each.id & standard) == 0) continue;
+      found_.standard = FrameRate::make(each.frameperiod.denominator, each.frameperiod.numerator);
+      if (!found_.standard) odd("reports a standard with a frame period that cannot be");
+      // As in negotiation.h: M/NTSC transmits the bottom field first.
+      found_.fields = (standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
+      return;
+    }
+  }
+
+  FoundFormat format(std::uint32_t code) {
+    FoundFormat format;
+    format.name = fourcc_text(code);
+    for (const PixelFormat pixels : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy,
+                                     PixelFormat::kRgb24, PixelFormat::kGrey8}) {
+      for (const FourCc& each : fourccs_of(pixels)) {
+        if (each.code == code && (each.memory_planes == 1 || device_.multiplanar())) format.pixels = pixels;
+      }
+    }
+    for (std::uint32_t i = 0;; ++i) {
+      v4l2_frmsizeenum size{};
+      size.index = i;
+      size.pixel_format = code;
+      if (!ask(VIDIOC_ENUM_FRAMESIZES, &size)) break;
+      if (format.sizes.size() == kMostSizes) {
+        odd("lists more than " + std::to_string(kMostSizes) + " sizes of " + format.name + "; the others are left out");
+        break;
+      }
+      if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
+        add_size(format, code, size.discrete.width, size.discrete.height);
+        continue;
+      }
+      format.size_range = true;
+      add_size(format, code, size.stepwise.max_width, size.stepwise.max_height);
+      add_size(format, code, size.stepwise.min_width, size.stepwise.min_height);
+      break;
+    }
+    // A device that lists no sizes has its present one, for instance that of a video standard.
+    if (format.sizes.empty() || format.size_range) add_present_size(format, code);
+    return format;
+  }
+
+  void add_present_size(FoundFormat& format, std::uint32_t code) {
+    v4l2_format now{};
+    now.type = device_.buffer_type();
+    if (!ask(VIDIOC_G_FMT, &now)) return;
+    if (device_.multiplanar()) add_size(format, code, now.fmt.pix_mp.width, now.fmt.pix_mp.height);
+    else add_size(format, code, now.fmt.pix.width, now.fmt.pix.height);
+  }
+
+  void add_size(FoundFormat& format, std::uint32_t code, std::uint32_t width, std::uint32_t height) {
+    if (std::min(width, height) < kSmallestSide || std::max(width, height) > kLargestSide) {
+      odd("offers " + format.name + " of " + std::to_string(width) + "x" + std::to_string(height) +
+          ", which is no size of a picture for a head; left out");
+      return;
+    }
+    FoundSize size{static_cast<int>(width), static_cast<int>(height), {}, false};
+    for (const FoundSize& one : format.sizes) {
+      if (one.width == size.width && one.height == size.height) return;
+    }
+    if (found_.standard) size.rates = {*found_.standard};
+    for (std::uint32_t i = 0; !found_.standard; ++i) {
+      v4l2_frmivalenum interval{};
+      interval.index = i;
+      interval.pixel_format = code;
+      interval.width = width;
+      interval.height = height;
+      if (!ask(VIDIOC_ENUM_FRAMEINTERVALS, &interval)) break;
+      if (size.rates.size() == kMostRates) {
+        odd("lists more than " + std::to_string(kMostRates) + " rates of a size; the others are left out");
+        break;
+      }
+      if (interval.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
+        add_rate(size, interval.discrete);
+        continue;
+      }
+      add_rate(size, interval.stepwise.min);
+      add_rate(size, interval.stepwise.max);
+      size.rate_range = size.rates.size() == 2;
+      break;
+    }
+    std::sort(size.rates.begin(), size.rates.end(), [](FrameRate a, FrameRate b) { return a.period() < b.period(); });
+    format.sizes.push_back(std::move(size));
+  }
+
+  void add_rate(FoundSize& size, const v4l2_fract& period) {
+    if (const auto rate = FrameRate::make(period.denominator, period.numerator)) {
+      size.rates.push_back(*rate);
+    } else {
+      odd("offers a frame period of " + std::to_string(period.numerator) + "/" + std::to_string(period.denominator) +
+          " s; left out");
+    }
+  }
+
+  void ask_controls() {
+    for (const std::uint32_t id : {V4L2_CID_EXPOSURE_ABSOLUTE, V4L2_CID_GAIN, V4L2_CID_ANALOGUE_GAIN,
+                                   V4L2_CID_RED_BALANCE, V4L2_CID_BLUE_BALANCE, V4L2_CID_WHITE_BALANCE_TEMPERATURE}) {
+      v4l2_queryctrl query{};
+      query.id = id;
+      if (device_.ioctl(VIDIOC_QUERYCTRL, &query) != 0 || (query.flags & V4L2_CTRL_FLAG_DISABLED) != 0) continue;
+      const std::string name = text_of(query.name);
+      if (query.minimum > query.maximum || query.default_value < query.minimum || query.default_value > query.maximum) {
+        odd("reports for '" + name + "' a range of " + std::to_string(query.minimum) + " to " +
+            std::to_string(query.maximum) + " and a default of " + std::to_string(query.default_value) + "; left out");
+        continue;
+      }
+      found_.controls.push_back({name, query.minimum, query.maximum, std::max(query.step, 1), query.default_value});
+    }
+  }
+
+  const Device& device_;
+  FoundDevice& found_;
+  int asked_ = 0;
+  bool out_of_questions_ = false;
+};
+
+/// Nothing for nodes that do not capture.
+std::optional<FoundDevice> scan_one(System& system, const std::string& node) {
+  FoundDevice found;
+  found.node = node;
+  found.port = "v4l2:" + node;
+  const auto device = open_device(system, node, node);
+  if (!device) {
+    if (device.error().code == Errc::kNoSuchDevice) return std::nullopt;
+    found.problem = device.error();
+    return found;
+  }
+  v4l2_capability capability{};
+  if ((*device)->ioctl(VIDIOC_QUERYCAP, &capability) == 0) found.driver = text_of(capability.driver);
+  found.model = printable((*device)->card(), kLongestText);
+  if (const std::string bus = (*device)->bus(); !bus.empty() && is_printable(bus)) found.port = "v4l2:" + bus;
+  found.usb = system.usb(node);
+  Question(**device, found).ask_all();
+  return found;
+}
+
+/// What the threads of a scan report; it outlives the scan if one of them hangs.
+struct Answers {
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::map<std::string, std::optional<FoundDevice>> by_node;
+};
+
+}  // namespace
+
+std::vector<FoundDevice> scan_devices(System& system, std::chrono::milliseconds patience) {
+  const auto until = std::chrono::steady_clock::now() + patience;
+  std::vector<std::string> nodes = system.nodes();
+  if (nodes.size() > kMostNodes) nodes.resize(kMostNodes);
+  const auto answers = std::make_shared<Answers>();
+  for (const std::string& node : nodes) {
+    std::thread([&system, node, answers] {
+      std::optional<FoundDevice> found = scan_one(system, node);
+      const std::lock_guard lock(answers->mutex);
+      answers->by_node[node] = std::move(found);
+      answers->changed.notify_all();
+    }).detach();
+  }
+  std::unique_lock lock(answers->mutex);
+  answers->changed.wait_until(lock, until, [&] { return answers->by_node.size() == nodes.size(); });
+
+  std::vector<FoundDevice> all;
+  std::set<std::string> ports;
+  for (const std::string& node : nodes) {
+    const auto answer = answers->by_node.find(node);
+    if (answer == answers->by_node.end()) {
+      FoundDevice silent;
+      silent.node = node;
+      silent.port = "v4l2:" + node;
+      silent.problem = Error{Errc::kTimeout, node + ": the device does not answer; unplug it and plug it in again"};
+      all.push_back(std::move(silent));
+    } else if (answer->second) {
+      FoundDevice& found = *answer->second;
+      if (!ports.insert(found.port).second) {
+        found.second_stream = found.usb.has_value();
+        found.port = "v4l2:" + node;
+      }
+      all.push_back(std::move(found));
+    }
+  }
+  return all;
+}
+
+}  // namespace nodal::hal::v4l2
