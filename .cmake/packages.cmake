@@ -33,4 +33,7 @@ nodal_package(yaml ${NODAL_YAML_LIBRARY})
 nodal_package(json)      # nlohmann-json: headers in /usr/include
 nodal_package(toml)      # toml++: headers in /usr/include
 nodal_package(cli)       # CLI11: headers in /usr/include
+# VLFeat (BSD-2) has no pkg-config file.
+find_library(NODAL_VLFEAT_LIBRARY NAMES vl REQUIRED)
+nodal_package(vlfeat ${NODAL_VLFEAT_LIBRARY})
 find_program(PROTOC protoc REQUIRED)

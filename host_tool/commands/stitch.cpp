@@ -9,7 +9,9 @@
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/own_pictures.h"
 #include "host_tool/input/stitch_input.h"
+#include "host_tool/report/registration_report.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
@@ -47,6 +49,7 @@ struct Job {
   RaymapFormat format = RaymapFormat::kJpg;
   geometry::RaymapSize size;
   StitchInput input;
+  std::string confidence;  ///< of a calibration that was found in the pictures; else empty
 };
 
 /// Unlike CLI::Range it refuses NaN.
@@ -80,7 +83,43 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
   return {};
 }
 
-Result<Job> make_job(const Args& args) {
+/// The name of a file that belongs to the raymap `out`: sphere.jpg, ".rig.json" -> sphere.rig.json.
+std::string beside(const std::string& out, const std::string& ending) {
+  return std::filesystem::path(out).replace_extension(ending).string();
+}
+
+/// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
+Status calibrate(Console& console, Job& job) {
+  const Result<std::vector<std::string>> files = own_picture_files(job.args.inputs);
+  if (!files) return fail(files.error());
+  if (const Status good = check_names(job.args.out, {*files}); !good) return good;
+  Progress bar(console, "calibrating", 1000);
+  // Matching takes about as long as the registration.
+  const auto show = [&](double from, double done, const std::string& what) {
+    bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
+  };
+  Result<FirstCalibration> first =
+      first_calibration(*files, [&](double done, const std::string& what) { show(0, done, what); });
+  if (!first) return fail(first.error());
+  job.confidence = first->confidence;
+  job.input.notes = first->notes;
+  const Result<registration::Report> report =
+      refined(*first, [&](double done, const std::string& what) { show(0.5, done, what); });
+  if (report) {
+    registration::FrameSet frames;
+    for (const DecodedImage& image : first->images) frames.push_back(image.view());
+    const Result<std::string> page = registration_report(first->calibration, frames, *report);
+    if (!page) return fail(page.error());
+    if (const Status written = write_file(beside(job.args.out, ".report.html"), *page); !written) return written;
+  } else {
+    job.input.notes.push_back("the pictures' light is not matched: " + report.error().message);
+  }
+  job.input.calibration = report ? report->calibration : first->calibration;
+  job.input.sets = {first->placed};
+  return write_file(beside(job.args.out, ".rig.json"), to_json(job.input.calibration));
+}
+
+Result<Job> make_job(Console& console, const Args& args) {
   Job job;
   job.args = args;
   const Result<RaymapFormat> format = raymap_format_of_name(args.out);
@@ -89,9 +128,13 @@ Result<Job> make_job(const Args& args) {
   if (args.bits == 16 && job.format == RaymapFormat::kJpg) {
     return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png or .raw");
   }
-  Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
-  if (!input) return fail(input.error());
-  job.input = std::move(*input);
+  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
+    if (const Status found = calibrate(console, job); !found) return fail(found.error());
+  } else {
+    Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
+    if (!input) return fail(input.error());
+    job.input = std::move(*input);
+  }
   if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
   if (job.input.sets.size() > 1 && !has_number(args.out)) {
     return fail(Errc::kBadValue,
@@ -134,7 +177,7 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
 Status run(Context& context, const Args& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  const Result<Job> job = interruptible(console, [&] { return make_job(args); });
+  const Result<Job> job = interruptible(console, [&] { return make_job(console, args); });
   if (!job) return fail(job.error());
   for (const std::string& note : job->input.notes) console.note("note: " + note);
   const std::size_t count = job->input.sets.size();
@@ -175,13 +218,24 @@ Status run(Context& context, const Args& args) {
     }
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  console.document({{"raymaps", count},
-                    {"out", last},
-                    {"layout", args.layout},
-                    {"width", job->size.width},
-                    {"height", job->size.height},
-                    {"calibration", to_hex(calibration_id(job->input.calibration))},
-                    {"seconds", seconds}});
+  Json document{{"raymaps", count},
+                {"out", last},
+                {"layout", args.layout},
+                {"width", job->size.width},
+                {"height", job->size.height},
+                {"calibration", to_hex(calibration_id(job->input.calibration))},
+                {"seconds", seconds}};
+  if (!job->confidence.empty()) {
+    document["confidence"] = job->confidence;
+    document["calibration_file"] = beside(args.out, ".rig.json");
+    document["notes"] = job->input.notes;
+  }
+  console.document(document);
+  if (!job->confidence.empty()) {
+    console.line(job->confidence);
+    console.line(fmt::format("calibration: {}, how well it fits: {}", beside(args.out, ".rig.json"),
+                             beside(args.out, ".report.html")));
+  }
   console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job->size.width,
                            job->size.height, args.layout, job->input.calibration.heads.size(), seconds));
   return {};
@@ -192,17 +246,20 @@ Status run(Context& context, const Args& args) {
 void add_stitch(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
       app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
-      "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg -o sphere.jpg\n"
+      "  nodal stitch a.jpg b.jpg c.jpg -o sphere.jpg             finds lens and directions in the pictures\n"
+      "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg         with a calibration\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
-      "The calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
+      "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"
+      "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
+      "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
       "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures.\n");
   auto args = std::make_shared<Args>();
   command
       ->add_option("INPUT", args->inputs,
-                   "The calibration or project, then the pictures: one a head, in its order; or folders")
+                   "Pictures; or a calibration or project, then its pictures: one a head, in its order; or folders")
       ->required()
       ->type_name("");
   command

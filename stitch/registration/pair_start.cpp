@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -13,7 +14,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kTolerance = 1.5 * kDegree;  // the lens may still be wrong by this much
 constexpr double kLeastBase = 2 * kDegree;  // two points closer to each other do not determine the rotation about them
 constexpr std::size_t kMostTried = 1500;
 
@@ -34,23 +34,24 @@ Matrix3d frame_of(const Vector3d& p, const Vector3d& q) {
 }
 
 // The least-squares rotation from the rays of a to those of b (Kabsch's algorithm).
-Matrix3d best_rotation(const std::vector<RayPair>& pairs, const Matrix3d& near) {
+Matrix3d best_rotation(const std::vector<RayPair>& pairs, const Matrix3d& near, double tolerance) {
   Matrix3d sum = Matrix3d::Zero();
   for (const RayPair& pair : pairs) {
-    if (between(near * pair.ray_a, pair.ray_b) < kTolerance) sum += pair.ray_b * pair.ray_a.transpose();
+    if (between(near * pair.ray_a, pair.ray_b) < tolerance) sum += pair.ray_b * pair.ray_a.transpose();
   }
   const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
   return svd.matrixU() * Vector3d(1, 1, sign < 0 ? -1 : 1).asDiagonal() * svd.matrixV().transpose();
 }
 
-int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a) {
+int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a, double tolerance) {
+  const double chord = 2 * std::sin(tolerance / 2), most = chord * chord;
   int count = 0;
-  for (const RayPair& pair : pairs) count += between(R_b_a * pair.ray_a, pair.ray_b) < kTolerance ? 1 : 0;
+  for (const RayPair& pair : pairs) count += (R_b_a * pair.ray_a - pair.ray_b).squaredNorm() < most ? 1 : 0;
   return count;
 }
 
-Joint joint_of(const std::vector<RayPair>& pairs) {
+Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
   // If there are too many combinations, a regular subset of them: the same one every time.
@@ -61,28 +62,36 @@ Joint joint_of(const std::vector<RayPair>& pairs) {
       if (number++ % step != 0) continue;
       const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
       const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
-      if (!holds || std::abs(apart_a - apart_b) > 2 * kTolerance) continue;
+      if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
       const Matrix3d R =
           frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
-      if (const int count = agreeing(pairs, R); count > best.agreeing) best = {R, count};
+      if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count};
     }
   }
-  if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a);
+  if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a, tolerance);
   return best;
 }
 
 }  // namespace
 
-std::vector<std::optional<Matrix3d>> start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs,
-                                                      std::size_t first) {
+PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs,
+                           std::optional<std::size_t> first, const PairRules& rules) {
   std::map<std::pair<std::size_t, std::size_t>, std::vector<RayPair>> by_heads;
   for (const RayPair& pair : pairs) by_heads[{pair.a, pair.b}].push_back(pair);
   std::map<std::pair<std::size_t, std::size_t>, Joint> joints;
+  PairStart start{0, std::vector<std::optional<Matrix3d>>(R.size()), 0};
+  std::vector<int> of_head(R.size());
   for (const auto& [heads, theirs] : by_heads) {
-    if (const Joint joint = joint_of(theirs); joint.agreeing >= 2) joints[heads] = joint;
+    const Joint joint = joint_of(theirs, rules.tolerance);
+    if (joint.agreeing < rules.least || joint.agreeing < rules.least_share * static_cast<double>(theirs.size())) continue;
+    joints[heads] = joint;
+    start.agreeing += joint.agreeing;
+    of_head[heads.first] += joint.agreeing;
+    of_head[heads.second] += joint.agreeing;
   }
-  std::vector<std::optional<Matrix3d>> placed(R.size());
-  placed[first] = R[first];
+  auto& placed = start.R_head_rig;
+  start.first = first.value_or(static_cast<std::size_t>(std::ranges::max_element(of_head) - of_head.begin()));
+  placed[start.first] = R[start.first];
   for (;;) {
     const Joint* best = nullptr;
     std::size_t a = 0, b = 0;
@@ -92,7 +101,7 @@ std::vector<std::optional<Matrix3d>> start_from_pairs(const std::vector<Matrix3d
       best = &joint;
       std::tie(a, b) = heads;
     }
-    if (best == nullptr) return placed;
+    if (best == nullptr) return start;
     if (placed[a]) {
       placed[b] = best->R_b_a * *placed[a];
     } else {

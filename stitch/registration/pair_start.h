@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -13,9 +14,22 @@ struct RayPair {
   Eigen::Vector3d ray_a, ray_b;
 };
 
-/// R_head_rig of every head that pairs connect to `first`, whose rotation is R; nothing for the others. Connections
-/// that most pairs agree on are used first.
-std::vector<std::optional<Eigen::Matrix3d>> start_from_pairs(const std::vector<Eigen::Matrix3d>& R,
-                                                             const std::vector<RayPair>& pairs, std::size_t first);
+/// When two heads count as connected.
+struct PairRules {
+  double tolerance = 1.5 * std::numbers::pi / 180;  ///< rad; of a pair's two rays
+  int least = 2;                                    ///< pairs that agree
+  double least_share = 0;                           ///< of all pairs of the two heads
+};
+
+struct PairStart {
+  std::size_t first = 0;
+  std::vector<std::optional<Eigen::Matrix3d>> R_head_rig;  ///< nothing for heads that no pairs connect to the first one
+  int agreeing = 0;                                        ///< pairs that agree, of all connections, used or not
+};
+
+/// The rotation of every head that pairs connect to `first`, whose rotation is R; by default `first` is the head with
+/// the most pairs that agree. Connections that most pairs agree on are used first.
+PairStart start_from_pairs(const std::vector<Eigen::Matrix3d>& R, const std::vector<RayPair>& pairs,
+                           std::optional<std::size_t> first, const PairRules& rules = {});
 
 }  // namespace nodal::registration

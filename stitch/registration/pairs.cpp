@@ -116,7 +116,7 @@ Status Bundle::start() {
   std::vector<std::optional<Matrix3d>> found;
   std::ptrdiff_t most = 1;
   for (std::size_t h = 0; h < R.size(); ++h) {
-    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R, rays, h);
+    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R, rays, h).R_head_rig;
     const auto heads = std::ranges::count_if(island, [](const auto& pose) { return pose.has_value(); });
     if (heads <= most) continue;
     most = heads;

@@ -1,0 +1,133 @@
+#include "stitch/autocalibration/arrangement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "stitch/autocalibration/bundle.h"
+#include "stitch/parallel/workers.h"
+#include "stitch/registration/pair_start.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+using Eigen::Matrix3d;
+
+constexpr double kRadians = std::numbers::pi / 180;
+constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens may be off
+constexpr int kLeast = 8;             // matches that connect two heads
+constexpr double kLeastShare = 0.12;  // of their matches
+constexpr std::size_t kFinalists = 5;
+constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
+constexpr double kShiftSigma = 0.02;                        // units of radius
+constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};  // of a fisheye's: from equisolid to stereographic
+
+/// The lenses that are tried. With circles: fisheyes with this angle at the circle. Without: this angle at the middle of
+/// the picture's shorter edges, for a rectilinear lens (tan a = a + a^3/3 + 2 a^5/15 ...), an equidistant one, and one
+/// between them.
+std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic) {
+  std::vector<SharedLens> all;
+  for (double angle = 60; circles && angle <= 135; angle += 5) all.push_back({{1 / (angle * kRadians), {}}});
+  for (double angle = 8; !circles && angle <= 105; angle *= 1.12) {
+    const double a = angle * kRadians;
+    all.push_back({{1 / a, {}}});
+    for (const double part : {0.5, 1.0}) {
+      if (angle > 60) break;
+      const double k1 = part / 3, k2 = part * 2 / 15;
+      all.push_back({{1 / (a * (1 + a * a * (k1 + a * a * k2))), {k1, k2}}});
+    }
+  }
+  const std::size_t square = all.size();
+  for (const double aspect : {1.09, 0.915}) {  // 525 and 625 lines
+    for (std::size_t n = 0; anamorphic && n < square; ++n) {
+      all.push_back(all[n]);
+      all.back().aspect = aspect;
+    }
+  }
+  return all;
+}
+
+// The sizes of ITU-R BT.601 and their halves, whose pixels are not square.
+bool may_be_anamorphic(const Shape& shape) {
+  const bool width = shape.width == 720 || shape.width == 704 || shape.width == 352 || shape.width == 360;
+  return width && (shape.height == 480 || shape.height == 576 || shape.height == 240 || shape.height == 288);
+}
+
+struct Start {
+  BundleState state;
+  std::size_t first = 0;
+  int agreeing = 0;
+};
+
+Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, std::size_t heads) {
+  Start start{{lens, std::vector<std::optional<Matrix3d>>(heads)}, 0, 0};
+  const Result<LensRays> rays = LensRays::make(lens);
+  if (!rays) return start;
+  std::vector<registration::RayPair> pairs;
+  for (const UnitMatch& match : matches) {
+    const auto a = rays->ray(match.at_a), b = rays->ray(match.at_b);
+    if (a && b) pairs.push_back({match.a, match.b, *a, *b});
+  }
+  const registration::PairRules rules{kTolerance / lens.model.focal, kLeast, kLeastShare};
+  const std::vector<Matrix3d> R(heads, Matrix3d::Identity());
+  registration::PairStart found = registration::start_from_pairs(R, pairs, {}, rules);
+  start.first = found.first;
+  start.state.R_head_rig = std::move(found.R_head_rig);
+  start.agreeing = found.agreeing;
+  return start;
+}
+
+}  // namespace
+
+geometry::Pixel Shape::center() const {
+  return circle ? geometry::Pixel{circle->x, circle->y} : geometry::Pixel{width / 2.0, height / 2.0};
+}
+
+double Shape::unit() const { return circle ? circle->radius : std::max(width, height) / 2.0; }
+
+Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads) {
+  const std::vector<UnitMatch> units = in_units(shapes, matches);
+  const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
+  const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
+  const BundleRules rules{0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma};
+  const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic);
+  std::vector<Start> starts(lenses.size());
+  const parallel::Workers workers(threads);
+  workers.run(static_cast<int>(lenses.size()), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    starts[n] = start_with(lenses[n], units, shapes.size());
+  });
+  std::ranges::stable_sort(starts, [](const Start& a, const Start& b) { return a.agreeing > b.agreeing; });
+  if (starts.front().agreeing == 0) {
+    return fail(Errc::kNoCoverage,
+                "no two pictures show the same things: give pictures that overlap, taken at the same place");
+  }
+  starts.resize(std::min(starts.size(), kFinalists));
+  std::vector<BundleFit> fits(starts.size());
+  workers.run(static_cast<int>(starts.size()), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    BundleRules own = rules;
+    own.first = starts[n].first;
+    fits[n] = adjust(starts[n].state, units, own);
+  });
+  const auto better = [](const BundleFit& a, const BundleFit& b) {
+    const auto count = [](const BundleFit& fit) { return std::ranges::count(fit.used, true); };
+    return count(a) != count(b) ? count(a) > count(b) : a.error < b.error;
+  };
+  const BundleFit& best = *std::ranges::min_element(fits, better);
+  Arrangement found{best.state.lens, best.state.R_head_rig, {}, best.error};
+  std::vector<int> counts(shapes.size());
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    if (!best.used[m]) continue;
+    found.used.push_back(matches[m]);
+    ++counts[matches[m].a];
+    ++counts[matches[m].b];
+  }
+  for (std::size_t h = 0; h < counts.size(); ++h) {
+    if (counts[h] < kLeast) found.R_head_rig[h].reset();
+  }
+  return found;
+}
+
+}  // namespace nodal::autocalibration

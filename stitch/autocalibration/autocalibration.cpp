@@ -1,0 +1,188 @@
+#include "stitch/autocalibration/autocalibration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "stitch/autocalibration/arrangement.h"
+#include "stitch/autocalibration/features.h"
+#include "stitch/autocalibration/image_circle.h"
+#include "stitch/autocalibration/matches.h"
+#include "stitch/autocalibration/upright.h"
+#include "stitch/geometry/head.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/parallel/workers.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr int kFeatureSide = 1600;       // px; larger pictures are reduced to this for features,
+constexpr int kEdgeSide = 800;           // and to this for edges and circles
+constexpr double kWithin = 0.98;         // of the lens's largest radius
+constexpr std::size_t kFeatures = 2500;  // per picture
+
+// The picture reduced by a whole number, so that its longer side is at most `side`.
+Picture reduced(const DecodedImage& picture, int side) {
+  const int by = (std::max(picture.width, picture.height) + side - 1) / side;
+  Picture small{picture.width / by, picture.height / by, {}};
+  small.values.reserve(static_cast<std::size_t>(small.width) * static_cast<std::size_t>(small.height));
+  for (int y = 0; y < small.height; ++y) {
+    for (int x = 0; x < small.width; ++x) {
+      int sum = 0;
+      for (int j = 0; j < by; ++j) {
+        const std::uint8_t* row = picture.bytes.data() + static_cast<std::size_t>(y * by + j) * static_cast<std::size_t>(picture.width);
+        for (int i = 0; i < by; ++i) sum += row[x * by + i];
+      }
+      small.values.push_back(static_cast<float>(sum) / static_cast<float>(by * by));
+    }
+  }
+  return small;
+}
+
+Region scaled(const Region::Circle* circle, int width, int height, double scale) {
+  Region region{0, 0, width * scale, height * scale, {}};
+  if (circle != nullptr) region.circle = Region::Circle{circle->x * scale, circle->y * scale, circle->radius * scale};
+  return region;
+}
+
+/// The circles of all pictures if most have one; a picture without a visible edge gets the middle of the others.
+std::vector<Shape> shapes_of(const std::vector<DecodedImage>& pictures, const std::vector<Picture>& small) {
+  std::vector<Shape> shapes;
+  std::vector<double> radii, xs, ys;
+  for (std::size_t h = 0; h < pictures.size(); ++h) {
+    Shape shape{pictures[h].width, pictures[h].height, {}};
+    if (const auto circle = find_image_circle(small[h])) {
+      const double scale = static_cast<double>(pictures[h].width) / small[h].width;
+      shape.circle = Region::Circle{circle->x * scale, circle->y * scale, circle->radius * scale};
+      radii.push_back(shape.circle->radius / shape.width);
+      xs.push_back(shape.circle->x / shape.width);
+      ys.push_back(shape.circle->y / shape.height);
+    }
+    shapes.push_back(shape);
+  }
+  const bool fisheyes = 2 * radii.size() > pictures.size();
+  const auto middle = [](std::vector<double>& values) {
+    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::ranges::nth_element(values, half);
+    return *half;
+  };
+  for (Shape& shape : shapes) {
+    if (!fisheyes) {
+      shape.circle.reset();
+    } else if (!shape.circle) {
+      shape.circle = Region::Circle{middle(xs) * shape.width, middle(ys) * shape.height, middle(radii) * shape.width};
+    }
+  }
+  return shapes;
+}
+
+/// The part of a circle within the rising part of the lens.
+void limit_to_lens(HeadCalibration& head) {
+  const Result<geometry::Lens> lens = geometry::Lens::make(head.lens);
+  if (!lens || !head.region.circle) return;
+  head.region.circle->radius = std::min(head.region.circle->radius, kWithin * lens->max_radius());
+}
+
+HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen::Matrix3d& R_head_rig,
+                        const std::string& name) {
+  HeadCalibration head;
+  head.name = name;
+  head.width = shape.width;
+  head.height = shape.height;
+  head.center_x = shape.center().x + lens.shift.x() * shape.unit();
+  head.center_y = shape.center().y + lens.shift.y() * shape.unit();
+  head.aspect = lens.aspect;
+  KannalaBrandtLens model = lens.model;
+  model.focal *= shape.unit();
+  head.lens = model;
+  head.R_head_rig = geometry::rows_of(R_head_rig);
+  head.region = scaled(shape.circle ? &*shape.circle : nullptr, shape.width, shape.height, 1);
+  head.vignetting = {head.center_x, head.center_y, shape.unit(), {}};
+  head.response.curve = Response::Curve::kSrgb;
+  limit_to_lens(head);
+  return head;
+}
+
+/// Turns the whole rig so that up is up.
+Status turn_upright(const std::vector<Picture>& small, Found& found) {
+  Result<std::vector<geometry::Head>> heads = geometry::make_heads(found.calibration);
+  if (!heads) return fail(heads.error());
+  std::vector<Picture> pictures;
+  for (const std::size_t h : found.placed) pictures.push_back(small[h]);
+  const Upright upright = find_upright(*heads, pictures);
+  found.upright = upright.sure;
+  const Eigen::Matrix3d R_new_rig = upright_rotation(upright.up, heads->front().axis().direction());
+  for (HeadCalibration& head : found.calibration.heads) {
+    const Eigen::Matrix3d turned = geometry::matrix_of(head.R_head_rig) * R_new_rig.transpose();
+    head.R_head_rig = geometry::rows_of(turned);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
+                            const Options& options) {
+  const std::size_t count = pictures.size();
+  if (count < 2) return fail(Errc::kBadValue, "one picture is no rig; give two or more that overlap");
+  if (count > kMostPictures) {
+    return fail(Errc::kBadValue, fmt::format("{} pictures; without a calibration at most {} are matched", count, kMostPictures));
+  }
+  const auto tell = [&](double done) {
+    if (options.progress) options.progress(done);
+  };
+  const parallel::Workers workers(options.threads);
+  std::vector<Picture> small(count);
+  workers.run(static_cast<int>(count), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    small[n] = reduced(pictures[n], kEdgeSide);
+  });
+  const std::vector<Shape> shapes = shapes_of(pictures, small);
+  tell(0.05);
+  std::vector<std::vector<Feature>> features(count);
+  workers.run(static_cast<int>(count), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    const Picture picture = reduced(pictures[n], kFeatureSide);
+    const double scale = static_cast<double>(pictures[n].width) / picture.width;
+    const Region region =
+        scaled(shapes[n].circle ? &*shapes[n].circle : nullptr, pictures[n].width, pictures[n].height, 1 / scale);
+    features[n] = find_features(picture, region, kFeatures);
+    for (Feature& feature : features[n]) feature.pixel = {feature.pixel.x * scale, feature.pixel.y * scale};
+  });
+  tell(0.5);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t a = 0; a < count; ++a) {
+    for (std::size_t b = a + 1; b < count; ++b) pairs.emplace_back(a, b);
+  }
+  std::vector<std::vector<Match>> of_pair(pairs.size());
+  workers.run(static_cast<int>(pairs.size()), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    of_pair[n] = find_matches(pairs[n].first, features[pairs[n].first], pairs[n].second, features[pairs[n].second]);
+  });
+  std::vector<Match> matches;
+  for (const auto& own : of_pair) matches.insert(matches.end(), own.begin(), own.end());
+  tell(0.7);
+  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads);
+  if (!arrangement) return fail(arrangement.error());
+  tell(0.9);
+  Found found;
+  found.calibration.name = "from pictures";
+  found.calibration.comment = "Lens and rotations from the pictures alone.";
+  for (std::size_t h = 0; h < count; ++h) {
+    const auto& R = arrangement->R_head_rig[h];
+    if (!R) continue;
+    found.placed.push_back(h);
+    found.calibration.heads.push_back(head_of(shapes[h], arrangement->lens, *R, names[h]));
+  }
+  found.matches = static_cast<int>(arrangement->used.size());
+  found.error_px = arrangement->error * shapes.front().unit();
+  if (const Status good = check_calibration(found.calibration); !good) return fail(good.error());
+  if (const Status turned = turn_upright(small, found); !turned) return fail(turned.error());
+  tell(1);
+  return found;
+}
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,40 @@
+// A first calibration of a rig of which nothing is known but its pictures: features are matched between the pictures, a
+// lens and rotations are found on which the matches agree, and the result is turned upright. Registration goes on from
+// there.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+
+namespace nodal::autocalibration {
+
+struct Options {
+  int threads = 0;  ///< 0: one per core. The result does not depend on it.
+  std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
+};
+
+struct Found {
+  Calibration calibration;          ///< of the placed heads only, in the pictures' order
+  std::vector<std::size_t> placed;  ///< their pictures
+  int matches = 0;                  ///< points that two heads see and that agree
+  double error_px = 0;              ///< the median distance of such a point's two images, original pixels
+  bool upright = false;             ///< edges of the scene agree on what is up
+};
+
+/// `pictures`: taken at one place by equal lenses, grey (kGrey8), at least two. `names`: of the heads.
+///
+/// Threading: thread-safe; starts `threads` of its own.
+/// Errors: kBadValue for fewer than two pictures, or for more than kMostPictures; kNoCoverage if no two pictures have
+///   enough in common, or if what they have in common contradicts itself.
+Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
+                            const Options& options);
+
+inline constexpr std::size_t kMostPictures = kMaxHeads;
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,94 @@
+#include "stitch/autocalibration/features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+extern "C" {
+#include <vl/sift.h>
+}
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr int kLevels = 3;           // per octave, as in Lowe's paper
+constexpr double kPeak = 1.5;        // least contrast of the difference of Gaussians, levels of 255
+constexpr double kEdge = 10;         // most ratio of the principal curvatures
+constexpr double kDescribed = 6;     // the descriptor reaches this many scales from its point
+constexpr int kCells = 8;            // the picture is divided into this many cells each way
+constexpr double kDescriptorScale = 512;
+
+struct Scaled {
+  Feature feature;
+  double scale = 0;
+};
+
+struct Delete {
+  void operator()(VlSiftFilt* filter) const { vl_sift_delete(filter); }
+};
+
+bool inside(const Region& region, double x, double y, double margin) {
+  if (x - margin < region.left || y - margin < region.top) return false;
+  if (x + margin > region.right || y + margin > region.bottom) return false;
+  return !region.circle || std::hypot(x - region.circle->x, y - region.circle->y) + margin <= region.circle->radius;
+}
+
+std::array<std::uint8_t, kDescriptorSize> in_bytes(const std::array<float, kDescriptorSize>& values) {
+  std::array<std::uint8_t, kDescriptorSize> bytes{};
+  for (std::size_t i = 0; i < kDescriptorSize; ++i) {
+    bytes[i] = static_cast<std::uint8_t>(std::lround(std::clamp(kDescriptorScale * double{values[i]}, 0.0, 255.0)));
+  }
+  return bytes;
+}
+
+void add_octave(VlSiftFilt& filter, const Region& region, std::vector<Scaled>& found) {
+  vl_sift_detect(&filter);
+  const VlSiftKeypoint* keys = vl_sift_get_keypoints(&filter);
+  for (int k = 0; k < vl_sift_get_nkeypoints(&filter); ++k) {
+    // VLFeat's coordinates are those of samples: the first one is at 0.
+    const double x = double{keys[k].x} + 0.5, y = double{keys[k].y} + 0.5, scale = double{keys[k].sigma};
+    if (!inside(region, x, y, kDescribed * scale)) continue;
+    std::array<double, 4> turns{};
+    const int count = vl_sift_calc_keypoint_orientations(&filter, turns.data(), &keys[k]);
+    for (int t = 0; t < count; ++t) {
+      std::array<float, kDescriptorSize> values{};
+      vl_sift_calc_keypoint_descriptor(&filter, values.data(), &keys[k], turns[static_cast<std::size_t>(t)]);
+      found.push_back({{{x, y}, in_bytes(values)}, scale});
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most) {
+  std::vector<Scaled> found;
+  const std::unique_ptr<VlSiftFilt, Delete> filter(vl_sift_new(picture.width, picture.height, -1, kLevels, 0));
+  if (!filter) return {};
+  vl_sift_set_peak_thresh(filter.get(), kPeak);
+  vl_sift_set_edge_thresh(filter.get(), kEdge);
+  for (int state = vl_sift_process_first_octave(filter.get(), picture.values.data()); state == VL_ERR_OK;
+       state = vl_sift_process_next_octave(filter.get())) {
+    add_octave(*filter, region, found);
+  }
+  std::ranges::stable_sort(found, [](const Scaled& a, const Scaled& b) { return a.scale > b.scale; });
+  // Every cell gives its largest, then every cell its second largest, and so on.
+  std::array<std::vector<const Scaled*>, std::size_t{kCells} * kCells> cells;
+  for (const Scaled& one : found) {
+    const int i = std::clamp(static_cast<int>(kCells * one.feature.pixel.x / picture.width), 0, kCells - 1);
+    const int j = std::clamp(static_cast<int>(kCells * one.feature.pixel.y / picture.height), 0, kCells - 1);
+    cells[static_cast<std::size_t>(j * kCells + i)].push_back(&one);
+  }
+  std::vector<Feature> features;
+  for (std::size_t rank = 0; features.size() < most; ++rank) {
+    bool any = false;
+    for (const auto& cell : cells) {
+      if (rank >= cell.size() || features.size() == most) continue;
+      features.push_back(cell[rank]->feature);
+      any = true;
+    }
+    if (!any) break;
+  }
+  return features;
+}
+
+}  // namespace nodal::autocalibration

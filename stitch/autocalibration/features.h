@@ -1,0 +1,36 @@
+// Features: points of a picture that can be found again in another one, whatever its scale and its rotation (SIFT, Lowe
+// 2004). They are found by VLFeat.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "protocol/calibration.h"
+#include "stitch/geometry/ray.h"
+
+namespace nodal::autocalibration {
+
+/// A grey picture; sample (i, j) is the value at point (i + 1/2, j + 1/2).
+struct Picture {
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;  ///< 0..255, row by row
+
+  float at(int x, int y) const {
+    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+  }
+};
+
+inline constexpr std::size_t kDescriptorSize = 128;
+
+struct Feature {
+  geometry::Pixel pixel;
+  std::array<std::uint8_t, kDescriptorSize> descriptor{};
+};
+
+/// At most `most` features inside `region`, spread over the picture; those of large scale first, since they are found
+/// again more often. The same features in every run.
+std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most);
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,122 @@
+#include "stitch/autocalibration/image_circle.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "stitch/solve/normal_equations.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr int kSpokes = 720;
+constexpr double kDark = 45;        // levels: the most that light outside of the circle can be
+constexpr double kRise = 2.5;       // the level inside the edge / the level outside, at least,
+constexpr double kRiseLevels = 8;   // plus this
+constexpr double kNear = 0.012;     // of the radius: how far an edge's point may be from the circle
+constexpr int kFewestPoints = kSpokes / 8;
+constexpr double kLeastShare = 1.0 / 3;    // of the spokes that end at an edge
+constexpr double kSmallest = 0.6;          // radius / half of the shorter side
+constexpr double kLargest = 1.2;           // radius / half of the diagonal
+constexpr int kTried = 2000;
+
+// The means of the picture along a spoke, from the middle outwards, one a pixel.
+std::vector<double> levels_along(const Picture& picture, const Eigen::Vector2d& middle, const Eigen::Vector2d& way) {
+  std::vector<double> levels;
+  for (double r = 0;; ++r) {
+    const Eigen::Vector2d p = middle + r * way;
+    if (p.x() < 0 || p.y() < 0 || p.x() >= picture.width || p.y() >= picture.height) return levels;
+    levels.push_back(double{picture.at(static_cast<int>(p.x()), static_cast<int>(p.y()))});
+  }
+}
+
+// The outermost radius at which a dark border ends, or nothing.
+std::optional<double> edge_on(const std::vector<double>& levels, std::size_t window) {
+  if (levels.size() < 8 * window) return std::nullopt;
+  std::vector<double> sums{0};
+  for (const double level : levels) sums.push_back(sums.back() + level);
+  const auto mean = [&](std::size_t from) { return (sums[from + window] - sums[from]) / static_cast<double>(window); };
+  if (mean(levels.size() - window) > kDark) return std::nullopt;
+  for (std::size_t r = levels.size() - window; r >= 2 * window; --r) {
+    const double outside = mean(r), inside = mean(r - window);
+    if (outside > kDark) return std::nullopt;
+    if (inside >= kRise * outside + kRiseLevels) return static_cast<double>(r);
+  }
+  return std::nullopt;
+}
+
+Region::Circle circle_through(const std::vector<Eigen::Vector2d>& points) {
+  solve::NormalEquations sum(3);
+  for (const Eigen::Vector2d& p : points) {
+    const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
+    sum.add(row.data(), -p.squaredNorm(), 1);
+  }
+  const Eigen::Vector3d x = sum.step(0, {});
+  return {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
+}
+
+double off(const Region::Circle& circle, const Eigen::Vector2d& p) {
+  return std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius;
+}
+
+std::vector<Eigen::Vector2d> near(const Region::Circle& circle, const std::vector<Eigen::Vector2d>& points) {
+  std::vector<Eigen::Vector2d> kept;
+  std::ranges::copy_if(points, std::back_inserter(kept), [&](const Eigen::Vector2d& p) {
+    return std::abs(off(circle, p)) < kNear * circle.radius;
+  });
+  return kept;
+}
+
+// `window`: px, about as wide as the edge's blur.
+std::optional<Region::Circle> circle_with(const Picture& picture, std::size_t window) {
+  const Eigen::Vector2d middle(picture.width / 2.0, picture.height / 2.0);
+  std::vector<Eigen::Vector2d> points;
+  for (int n = 0; n < kSpokes; ++n) {
+    const double angle = 2 * std::numbers::pi * n / kSpokes;
+    const Eigen::Vector2d way(std::cos(angle), std::sin(angle));
+    if (const auto r = edge_on(levels_along(picture, middle, way), window)) points.push_back(middle + *r * way);
+  }
+  if (static_cast<int>(points.size()) < kFewestPoints) return std::nullopt;
+  const auto plausible = [&](const Region::Circle& circle) {
+    return circle.radius > kSmallest * std::min(picture.width, picture.height) / 2 &&
+           circle.radius < kLargest * std::hypot(picture.width, picture.height) / 2;
+  };
+  // Circles through three points, a regular subset of all: the same one in every run.
+  std::vector<Eigen::Vector2d> best;
+  const std::size_t count = points.size();
+  for (int t = 0; t < kTried; ++t) {
+    const auto at = [&](std::size_t step) { return points[static_cast<std::size_t>(t) * step % count]; };
+    const std::vector<Eigen::Vector2d> three{at(1), at(271) , at(613)};
+    const Region::Circle circle = circle_through(three);
+    if (!plausible(circle)) continue;
+    if (std::vector<Eigen::Vector2d> kept = near(circle, points); kept.size() > best.size()) best = std::move(kept);
+  }
+  if (static_cast<int>(best.size()) < kFewestPoints || static_cast<double>(best.size()) < kLeastShare * static_cast<double>(count)) {
+    return std::nullopt;
+  }
+  Region::Circle circle = circle_through(best);
+  best = near(circle, points);
+  circle = circle_through(best);
+  if (!plausible(circle)) return std::nullopt;
+  // The inner side of the edge.
+  std::vector<double> offs;
+  for (const Eigen::Vector2d& p : best) offs.push_back(off(circle, p));
+  const auto tenth = offs.begin() + static_cast<std::ptrdiff_t>(offs.size() / 10);
+  std::ranges::nth_element(offs, tenth);
+  circle.radius += *tenth - static_cast<double>(window) / 2;
+  return circle;
+}
+
+}  // namespace
+
+std::optional<Region::Circle> find_image_circle(const Picture& picture) {
+  const int side = std::max(picture.width, picture.height);
+  for (const int window : {side / 120, side / 40}) {
+    if (const auto circle = circle_with(picture, static_cast<std::size_t>(std::max(3, window)))) return circle;
+  }
+  return std::nullopt;
+}
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,66 @@
+#include "stitch/autocalibration/matches.h"
+
+#include <cstdint>
+#include <limits>
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr double kRatio = 0.8;  // of the distances to the nearest and to the second nearest, as in Lowe's paper
+
+// The loop is compiled for wider registers, too; the arithmetic is integer, so the result is the same.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__) && !defined(NODAL_COVERAGE)
+__attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#endif
+std::int32_t square_distance(const std::uint8_t* a, const std::uint8_t* b) {
+  std::int32_t sum = 0;
+  for (std::size_t i = 0; i < kDescriptorSize; ++i) {
+    const std::int32_t difference = std::int32_t{a[i]} - std::int32_t{b[i]};
+    sum += difference * difference;
+  }
+  return sum;
+}
+
+struct Nearest {
+  std::size_t index = 0;
+  std::int32_t first = std::numeric_limits<std::int32_t>::max();
+  std::int32_t second = std::numeric_limits<std::int32_t>::max();
+
+  void offer(std::size_t i, std::int32_t distance) {
+    if (distance < first) {
+      second = first;
+      first = distance;
+      index = i;
+    } else if (distance < second) {
+      second = distance;
+    }
+  }
+  bool clear() const {
+    return static_cast<double>(first) < kRatio * kRatio * static_cast<double>(second) &&
+           second != std::numeric_limits<std::int32_t>::max();
+  }
+};
+
+}  // namespace
+
+std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a, std::size_t b,
+                                const std::vector<Feature>& in_b) {
+  std::vector<Nearest> of_a(in_a.size()), of_b(in_b.size());
+  for (std::size_t i = 0; i < in_a.size(); ++i) {
+    for (std::size_t j = 0; j < in_b.size(); ++j) {
+      const std::int32_t distance = square_distance(in_a[i].descriptor.data(), in_b[j].descriptor.data());
+      of_a[i].offer(j, distance);
+      of_b[j].offer(i, distance);
+    }
+  }
+  std::vector<Match> matches;
+  for (std::size_t i = 0; i < in_a.size(); ++i) {
+    const std::size_t j = of_a[i].index;
+    if (in_b.empty() || !of_a[i].clear() || of_b[j].index != i) continue;
+    matches.push_back({a, b, in_a[i].pixel, in_b[j].pixel});
+  }
+  return matches;
+}
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,251 @@
+#include "stitch/autocalibration/upright.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+namespace nodal::autocalibration {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kRadians = std::numbers::pi / 180;
+constexpr double kLeastSlope = 3;          // levels per pixel, for an edge
+constexpr int kStraight = 6;               // px; an edge is straight if its slope is the same so far along it,
+constexpr double kAlike = 0.985;           // up to this cosine
+constexpr double kTolerance = 1.5 * kRadians;  // at first,
+constexpr double kFinest = 0.3 * kRadians;     // and at the end
+constexpr double kWindow = 35 * kRadians;  // how far up may be from where the light comes from
+constexpr double kRingWindow = 12 * kRadians;  // or from a ring's axis
+constexpr double kRim = 0.06;               // of an image circle's radius; edges are not used there
+constexpr std::size_t kSectors = 12;
+constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
+constexpr double kStep = 1 * kRadians;
+constexpr double kLeastHeld = 0.5;         // of the mean of the heads' upward axes, for heads that are held alike
+constexpr double kSure = 6;                // standard deviations of the number of edges that agree by chance
+constexpr std::size_t kMostEdges = 40000;
+
+struct Lit {
+  float level = 0;
+  double solid_angle = 0;
+  Vector3d direction;
+};
+
+struct Edge {
+  Vector3d ray;
+  Vector3d normal;  // of the plane through the edge and O
+};
+
+struct Seen {
+  std::vector<Edge> edges;
+  std::vector<Lit> lit;
+};
+
+// Blurred by the binomial 1 4 6 4 1 both ways: the directions of edges are more exact.
+Picture blurred(const Picture& picture) {
+  constexpr std::array<float, 5> kWeights{1.0F / 16, 4.0F / 16, 6.0F / 16, 4.0F / 16, 1.0F / 16};
+  const auto along = [&](const Picture& from, bool rows) {
+    Picture to = from;
+    for (int y = 0; y < from.height; ++y) {
+      for (int x = 0; x < from.width; ++x) {
+        float sum = 0;
+        for (int k = -2; k <= 2; ++k) {
+          const int i = std::clamp(rows ? x + k : x, 0, from.width - 1), j = std::clamp(rows ? y : y + k, 0, from.height - 1);
+          sum += kWeights[static_cast<std::size_t>(k + 2)] * from.at(i, j);
+        }
+        to.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(to.width) + static_cast<std::size_t>(x)] = sum;
+      }
+    }
+    return to;
+  };
+  return along(along(picture, true), false);
+}
+
+// Adds a picture's edges, and its light by solid angle.
+void add_picture(const geometry::Head& head, const Picture& sharp, Seen& seen) {
+  const Picture picture = blurred(sharp);
+  const double scale = static_cast<double>(head.width()) / picture.width;
+  // An image circle's edge is dark by itself.
+  const auto& circle = head.calibration().region.circle;
+  const double margin = circle ? kRim * circle->radius : 4 * scale;
+  const auto slope_at = [&](int x, int y) {
+    return Eigen::Vector2d(double{picture.at(x + 1, y) - picture.at(x - 1, y)} / 2,
+                           double{picture.at(x, y + 1) - picture.at(x, y - 1)} / 2);
+  };
+  constexpr int kBorder = kStraight + 3;
+  for (int y = kBorder; y + kBorder < picture.height; ++y) {
+    for (int x = kBorder; x + kBorder < picture.width; ++x) {
+      const geometry::Pixel at{(x + 0.5) * scale, (y + 0.5) * scale};
+      const bool lit = x % 4 == 0 && y % 4 == 0;
+      const Eigen::Vector2d slope = slope_at(x, y);
+      const bool steep = slope.norm() >= kLeastSlope;
+      if ((!lit && !steep) || head.distance_to_edge(at) < margin) continue;
+      const auto ray = head.unproject(at);
+      if (!ray) continue;
+      if (lit) {
+        const double density = head.density(at);
+        if (density > 0) seen.lit.push_back({picture.at(x, y), 1 / density, ray->direction()});
+      }
+      if (!steep) continue;
+      // Only straight edges count: farther along, the slope is the same.
+      const Eigen::Vector2d along(-slope.y() / slope.norm(), slope.x() / slope.norm());
+      Eigen::Vector2d sum = slope;
+      bool straight = true;
+      for (const int step : {-kStraight, kStraight}) {
+        // Between pixels, the slope is interpolated: without that, edges along rows and diagonals would be preferred.
+        const double px = x + step * along.x(), py = y + step * along.y();
+        const int ix = static_cast<int>(std::floor(px)), iy = static_cast<int>(std::floor(py));
+        const double fx = px - ix, fy = py - iy;
+        const Eigen::Vector2d there = (1 - fy) * ((1 - fx) * slope_at(ix, iy) + fx * slope_at(ix + 1, iy)) +
+                                      fy * ((1 - fx) * slope_at(ix, iy + 1) + fx * slope_at(ix + 1, iy + 1));
+        straight = straight && there.dot(slope) > kAlike * there.norm() * slope.norm() && there.norm() > slope.norm() / 2;
+        sum += there;
+      }
+      if (!straight) continue;
+      sum.normalize();
+      const auto beside = head.unproject({at.x - sum.y() * 2 * scale, at.y + sum.x() * 2 * scale});
+      if (!beside) continue;
+      const Vector3d normal = ray->direction().cross(beside->direction());
+      if (normal.norm() > 0) seen.edges.push_back({ray->direction(), normal.normalized()});
+    }
+  }
+}
+
+// The mean direction of the brighter half of what is seen. The sun's own brightness does not count.
+Vector3d light_of(std::vector<Lit> lit) {
+  std::ranges::stable_sort(lit, [](const Lit& a, const Lit& b) { return a.level < b.level; });
+  double whole = 0, before = 0;
+  for (const Lit& one : lit) whole += one.solid_angle;
+  Vector3d light = Vector3d::Zero();
+  for (std::size_t i = 0; i < lit.size();) {
+    // Equal levels have one rank.
+    double own = 0;
+    Vector3d sum = Vector3d::Zero();
+    std::size_t k = i;
+    for (; k < lit.size() && lit[k].level == lit[i].level; ++k) {
+      own += lit[k].solid_angle;
+      sum += lit[k].solid_angle * lit[k].direction;
+    }
+    light += ((before + own / 2) / whole - 0.5) * sum;
+    before += own;
+    i = k;
+  }
+  return light;
+}
+
+// The axis that the heads of a ring have in common, in the rig, if there is one.
+std::optional<Vector3d> ring_axis(const std::vector<geometry::Head>& heads) {
+  std::optional<Vector3d> axis;
+  double most = 0.97;
+  for (int k = 0; k < 2; ++k) {
+    Matrix3d sum = Matrix3d::Zero();
+    for (const geometry::Head& head : heads) {
+      const Vector3d side = head.R_head_rig().row(k).transpose();
+      sum += side * side.transpose() / static_cast<double>(heads.size());
+    }
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(sum);
+    if (heads.size() < 3 || solver.eigenvalues()[2] < most) continue;
+    most = solver.eigenvalues()[2];
+    axis = solver.eigenvectors().col(2);
+  }
+  return axis;
+}
+
+// How many edges are vertical or lie on the horizon, in standard deviations above what chance gives. A horizon is
+// seen in many directions: a single straight edge is none.
+double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tolerance) {
+  const double near = std::sin(tolerance), along = std::cos(2 * tolerance);  // hills hide the true horizon
+  const Vector3d side = up.unitOrthogonal(), other = up.cross(side);
+  std::size_t vertical = 0;
+  std::array<std::size_t, kSectors> horizon{};
+  for (const Edge& edge : edges) {
+    const double c = std::abs(edge.normal.dot(up));
+    if (c < near) ++vertical;
+    if (c <= along) continue;
+    const double turn = std::atan2(edge.ray.dot(side), edge.ray.dot(other)) / (2 * std::numbers::pi) + 0.5;
+    ++horizon[std::min(kSectors - 1, static_cast<std::size_t>(turn * kSectors))];
+  }
+  std::ranges::nth_element(horizon, horizon.begin() + kSectors / 2);
+  const std::size_t all_around = kSectors * horizon[kSectors / 2];
+  const auto n = static_cast<double>(edges.size());
+  const auto beyond = [n](std::size_t count, double chance) {
+    return std::max(0.0, (static_cast<double>(count) - n * chance) / std::sqrt(n * chance));
+  };
+  return beyond(vertical, near) + kHorizonWeight * beyond(all_around, 1 - along);
+}
+
+// The best direction within `window` of `start`, on which at least `least` agree.
+void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, Upright& found, double& best) {
+  const Vector3d side = start.unitOrthogonal(), other = start.cross(side);
+  const int steps = static_cast<int>(window / kStep);
+  for (int i = -steps; i <= steps; ++i) {
+    for (int j = -steps; j <= steps; ++j) {
+      if (i * i + j * j > steps * steps) continue;
+      const Vector3d up = (start + std::tan(i * kStep) * side + std::tan(j * kStep) * other).normalized();
+      const double score = agreement(edges, up, kTolerance);
+      if (score <= best) continue;
+      best = score;
+      found.up = up;
+    }
+  }
+}
+
+}  // namespace
+
+Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures) {
+  Seen seen;
+  for (std::size_t h = 0; h < heads.size(); ++h) add_picture(heads[h], pictures[h], seen);
+  if (seen.edges.size() > kMostEdges) {
+    // A regular subset: the same one in every run.
+    const std::size_t step = seen.edges.size() / kMostEdges + 1;
+    for (std::size_t i = 0; i * step < seen.edges.size(); ++i) seen.edges[i] = seen.edges[i * step];
+    seen.edges.resize((seen.edges.size() + step - 1) / step);
+  }
+  Upright found;
+  if (const Vector3d light = light_of(std::move(seen.lit)); light.norm() > 1e-9) found.up = light.normalized();
+  const Vector3d light = found.up;
+  Vector3d held = Vector3d::Zero();
+  for (const geometry::Head& head : heads) held -= head.R_head_rig().row(1).transpose() / static_cast<double>(heads.size());
+  double best = 0;
+  if (const auto axis = ring_axis(heads); axis && std::abs(axis->dot(light)) > 0.3) {
+    search_around(seen.edges, axis->dot(light) > 0 ? *axis : Vector3d(-*axis), kRingWindow, found, best);
+  } else {
+    search_around(seen.edges, light, kWindow, found, best);
+    if (held.norm() > kLeastHeld) search_around(seen.edges, held.normalized(), kWindow, found, best);
+  }
+  found.sure = best > kSure;
+  const Vector3d side = found.up.unitOrthogonal(), other = found.up.cross(side);
+  for (double step = kStep / 2; found.sure && step > kStep / 16; step /= 2) {
+    const Vector3d middle = found.up;
+    best = 0;
+    for (int i = -2; i <= 2; ++i) {
+      for (int j = -2; j <= 2; ++j) {
+        const Vector3d up = (middle + i * step * side + j * step * other).normalized();
+        const double score = agreement(seen.edges, up, std::max(kFinest, step));
+        if (score <= best) continue;
+        best = score;
+        found.up = up;
+      }
+    }
+  }
+  return found;
+}
+
+Matrix3d upright_rotation(const Vector3d& up, const Vector3d& forward) {
+  const Vector3d y = -up;
+  Vector3d z = forward - forward.dot(y) * y;
+  if (z.norm() < 0.2) z = Vector3d::UnitZ() - y.z() * y;
+  if (z.norm() < 0.2) z = y.unitOrthogonal();
+  z.normalize();
+  Matrix3d R;
+  R.row(0) = y.cross(z);
+  R.row(1) = y;
+  R.row(2) = z;
+  return R;
+}
+
+}  // namespace nodal::autocalibration

@@ -1,0 +1,66 @@
+// A whole rig from its pictures, rendered by the simulator.
+#include "stitch/autocalibration/autocalibration.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "stitch/geometry/lens/lens.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+std::vector<DecodedImage> pictures_of(const test::RenderedRig& rig) {
+  std::vector<DecodedImage> pictures;
+  for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
+    pictures.push_back({PixelFormat::kGrey8, rig.truth.heads[h].width, rig.truth.heads[h].height, rig.bytes[h]});
+  }
+  return pictures;
+}
+
+std::vector<std::string> names_of(const Calibration& rig) {
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : rig.heads) names.push_back(head.name);
+  return names;
+}
+
+TEST(Autocalibration, TownSeenBySixFisheyes_RotationsAndFieldOfView) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(500), hal::sim::town_square_scene(3), {.noise_levels = 1});
+  const auto found = autocalibrate(pictures_of(rig), names_of(rig.truth), {});
+  ASSERT_TRUE(found) << found.error().text();
+  EXPECT_EQ(found->placed.size(), 6U);
+  EXPECT_LT(test::rotation_error(rig.truth, found->calibration).max_deg, 0.5);
+  EXPECT_LT(found->error_px, 1);
+  EXPECT_TRUE(check_calibration(found->calibration));
+  const auto angle_at_edge = [](const HeadCalibration& head) {
+    return *geometry::Lens::make(head.lens).value().angle(0.95 * head.width / 2);
+  };
+  EXPECT_NEAR(angle_at_edge(found->calibration.heads[0]), angle_at_edge(rig.truth.heads[0]), 0.01);
+}
+
+TEST(Autocalibration, AnotherOrderOfThePictures_SameRig) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(400), hal::sim::town_square_scene(3), {});
+  std::vector<DecodedImage> pictures = pictures_of(rig);
+  std::vector<std::string> names = names_of(rig.truth);
+  Calibration truth = rig.truth;
+  std::ranges::reverse(pictures);
+  std::ranges::reverse(names);
+  std::ranges::reverse(truth.heads);
+  const auto found = autocalibrate(pictures, names, {});
+  ASSERT_TRUE(found) << found.error().text();
+  EXPECT_LT(test::rotation_error(truth, found->calibration).max_deg, 0.5);
+  EXPECT_EQ(found->calibration.heads.front().name, truth.heads.front().name);
+}
+
+TEST(Autocalibration, TooFewTooManyOrBlackPictures_AreRefused) {
+  const DecodedImage black{PixelFormat::kGrey8, 64, 64, std::vector<std::uint8_t>(64 * 64)};
+  EXPECT_EQ(autocalibrate({}, {}, {}).error().code, Errc::kBadValue);
+  EXPECT_EQ(autocalibrate({black}, {"a"}, {}).error().code, Errc::kBadValue);
+  EXPECT_EQ(autocalibrate({black, black}, {"a", "b"}, {}).error().code, Errc::kNoCoverage);
+  const std::vector<DecodedImage> many(kMostPictures + 1, black);
+  EXPECT_EQ(autocalibrate(many, std::vector<std::string>(many.size(), "a"), {}).error().code, Errc::kBadValue);
+}
+
+}  // namespace
+}  // namespace nodal::autocalibration

@@ -1,0 +1,122 @@
+// Up in drawn scenes: a bright sky above a horizon, with posts that stand upright, seen by turned heads.
+#include "stitch/autocalibration/upright.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "stitch/geometry/rotation.h"
+#include "tests/support/rendered_rig.h"
+#include "tests/support/rigs.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+struct World {
+  bool horizon = true, posts = true;
+};
+
+/// The level in a direction of a world whose up is (0, -1, 0).
+float level(const Eigen::Vector3d& ray, const World& world) {
+  const double pitch = std::asin(-ray.y()), yaw = std::atan2(ray.x(), ray.z());
+  double level = world.horizon ? (pitch > 0 ? 190 : 70) : 130 + 60 * std::sin(pitch);
+  const double stripe = std::fmod(yaw / kRadians + 360, 24);
+  if (world.posts && stripe < 5 && std::abs(pitch) < 0.6) level -= 45;
+  return static_cast<float>(level);
+}
+
+struct Scene {
+  std::vector<geometry::Head> heads;
+  std::vector<Picture> pictures;
+};
+
+/// The world seen by a rig that is turned by R_world_rig.
+Scene seen_by(const Calibration& rig, const Eigen::Matrix3d& R_world_rig, const World& world) {
+  Scene scene{geometry::make_heads(rig).value(), {}};
+  for (const geometry::Head& head : scene.heads) {
+    Picture picture{head.width(), head.height(), {}};
+    for (int y = 0; y < head.height(); ++y) {
+      for (int x = 0; x < head.width(); ++x) {
+        float sum = 0;
+        for (int k = 0; k < 4; ++k) {
+          const auto ray = head.unproject({x + 0.25 + 0.5 * (k % 2), y + 0.25 + 0.5 * (k / 2)});
+          sum += ray ? level(R_world_rig * ray->direction(), world) : 0;
+        }
+        picture.values.push_back(sum / 4);
+      }
+    }
+    scene.pictures.push_back(picture);
+  }
+  return scene;
+}
+
+double error_deg(const Upright& found, const Eigen::Matrix3d& R_world_rig) {
+  const Eigen::Vector3d truth = R_world_rig.transpose() * Eigen::Vector3d(0, -1, 0);
+  return std::acos(std::min(1.0, found.up.dot(truth))) / kRadians;
+}
+
+TEST(Upright, HorizonAndPosts_ToADegreeAtAnyTilt) {
+  const Calibration rig = test::six_fisheyes(360, 120);
+  for (const auto& [yaw, pitch, roll] : std::vector<std::array<double, 3>>{{0, 0, 0}, {20, 30, 0}, {0, 70, 40}, {100, -20, 170}}) {
+    const Eigen::Matrix3d R = geometry::to_R_head_rig({yaw, pitch, roll});
+    const Scene scene = seen_by(rig, R, {});
+    const Upright found = find_upright(scene.heads, scene.pictures);
+    EXPECT_LT(error_deg(found, R), 1) << yaw << " " << pitch << " " << roll;
+    EXPECT_TRUE(found.sure);
+  }
+}
+
+TEST(Upright, PostsAlone_OrTheHorizonAlone_AreEnough) {
+  const Calibration rig = test::six_fisheyes(480, 120);
+  const Eigen::Matrix3d R = geometry::to_R_head_rig({10, 25, -15});
+  for (const World& world : {World{false, true}, World{true, false}}) {
+    const Scene scene = seen_by(rig, R, world);
+    EXPECT_LT(error_deg(find_upright(scene.heads, scene.pictures), R), 1.5) << world.horizon;
+  }
+}
+
+TEST(Upright, UprightPicturesOfARing_StandUpright) {
+  // Heads turned by 90 degrees about their axes, as phones held upright: the axis that they share is vertical.
+  Calibration rig = test::ring(4, 320, 240);
+  for (std::size_t h = 0; h < 4; ++h) rig.heads[h] = test::plain_head("cam" + std::to_string(h), 320, 240, 90.0 * static_cast<double>(h), 100);
+  const Eigen::Matrix3d R = geometry::to_R_head_rig({0, 0, 90});
+  Calibration turned = rig;
+  for (HeadCalibration& head : turned.heads) head.R_head_rig = geometry::rows_of(geometry::matrix_of(head.R_head_rig) * R);
+  const Scene scene = seen_by(turned, R, {});
+  EXPECT_LT(error_deg(find_upright(scene.heads, scene.pictures), R), 1);
+}
+
+TEST(Upright, NothingToGoBy_IsNotSure) {
+  const Calibration rig = test::six_fisheyes(64, 120);
+  Scene scene = seen_by(rig, Eigen::Matrix3d::Identity(), {});
+  for (Picture& picture : scene.pictures) std::ranges::fill(picture.values, 90.0F);
+  const Upright found = find_upright(scene.heads, scene.pictures);
+  EXPECT_FALSE(found.sure);
+  EXPECT_NEAR(found.up.norm(), 1, 1e-9);
+  for (Picture& picture : scene.pictures) std::ranges::fill(picture.values, 0.0F);
+  EXPECT_EQ(find_upright(scene.heads, scene.pictures).up, Eigen::Vector3d(0, -1, 0));
+}
+
+TEST(Upright, Rotation_TurnsUpUpAndForwardForward) {
+  const Eigen::Vector3d up = Eigen::Vector3d(0.3, -0.8, 0.4).normalized();
+  for (const Eigen::Vector3d& forward : {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 0, 0), up, Eigen::Vector3d(-up)}) {
+    const Eigen::Matrix3d R = upright_rotation(up, forward);
+    EXPECT_LT((R * up - Eigen::Vector3d(0, -1, 0)).norm(), 1e-12);
+    EXPECT_LT((R * R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    EXPECT_NEAR(R.determinant(), 1, 1e-12);
+    if (std::abs(forward.dot(up)) < 0.9) {
+      EXPECT_NEAR((R * forward).x(), 0, 1e-12);
+      EXPECT_GT((R * forward).z(), 0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace nodal::autocalibration
