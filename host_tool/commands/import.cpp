@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/replay_toml.h"
 #include "host_tool/console/files.h"
 #include "host_tool/report/calibration_report.h"
 #include "stitch/geometry/head.h"
@@ -62,40 +63,20 @@ Residual total_of(const Residuals& residuals) {
   return total;
 }
 
-std::string toml_string(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
-  }
-  quoted += '"';
-  return quoted;
-}
-
-/// A rig.toml with replay heads for the project's pictures. Paths below rig.toml's folder are relative to it.
+/// A rig.toml with replay heads for the project's pictures.
 Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const Args& args) {
-  std::string text = fmt::format(
-      "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
-      "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
-      "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
-      "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
-      fs::path(args.files.front()).filename().string(), toml_string(imported.calibration.name));
   const fs::path from = fs::absolute(args.files.front()).parent_path();
-  const fs::path to = fs::absolute(args.rig_toml).parent_path();
+  std::vector<std::string> pictures;
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
-    const std::string& head = imported.calibration.heads[i].name;
     if (imported.images[i].empty()) {
       return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
                                                    "leave out --rig-toml",
-                                                   args.files.front(), head));
+                                                   args.files.front(), imported.calibration.heads[i].name));
     }
-    const fs::path picture = (from / imported.images[i]).lexically_normal();
-    const fs::path relative = picture.lexically_relative(to);
-    const bool nearby = !relative.empty() && *relative.begin() != "..";
-    text += fmt::format("\n[[heads]]\nname = {}\nport = {}\n", toml_string(head),
-                        toml_string("replay:" + (nearby ? relative : picture).string()));
+    pictures.push_back((from / imported.images[i]).string());
   }
-  return text;
+  return replay_rig_toml(imported.calibration, pictures, fs::path(args.files.front()).filename().string(),
+                         args.rig_toml);
 }
 
 /// Sentences about pictures that the project names and that are not there, cannot be read, or have another size than the

@@ -8,11 +8,13 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/nominal_options.h"
+#include "host_tool/commands/replay_toml.h"
 #include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
+#include "host_tool/input/own_pictures.h"
 #include "host_tool/input/pairs_file.h"
 #include "host_tool/input/registration_advice.h"
 #include "host_tool/input/registration_input.h"
@@ -28,7 +30,7 @@ using registration::Report;
 struct Args {
   std::vector<std::string> inputs;
   NominalWords nominal;
-  std::string pairs, report;
+  std::string pairs, report, rig_toml;
   std::string out = "calibration.json";
   std::string free = "rotations", norm = "sum", colour = "luminance", vignetting = "own", gauge;
   bool no_search = false;
@@ -62,7 +64,35 @@ CLI::IsMember one_of(const Choices<Value>& choices) {
   return CLI::IsMember(names);
 }
 
-using Input = CalibratedPictures;
+struct Input : CalibratedPictures {
+  std::vector<std::string> files;  ///< of the first set; empty for a running rig
+  bool matched = false;            ///< the calibration is from the pictures themselves
+};
+
+/// Pictures without a calibration.
+Result<Input> input_from_pictures(Context& context, const Args& args) {
+  Console& console = context.console();
+  const Result<std::vector<std::string>> files = own_picture_files(args.inputs);
+  if (!files) return fail(files.error());
+  Result<FirstCalibration> first = fail(Errc::kInternal, "");
+  {
+    Progress bar(console, "matching", 1000);
+    first = interruptible(console, [&] {
+      return first_calibration(*files, [&](double done, const std::string& what) {
+        bar.update(static_cast<std::uint64_t>(1000 * done), what);
+      });
+    });
+  }
+  if (!first) return fail(first.error());
+  for (const std::string& note : first->notes) console.note("note: " + note);
+  console.note(first->confidence);
+  Input input;
+  input.calibration = std::move(first->calibration);
+  input.pictures.sets.push_back(std::move(first->images));
+  input.files = std::move(first->placed);
+  input.matched = true;
+  return input;
+}
 
 Result<Input> input_from_rig(Context& context, const Args& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
@@ -73,17 +103,33 @@ Result<Input> input_from_rig(Context& context, const Args& args) {
   if (!prior) return fail(prior.error());
   Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
   if (!pictures) return fail(pictures.error());
-  return Input{std::move(*prior), std::move(*pictures)};
+  Input input;
+  input.calibration = std::move(*prior);
+  input.pictures = std::move(*pictures);
+  return input;
 }
 
 Result<Input> read_input(Context& context, const Args& args) {
   if (args.inputs.empty() && !args.nominal.rig.empty())
     return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) return input_from_rig(context, args);
-  return interruptible(context.console(), [&] {
+  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return input_from_pictures(context, args);
+  Result<CalibratedPictures> read = interruptible(context.console(), [&] {
     return args.nominal.rig.empty() ? read_calibrated_pictures(args.inputs)
                                     : read_nominal_pictures(args.nominal, args.inputs);
   });
+  if (!read) return fail(read.error());
+  Input input;
+  static_cast<CalibratedPictures&>(input) = std::move(*read);
+  if (args.rig_toml.empty()) return input;
+  std::vector<std::string> names;
+  for (const HeadCalibration& head : input.calibration.heads) names.push_back(head.name);
+  const std::size_t others = args.nominal.rig.empty() ? 1 : 0;  // the calibration is the first argument
+  const auto sets =
+      picture_files({args.inputs.begin() + static_cast<std::ptrdiff_t>(others), args.inputs.end()}, names);
+  if (!sets) return fail(sets.error());
+  input.files = sets->front();
+  return input;
 }
 
 // JSON has no infinity; null means "unknown".
@@ -153,6 +199,9 @@ void tell(Console& console, const Report& report, bool focals, const std::string
 Status run(Context& context, const Args& args) {
   const Result<Duration> limit = parse_duration(args.limit);
   if (!limit) return fail(limit.error().in("--limit"));
+  if (!args.rig_toml.empty() && args.inputs.empty()) {
+    return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
+  }
   Result<Input> input = read_input(context, args);
   if (!input) return fail(input.error());
   if (!args.pairs.empty()) {
@@ -175,7 +224,7 @@ Status run(Context& context, const Args& args) {
   options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
                   : args.inputs.empty() ? registration::Gauge::kMost
                                         : registration::Gauge::kFirstHead;
-  options.search = !args.no_search;
+  options.search = !args.no_search && !input->matched;
   options.lens_far_off = !args.nominal.rig.empty();  // a data sheet gives a field of view, but no lens
   Result<Report> report = fail(Errc::kInternal, "");
   const auto wall = std::chrono::steady_clock::now();
@@ -193,6 +242,10 @@ Status run(Context& context, const Args& args) {
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
+  if (!args.rig_toml.empty()) {
+    const std::string toml = replay_rig_toml(report->calibration, input->files, args.out, args.rig_toml);
+    if (const Status written = write_file(args.rig_toml, toml); !written) return written;
+  }
   if (!args.report.empty()) {
     const Result<std::string> page = interruptible(context.console(), [&] {
       return registration_report(input->calibration, input->pictures.frames().front(), *report);
@@ -218,6 +271,7 @@ Status run(Context& context, const Args& args) {
 void add_register(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
       app, "register", "Estimate how the heads are turned relative to each other, from pictures they took together",
+      "  nodal register cam0.png cam1.png cam2.png -o rig.json    nothing is known but the pictures\n"
       "  nodal register rig.json cam0.png cam1.png cam2.png -o found.json\n"
       "  nodal register rig.json noon/ evening/ --free focals     folders with pictures named after the heads\n"
       "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
@@ -227,8 +281,8 @@ void add_register(CLI::App& app, CommandLine& line) {
   auto args = std::make_shared<Args>();
   command
       ->add_option("INPUT", args->inputs,
-                   "The calibration to start from (none with --nominal), and the pictures; "
-                   "nothing: the running rig's")
+                   "The calibration to start from, and the pictures; pictures alone: where heads are and which "
+                   "lens they have is found in them; nothing: the running rig's")
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
@@ -266,6 +320,8 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("FILE");
   command->add_option("--report", args->report, "A page to look at: convergence, differences, seams, uncertainties")
       ->type_name("HTML");
+  command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
+      ->type_name("FILE");
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));

@@ -218,12 +218,9 @@ Status run(Context& context, const Args& args) {
     }
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  Json document{{"raymaps", count},
-                {"out", last},
-                {"layout", args.layout},
-                {"width", job->size.width},
-                {"height", job->size.height},
-                {"calibration", to_hex(calibration_id(job->input.calibration))},
+  Json document{{"raymaps", count},           {"out", last},
+                {"layout", args.layout},      {"width", job->size.width},
+                {"height", job->size.height}, {"calibration", to_hex(calibration_id(job->input.calibration))},
                 {"seconds", seconds}};
   if (!job->confidence.empty()) {
     document["confidence"] = job->confidence;

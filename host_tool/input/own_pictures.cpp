@@ -105,9 +105,10 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
   if (!found->upright) {
     first.notes.push_back("which way is up is a guess by the light: too few edges of the scene are vertical");
   }
-  first.confidence = fmt::format("{} of {} pictures placed by {} points that two of them show; the points agree within "
-                                 "{:.1f} px (median)",
-                                 first.placed.size(), files.size(), found->matches, found->error_px);
+  first.confidence = fmt::format(
+      "{} of {} pictures placed by {} points that two of them show; the points agree within "
+      "{:.1f} px (median)",
+      first.placed.size(), files.size(), found->matches, found->error_px);
   return first;
 }
 

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "host_tool/console/files.h"
+#include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
 
@@ -42,6 +43,12 @@ Region::Circle circle_in(const DecodedImage& picture) {
                          [](std::uint8_t level) { return static_cast<float>(level) / 255; });
   const Region region = calibration::find_region({&levels});
   if (region.circle) return {region.circle->x, region.circle->y, region.circle->radius + calibration::kEdgeBlur};
+  // The edge may be blurred, or partly outside of the picture.
+  const autocalibration::Picture small = autocalibration::reduced(grey, autocalibration::kEdgeSide);
+  if (const auto circle = autocalibration::find_image_circle(small)) {
+    const double scale = static_cast<double>(grey.width) / small.width;
+    return {circle->x * scale, circle->y * scale, circle->radius * scale};
+  }
   return {grey.width / 2.0, grey.height / 2.0, std::min(grey.width, grey.height) / 2.0};
 }
 

@@ -26,7 +26,7 @@ struct Shape {
 /// One lens for all heads; radii in units of each picture's Shape::unit().
 struct SharedLens {
   KannalaBrandtLens model;
-  double aspect = 1;  ///< height of a unit / its width, as in the calibration
+  double aspect = 1;            ///< height of a unit / its width, as in the calibration
   Eigen::Vector2d shift{0, 0};  ///< of the lens's axis from Shape::center(), units
 };
 

@@ -19,28 +19,9 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kFeatureSide = 1600;       // px; larger pictures are reduced to this for features,
-constexpr int kEdgeSide = 800;           // and to this for edges and circles
+constexpr int kFeatureSide = 1600;       // px; larger pictures are reduced to this for features
 constexpr double kWithin = 0.98;         // of the lens's largest radius
 constexpr std::size_t kFeatures = 2500;  // per picture
-
-// The picture reduced by a whole number, so that its longer side is at most `side`.
-Picture reduced(const DecodedImage& picture, int side) {
-  const int by = (std::max(picture.width, picture.height) + side - 1) / side;
-  Picture small{picture.width / by, picture.height / by, {}};
-  small.values.reserve(static_cast<std::size_t>(small.width) * static_cast<std::size_t>(small.height));
-  for (int y = 0; y < small.height; ++y) {
-    for (int x = 0; x < small.width; ++x) {
-      int sum = 0;
-      for (int j = 0; j < by; ++j) {
-        const std::uint8_t* row = picture.bytes.data() + static_cast<std::size_t>(y * by + j) * static_cast<std::size_t>(picture.width);
-        for (int i = 0; i < by; ++i) sum += row[x * by + i];
-      }
-      small.values.push_back(static_cast<float>(sum) / static_cast<float>(by * by));
-    }
-  }
-  return small;
-}
 
 Region scaled(const Region::Circle* circle, int width, int height, double scale) {
   Region region{0, 0, width * scale, height * scale, {}};
@@ -129,7 +110,8 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   const std::size_t count = pictures.size();
   if (count < 2) return fail(Errc::kBadValue, "one picture is no rig; give two or more that overlap");
   if (count > kMostPictures) {
-    return fail(Errc::kBadValue, fmt::format("{} pictures; without a calibration at most {} are matched", count, kMostPictures));
+    return fail(Errc::kBadValue,
+                fmt::format("{} pictures; without a calibration at most {} are matched", count, kMostPictures));
   }
   const auto tell = [&](double done) {
     if (options.progress) options.progress(done);

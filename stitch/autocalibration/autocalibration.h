@@ -15,7 +15,7 @@
 namespace nodal::autocalibration {
 
 struct Options {
-  int threads = 0;  ///< 0: one per core. The result does not depend on it.
+  int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
 };
 

@@ -16,13 +16,13 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kLensUnknowns = 6;                     // log focal, two coefficients, log aspect, the axis's shift
-constexpr double kSlope = 1e-5;                      // for derivatives by the lens
-constexpr double kFarthest = 0.05;                   // units; a match that is farther off is an outlier
-constexpr double kNearest = 0.001;                   // units; features are not more accurate than this
-constexpr double kAspectSigma = 0.01;                // of its logarithm, about the start's
-constexpr double kMostAspectChange = 0.05;           // of it
-constexpr double kPixelsPerUnit = 1000;            // a lens's focal length must be at least one pixel
+constexpr int kLensUnknowns = 6;            // log focal, two coefficients, log aspect, the axis's shift
+constexpr double kSlope = 1e-5;             // for derivatives by the lens
+constexpr double kFarthest = 0.05;          // units; a match that is farther off is an outlier
+constexpr double kNearest = 0.001;          // units; features are not more accurate than this
+constexpr double kAspectSigma = 0.01;       // of its logarithm, about the start's
+constexpr double kMostAspectChange = 0.05;  // of it
+constexpr double kPixelsPerUnit = 1000;     // a lens's focal length must be at least one pixel
 constexpr int kMostSteps = 60;
 constexpr double kEnough = 1e-7;
 
@@ -135,7 +135,8 @@ solve::Evaluation Bundle::evaluate(const BundleState& state) const {
         J.block<3, 3>(0, columns_[head]) += sign * focal * (back * cross);
       }
       for (int k = 0; k < kLensUnknowns; ++k) {
-        const auto more = beside[static_cast<std::size_t>(k)][0].ray(at), less = beside[static_cast<std::size_t>(k)][1].ray(at);
+        const auto more = beside[static_cast<std::size_t>(k)][0].ray(at),
+                   less = beside[static_cast<std::size_t>(k)][1].ray(at);
         if (more && less) J.col(k) += sign * focal / (2 * kSlope) * (back * (*more - *less));
       }
       return true;

@@ -40,10 +40,10 @@ struct BundleFit {
 };
 
 struct BundleRules {
-  std::size_t first = 0;            ///< the head that keeps its rotation
-  bool free_aspect = false;         ///< the pixels' aspect is estimated
-  std::array<double, 2> sigma{};    ///< standard deviations of the lens's coefficients about the start's
-  double shift_sigma = 0;           ///< of the lens's axis, units of radius
+  std::size_t first = 0;          ///< the head that keeps its rotation
+  bool free_aspect = false;       ///< the pixels' aspect is estimated
+  std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about the start's
+  double shift_sigma = 0;         ///< of the lens's axis, units of radius
 };
 
 /// Matches of heads without a rotation are not used.

@@ -11,11 +11,11 @@ extern "C" {
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kLevels = 3;           // per octave, as in Lowe's paper
-constexpr double kPeak = 1.5;        // least contrast of the difference of Gaussians, levels of 255
-constexpr double kEdge = 10;         // most ratio of the principal curvatures
-constexpr double kDescribed = 6;     // the descriptor reaches this many scales from its point
-constexpr int kCells = 8;            // the picture is divided into this many cells each way
+constexpr int kLevels = 3;        // per octave, as in Lowe's paper
+constexpr double kPeak = 1.5;     // least contrast of the difference of Gaussians, levels of 255
+constexpr double kEdge = 10;      // most ratio of the principal curvatures
+constexpr double kDescribed = 6;  // the descriptor reaches this many scales from its point
+constexpr int kCells = 8;         // the picture is divided into this many cells each way
 constexpr double kDescriptorScale = 512;
 
 struct Scaled {

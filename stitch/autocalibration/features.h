@@ -7,20 +7,10 @@
 #include <vector>
 
 #include "protocol/calibration.h"
+#include "stitch/autocalibration/picture.h"
 #include "stitch/geometry/ray.h"
 
 namespace nodal::autocalibration {
-
-/// A grey picture; sample (i, j) is the value at point (i + 1/2, j + 1/2).
-struct Picture {
-  int width = 0;
-  int height = 0;
-  std::vector<float> values;  ///< 0..255, row by row
-
-  float at(int x, int y) const {
-    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
-  }
-};
 
 inline constexpr std::size_t kDescriptorSize = 128;
 

@@ -6,20 +6,20 @@
 #include <numbers>
 #include <vector>
 
-#include "stitch/solve/normal_equations.h"
+#include "stitch/solve/circle.h"
 
 namespace nodal::autocalibration {
 namespace {
 
 constexpr int kSpokes = 720;
-constexpr double kDark = 45;        // levels: the most that light outside of the circle can be
-constexpr double kRise = 2.5;       // the level inside the edge / the level outside, at least,
-constexpr double kRiseLevels = 8;   // plus this
-constexpr double kNear = 0.012;     // of the radius: how far an edge's point may be from the circle
+constexpr double kDark = 45;       // levels: the most that light outside of the circle can be
+constexpr double kRise = 2.5;      // the level inside the edge / the level outside, at least,
+constexpr double kRiseLevels = 8;  // plus this
+constexpr double kNear = 0.012;    // of the radius: how far an edge's point may be from the circle
 constexpr int kFewestPoints = kSpokes / 8;
-constexpr double kLeastShare = 1.0 / 3;    // of the spokes that end at an edge
-constexpr double kSmallest = 0.6;          // radius / half of the shorter side
-constexpr double kLargest = 1.2;           // radius / half of the diagonal
+constexpr double kLeastShare = 1.0 / 3;  // of the spokes that end at an edge
+constexpr double kSmallest = 0.6;        // radius / half of the shorter side
+constexpr double kLargest = 1.2;         // radius / half of the diagonal
 constexpr int kTried = 2000;
 
 // The means of the picture along a spoke, from the middle outwards, one a pixel.
@@ -47,25 +47,10 @@ std::optional<double> edge_on(const std::vector<double>& levels, std::size_t win
   return std::nullopt;
 }
 
-Region::Circle circle_through(const std::vector<Eigen::Vector2d>& points) {
-  solve::NormalEquations sum(3);
-  for (const Eigen::Vector2d& p : points) {
-    const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
-    sum.add(row.data(), -p.squaredNorm(), 1);
-  }
-  const Eigen::Vector3d x = sum.step(0, {});
-  return {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
-}
-
-double off(const Region::Circle& circle, const Eigen::Vector2d& p) {
-  return std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius;
-}
-
-std::vector<Eigen::Vector2d> near(const Region::Circle& circle, const std::vector<Eigen::Vector2d>& points) {
+std::vector<Eigen::Vector2d> near(const solve::Circle& circle, const std::vector<Eigen::Vector2d>& points) {
   std::vector<Eigen::Vector2d> kept;
-  std::ranges::copy_if(points, std::back_inserter(kept), [&](const Eigen::Vector2d& p) {
-    return std::abs(off(circle, p)) < kNear * circle.radius;
-  });
+  std::ranges::copy_if(points, std::back_inserter(kept),
+                       [&](const Eigen::Vector2d& p) { return std::abs(circle.distance(p)) < kNear * circle.radius; });
   return kept;
 }
 
@@ -79,7 +64,7 @@ std::optional<Region::Circle> circle_with(const Picture& picture, std::size_t wi
     if (const auto r = edge_on(levels_along(picture, middle, way), window)) points.push_back(middle + *r * way);
   }
   if (static_cast<int>(points.size()) < kFewestPoints) return std::nullopt;
-  const auto plausible = [&](const Region::Circle& circle) {
+  const auto plausible = [&](const solve::Circle& circle) {
     return circle.radius > kSmallest * std::min(picture.width, picture.height) / 2 &&
            circle.radius < kLargest * std::hypot(picture.width, picture.height) / 2;
   };
@@ -88,25 +73,26 @@ std::optional<Region::Circle> circle_with(const Picture& picture, std::size_t wi
   const std::size_t count = points.size();
   for (int t = 0; t < kTried; ++t) {
     const auto at = [&](std::size_t step) { return points[static_cast<std::size_t>(t) * step % count]; };
-    const std::vector<Eigen::Vector2d> three{at(1), at(271) , at(613)};
-    const Region::Circle circle = circle_through(three);
+    const std::vector<Eigen::Vector2d> three{at(1), at(271), at(613)};
+    const solve::Circle circle = solve::fitted_circle(three);
     if (!plausible(circle)) continue;
     if (std::vector<Eigen::Vector2d> kept = near(circle, points); kept.size() > best.size()) best = std::move(kept);
   }
-  if (static_cast<int>(best.size()) < kFewestPoints || static_cast<double>(best.size()) < kLeastShare * static_cast<double>(count)) {
+  if (static_cast<int>(best.size()) < kFewestPoints ||
+      static_cast<double>(best.size()) < kLeastShare * static_cast<double>(count)) {
     return std::nullopt;
   }
-  Region::Circle circle = circle_through(best);
+  solve::Circle circle = solve::fitted_circle(best);
   best = near(circle, points);
-  circle = circle_through(best);
+  circle = solve::fitted_circle(best);
   if (!plausible(circle)) return std::nullopt;
   // The inner side of the edge.
   std::vector<double> offs;
-  for (const Eigen::Vector2d& p : best) offs.push_back(off(circle, p));
+  for (const Eigen::Vector2d& p : best) offs.push_back(circle.distance(p));
   const auto tenth = offs.begin() + static_cast<std::ptrdiff_t>(offs.size() / 10);
   std::ranges::nth_element(offs, tenth);
   circle.radius += *tenth - static_cast<double>(window) / 2;
-  return circle;
+  return Region::Circle{circle.x, circle.y, circle.radius};
 }
 
 }  // namespace

@@ -3,7 +3,8 @@
 
 #include <optional>
 
-#include "stitch/autocalibration/features.h"
+#include "protocol/calibration.h"
+#include "stitch/autocalibration/picture.h"
 
 namespace nodal::autocalibration {
 

@@ -13,7 +13,8 @@ constexpr double kRatio = 0.8;  // of the distances to the nearest and to the se
     !defined(__SANITIZE_THREAD__) && !defined(NODAL_COVERAGE)
 __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #endif
-std::int32_t square_distance(const std::uint8_t* a, const std::uint8_t* b) {
+std::int32_t
+square_distance(const std::uint8_t* a, const std::uint8_t* b) {
   std::int32_t sum = 0;
   for (std::size_t i = 0; i < kDescriptorSize; ++i) {
     const std::int32_t difference = std::int32_t{a[i]} - std::int32_t{b[i]};

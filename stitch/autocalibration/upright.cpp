@@ -14,19 +14,19 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kLeastSlope = 3;          // levels per pixel, for an edge
-constexpr int kStraight = 6;               // px; an edge is straight if its slope is the same so far along it,
-constexpr double kAlike = 0.985;           // up to this cosine
+constexpr double kLeastSlope = 3;              // levels per pixel, for an edge
+constexpr int kStraight = 6;                   // px; an edge is straight if its slope is the same so far along it,
+constexpr double kAlike = 0.985;               // up to this cosine
 constexpr double kTolerance = 1.5 * kRadians;  // at first,
 constexpr double kFinest = 0.3 * kRadians;     // and at the end
-constexpr double kWindow = 35 * kRadians;  // how far up may be from where the light comes from
+constexpr double kWindow = 35 * kRadians;      // how far up may be from where the light comes from
 constexpr double kRingWindow = 12 * kRadians;  // or from a ring's axis
-constexpr double kRim = 0.06;               // of an image circle's radius; edges are not used there
+constexpr double kRim = 0.06;                  // of an image circle's radius; edges are not used there
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadians;
-constexpr double kLeastHeld = 0.5;         // of the mean of the heads' upward axes, for heads that are held alike
-constexpr double kSure = 6;                // standard deviations of the number of edges that agree by chance
+constexpr double kLeastHeld = 0.5;  // of the mean of the heads' upward axes, for heads that are held alike
+constexpr double kSure = 150;       // standard deviations; textures and patterns reach 130
 constexpr std::size_t kMostEdges = 40000;
 
 struct Lit {
@@ -54,7 +54,8 @@ Picture blurred(const Picture& picture) {
       for (int x = 0; x < from.width; ++x) {
         float sum = 0;
         for (int k = -2; k <= 2; ++k) {
-          const int i = std::clamp(rows ? x + k : x, 0, from.width - 1), j = std::clamp(rows ? y : y + k, 0, from.height - 1);
+          const int i = std::clamp(rows ? x + k : x, 0, from.width - 1),
+                    j = std::clamp(rows ? y : y + k, 0, from.height - 1);
           sum += kWeights[static_cast<std::size_t>(k + 2)] * from.at(i, j);
         }
         to.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(to.width) + static_cast<std::size_t>(x)] = sum;
@@ -102,7 +103,8 @@ void add_picture(const geometry::Head& head, const Picture& sharp, Seen& seen) {
         const double fx = px - ix, fy = py - iy;
         const Eigen::Vector2d there = (1 - fy) * ((1 - fx) * slope_at(ix, iy) + fx * slope_at(ix + 1, iy)) +
                                       fy * ((1 - fx) * slope_at(ix, iy + 1) + fx * slope_at(ix + 1, iy + 1));
-        straight = straight && there.dot(slope) > kAlike * there.norm() * slope.norm() && there.norm() > slope.norm() / 2;
+        straight =
+            straight && there.dot(slope) > kAlike * there.norm() * slope.norm() && there.norm() > slope.norm() / 2;
         sum += there;
       }
       if (!straight) continue;
@@ -209,7 +211,8 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
   if (const Vector3d light = light_of(std::move(seen.lit)); light.norm() > 1e-9) found.up = light.normalized();
   const Vector3d light = found.up;
   Vector3d held = Vector3d::Zero();
-  for (const geometry::Head& head : heads) held -= head.R_head_rig().row(1).transpose() / static_cast<double>(heads.size());
+  for (const geometry::Head& head : heads)
+    held -= head.R_head_rig().row(1).transpose() / static_cast<double>(heads.size());
   double best = 0;
   if (const auto axis = ring_axis(heads); axis && std::abs(axis->dot(light)) > 0.3) {
     search_around(seen.edges, axis->dot(light) > 0 ? *axis : Vector3d(-*axis), kRingWindow, found, best);
@@ -219,7 +222,7 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
   }
   found.sure = best > kSure;
   const Vector3d side = found.up.unitOrthogonal(), other = found.up.cross(side);
-  for (double step = kStep / 2; found.sure && step > kStep / 16; step /= 2) {
+  for (double step = kStep / 2; best > 0 && step > kStep / 16; step /= 2) {
     const Vector3d middle = found.up;
     best = 0;
     for (int i = -2; i <= 2; ++i) {

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "stitch/autocalibration/features.h"
+#include "stitch/autocalibration/picture.h"
 #include "stitch/geometry/head.h"
 
 namespace nodal::autocalibration {

@@ -83,7 +83,8 @@ PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<Ray
   std::vector<int> of_head(R.size());
   for (const auto& [heads, theirs] : by_heads) {
     const Joint joint = joint_of(theirs, rules.tolerance);
-    if (joint.agreeing < rules.least || joint.agreeing < rules.least_share * static_cast<double>(theirs.size())) continue;
+    if (joint.agreeing < rules.least || joint.agreeing < rules.least_share * static_cast<double>(theirs.size()))
+      continue;
     joints[heads] = joint;
     start.agreeing += joint.agreeing;
     of_head[heads.first] += joint.agreeing;

@@ -183,6 +183,53 @@ TEST_F(StitchCommand, ARigByItsDataSheet_IsStitchedWithTheCirclesFoundInThePictu
   expect_refused({"--circle", "1,1,5", path("pictures")}, "--nominal");
 }
 
+TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
+  constexpr int kFineSide = 400;
+  const test::RenderedRig rig =
+      test::render_rig(test::six_fisheyes(kFineSide), hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 1.0, 5, 2});
+  std::filesystem::create_directories(path("own"));
+  for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
+    test::write_bytes(path("own/" + rig.truth.heads[h].name + ".png"),
+                      test::png_of(rig.bytes[h], kFineSide, kFineSide, 3));
+  }
+  write("own/notes.txt", "not a picture");
+  const Json answer = nodal_json({"stitch", path("own"), "--width", "512", "-o", path("town.png")}).at(0);
+  EXPECT_NE(answer["confidence"].get<std::string>().find("6 of 6 pictures placed"), std::string::npos) << answer;
+  EXPECT_TRUE(std::filesystem::exists(path("town.report.html")));
+  const auto found = parse_calibration(read("town.rig.json"));
+  ASSERT_TRUE(found) << found.error().text();
+  EXPECT_EQ(found->heads[0].name, rig.truth.heads[0].name) << "heads are called after their files";
+  EXPECT_LT(test::rotation_error(rig.truth, *found).max_deg, 0.3);
+  // The calibration that was written makes the same picture.
+  Words again{"stitch", path("town.rig.json"), path("own"), "--width", "512", "-o", path("again.png")};
+  ASSERT_EQ(nodal(again).code, 0);
+  EXPECT_EQ(read("again.png"), read("town.png"));
+
+  const Finished run =
+      nodal({"register", path("own"), "--free", "lens", "-o", path("rig.json"), "--rig-toml", path("rig.toml")});
+  ASSERT_EQ(run.code, 0) << run.err;
+  const auto registered = parse_calibration(read("rig.json"));
+  ASSERT_TRUE(registered) << registered.error().text();
+  EXPECT_LT(test::rotation_error(rig.truth, *registered).max_deg, 0.3);
+  EXPECT_NE(read("rig.toml").find("port = \"replay:own/" + name_of(0) + ".png\""), std::string::npos)
+      << read("rig.toml");
+}
+
+TEST_F(StitchCommand, PicturesAloneThatDoNotFit_AreRefused) {
+  write_pictures("pictures");
+  std::filesystem::create_directories(path("empty"));
+  expect_refused({path("pictures/" + name_of(0) + ".png"), "-o", path("x.jpg")}, "one picture is no rig");
+  expect_refused({path("pictures"), path("empty"), "-o", path("x.jpg")}, "there is no picture in this folder");
+  expect_refused({path("pictures"), path("nothing.jpg"), "-o", path("x.jpg")}, "nothing.jpg");
+  expect_refused({path("pictures"), "-o", path("pictures/" + name_of(0) + ".png")}, "is one of the pictures");
+  // Opposite heads of a narrow field of view have nothing in common.
+  test::write_bytes(path("a.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3, 90), 64, 64, 3));
+  test::write_bytes(path("b.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3, 70), 64, 64, 3));
+  expect_refused({path("a.png"), path("b.png"), "-o", path("x.jpg")}, "no two pictures show the same things");
+  EXPECT_FALSE(std::filesystem::exists(path("x.jpg")));
+  EXPECT_FALSE(std::filesystem::exists(path("x.rig.json")));
+}
+
 TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   write_pictures("pictures");
   const std::string rig = path("rig.json");

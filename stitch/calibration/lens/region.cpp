@@ -6,7 +6,7 @@
 #include <numbers>
 #include <optional>
 
-#include "stitch/solve/normal_equations.h"
+#include "stitch/solve/circle.h"
 
 namespace nodal::calibration {
 namespace {
@@ -68,10 +68,10 @@ Edge edge_of(const GreyImage& image, float black, const Eigen::Vector2d& middle)
 }
 
 /// Signed distances of the points from the circle, px; negative inside.
-std::vector<double> distances(const std::vector<Eigen::Vector2d>& points, const Region::Circle& circle) {
+std::vector<double> distances(const std::vector<Eigen::Vector2d>& points, const solve::Circle& circle) {
   std::vector<double> all;
   all.reserve(points.size());
-  for (const Eigen::Vector2d& p : points) all.push_back(std::hypot(p.x() - circle.x, p.y() - circle.y) - circle.radius);
+  for (const Eigen::Vector2d& p : points) all.push_back(circle.distance(p));
   return all;
 }
 
@@ -81,17 +81,6 @@ double rms_of(const std::vector<double>& errors) {
   return std::sqrt(square / static_cast<double>(errors.size()));
 }
 
-/// The least-squares circle through the points; linear in its centre and power.
-Region::Circle fitted_circle(const std::vector<Eigen::Vector2d>& points) {
-  solve::NormalEquations sum(3);
-  for (const Eigen::Vector2d& p : points) {
-    const Eigen::Vector3d row(2 * p.x(), 2 * p.y(), 1);
-    sum.add(row.data(), -p.squaredNorm(), 1);
-  }
-  const Eigen::Vector3d x = sum.step(0, {});
-  return {x[0], x[1], std::sqrt(std::max(0.0, x[2] + x[0] * x[0] + x[1] * x[1]))};
-}
-
 /// The circle through at least half of the points, or nothing. Distant points are outliers: a spoke that ends at
 /// something dark in the scene ends inside the circle.
 std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points) {
@@ -99,10 +88,10 @@ std::optional<Region::Circle> circle_through(std::vector<Eigen::Vector2d> points
   constexpr int kPasses = 8;
   std::optional<Region::Circle> found;
   for (int pass = 0; pass < kPasses && points.size() >= fewest; ++pass) {
-    const Region::Circle circle = fitted_circle(points);
+    const solve::Circle circle = solve::fitted_circle(points);
     const std::vector<double> errors = distances(points, circle);
     const double rms = rms_of(errors);
-    if (rms < kCircleError) found = circle;
+    if (rms < kCircleError) found = Region::Circle{circle.x, circle.y, circle.radius};
     std::vector<Eigen::Vector2d> kept;
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (std::abs(errors[i]) < 1.5 * rms) kept.push_back(points[i]);

@@ -50,7 +50,8 @@ std::vector<Match> matches_of(const Calibration& truth, int rays, const Errors& 
         if (!seen[a] || !seen[b]) continue;
         Match match{a, b, *seen[a], *seen[b]};
         if (unit(random) < errors.wrong) {
-          match.pixel_b = {(0.1 + 0.8 * unit(random)) * heads[b].width(), (0.1 + 0.8 * unit(random)) * heads[b].height()};
+          match.pixel_b = {(0.1 + 0.8 * unit(random)) * heads[b].width(),
+                           (0.1 + 0.8 * unit(random)) * heads[b].height()};
         }
         matches.push_back(match);
       }
@@ -88,7 +89,8 @@ TEST(Arrangement, RectilinearRing_LensAndRotationsWithHalfOfTheMatchesWrong) {
   EXPECT_NEAR(angle_at(found->lens, 1) / kRadians, 35, 0.15);
   EXPECT_EQ(found->lens.aspect, 1) << "640x480 has square pixels";
   // Half of the matches are right, give or take some that agree by chance.
-  const double share = static_cast<double>(found->used.size()) / static_cast<double>(matches_of(truth, 1500, {0.5, 0.5}).size());
+  const double share =
+      static_cast<double>(found->used.size()) / static_cast<double>(matches_of(truth, 1500, {0.5, 0.5}).size());
   EXPECT_NEAR(share, 0.5, 0.05);
 }
 
@@ -161,7 +163,8 @@ TEST(Arrangement, APictureOfSomethingElse_IsNotPlacedAndChangesNothing) {
 TEST(Arrangement, AnyNumberOfThreads_SameResult) {
   const Calibration truth = test::six_fisheyes(600, 150);
   const std::vector<Match> matches = matches_of(truth, 300, {0.5, 0.3});
-  const auto one = find_arrangement(shapes_of(truth), matches, 1), four = find_arrangement(shapes_of(truth), matches, 4);
+  const auto one = find_arrangement(shapes_of(truth), matches, 1),
+             four = find_arrangement(shapes_of(truth), matches, 4);
   ASSERT_TRUE(one && four);
   EXPECT_EQ(one->lens.model, four->lens.model);
   for (std::size_t h = 0; h < 6; ++h) EXPECT_EQ(*one->R_head_rig[h], *four->R_head_rig[h]);

@@ -26,7 +26,8 @@ std::vector<std::string> names_of(const Calibration& rig) {
 }
 
 TEST(Autocalibration, TownSeenBySixFisheyes_RotationsAndFieldOfView) {
-  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(500), hal::sim::town_square_scene(3), {.noise_levels = 1});
+  const test::RenderedRig rig =
+      test::render_rig(test::six_fisheyes(500), hal::sim::town_square_scene(3), {.noise_levels = 1});
   const auto found = autocalibrate(pictures_of(rig), names_of(rig.truth), {});
   ASSERT_TRUE(found) << found.error().text();
   EXPECT_EQ(found->placed.size(), 6U);

@@ -23,7 +23,8 @@ Picture blobs(int side, std::uint64_t seed) {
       for (int i = 0; i < side; ++i) {
         const double dx = (i + 0.5 - x) / size, dy = (j + 0.5 - y) / (size * stretch);
         const double square = dx * dx + dy * dy;
-        if (square < 16) picture.values[static_cast<std::size_t>(j * side + i)] += static_cast<float>(level * std::exp(-square / 2));
+        if (square < 16)
+          picture.values[static_cast<std::size_t>(j * side + i)] += static_cast<float>(level * std::exp(-square / 2));
       }
     }
   }
@@ -38,7 +39,9 @@ TEST(Features, PictureTurnedByARightAngle_MatchesAreExact) {
   const Picture picture = blobs(300, 1);
   Picture turned = picture;  // clockwise: (x, y) goes to (300 - y, x)
   for (int y = 0; y < 300; ++y) {
-    for (int x = 0; x < 300; ++x) turned.values[static_cast<std::size_t>(x * 300 + 299 - y)] = picture.values[static_cast<std::size_t>(y * 300 + x)];
+    for (int x = 0; x < 300; ++x)
+      turned.values[static_cast<std::size_t>(x * 300 + 299 - y)] =
+          picture.values[static_cast<std::size_t>(y * 300 + x)];
   }
   const auto a = find_features(picture, whole(picture), 1000), b = find_features(turned, whole(turned), 1000);
   const std::vector<Match> matches = find_matches(0, a, 1, b);
@@ -55,7 +58,9 @@ TEST(Features, PictureOfHalfTheSize_MatchesAreAtHalfTheCoordinates) {
   Picture half{200, 200, {}};
   for (int y = 0; y < 200; ++y) {
     for (int x = 0; x < 200; ++x) {
-      const auto at = [&](int i, int j) { return picture.values[static_cast<std::size_t>((2 * y + j) * 400 + 2 * x + i)]; };
+      const auto at = [&](int i, int j) {
+        return picture.values[static_cast<std::size_t>((2 * y + j) * 400 + 2 * x + i)];
+      };
       half.values.push_back((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) / 4);
     }
   }
@@ -96,7 +101,8 @@ TEST(Features, MoreThanWanted_AreSpreadOverThePicture) {
 
 TEST(Features, FlatAndTinyPictures_HaveNone) {
   for (const int side : {1, 2, 3, 8, 200}) {
-    const Picture flat{side, side, std::vector<float>(static_cast<std::size_t>(side) * static_cast<std::size_t>(side), 77)};
+    const Picture flat{side, side,
+                       std::vector<float>(static_cast<std::size_t>(side) * static_cast<std::size_t>(side), 77)};
     EXPECT_TRUE(find_features(flat, whole(flat), 100).empty()) << side;
   }
   EXPECT_TRUE(find_matches(0, {}, 1, {}).empty());

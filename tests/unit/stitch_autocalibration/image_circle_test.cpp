@@ -14,9 +14,9 @@ namespace {
 struct Drawn {
   int width = 800, height = 600;
   Region::Circle circle{400, 300, 260};
-  double blur = 6;         ///< px, from light to dark
-  double outside = 6;      ///< level
-  double dark_share = 0;   ///< of the directions from the middle: the scene is dark there
+  double blur = 6;        ///< px, from light to dark
+  double outside = 6;     ///< level
+  double dark_share = 0;  ///< of the directions from the middle: the scene is dark there
   double level = 150;
 };
 
@@ -54,10 +54,10 @@ TEST(ImageCircle, WideBlurAndStrayLight) { expect_found({.blur = 25, .outside = 
 TEST(ImageCircle, ThirdOfTheSceneDark) { expect_found({.dark_share = 0.33}, 3); }
 
 TEST(ImageCircle, OrdinaryPicturesHaveNone) {
-  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 5000}})));                  // no border
-  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 5000}, .level = 10})));     // a night
+  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 5000}})));                     // no border
+  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 5000}, .level = 10})));        // a night
   EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 5000}, .dark_share = 0.5})));  // half of it is dark
-  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 60}})));                    // a lamp
+  EXPECT_FALSE(find_image_circle(draw({.circle = {400, 300, 60}})));                       // a lamp
 }
 
 TEST(ImageCircle, StraightBlackBands_AreNone) {

@@ -64,7 +64,8 @@ double error_deg(const Upright& found, const Eigen::Matrix3d& R_world_rig) {
 
 TEST(Upright, HorizonAndPosts_ToADegreeAtAnyTilt) {
   const Calibration rig = test::six_fisheyes(360, 120);
-  for (const auto& [yaw, pitch, roll] : std::vector<std::array<double, 3>>{{0, 0, 0}, {20, 30, 0}, {0, 70, 40}, {100, -20, 170}}) {
+  for (const auto& [yaw, pitch, roll] :
+       std::vector<std::array<double, 3>>{{0, 0, 0}, {20, 30, 0}, {0, 70, 40}, {100, -20, 170}}) {
     const Eigen::Matrix3d R = geometry::to_R_head_rig({yaw, pitch, roll});
     const Scene scene = seen_by(rig, R, {});
     const Upright found = find_upright(scene.heads, scene.pictures);
@@ -85,10 +86,12 @@ TEST(Upright, PostsAlone_OrTheHorizonAlone_AreEnough) {
 TEST(Upright, UprightPicturesOfARing_StandUpright) {
   // Heads turned by 90 degrees about their axes, as phones held upright: the axis that they share is vertical.
   Calibration rig = test::ring(4, 320, 240);
-  for (std::size_t h = 0; h < 4; ++h) rig.heads[h] = test::plain_head("cam" + std::to_string(h), 320, 240, 90.0 * static_cast<double>(h), 100);
+  for (std::size_t h = 0; h < 4; ++h)
+    rig.heads[h] = test::plain_head("cam" + std::to_string(h), 320, 240, 90.0 * static_cast<double>(h), 100);
   const Eigen::Matrix3d R = geometry::to_R_head_rig({0, 0, 90});
   Calibration turned = rig;
-  for (HeadCalibration& head : turned.heads) head.R_head_rig = geometry::rows_of(geometry::matrix_of(head.R_head_rig) * R);
+  for (HeadCalibration& head : turned.heads)
+    head.R_head_rig = geometry::rows_of(geometry::matrix_of(head.R_head_rig) * R);
   const Scene scene = seen_by(turned, R, {});
   EXPECT_LT(error_deg(find_upright(scene.heads, scene.pictures), R), 1);
 }
@@ -106,7 +109,8 @@ TEST(Upright, NothingToGoBy_IsNotSure) {
 
 TEST(Upright, Rotation_TurnsUpUpAndForwardForward) {
   const Eigen::Vector3d up = Eigen::Vector3d(0.3, -0.8, 0.4).normalized();
-  for (const Eigen::Vector3d& forward : {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 0, 0), up, Eigen::Vector3d(-up)}) {
+  for (const Eigen::Vector3d& forward :
+       {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 0, 0), up, Eigen::Vector3d(-up)}) {
     const Eigen::Matrix3d R = upright_rotation(up, forward);
     EXPECT_LT((R * up - Eigen::Vector3d(0, -1, 0)).norm(), 1e-12);
     EXPECT_LT((R * R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-12);

@@ -1,0 +1,43 @@
+#include "host_tool/commands/replay_toml.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string toml_string(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  quoted += '"';
+  return quoted;
+}
+
+}  // namespace
+
+std::string replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
+                            const std::string& source, const std::string& file) {
+  std::string text = fmt::format(
+      "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
+      "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
+      "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
+      "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
+      source, toml_string(calibration.name));
+  const fs::path to = fs::absolute(file).parent_path();
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    const fs::path picture = fs::absolute(pictures[i]).lexically_normal();
+    const fs::path relative = picture.lexically_relative(to);
+    const bool nearby = !relative.empty() && *relative.begin() != "..";
+    text += fmt::format("\n[[heads]]\nname = {}\nport = {}\n", toml_string(calibration.heads[i].name),
+                        toml_string("replay:" + (nearby ? relative : picture).string()));
+  }
+  return text;
+}
+
+}  // namespace nodal::host
