@@ -10,7 +10,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       settings_(ports.disk),
       control_(config, software, Stages{capture_, blender_, encoder_, keeper_, settings_},
-               capture_.add_outlet(FrameSender::kSets, false), ports.listeners, ports.watchdog, ports.panel,
+               capture_.add_outlet(FrameSender::kSets, false), ports.listeners, ports.watchdog, ports.panel, ports.scan,
                ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
 }

@@ -36,6 +36,7 @@ struct RigPorts {
   hal::WatchdogPort* watchdog = nullptr;
   PanelPins panel;
   hal::ClockPort* stopwatch = nullptr;  ///< real clock that measures processing times, if `clock` is virtual
+  DeviceScan* scan = nullptr;           ///< null: hosts cannot list what is plugged in
 };
 
 /// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any of

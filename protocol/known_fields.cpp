@@ -41,6 +41,7 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kAuditLog: return drop(request.mutable_audit_log());
     case wire::Request::kHosts: return drop(request.mutable_hosts());
     case wire::Request::kHostEnd: return drop(request.mutable_host_end());
+    case wire::Request::kDevices: return drop(request.mutable_devices());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }

@@ -8,6 +8,7 @@
 #include <future>
 #include <thread>
 
+#include "firmware/daemon/device_scanner.h"
 #include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/panel_ports.h"
 #include "hal/linux/clock.h"
@@ -222,6 +223,7 @@ struct BoardPorts::State {
   std::vector<OpenListener> listeners;
   hal::linux_os::LinuxWatchdog watchdog;
   std::unique_ptr<PanelPorts> panel;
+  DeviceScanner scanner;
 
   hal::ClockPort& clock() {
     if (sim) return sim->clock();
@@ -355,8 +357,8 @@ Status BoardPorts::check_links(const firmware::LinksConfig& links) const {
 
 firmware::RigPorts BoardPorts::ports() {
   NODAL_ASSERT(state_->disk);
-  firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,       *state_->disk, {},
-                           &state_->watchdog, state_->panel->pins(), &state_->machine_clock};
+  firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,        *state_->disk,   {},
+                           &state_->watchdog, state_->panel->pins(), &state_->machine_clock, &state_->scanner};
   if (state_->lines) state_->lines->add_to(ports.panel);
   for (const auto& [port, access] : state_->listeners) ports.listeners.push_back({port.get(), access});
   return ports;

@@ -14,6 +14,7 @@
 
 #include "firmware/daemon/board_ports.h"
 #include "firmware/daemon/bridge.h"
+#include "firmware/daemon/device_scanner.h"
 #include "firmware/daemon/end_deadline.h"
 #include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/log.h"
@@ -130,11 +131,8 @@ void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfi
   close(rig);
 }
 
-/// uvcvideo waits up to 5 s for a control of a device that does not answer.
-constexpr milliseconds kScanWithin = std::chrono::seconds(10);
-
 int scan(const Options& options) {
-  const auto devices = hal::v4l2::scan_devices(hal::v4l2::kernel(), kScanWithin);
+  const auto devices = hal::v4l2::Scanner(hal::v4l2::kernel()).scan(kScanWithin);
   const std::string text = options.json ? scan_json(devices) + "\n" : scan_text(devices);
   const bool written = std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
   return written ? kExitFine : give_up({Errc::kIo, "standard output cannot be written"}, kExitFailed);

@@ -18,17 +18,11 @@ constexpr std::int64_t kLargeArea = 1920 * 1080;  ///< what a board blends from 
 constexpr double kUsualRate = 30;
 constexpr double kSameRate = 1e-3;  ///< the same tolerance as when a device is opened
 
-/// The formats of heads whose frames a raymap format can be blended from.
-struct Family {
-  PixelFormat raymap;
-  std::vector<PixelFormat> heads;
-};
-const std::array<Family, 3>& families() {
-  using enum PixelFormat;
-  static const std::array<Family, 3> all{
-      {{kI420, {kNv12, kI420, kYuyv, kUyvy}}, {kRgb24, {kRgb24}}, {kGrey8, {kGrey8}}}};
-  return all;
-}
+/// The formats of raymaps, in order of preference.
+constexpr std::array kFamilies{PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8};
+
+/// The raymap that frames of a head can be blended into.
+PixelFormat family_of(PixelFormat head) { return has_chroma(head) ? PixelFormat::kI420 : head; }
 
 struct Mode {
   PixelFormat format;
@@ -60,12 +54,10 @@ std::int64_t bytes_per_second(PixelFormat format, const FoundSize& size, FrameRa
 }
 
 /// What a device can do at this rate, best first.
-std::vector<Mode> modes_of(const FoundDevice& device, const Family& family, FrameRate rate) {
+std::vector<Mode> modes_of(const FoundDevice& device, PixelFormat family, FrameRate rate) {
   std::vector<Mode> modes;
   for (const auto& format : device.formats) {
-    if (!format.pixels || std::find(family.heads.begin(), family.heads.end(), *format.pixels) == family.heads.end()) {
-      continue;
-    }
+    if (!format.pixels || family_of(*format.pixels) != family) continue;
     for (const FoundSize& size : format.sizes) {
       const bool blendable = size.width % 2 == 0 && size.height % 4 == 0;
       if (!blendable || !delivers(size, rate)) continue;
@@ -104,19 +96,19 @@ std::vector<FrameRate> rates_of(const std::vector<FoundDevice>& devices) {
 }
 
 struct Choice {
-  const Family* family = nullptr;
+  PixelFormat family = PixelFormat::kI420;
   FrameRate rate;
   int heads = 0;
 };
 Choice choose(const std::vector<FoundDevice>& devices) {
   Choice best;
   const std::vector<FrameRate> rates = rates_of(devices);
-  for (const Family& family : families()) {
+  for (const PixelFormat family : kFamilies) {
     for (const FrameRate rate : rates) {
       const auto heads = std::count_if(devices.begin(), devices.end(), [&](const FoundDevice& device) {
         return can_be_head(device) && !modes_of(device, family, rate).empty();
       });
-      if (heads > best.heads) best = {&family, rate, static_cast<int>(heads)};
+      if (heads > best.heads) best = {family, rate, static_cast<int>(heads)};
     }
   }
   return best;
@@ -185,7 +177,7 @@ RigProposal propose_rig(const std::vector<FoundDevice>& devices) {
   std::vector<Candidate> heads;
   for (std::size_t i = 0; i < devices.size(); ++i) {
     std::vector<Mode> modes;
-    if (choice.family != nullptr && can_be_head(devices[i])) modes = modes_of(devices[i], *choice.family, choice.rate);
+    if (choice.heads > 0 && can_be_head(devices[i])) modes = modes_of(devices[i], choice.family, choice.rate);
     if (modes.empty()) {
       proposal.left_out[i] = why_not(devices[i]);
     } else if (heads.size() == kMaxHeads) {
@@ -194,9 +186,9 @@ RigProposal propose_rig(const std::vector<FoundDevice>& devices) {
       heads.push_back({i, std::move(modes)});
     }
   }
-  if (choice.family == nullptr) return proposal;
+  if (choice.heads == 0) return proposal;
   proposal.rate = choice.rate;
-  proposal.raymap_format = choice.family->raymap;
+  proposal.raymap_format = choice.family;
   fit_buses(devices, heads, proposal);
   for (const Candidate& head : heads) {
     const Mode& mode = head.now();

@@ -22,6 +22,7 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kAuditLog:
     case wire::Request::kHosts:
     case wire::Request::kHostEnd:
+    case wire::Request::kDevices:
     case wire::Request::WHAT_NOT_SET: return false;
   }
   return true;
@@ -60,7 +61,8 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kCalibrationRollback:
     case wire::Request::kTrialEnd:
     case wire::Request::kHostEnd:
-    case wire::Request::kHosts:  // names users and processes, as the audit log does
+    case wire::Request::kDevices:  // opens devices
+    case wire::Request::kHosts:    // names users and processes, as the audit log does
     case wire::Request::kAuditLog: return Access::kControl;
   }
   return Access::kControl;
@@ -86,6 +88,7 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kAuditLog: return "audit_log";
     case wire::Request::kHosts: return "hosts";
     case wire::Request::kHostEnd: return "host_end";
+    case wire::Request::kDevices: return "devices";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

@@ -7,13 +7,15 @@
 namespace nodal::firmware {
 
 Control::Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
-                 std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now)
+                 std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
+                 Instant now)
     : config_(config),
       software_(std::move(software)),
       stages_(stages),
       operation_(config, stages, watchdog, panel, now),
       admission_(std::move(listeners)),
       started_(now),
+      scan_(scan),
       uploads_(UploadLimits{kMaxCalibrationBytes, kUploadsOfAClient * Admission::kMaxClients, kUploadsOfAClient}),
       publisher_(config.raymap, stages.encoder.published()),
       frame_sender_(config, frame_sets, stages.blender) {}
@@ -30,6 +32,7 @@ bool Control::step(Instant now) {
   busy |= serve_all(now);
   admission_.close_excess(clients_, now);
   busy |= reply_to_commands(now);
+  busy |= reply_to_scans(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_);
   for (const std::string& sentence : publisher_.take_news()) say(NewsKind::kHosts, sentence);
@@ -58,6 +61,7 @@ wire::Hello Control::hello(Access access) const {
                               "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
+  if (scan_ != nullptr) hello.add_features("devices");
   if (config_.signers) hello.add_features("signed-calibrations");
   if (access == Access::kView) hello.add_features("view-only");
   if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));

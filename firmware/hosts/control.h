@@ -12,6 +12,7 @@
 #include "firmware/hosts/access.h"
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/client.h"
+#include "firmware/hosts/device_scan.h"
 #include "firmware/hosts/frame_sender.h"
 #include "firmware/hosts/publisher.h"
 #include "firmware/operate/operation.h"
@@ -29,9 +30,10 @@ namespace nodal::firmware {
 /// Errors: a host's errors are sent to it as replies; take_news() returns messages for the operator.
 class Control {
  public:
-  /// `frame_sets`: the sets for hosts that request the heads' own pictures.
+  /// `frame_sets`: the sets for hosts that request the heads' own pictures. `scan`: null if the rig cannot list devices.
   Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
-          std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, Instant now);
+          std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
+          Instant now);
   ~Control();
 
   /// True when it did something.
@@ -62,7 +64,7 @@ class Control {
   static constexpr std::size_t kUploadsOfAClient = 2;  ///< incomplete uploads of one client
 
  private:
-  /// A host's request that became a command and is not answered yet.
+  /// A host's request that is not answered yet.
   struct Waiting {
     std::uint64_t client = 0;
     std::uint64_t request = 0;  ///< id of the request
@@ -80,6 +82,8 @@ class Control {
   Result<Command> commit_command(const wire::UploadCommit& commit);
   Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
   Status end_host(const Client& client, std::uint64_t number, Instant now);
+  Status list_devices(Client& client, std::uint64_t request);
+  bool reply_to_scans(Instant now);
   void reply(Client& client, const wire::Reply& reply, Instant now);
   void refuse(Client& client, std::uint64_t request, const Error& error, Instant now);
   bool reply_to_commands(Instant now);
@@ -98,6 +102,8 @@ class Control {
   Clients clients_;
   std::size_t first_served_ = 0;  ///< index of the client that is served first; rises by one each step
   std::map<Ticket, Waiting> waiting_;
+  DeviceScan* scan_;
+  std::vector<Waiting> scanning_;  ///< requests that the scan in progress will answer
   UploadReceiver uploads_;
   Publisher publisher_;
   FrameSender frame_sender_;

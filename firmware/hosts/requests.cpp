@@ -1,9 +1,12 @@
 // The part of Control that answers requests.
+#include <utility>
+
 #include "firmware/hosts/control.h"
 #include "firmware/hosts/status.h"
 #include "firmware/hosts/wire_commands.h"
 
 namespace nodal::firmware {
+
 /// False while the stage that carries the request out has the most commands of this host; the request and all later ones
 /// of this host then wait.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
@@ -59,10 +62,45 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       if (Status ended = end_host(client, request.host_end().number(), now); !ended) return ended;
       answer.mutable_done();
       break;
+    case wire::Request::kDevices: return list_devices(client, request.id());
     default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not support that request");
   }
   reply(client, answer, now);
   return {};
+}
+
+/// reply_to_scans() sends the answer.
+Status Control::list_devices(Client& client, std::uint64_t request) {
+  if (!scan_) return fail(Errc::kUnsupported, "this rig (" + software_ + ") has no devices to list");
+  scan_->begin();
+  scanning_.push_back({client.number(), request});
+  ++client.requests_open;
+  return {};
+}
+
+bool Control::reply_to_scans(Instant now) {
+  if (scanning_.empty()) return false;
+  const auto listed = scan_->take();
+  if (!listed) return false;
+  wire::Reply answer;
+  std::optional<Error> error;
+  if (!*listed) {
+    error = listed->error();
+  } else if ((*listed)->text.size() > kMaxDeviceListBytes || (*listed)->json.size() > kMaxDeviceListBytes) {
+    error = Error{Errc::kTooLarge, "the list of devices is longer than " + std::to_string(kMaxDeviceListBytes / 1024) +
+                                       " KiB; on the board, `nodald --scan` prints it"};
+  } else {
+    fill_devices(**listed, *answer.mutable_devices());
+  }
+  for (const Waiting& waiting : std::exchange(scanning_, {})) {
+    Client* const client = find(waiting.client);
+    if (!client) continue;
+    --client->requests_open;
+    answer.set_id(waiting.request);
+    if (error) refuse(*client, waiting.request, *error, now);
+    else reply(*client, answer, now);
+  }
+  return true;
 }
 
 /// Makes the request a command; reply_to_commands() sends the answer.

@@ -276,4 +276,14 @@ void fill_trial(const Trial& trial, Instant now, wire::Trial& into) {
   into.set_left_ns(static_cast<std::uint64_t>(std::max(trial.until - now, Duration()).ns()));
 }
 
+void fill_devices(const DeviceList& list, wire::Devices& into) {
+  std::string_view rest = list.text;
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find('\n'), rest.size());
+    into.add_lines(shown(rest.substr(0, end)));
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  into.set_json(list.json);
+}
+
 }  // namespace nodal::firmware

@@ -6,6 +6,7 @@
 #include "firmware/config/config.h"
 #include "firmware/frame/raymap.h"
 #include "firmware/hosts/client.h"
+#include "firmware/hosts/device_scan.h"
 #include "firmware/operate/audit.h"
 #include "protocol/nodal.pb.h"
 
@@ -26,6 +27,8 @@ void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
 /// The connected hosts; `asking` is the one that sent the request.
 void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
+/// A message's text has one line; the list's text has many.
+void fill_devices(const DeviceList& list, wire::Devices& into);
 void add_count(google::protobuf::RepeatedPtrField<wire::Count>& into, std::string_view reason, std::uint64_t count);
 
 }  // namespace nodal::firmware

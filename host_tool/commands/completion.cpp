@@ -48,12 +48,13 @@ void add_option(CommandWords& words, const CLI::Option& option) {
   if (!known) words.options.push_back(std::move(entry));
 }
 
-void collect(const CLI::App& app, std::vector<std::string> path, std::vector<CommandWords::Option> inherited,
+void collect(const CLI::App& app, std::vector<std::string> path, const std::vector<CommandWords::Option>& inherited,
              std::vector<CommandWords>& all) {
   CommandWords words;
   words.path = path;
   words.description = app.get_description();
-  words.options = std::move(inherited);
+  words.runs = app.get_require_subcommand_min() == 0;
+  words.options = inherited;
   for (const CLI::Option* option : app.get_options()) add_option(words, *option);
   std::vector<const CLI::App*> children;
   for (const CLI::App* child : app.get_subcommands([](const CLI::App*) { return true; })) {
@@ -64,8 +65,9 @@ void collect(const CLI::App& app, std::vector<std::string> path, std::vector<Com
       children.push_back(child);
     }
   }
+  // Options of a command that runs without a subcommand are its own.
   std::vector<CommandWords::Option> passed_on;
-  for (const CommandWords::Option& option : words.options) {
+  for (const CommandWords::Option& option : words.runs ? inherited : words.options) {
     const bool only_here = std::ranges::find(option.names, "--version") != option.names.end();
     if (!only_here) passed_on.push_back(option);
   }

@@ -17,6 +17,7 @@ struct CommandWords {
   std::vector<std::string> path;  ///< {"calibration", "upload"}; empty for `nodal` itself
   std::string description;
   std::vector<std::string> subcommands;
+  bool runs = false;  ///< without a subcommand
   struct Option {
     std::vector<std::string> names;  ///< {"-o", "--out"}
     std::string description;

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <charconv>
+#include <sstream>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/text.h"
 
 namespace nodal::host {
 namespace {
@@ -74,6 +77,51 @@ Status run_heads(Context& context, bool wide) {
   if (!heads) return fail(heads.error());
   context.console().document(to_json(*heads));
   show(context.console(), *heads, wide);
+  return {};
+}
+
+constexpr int kDeepestJson = 16;  ///< of a rig's document; deeper parts would exhaust the stack
+
+/// A copy of a rig's document whose texts are printable.
+Json cleaned(const Json& from) {
+  if (from.is_string()) return printable(from.get_ref<const std::string&>(), kMaxSentenceBytes);
+  if (!from.is_structured()) return from;
+  Json clean = from.is_array() ? Json::array() : Json::object();
+  for (const auto& [key, value] : from.items()) {
+    if (from.is_array()) clean.push_back(cleaned(value));
+    else clean[printable(key, kMaxNameBytes)] = cleaned(value);
+  }
+  return clean;
+}
+
+/// The rig.toml in the document keeps its ends of lines: JSON escapes them.
+Result<Json> parse_devices(const std::string& text) {
+  const Json document = Json::parse(
+      text, [](int depth, Json::parse_event_t, const Json&) { return depth <= kDeepestJson; }, false);
+  if (!document.is_object()) return fail(Errc::kBadFormat, "the rig sent a list of devices that is no JSON object");
+  Json clean = cleaned(document);
+  if (const auto toml = document.find("rig_toml"); toml != document.end() && toml->is_string()) {
+    std::istringstream lines(toml->get<std::string>());
+    std::string whole;
+    for (std::string line; std::getline(lines, line);) whole += printable(line, kMaxSentenceBytes) + "\n";
+    clean["rig_toml"] = whole;
+  }
+  return clean;
+}
+
+Status run_scan(Context& context) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  request.mutable_devices();
+  const Result<wire::Reply> reply = (*rig)->ask_long(request, [](const wire::RigStatus&) {});
+  if (!reply) return fail(reply.error());
+  if (context.json) {
+    const Result<Json> document = parse_devices(reply->devices().json());
+    if (!document) return fail(document.error());
+    context.console().document(*document);
+  }
+  for (const std::string& line : reply->devices().lines()) context.console().line(line);
   return {};
 }
 
@@ -162,8 +210,16 @@ void add_heads(CLI::App& app, CommandLine& line) {
                                 "  nodal heads\n"
                                 "  nodal heads --json | jq '.heads[] | select(.present|not).name'\n");
   auto wide = std::make_shared<bool>(false);
-  heads->add_flag("--wide", *wide, "Also port, format and white balance; wider than 80 columns");
+  heads->require_subcommand(0, 1);
+  CLI::Option* const wide_flag =
+      heads->add_flag("--wide", *wide, "Also port, format and white balance; wider than 80 columns");
   line.on(heads, [wide](Context& context) { return run_heads(context, *wide); });
+
+  CLI::App* scan = add_command(*heads, "scan", "List what is plugged into the rig's board, as a rig.toml with comments",
+                               "  nodal heads scan > rig.toml\n"
+                               "  nodal heads scan --json | jq '.devices[].port'\n");
+  scan->excludes(wide_flag);
+  line.on(scan, run_scan);
 
   CLI::App* head = add_command(app, "head", "Change a head's settings", "");
   head->require_subcommand(1);

@@ -137,6 +137,10 @@ Status check_and_clean(wire::Reply& reply) {
       break;
     case wire::Reply::kAuditLog: clean(check, *reply.mutable_audit_log()); break;
     case wire::Reply::kHosts: clean(check, *reply.mutable_hosts()); break;
+    case wire::Reply::kDevices:
+      check.list(reply.devices().lines(), kMaxDeviceLines, "lines about devices");
+      for (std::string& line : *reply.mutable_devices()->mutable_lines()) check.sentence(&line);
+      break;
     case wire::Reply::kCalibration: check.id(reply.calibration().id()); break;
     case wire::Reply::kDone:
     case wire::Reply::kUpload:

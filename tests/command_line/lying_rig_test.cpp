@@ -216,6 +216,13 @@ TEST_F(LyingRigs, ListsOverTheirLimits_AreRefused) {
        [](wire::Reply& r) {
          for (int i = 0; i < 9000; ++i) r.mutable_hosts()->add_hosts();
        }},
+      {"heads scan", "lines about devices",
+       [](wire::Reply& r) {
+         for (int i = 0; i < 9000; ++i) r.mutable_devices()->add_lines();
+       }},
+      {"heads scan --json", "no JSON object", [](wire::Reply& r) { r.mutable_devices()->set_json("[1, 2"); }},
+      {"heads scan --json", "no JSON object",
+       [](wire::Reply& r) { r.mutable_devices()->set_json(std::string(300'000, '[')); }},
       {"audit", "changes",
        [](wire::Reply& r) {
          for (int i = 0; i < 9000; ++i) r.mutable_audit_log()->add_entries();
@@ -307,6 +314,9 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
     } else if (request.has_hosts()) {
       wire::HostState& host = *reply.mutable_hosts()->add_hosts();
       for (std::string* text : {host.mutable_peer(), host.mutable_software(), host.add_streams()}) *text = evil;
+    } else if (request.has_devices()) {
+      reply.mutable_devices()->add_lines(evil);
+      reply.mutable_devices()->set_json(nlohmann::json{{evil, {evil, {{"a", evil}}}}, {"rig_toml", evil}}.dump());
     } else if (request.has_audit_log()) {
       wire::AuditEntry& entry = *reply.mutable_audit_log()->add_entries();
       for (std::string* text : {entry.mutable_who(), entry.mutable_what(), entry.mutable_before(),
@@ -321,8 +331,9 @@ TEST_F(LyingRigs, ControlCharactersInTexts_ReachNoTerminalAndKeepJsonWhole) {
     }
     rig.reply(request, reply);
   };
-  for (const std::string words : {"status", "status --watch --count 2 --interval 1ms", "heads", "calibration list",
-                                  "genlock show", "exposure show", "hosts", "audit"}) {
+  for (const std::string words :
+       {"status", "status --watch --count 2 --interval 1ms", "heads", "calibration list", "genlock show",
+        "exposure show", "hosts", "audit", "heads scan", "heads scan --json"}) {
     const Finished run = against(respond, words);
     EXPECT_FALSE(has_controls(run.out)) << words << ": " << run.out;
     EXPECT_FALSE(has_controls(run.err)) << words << ": " << run.err;

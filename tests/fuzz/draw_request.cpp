@@ -141,6 +141,9 @@ MessageLite& draw_inner(ByteReader& in, wire::Request& request) {
     case 15: return *request.mutable_audit_log();
     case 16: return *request.mutable_hosts();
     case 17: request.mutable_host_end()->set_number(telling(in)); return *request.mutable_host_end();
+    case 18:
+      if (in.u8() % 2 == 1) return *request.mutable_devices();
+      return request;
     default: return request;  // an empty request, which this rig does not know
   }
 }

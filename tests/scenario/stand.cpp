@@ -140,7 +140,9 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
                                                            *disk,
                                                            {{&listener}, {&view_listener, firmware::Access::kView}},
                                                            &watchdog,
-                                                           {&button, &status_lamp, &tally_lamp}},
+                                                           {&button, &status_lamp, &tally_lamp},
+                                                           nullptr,
+                                                           options.scan},
                                         "a rig");
 }
 

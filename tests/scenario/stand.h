@@ -77,6 +77,7 @@ struct StandOptions {
   firmware::RigConfig config = small_config();
   Calibration truth = small_calibration();
   hal::sim::SimRigOptions world;
+  firmware::DeviceScan* scan = nullptr;
 };
 
 class Stand {

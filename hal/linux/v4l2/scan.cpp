@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <system_error>
 #include <thread>
 
 #include "hal/linux/v4l2/device.h"
@@ -215,40 +216,69 @@ std::optional<FoundDevice> scan_one(System& system, const std::string& node) {
   return found;
 }
 
-/// What the threads of a scan report; it outlives the scan if one of them hangs.
-struct Answers {
-  std::mutex mutex;
-  std::condition_variable changed;
-  std::map<std::string, std::optional<FoundDevice>> by_node;
-};
-
 }  // namespace
 
-std::vector<FoundDevice> scan_devices(System& system, std::chrono::milliseconds patience) {
-  const auto until = std::chrono::steady_clock::now() + patience;
-  std::vector<std::string> nodes = system.nodes();
-  if (nodes.size() > kMostNodes) nodes.resize(kMostNodes);
-  const auto answers = std::make_shared<Answers>();
-  for (const std::string& node : nodes) {
-    std::thread([&system, node, answers] {
+/// What the threads report; it outlives the Scanner if one of them hangs.
+struct Scanner::Answers {
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::map<std::string, std::optional<FoundDevice>> by_node;  ///< of this scan, and late ones of earlier scans
+  std::set<std::string> asked;                                ///< whose threads have not answered
+};
+
+Scanner::Scanner(System& system) : system_(system), answers_(std::make_shared<Answers>()) {}
+
+/// Returns false if the system refuses a thread.
+bool Scanner::ask(const std::string& node) {
+  {
+    const std::lock_guard lock(answers_->mutex);
+    answers_->by_node.erase(node);
+    if (!answers_->asked.insert(node).second) return true;
+  }
+  try {
+    std::thread([&system = system_, node, answers = answers_] {
       std::optional<FoundDevice> found = scan_one(system, node);
       const std::lock_guard lock(answers->mutex);
       answers->by_node[node] = std::move(found);
+      answers->asked.erase(node);
       answers->changed.notify_all();
     }).detach();
+    return true;
+  } catch (const std::system_error&) {
+    const std::lock_guard lock(answers_->mutex);
+    answers_->asked.erase(node);
+    return false;
   }
-  std::unique_lock lock(answers->mutex);
-  answers->changed.wait_until(lock, until, [&] { return answers->by_node.size() == nodes.size(); });
+}
+
+std::vector<FoundDevice> Scanner::scan(std::chrono::milliseconds patience) {
+  const auto until = std::chrono::steady_clock::now() + patience;
+  std::vector<std::string> nodes = system_.nodes();
+  if (nodes.size() > kMostNodes) nodes.resize(kMostNodes);
+  std::set<std::string> refused;
+  for (const std::string& node : nodes) {
+    if (!ask(node)) refused.insert(node);
+  }
+  std::unique_lock lock(answers_->mutex);
+  answers_->changed.wait_until(lock, until, [&] {
+    return std::all_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
+      return refused.contains(node) || answers_->by_node.contains(node);
+    });
+  });
 
   std::vector<FoundDevice> all;
   std::set<std::string> ports;
   for (const std::string& node : nodes) {
-    const auto answer = answers->by_node.find(node);
-    if (answer == answers->by_node.end()) {
+    const auto answer = answers_->by_node.find(node);
+    if (answer == answers_->by_node.end()) {
       FoundDevice silent;
       silent.node = node;
       silent.port = "v4l2:" + node;
-      silent.problem = Error{Errc::kTimeout, node + ": the device does not answer; unplug it and plug it in again"};
+      silent.problem =
+          refused.contains(node)
+              ? Error{Errc::kOverload,
+                      node + ": the system refuses a thread to ask it; raise the limit (TasksMax=, ulimit -u)"}
+              : Error{Errc::kTimeout, node + ": the device does not answer; unplug it and plug it in again"};
       all.push_back(std::move(silent));
     } else if (answer->second) {
       FoundDevice& found = *answer->second;
@@ -259,6 +289,7 @@ std::vector<FoundDevice> scan_devices(System& system, std::chrono::milliseconds 
       all.push_back(std::move(found));
     }
   }
+  answers_->by_node.clear();
   return all;
 }
 

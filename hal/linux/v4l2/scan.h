@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -58,9 +59,23 @@ inline constexpr std::size_t kMostFormats = 64;  ///< that are kept, like the ne
 inline constexpr std::size_t kMostSizes = 64;    ///< of a format
 inline constexpr std::size_t kMostRates = 32;    ///< of a size
 
-/// Opens every node, asks it, and closes it, all nodes at once. A device that has not answered after `patience` is listed
-/// with a problem; its thread ends when the driver answers, so `system` must live that long. Devices that other programs
-/// use answer as well.
-std::vector<FoundDevice> scan_devices(System& system, std::chrono::milliseconds patience);
+/// Asks devices, each on a thread of its own; also those that other programs use.
+///
+/// Threading: scan() on one thread at a time.
+/// Ownership: a thread ends when its driver answers, so `system` must live that long; the Scanner need not.
+class Scanner {
+ public:
+  explicit Scanner(System& system);
+  /// Opens every node, asks it, and closes it, all nodes at once. A device that has not answered after `patience` is listed
+  /// with a problem, and is not asked again until it has answered, so that a device that hangs occupies one thread.
+  std::vector<FoundDevice> scan(std::chrono::milliseconds patience);
+
+ private:
+  struct Answers;
+  bool ask(const std::string& node);
+
+  System& system_;
+  std::shared_ptr<Answers> answers_;
+};
 
 }  // namespace nodal::hal::v4l2

@@ -26,7 +26,7 @@ std::vector<wire::Request> harmless() {
 }
 
 std::vector<wire::Request> forbidden() {
-  std::vector<wire::Request> all(14);
+  std::vector<wire::Request> all(15);
   all[0].mutable_head_set();
   all[1].mutable_genlock()->set_action(wire::GenlockRequest::START);
   all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
@@ -41,6 +41,7 @@ std::vector<wire::Request> forbidden() {
   all[11].mutable_genlock()->set_action(static_cast<wire::GenlockRequest::Action>(7));  // a newer host's
   all[12].mutable_hosts();
   all[13].mutable_host_end();
+  all[14].mutable_devices();
   return all;
 }
 

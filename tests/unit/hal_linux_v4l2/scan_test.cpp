@@ -52,6 +52,7 @@ class Machine final : public System {
     released_ = true;
     changed_.notify_all();
   }
+  int opens() const { return opened_; }
   bool all_closed() const { return opened_ == closed_; }
 
   int open(const std::string& node) override {
@@ -193,7 +194,7 @@ TEST(Scan, OfACamera_HasItsModesControlsAndPlaceAndLeavesNothingOpen) {
   camera.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = control("Exposure", 1, 5000, 1, 157);
   machine.cameras["/dev/video1"] = {.bus = "usb-0000:00:14.0-2.1", .captures = false};  // its metadata
 
-  const auto found = scan_devices(machine, seconds(60));
+  const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].node, "/dev/video0");
   EXPECT_EQ(found[0].port, "v4l2:usb-0000:00:14.0-2.1");
@@ -220,7 +221,7 @@ TEST(Scan, OfAnAnalogueInput_HasTheRateSizeAndFieldsOfItsStandard) {
   Machine machine;
   machine.cameras["/dev/video0"] = {
       .bus = "PCI:1", .modes = {{V4L2_PIX_FMT_YUYV, 0, 0, {}}}, .standard = V4L2_STD_NTSC_M};
-  const auto found = scan_devices(machine, seconds(60));
+  const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].input, "S-Video");
   EXPECT_EQ(found[0].standard, (FrameRate{30000, 1001}));
@@ -235,7 +236,7 @@ TEST(Scan, NodesOfOneBus_AreStreamsOfOneCameraOnUsbAndDevicesOfTheirOwnElsewhere
   for (const char* node : {"/dev/video0", "/dev/video1"})
     machine.cameras[node] = {.bus = "usb-1", .usb = UsbPlace{1, 480, 480, ""}};
   for (const char* node : {"/dev/video2", "/dev/video3"}) machine.cameras[node] = {.bus = "PCI:1"};
-  const auto found = scan_devices(machine, seconds(60));
+  const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 4U);
   EXPECT_EQ(found[0].port, "v4l2:usb-1");
   EXPECT_FALSE(found[0].second_stream);
@@ -250,7 +251,7 @@ TEST(Scan, ADeviceThatHangs_IsNamedAndTheOthersAreListed) {
   machine.cameras["/dev/video0"] = {.bus = "usb-1", .hangs = true};
   machine.cameras["/dev/video1"] = {.bus = "usb-2", .modes = {{V4L2_PIX_FMT_GREY, 640, 480, {{1, 30}}}}};
   machine.cameras["/dev/video2"] = {.bus = "usb-3", .open_error = EACCES};
-  const auto found = scan_devices(machine, milliseconds(200));
+  const auto found = Scanner(machine).scan(milliseconds(200));
   ASSERT_EQ(found.size(), 3U);
   ASSERT_TRUE(found[0].problem);
   EXPECT_EQ(found[0].problem->code, Errc::kTimeout);
@@ -262,11 +263,22 @@ TEST(Scan, ADeviceThatHangs_IsNamedAndTheOthersAreListed) {
   while (!machine.all_closed()) std::this_thread::yield();
 }
 
+TEST(Scan, ADeviceThatHangsThroughManyScans_IsAskedOnceUntilItAnswers) {
+  Machine machine;
+  machine.cameras["/dev/video0"] = {.bus = "usb-1", .modes = {{V4L2_PIX_FMT_GREY, 640, 480, {{1, 30}}}}, .hangs = true};
+  Scanner scanner(machine);
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(scanner.scan(milliseconds(1)).at(0).problem);
+  EXPECT_EQ(machine.opens(), 1);
+  machine.release();
+  while (!machine.all_closed()) std::this_thread::yield();
+  EXPECT_FALSE(scanner.scan(seconds(60)).at(0).problem) << "it has come back";
+}
+
 TEST(Scan, ListsThatDoNotEnd_AreCutAndSaidToBe) {
   Machine machine;
   machine.cameras["/dev/video0"] = {
       .bus = "usb-1", .modes = {{V4L2_PIX_FMT_YUYV, 640, 480, {{1, 30}}}}, .endless = true};
-  const auto found = scan_devices(machine, seconds(60));
+  const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 1U);
   EXPECT_LE(machine.questions, kMostEnumerations + 20);
   EXPECT_LE(found[0].formats.size(), kMostFormats);
@@ -283,7 +295,7 @@ TEST(Scan, ListsThatDoNotEnd_AreCutAndSaidToBe) {
 TEST(Scan, MoreNodesThanItOpens_TheFirstAreListed) {
   Machine machine;
   for (int i = 100; i < 400; ++i) machine.cameras["/dev/video" + std::to_string(i)] = {.bus = "b" + std::to_string(i)};
-  EXPECT_EQ(scan_devices(machine, seconds(60)).size(), kMostNodes);
+  EXPECT_EQ(Scanner(machine).scan(seconds(60)).size(), kMostNodes);
 }
 
 TEST(Scan, WhatCannotBe_IsLeftOutAndSaidAndTextsAreHarmless) {
@@ -297,7 +309,7 @@ TEST(Scan, WhatCannotBe_IsLeftOutAndSaidAndTextsAreHarmless) {
                   {0x1B0A0080, 640, 480, {}}};
   camera.controls[V4L2_CID_GAIN] = control("Ga\x07in", 10, 1, 1, 5);
   camera.controls[V4L2_CID_RED_BALANCE] = control("Red", 0, 10, -3, 5);
-  const auto found = scan_devices(machine, seconds(60));
+  const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 1U);
   EXPECT_TRUE(is_printable(found[0].model)) << found[0].model;
   EXPECT_EQ(found[0].port, "v4l2:/dev/video0") << "a bus that cannot be written into rig.toml is no port";

@@ -50,7 +50,7 @@ Manual read_program() {
   Manual program;
   std::set<std::string> shared;
   for (const CommandWords& command : command_words(line.app())) {
-    if (!command.path.empty() && !command.subcommands.empty()) continue;  // "genlock" itself is not a command
+    if (!command.path.empty() && !command.runs) continue;  // "genlock" itself is not a command
     std::string name;
     for (const std::string& word : command.path) name += (name.empty() ? "" : " ") + word;
     std::set<std::string>& options = program[name];
