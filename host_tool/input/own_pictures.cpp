@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -19,7 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kRefinedWidth = 2048;  // px, of the raymap that differences are summed on
+// Of the raymap that differences are summed on, px:
+constexpr int kTriedWidth = 768;     // for light, and to find out what the pictures determine,
+constexpr int kRefinedWidth = 2048;  // and for the result
 
 bool is_folder(const std::string& path) {
   std::error_code error;
@@ -49,6 +49,12 @@ std::vector<std::string> head_names(const std::vector<std::string>& files) {
            different.insert(names.back()).second;
   }
   return good ? names : numbered;
+}
+
+/// Every head's pixel aspect plus `by`.
+Calibration with_aspect(Calibration rig, double by) {
+  for (HeadCalibration& head : rig.heads) head.aspect += by;
+  return rig;
 }
 
 bool all_placed(const registration::Report& report) {
@@ -115,37 +121,50 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
 Result<registration::Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
   registration::FrameSet frames;
   for (const DecodedImage& image : first.images) frames.push_back(image.view());
-  std::optional<registration::Report> best;
-  // Light first: it nearly always succeeds, and the other results are compared with it.
-  constexpr std::array<std::pair<registration::Free, const char*>, 3> kStages{
-      {{registration::Free::kRotations, "matching the light"},
-       {registration::Free::kLens, "registering the lenses"},
-       {registration::Free::kFocals, "registering the focal lengths"}}};
-  Error error;
-  for (std::size_t stage = 0; stage < kStages.size(); ++stage) {
+  double begun = 0;
+  const auto run = [&](const Calibration& from, registration::Free free, bool geometry, int width, double share,
+                       const std::string& what) {
     registration::Options options;
-    options.free = kStages[stage].first;
-    options.geometry = stage > 0;
+    options.free = free;
+    options.geometry = geometry;
     options.search = false;
-    options.width = kRefinedWidth;
-    options.progress = [&](const registration::Step&, double done) {
-      progress((static_cast<double>(stage) + done) / kStages.size(), kStages[stage].second);
+    options.width = width;
+    options.progress = [&](const registration::Step&, double done) { progress(begun + share * done, what); };
+    Result<registration::Report> report = registration::register_heads(from, {frames}, options);
+    begun += share;
+    return report;
+  };
+  const Result<registration::Report> light =
+      run(first.calibration, registration::Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
+  if (!light) return light;
+  for (const registration::Free free : {registration::Free::kLens, registration::Free::kFocals}) {
+    begun = 0.2;
+    const auto tried = [&](const Calibration& from) {
+      return run(from, free, true, kTriedWidth, 0.05, "trying lenses");
     };
-    Result<registration::Report> report = registration::register_heads(first.calibration, {frames}, options);
-    if (!report) {
-      if (report.error().code == Errc::kCancelled) return fail(report.error());
-      error = report.error();
-      continue;
+    Result<registration::Report> best = tried(first.calibration);
+    if (!best || !all_placed(*best) || best->objective_after >= light->objective_after) continue;
+    // Registration does not estimate the pixels' aspect: it is the vertex of a parabola through three of them.
+    const bool anamorphic = first.calibration.heads.front().aspect != 1;
+    for (const double step : {0.004, 0.0015}) {
+      if (!anamorphic) break;
+      const Result<registration::Report> less = tried(with_aspect(best->calibration, -step));
+      const Result<registration::Report> more = tried(with_aspect(best->calibration, step));
+      if (!less || !more) break;
+      const double slope = (more->objective_after - less->objective_after) / (2 * step);
+      const double curvature =
+          (more->objective_after + less->objective_after - 2 * best->objective_after) / (step * step);
+      if (!(curvature > 0)) break;
+      Result<registration::Report> there =
+          tried(with_aspect(best->calibration, std::clamp(-slope / curvature, -2 * step, 2 * step)));
+      if (!there || !all_placed(*there) || there->objective_after >= best->objective_after) continue;
+      best = std::move(there);
     }
-    if (stage == 0) {
-      best = std::move(*report);
-    } else if (all_placed(*report) && (!best || report->objective_after < best->objective_after)) {
-      best = std::move(*report);
-      break;
-    }
+    Result<registration::Report> fine =
+        run(best->calibration, free, true, kRefinedWidth, 1 - begun, "registering the lenses");
+    return fine && all_placed(*fine) ? fine : best;
   }
-  if (!best) return fail(error);
-  return std::move(*best);
+  return light;
 }
 
 }  // namespace nodal::host
