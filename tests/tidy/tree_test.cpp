@@ -149,7 +149,8 @@ TEST(House, FunctionsThatReadmesTrace_AreThere) {
   }
   std::size_t checked = 0;
   for (const TextFile& file : project_files()) {
-    if (fs::path(file.path).filename() != "README.md") continue;
+    // CONTRIBUTING.md holds the ways of a frame, a calibration and a command.
+    if (fs::path(file.path).filename() != "README.md" && file.path != ".github/CONTRIBUTING.md") continue;
     for (const std::string& line : file.lines) {
       for (const std::string& name : functions_named_in(line)) {
         const std::size_t colons = name.find("::");
