@@ -111,7 +111,7 @@ bool Capture::run_commands(Instant now) {
     } else {
       stop_genlock(now);
     }
-    answers_.push(CaptureAnswer{command->ticket, std::move(status), genlock_report(), exposure_.report()});
+    answers_.push(CaptureAnswer{command->ticket, now, std::move(status), genlock_report(), exposure_.report()});
   }
   return any;
 }

@@ -45,6 +45,7 @@ struct CaptureCommand {
 };
 struct CaptureAnswer {
   std::uint64_t ticket = 0;
+  Instant at;  ///< when the command was carried out
   Status status;
   GenlockReport genlock;  ///< after the command
   ExposureControl::Report exposure;

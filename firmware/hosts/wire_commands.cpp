@@ -141,7 +141,9 @@ wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
     reply.mutable_calibration()->set_id(sha256_to_wire(document->id));
     reply.mutable_calibration()->set_json(document->json);
   } else {
-    reply.mutable_done();
+    const auto at = std::get<CommandDone>(outcome).at;
+    if (at) reply.mutable_done()->set_at_ns(static_cast<std::uint64_t>(at->ns()));
+    else reply.mutable_done();
   }
   return reply;
 }

@@ -39,7 +39,9 @@ struct Requester {
 /// Identifies a command until its answer.
 using Ticket = std::uint64_t;
 
-struct CommandDone {};
+struct CommandDone {
+  std::optional<Instant> at;  ///< of a HeadChange
+};
 using Outcome =
     std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed, KeeperAnswer::Document>;
 struct Answer {

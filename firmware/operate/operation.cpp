@@ -125,7 +125,7 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
       continue;
     }
     CaptureChange& change = std::get<CaptureChange>(open.command);
-    Outcome outcome = CommandDone{};
+    Outcome outcome = CommandDone{answer->at};
     if (auto* exposure = std::get_if<ExposureChange>(&change)) {
       // The program is stored even when the command does not name it, because Settings::commands() first switches to
       // "manual" and has to switch back, also to a program that came from rig.toml.

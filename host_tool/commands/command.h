@@ -92,11 +92,16 @@ void add_stitch(CLI::App& app, CommandLine& line);
 void add_export(CLI::App& app, CommandLine& line);
 void add_pattern(CLI::App& app, CommandLine& line);
 void add_calibrate(CLI::App& app, CommandLine& line);
+/// `heads latency`, below `heads`.
+void add_latency(CLI::App& heads, CommandLine& line);
 /// `calibration diff`, below `calibration`.
 void add_calibration_diff(CLI::App& group, CommandLine& line);
 /// `calibrate light`, below `calibrate`.
 void add_calibrate_light(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
+
+/// The index of a head given by name or index. The name has priority, because a head's name may be "2".
+Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name);
 
 /// Prints a setting that the rig confirmed, with a warning if it will not survive a restart.
 void show_setting(Console& console, Json document, const wire::Reply& reply);

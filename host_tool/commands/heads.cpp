@@ -133,23 +133,6 @@ struct SetArgs {
   std::string gamma;
 };
 
-/// The index of a head given by name or index. The name has priority, because a head's name may be "2".
-Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name) {
-  for (const wire::HeadState& head : heads.heads()) {
-    if (head.name() == name) return head.index();
-  }
-  std::uint32_t index = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
-  if (error == std::errc() && end == name.data() + name.size()) {
-    for (const wire::HeadState& head : heads.heads()) {
-      if (head.index() == index) return index;
-    }
-  }
-  std::string known;
-  for (const wire::HeadState& head : heads.heads()) known += (known.empty() ? "" : ", ") + head.name();
-  return fail(Errc::kNoSuchDevice, fmt::format("no head is called '{}'; there are {}, or say `all`", name, known));
-}
-
 Result<wire::HeadSetRequest> parse_settings(const SetArgs& args) {
   wire::HeadSetRequest settings;
   if (!args.exposure.empty()) {
@@ -205,6 +188,22 @@ Status run_set(Context& context, const SetArgs& args) {
 
 }  // namespace
 
+Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name) {
+  for (const wire::HeadState& head : heads.heads()) {
+    if (head.name() == name) return head.index();
+  }
+  std::uint32_t index = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
+  if (error == std::errc() && end == name.data() + name.size()) {
+    for (const wire::HeadState& head : heads.heads()) {
+      if (head.index() == index) return index;
+    }
+  }
+  std::string known;
+  for (const wire::HeadState& head : heads.heads()) known += (known.empty() ? "" : ", ") + head.name();
+  return fail(Errc::kNoSuchDevice, fmt::format("no head is called '{}'; there are {}, or say `all`", name, known));
+}
+
 void add_heads(CLI::App& app, CommandLine& line) {
   CLI::App* heads = add_command(app, "heads", "List the heads: device, settings in effect, losses and skew",
                                 "  nodal heads\n"
@@ -220,6 +219,7 @@ void add_heads(CLI::App& app, CommandLine& line) {
                                "  nodal heads scan --json | jq '.devices[].port'\n");
   scan->excludes(wide_flag);
   line.on(scan, run_scan);
+  add_latency(*heads, line);
 
   CLI::App* head = add_command(app, "head", "Change a head's settings", "");
   head->require_subcommand(1);

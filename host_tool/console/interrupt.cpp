@@ -13,6 +13,7 @@ namespace nodal::host {
 namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
+bool undoes = false;
 
 /// The output of the signal handler while an EndsAtOnce exists, prepared because the handler must not allocate.
 struct Farewell {
@@ -46,9 +47,12 @@ void watch_interrupts() {
   signal(SIGXFSZ, SIG_IGN);
 }
 
-bool interrupted() { return interrupt_seen != 0; }
+bool interrupted() { return interrupt_seen != 0 && !undoes; }
 
 int interrupting_signal() { return interrupt_seen; }
+
+UndoesDespiteInterrupts::UndoesDespiteInterrupts() { undoes = true; }
+UndoesDespiteInterrupts::~UndoesDespiteInterrupts() { undoes = false; }
 
 EndsAtOnce::EndsAtOnce(const Console& console) {
   const Error error{Errc::kCancelled, "stopped by a signal before the work was done"};

@@ -12,6 +12,20 @@ bool interrupted();
 /// The received signal, SIGINT or SIGTERM; 0 if there was none.
 int interrupting_signal();
 
+/// While an object exists, interrupted() is false, for requests that undo something after Ctrl-C. A second signal still ends
+/// the program at once.
+///
+/// Threading: created and destroyed on the main thread, one at a time.
+/// Ownership: none.
+/// Errors: none.
+class [[nodiscard]] UndoesDespiteInterrupts {
+ public:
+  UndoesDespiteInterrupts();
+  ~UndoesDespiteInterrupts();
+  UndoesDespiteInterrupts(const UndoesDespiteInterrupts&) = delete;
+  UndoesDespiteInterrupts& operator=(const UndoesDespiteInterrupts&) = delete;
+};
+
 /// While an object exists, the first SIGINT or SIGTERM ends the program at once, with a sentence and its exit code.
 ///
 /// Threading: created and destroyed on the main thread, one at a time.

@@ -16,6 +16,9 @@ namespace {
 
 constexpr Duration kBetweenSets = Duration::milliseconds(250);  // so that moving objects have moved
 constexpr std::uint64_t kMaxSetBytes = 1ULL << 30;
+// The rig copies one set at a time, also for other hosts; a set that has just arrived may still be open there.
+constexpr Duration kBusyRest = Duration::milliseconds(2);
+constexpr int kBusyTries = 1000;
 constexpr int kTries = 4;  // to get a set with all heads
 
 struct ReceivedSet {
@@ -121,7 +124,32 @@ Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Cali
   return pictures;
 }
 
+double mean_of(const DecodedImage& picture) {
+  const bool packed = picture.format == PixelFormat::kYuyv || picture.format == PixelFormat::kUyvy;
+  const std::size_t pixels = static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height);
+  const std::size_t first = picture.format == PixelFormat::kUyvy ? 1 : 0;
+  const std::size_t stride = packed ? 2 : 1;
+  const std::size_t samples = picture.format == PixelFormat::kRgb24 ? 3 * pixels : pixels;
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < samples; ++i) sum += picture.bytes[first + stride * i];
+  return static_cast<double>(sum) / static_cast<double>(samples);
+}
+
 }  // namespace
+
+Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head) {
+  Result<ReceivedSet> set = receive_set(rig);
+  for (int tries = 1; !set && set.error().code == Errc::kBusy && tries < kBusyTries; ++tries) {
+    if (const Status rested = rig.rest(kBusyRest); !rested) return fail(rested.error());
+    set = receive_set(rig);
+  }
+  if (!set) return fail(set.error());
+  const auto found = std::ranges::find(set->header.heads(), head, &wire::HeadPicture::index);
+  if (found == set->header.heads().end()) return std::nullopt;
+  const Result<DecodedImage> picture = picture_of(*set, *found);
+  if (!picture) return fail(picture.error());
+  return HeadSample{set->header.mid_exposure_ns(), found->exposure_ns(), mean_of(*picture)};
+}
 
 Status require_feature(const RigConnection& rig, const std::string& feature, const std::string& what) {
   const auto& features = rig.rig().features();

@@ -1,6 +1,8 @@
 // Gets the heads' own pictures and the calibration in force from a running rig.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "host_tool/console/console.h"
@@ -22,6 +24,15 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 /// Errors: kDeviceGone for a head that delivers no pictures; kWrongState if another calibration came into force;
 /// kOverload if the rig has no time; those of the connection.
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
+
+/// One frame of a head.
+struct HeadSample {
+  std::uint64_t mid_exposure_ns = 0;  ///< of its set
+  std::uint64_t exposure_ns = 0;      ///< in effect, as the rig states it
+  double brightness = 0;              ///< mean of its luma, grey, or R, G and B samples
+};
+/// The head's frame of the next set; nothing if the set has none. Errors: those of the connection.
+Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head);
 
 /// The number of frame sets that a live registration uses: default and maximum.
 inline constexpr int kLiveSets = 3;

@@ -1,0 +1,182 @@
+#include "host_tool/input/control_latency.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/input/live_frames.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr int kSettleFrames = 12;  ///< until the brightness is measured
+constexpr double kAmbiguous =
+    0.1;  ///< of a period: closer to a frame's begin than this, a request may be before or after it
+constexpr int kSettleTries = 200;  ///< frame sets; a head may miss some
+
+/// Which frame after the request it is, or nothing if timestamps are too uncertain to tell. Negative: before.
+std::optional<int> frame_after(double begin_ns, double request_ns, double period_ns) {
+  const double frames = (begin_ns - request_ns) / period_ns;
+  const double whole = std::floor(frames);
+  if (std::abs(frames) > 1e6 || frames - whole < kAmbiguous || frames - whole > 1 - kAmbiguous) return std::nullopt;
+  return static_cast<int>(whole);
+}
+
+class Measurement {
+ public:
+  Measurement(RigConnection& rig, const wire::HeadState& head) : rig_(rig), head_(head) {}
+
+  Status prepare() {
+    wire::Request request;
+    request.mutable_genlock();
+    const Result<wire::Reply> reply = rig_.ask(request);
+    if (!reply) return fail(reply.error());
+    const auto rate = FrameRate::make(reply->genlock().rate_numerator(), reply->genlock().rate_denominator());
+    if (!rate) return fail(Errc::kBadFormat, "the rig sent an invalid frame rate");
+    period_ns_ = static_cast<double>(rate->period().ns());
+    result_.exposure_ns = head_.exposure_ns();
+    const std::uint64_t half = head_.exposure_ns() / 2;
+    const std::uint64_t twice = 2 * head_.exposure_ns();
+    const bool can_double = twice <= head_.exposure_max_ns() && static_cast<double>(twice) < 0.9 * period_ns_;
+    if (half >= std::max<std::uint64_t>(head_.exposure_min_ns(), 1000)) result_.stepped_ns = half;
+    else if (head_.exposure_ns() > 0 && can_double) result_.stepped_ns = twice;
+    else {
+      return fail(Errc::kUnsupported,
+                  fmt::format("head '{}': its exposure of {} can be neither halved nor doubled; its "
+                              "range is {} to {}",
+                              head_.name(), show_exposure(head_.exposure_ns()), show_exposure(head_.exposure_min_ns()),
+                              show_exposure(head_.exposure_max_ns())));
+    }
+    return {};
+  }
+
+  Result<ControlLatency> run(const std::function<void(int)>& progress) {
+    const Result<double> before = settled(result_.exposure_ns);
+    if (!before) return fail(before.error());
+    const Result<double> after = settled(result_.stepped_ns);
+    if (!after) return fail(after.error());
+    result_.brightness = *before;
+    result_.stepped_brightness = *after;
+    if (std::abs(*before - *after) < kLeastLevels) {
+      return fail(
+          Errc::kWrongState,
+          fmt::format("head '{}': its picture has a brightness of {:.1f} of 255 with {}, and {:.1f} with {}; with "
+                      "more light, or less if it is overexposed, the difference is visible",
+                      head_.name(), *before, show_exposure(result_.exposure_ns), *after,
+                      show_exposure(result_.stepped_ns)));
+    }
+    bool stepped = true;
+    for (result_.steps = 1; result_.steps <= kLatencySteps; ++result_.steps) {
+      stepped = !stepped;
+      if (const Status done = step(stepped, result_.steps % 3); !done) return fail(done.error());
+      progress(result_.steps);
+      if (result_.steps >= kFewestLatencySteps && result_.seen.exact() && result_.stated.exact()) break;
+    }
+    result_.steps = std::min(result_.steps, kLatencySteps);
+    if (result_.seen.high() == INT_MAX) return no_frames();  // every request was too close to a frame's begin
+    return result_;
+  }
+
+  /// Returns when the head got the exposure.
+  Result<double> set(std::uint64_t exposure_ns) {
+    wire::Request request;
+    request.mutable_head_set()->add_heads(head_.index());
+    request.mutable_head_set()->set_exposure_ns(exposure_ns);
+    const Result<wire::Reply> reply = rig_.ask(request);
+    if (!reply) return fail(reply.error());
+    if (reply->done().at_ns() == 0) {
+      return fail(Errc::kUnsupported, fmt::format("{} at {} does not say when a head got its settings; update nodald",
+                                                  rig_.rig().software(), rig_.address()));
+    }
+    return static_cast<double>(reply->done().at_ns());
+  }
+
+ private:
+  double begin_of(const HeadSample& sample) const {
+    return static_cast<double>(sample.mid_exposure_ns) + static_cast<double>(head_.skew_ns()) -
+           static_cast<double>(sample.exposure_ns) / 2;
+  }
+
+  /// The brightness some frames after the exposure was set.
+  Result<double> settled(std::uint64_t exposure_ns) {
+    const Result<double> at = set(exposure_ns);
+    if (!at) return fail(at.error());
+    for (int i = 0; i < kSettleTries; ++i) {
+      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index());
+      if (!sample) return fail(sample.error());
+      if (*sample && begin_of(**sample) > *at + kSettleFrames * period_ns_) return (*sample)->brightness;
+    }
+    return no_frames();
+  }
+
+  tl::unexpected<Error> no_frames() const {
+    return fail(Errc::kTimeout,
+                fmt::format("head '{}': no frames come after the change; `nodal heads` says why", head_.name()));
+  }
+
+  /// One change, to the stepped exposure or back. Frames are sampled from `later` periods after it on, so that all frames are
+  /// sampled in some step, also over a link that carries every third frame set.
+  Status step(bool stepped, int later) {
+    const Result<double> at = set(stepped ? result_.stepped_ns : result_.exposure_ns);
+    if (!at) return fail(at.error());
+    if (later > 0) {
+      if (const Status rested = rig_.rest(Duration::nanoseconds(std::llround(later * period_ns_))); !rested)
+        return rested;
+    }
+    const double middle = (result_.brightness + result_.stepped_brightness) / 2;
+    const bool dark_is_new = stepped == (result_.stepped_brightness < result_.brightness);
+    const double middle_ns =
+        std::sqrt(static_cast<double>(result_.exposure_ns) * static_cast<double>(result_.stepped_ns));
+    const bool short_is_new = stepped == (result_.stepped_ns < result_.exposure_ns);
+    for (int i = 0; i < kSettleTries; ++i) {
+      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index());
+      if (!sample) return fail(sample.error());
+      if (!*sample) continue;
+      if (begin_of(**sample) < *at) continue;
+      const auto frame = frame_after(begin_of(**sample), *at, period_ns_);
+      if (!frame) return {};  // this request was too close to a frame's begin; the next step has another phase
+      const bool seen = ((*sample)->brightness < middle) == dark_is_new;
+      const bool stated = (static_cast<double>((*sample)->exposure_ns) < middle_ns) == short_is_new;
+      if (seen) result_.seen.has_new(*frame);
+      else result_.seen.has_old(*frame);
+      if (stated) result_.stated.has_new(*frame);
+      else result_.stated.has_old(*frame);
+      if (seen && stated) return {};
+      if (*frame > kLongestLatency) {
+        return fail(Errc::kTimeout,
+                    fmt::format("head '{}': its picture does not change within {} frames after its exposure "
+                                "is changed",
+                                head_.name(), kLongestLatency));
+      }
+    }
+    return no_frames();
+  }
+
+  RigConnection& rig_;
+  const wire::HeadState& head_;
+  double period_ns_ = 0;
+  ControlLatency result_;
+};
+
+}  // namespace
+
+Result<ControlLatency> measure_control_latency(RigConnection& rig, const wire::HeadState& head,
+                                               const std::function<void(int)>& progress) {
+  Measurement measurement(rig, head);
+  if (const Status prepared = measurement.prepare(); !prepared) return fail(prepared.error());
+  Result<ControlLatency> measured = measurement.run(progress);
+  const UndoesDespiteInterrupts scope;
+  const Result<double> restored = measurement.set(head.exposure_ns());
+  if (!restored && (measured || restored.error().code != Errc::kWrongState)) {
+    // kWrongState: an exposure program sets the exposures, so the first change was refused, too.
+    return fail(restored.error().code,
+                fmt::format("{}{}; the exposure may not be restored: nodal head set {} --exposure {}us",
+                            measured ? "" : measured.error().message + "; ", restored.error().message, head.name(),
+                            head.exposure_ns() / 1000));
+  }
+  return measured;
+}
+
+}  // namespace nodal::host
