@@ -279,6 +279,34 @@ TEST_F(LyingRigs, AnswersToNoQuestion_AreDropped) {
   EXPECT_EQ(Json::parse(run.out)["state"], "running");
 }
 
+TEST_F(LyingRigs, AnOlderRig_SaysThatItCannotListDevicesNorWhenAHeadGotItsSettings) {
+  rig_.hello.add_features("frame-sets");
+  const auto older = [](ScriptedRig& rig, const wire::Request& request) {
+    wire::Reply reply;
+    if (request.has_heads()) {
+      wire::HeadState& head = *reply.mutable_heads()->add_heads();
+      head.set_name("cam0");
+      head.set_exposure_ns(8'000'000);
+    } else if (request.has_genlock()) {
+      reply.mutable_genlock()->set_rate_numerator(25);
+      reply.mutable_genlock()->set_rate_denominator(1);
+    } else if (request.has_head_set()) {
+      reply.mutable_done();
+    } else {
+      reply.mutable_error()->set_code(static_cast<std::uint32_t>(Errc::kUnsupported));
+      reply.mutable_error()->set_message("this rig (nodald 0.1.0) does not support that request");
+    }
+    rig.reply(request, reply);
+  };
+  const Finished latency = against(older, "heads latency cam0");
+  EXPECT_NE(latency.code, 0);
+  EXPECT_NE(latency.err.find("does not say when a head got its settings; update nodald"), std::string::npos)
+      << latency.err;
+  const Finished scan = against(older, "heads scan");
+  EXPECT_NE(scan.code, 0);
+  EXPECT_NE(scan.err.find("does not support that request"), std::string::npos) << scan.err;
+}
+
 // --- text ------------------------------------------------------------------------------------------------
 
 bool has_controls(const std::string& text) {

@@ -160,6 +160,8 @@ const std::vector<std::vector<std::string>>& commands() {
       {"drift", "--sets", "1", "--threads", "1"},
       {"hosts"},
       {"audit"},
+      {"heads", "scan"},
+      {"heads", "latency", "cam0"},
   };
   return all;
 }

@@ -36,7 +36,9 @@ enum Command : char {
   kSync,
   kDrift,
   kHosts,
-  kAudit
+  kAudit,
+  kScan,
+  kLatency
 };
 constexpr char kText = 0;
 constexpr char kJson = 1;
@@ -199,6 +201,17 @@ void write_answers(const fs::path& corpus) {
   audit.mutable_audit_log()->add_entries()->set_who("c\r\n");
   audit.mutable_audit_log()->mutable_entries(0)->set_at_ns(UINT64_MAX);
   Talk(kAudit, kText).reply(audit).write(corpus / "audit");
+  wire::Reply devices;
+  devices.mutable_devices()->add_lines("# a\x1b[2J camera");
+  devices.mutable_devices()->set_json(R"({"devices":[{"model":"\u009b"}],"rig_toml":"[rig]\nname=1"})");
+  for (const char flags : {kText, kJson})
+    Talk(kScan, flags).reply(devices).write(corpus / (flags ? "devices-json" : "devices"));
+  wire::Reply rate;
+  rate.mutable_genlock()->set_rate_numerator(25);
+  rate.mutable_genlock()->set_rate_denominator(1);
+  wire::Reply given;
+  given.mutable_done()->set_at_ns(UINT64_MAX);
+  Talk(kLatency, kText).reply(heads(1)).reply(rate).reply(given).open(false).started().write(corpus / "latency");
   wire::Reply error;
   error.mutable_error()->set_code(UINT32_MAX);
   error.mutable_error()->set_message("a\x1b]0;b\x07");

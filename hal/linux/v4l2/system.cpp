@@ -76,8 +76,7 @@ Error explain(const std::string& who, const std::string& doing, int error) {
     case EPERM: return because(Errc::kDeviceFailed, "permission denied; add nodald's user to the group video");
     case ENOMEM:
       return because(Errc::kDeviceFailed,
-                     "the kernel has no memory for its buffers; choose a smaller size, or give drivers more (cma=, "
-                     "usbcore.usbfs_memory_mb=)");
+                     "the kernel has no memory for its buffers; choose a smaller size, or give drivers more (cma=)");
     case ENOSPC:
       return because(
           Errc::kBandwidth,
