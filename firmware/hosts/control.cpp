@@ -5,6 +5,12 @@
 #include "firmware/hosts/wire_commands.h"
 
 namespace nodal::firmware {
+namespace {
+
+// A host that stays is in the log. One that asks something and leaves is not: the audit log has what it changed.
+constexpr Duration kLoggedAfter = Duration::seconds(10);
+
+}  // namespace
 
 Control::Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
                  std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
@@ -73,7 +79,9 @@ void Control::drop_finished() {
     if (!client->finished()) return false;
     uploads_.leave(client->number());
     const bool left = client->why().code == Errc::kLinkClosed;
-    say(NewsKind::kHosts, client->name() + (left ? " left" : " was dropped: " + client->why().text()));
+    if (!left) say(NewsKind::kHosts, client->name() + " was dropped: " + client->why().text());
+    else if (!client->said_hello()) say(NewsKind::kHosts, client->name() + " left without saying hello");
+    else if (client->logged) say(NewsKind::kHosts, client->name() + " left");
     return true;
   });
 }
@@ -89,6 +97,10 @@ bool Control::serve_all(Instant now) {
 }
 
 bool Control::serve(Client& client, Instant now) {
+  if (!client.logged && client.said_hello() && now - client.since() >= kLoggedAfter) {
+    client.logged = true;
+    say(NewsKind::kHosts, client.name() + " is connected");
+  }
   const bool read = client.pump_in(now);
   int requests = 0;
   int events = 0;
@@ -115,7 +127,6 @@ void Control::handle(Client& client, Event& event, Instant now) {
     handle(client, *request, now);
   } else if (std::holds_alternative<wire::Hello>(event)) {
     client.on_hello(now);
-    say(NewsKind::kHosts, client.name() + " connected");
   } else if (const auto* opened = std::get_if<StreamOpened>(&event)) {
     if (client.access() != Access::kControl) {
       client.session().stop_stream(opened->stream,

@@ -141,6 +141,7 @@ class Operation {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
+  std::optional<Sha256> judged_with_;  ///< the calibration that was in force then
   Instant unstable_;           ///< the last time the rig was starting or hanging
   bool stable_noted_ = false;  ///< by the settings' store
   Supervisor supervisor_;

@@ -26,9 +26,11 @@ void Operation::watch(bool lossless, Instant now) {
   }
   const bool ends = asked_to_end();
   if (ends) supervisor_.end(end_reason_);
-  const bool at_once = ends && supervisor_.state() != RigState::kStopping;
+  // Who uploads a calibration and then asks for the state must not read that there is none.
+  const bool at_once = (ends && supervisor_.state() != RigState::kStopping) || keeper_->in_force != judged_with_;
   if (judged_ && now - *judged_ < kJudgeEvery && !at_once) return;
   judged_ = now;
+  judged_with_ = keeper_->in_force;
   const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
   rate_.observe(blended, now);
   const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);

@@ -41,6 +41,18 @@ TEST(BringUp, AFreshRig_SaysWhatItNeeds) {
   EXPECT_EQ(host.refusal.code(), static_cast<unsigned>(Errc::kNotReady));
 }
 
+TEST(BringUp, StatusRightAfterAnUpload_DoesNotMissTheCalibration) {
+  for (int phase = 0; phase < 12; ++phase) {
+    Stand stand;
+    TestHost& host = stand.connect();
+    stand.run(Duration::milliseconds(300 + 5 * phase));
+    const wire::Reply done = host.upload(to_json(stand.options.truth));
+    ASSERT_FALSE(done.has_error()) << done.error().message();
+    const wire::RigStatus status = host.status();
+    EXPECT_NE(status.state(), "no-calibration") << status.problem();
+  }
+}
+
 TEST(BringUp, UploadThenPull_GivesSpheresThatNameTheirCalibration) {
   Stand stand;
   TestHost& host = stand.bring_up();

@@ -32,6 +32,36 @@ TEST(Log, ACalibrationWithATerminalSequenceInAKeyAndAName_ForgesNoLine) {
   for (const std::string& sentence : news) EXPECT_TRUE(is_printable(sentence)) << sentence;
 }
 
+TEST(Log, AHostThatStays_IsInIt_OneThatAsksAndLeavesIsNot) {
+  Stand stand;
+  stand.bring_up();
+  const auto about_hosts = [&] {
+    std::vector<std::string> found;
+    for (const std::string& sentence : stand.rig->control().take_news()) {
+      if (sentence.starts_with("host ")) found.push_back(sentence);
+    }
+    return found;
+  };
+  stand.run(Duration::seconds(8));
+  EXPECT_TRUE(about_hosts().empty());
+  stand.hosts.clear();
+  stand.run(Duration::seconds(1));
+  EXPECT_TRUE(about_hosts().empty()) << "it has asked, and left";
+
+  stand.connect();
+  stand.run(Duration::seconds(11));
+  const std::vector<std::string> stays = about_hosts();
+  ASSERT_EQ(stays.size(), 1U);
+  EXPECT_NE(stays[0].find("is connected"), std::string::npos) << stays[0];
+  stand.run(Duration::seconds(30));
+  EXPECT_TRUE(about_hosts().empty()) << "once is enough";
+  stand.hosts.clear();
+  stand.run(Duration::seconds(1));
+  const std::vector<std::string> leaves = about_hosts();
+  ASSERT_EQ(leaves.size(), 1U);
+  EXPECT_NE(leaves[0].find(" left"), std::string::npos) << leaves[0];
+}
+
 TEST(Log, ThousandsOfBadConnections_AFewLinesAndACountOfTheRest) {
   Stand stand;
   stand.settle();
