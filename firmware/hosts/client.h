@@ -81,7 +81,7 @@ class Client {
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
   std::size_t requests_open = 0;
-  bool logged = false;  ///< the log says that it is connected
+  bool logged = false;                ///< the log says that it is connected
   std::optional<wire::Request> held;  ///< its next request, while its stage has the most commands of this host
   std::uint64_t dropped = 0;          ///< raymaps dropped on streams that have ended
   std::uint64_t lossless_ended = 0;   ///< lossless pulls that ended because they were too slow

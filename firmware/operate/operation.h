@@ -142,8 +142,8 @@ class Operation {
   RecentRate rate_;
   std::optional<Instant> judged_;
   std::optional<Sha256> judged_with_;  ///< the calibration that was in force then
-  Instant unstable_;           ///< the last time the rig was starting or hanging
-  bool stable_noted_ = false;  ///< by the settings' store
+  Instant unstable_;                   ///< the last time the rig was starting or hanging
+  bool stable_noted_ = false;          ///< by the settings' store
   Supervisor supervisor_;
   Shedding shedding_;
   std::string end_reason_;  ///< valid when end_asked_ is true

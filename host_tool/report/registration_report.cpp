@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -23,6 +24,7 @@ using registration::FrameSet;
 using registration::Report;
 
 constexpr int kWidth = 768, kHeight = 384;
+constexpr int kColourWidth = 1152, kColourHeight = 576;
 constexpr int kClose = 288;   // side of a close-up, px
 constexpr int kChecker = 36;  // side of a square from one head, px
 constexpr std::size_t kSeams = 6;
@@ -49,6 +51,20 @@ class Rig {
     return 255 * geometry::decode(own.response, encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
   }
 
+  /// The same in red, green and blue.
+  std::optional<std::array<double, 3>> colours(std::size_t head, const Ray& ray) const {
+    const auto at = heads_[head].project(ray);
+    if (!at || !heads_[head].contains(*at)) return std::nullopt;
+    const HeadCalibration& own = heads_[head].calibration();
+    const std::array<double, 3> encoded = colour(frames_[head], at->x, at->y);
+    std::array<double, 3> light{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      light[c] = 255 * geometry::decode(own.response, std::clamp(encoded[c] / 255, 0.0, 1.0)) /
+                 (own.gain[c] * std::max(heads_[head].vignetting(*at), 0.05));
+    }
+    return light;
+  }
+
   /// The light encoded with the first head's response, for display.
   std::uint8_t shown(double light) const {
     const double encoded = geometry::encode(heads_.front().calibration().response, std::clamp(light / 255, 0.0, 1.0));
@@ -67,6 +83,20 @@ class Rig {
     return 0.299 * component(0) + 0.587 * component(1) + 0.114 * component(2);
   }
 
+  // Of the sample that covers the point; YUV by full-range BT.601.
+  static std::array<double, 3> colour(const ImageView& image, double x, double y) {
+    const auto component = [&](std::size_t c) {
+      const PlaneView& plane = image.planes[c];
+      const int i = std::clamp(static_cast<int>(x * plane.width / image.width), 0, plane.width - 1);
+      const int j = std::clamp(static_cast<int>(y * plane.height / image.height), 0, plane.height - 1);
+      return static_cast<double>(plane.data[j * plane.row_stride + i * plane.pixel_stride]);
+    };
+    if (component_count(image.format) == 1) return {component(0), component(0), component(0)};
+    if (!has_chroma(image.format)) return {component(0), component(1), component(2)};
+    const double luma = component(0), u = component(1) - 128, v = component(2) - 128;
+    return {luma + 1.402 * v, luma - 0.344136 * u - 0.714136 * v, luma + 1.772 * u};
+  }
+
   static double sample(const ImageView& image, double x, double y) {
     const int i = std::clamp(static_cast<int>(std::floor(x)), 0, image.width - 2);
     const int j = std::clamp(static_cast<int>(std::floor(y)), 0, image.height - 2);
@@ -80,7 +110,7 @@ class Rig {
 };
 
 struct Spheres {
-  std::vector<std::uint8_t> mean, difference, seers;
+  std::vector<std::uint8_t> difference, seers;
 };
 
 Spheres spheres_of(const Rig& rig) {
@@ -99,7 +129,6 @@ Spheres spheres_of(const Rig& rig) {
       }
       const double mean = count > 0 ? sum / count : 0;
       const double spread = count > 1 ? std::sqrt(std::max(0.0, squares / count - mean * mean)) : 0;
-      spheres.mean.push_back(rig.shown(mean));
       spheres.difference.push_back(static_cast<std::uint8_t>(std::min(255.0, kStretch * spread)));
       spheres.seers.push_back(static_cast<std::uint8_t>(count));
     }
@@ -107,6 +136,30 @@ Spheres spheres_of(const Rig& rig) {
   const int most = std::max(1, static_cast<int>(std::ranges::max(spheres.seers)));
   for (std::uint8_t& seers : spheres.seers) seers = static_cast<std::uint8_t>(255 * seers / most);
   return spheres;
+}
+
+/// The mean of the heads in colour, as a PNG.
+std::vector<std::uint8_t> colour_sphere(const Rig& rig) {
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(std::size_t{3} * kColourWidth * kColourHeight);
+  for (int y = 0; y < kColourHeight; ++y) {
+    for (int x = 0; x < kColourWidth; ++x) {
+      const Ray ray = Ray::at({((x + 0.5) / kColourWidth - 0.5) * 2 * std::numbers::pi,
+                               ((y + 0.5) / kColourHeight - 0.5) * std::numbers::pi});
+      std::array<double, 3> sum{};
+      double count = 0;
+      for (std::size_t h = 0; h < rig.heads().size(); ++h) {
+        const auto light = rig.colours(h, ray);
+        if (!light) continue;
+        for (std::size_t c = 0; c < 3; ++c) sum[c] += (*light)[c];
+        ++count;
+      }
+      for (const double channel : sum) rgb.push_back(rig.shown(count > 0 ? channel / count : 0));
+    }
+  }
+  return media::png_file({kColourWidth, kColourHeight, 3, 8, rgb},
+                         {media::PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
+      .value_or(std::vector<std::uint8_t>());
 }
 
 std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
@@ -283,8 +336,8 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   for (const std::string& warning : report.warnings) page.warning(warning);
   const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
   page.heading("The sphere");
-  page.pictures({{png(spheres.mean, kWidth, kHeight), "mean of the heads, after"}});
-  page.pictures({{png(old_spheres.mean, kWidth, kHeight), "mean of the heads, before"}});
+  page.pictures({{colour_sphere(*after), "mean of the heads, after"}});
+  page.pictures({{colour_sphere(*before), "mean of the heads, before"}});
   add_heads(report, page);
   add_convergence(report, page);
   page.heading("Differences of the heads");

@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
 constexpr int kMostRefusals = 4;
+// Fall-offs are far from linear. Without rotations, no finer level would go on from here.
+constexpr int kMostRefusalsOfLight = 10;
 constexpr double kGrain = 2e-4;  // relative noise of the objective, from rays that enter and leave at the rims
 constexpr double kSameObjective =
     1.001;                            // a step that raises the objective by less than this factor may still be accepted
@@ -116,7 +118,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   constexpr double kNever = -std::numeric_limits<double>::infinity();
   auto end = solve::descend_from(std::move(heads), Evaluation(std::move(*start)), problem,
                                  {.most_steps = options.most_iterations,
-                                  .most_refusals = kMostRefusals,
+                                  .most_refusals = sought.rotation ? kMostRefusals : kMostRefusalsOfLight,
                                   .enough = kNever,  // ends() ends the descent
                                   .sure = kNever,
                                   .first_damping = kFirstDamping,
