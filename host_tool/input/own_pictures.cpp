@@ -65,7 +65,11 @@ bool all_placed(const registration::Report& report) {
 
 bool is_picture(const std::string& path) {
   if (is_folder(path)) return !pictures_in(path).empty();
-  return media::read_image_header(path).has_value();
+  // A file that only claims to be a picture is refused as one, not as a calibration.
+  std::string ending = fs::path(path).extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const bool claims = ending == ".jpg" || ending == ".jpeg" || ending == ".png";
+  return claims || media::read_image_header(path).has_value();
 }
 
 Result<std::vector<std::string>> own_picture_files(const std::vector<std::string>& arguments) {

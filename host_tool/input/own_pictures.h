@@ -12,7 +12,7 @@
 
 namespace nodal::host {
 
-/// Whether the file starts like a picture, or the folder holds files that do.
+/// Whether the file starts like a picture or is called like one, or the folder holds files that start so.
 bool is_picture(const std::string& path);
 
 /// The pictures among the arguments; a folder stands for the pictures in it, sorted by name.

@@ -20,6 +20,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr int kFeatureSide = 1600;       // px; larger pictures are reduced to this for features
+constexpr double kSamePlace = 2;         // px
 constexpr double kWithin = 0.98;         // of the lens's largest radius
 constexpr std::size_t kFeatures = 2500;  // per picture
 
@@ -60,11 +61,39 @@ std::vector<Shape> shapes_of(const std::vector<DecodedImage>& pictures, const st
   return shapes;
 }
 
-/// The part of a circle within the rising part of the lens.
+/// Leaves out what is beyond the rising part of the lens.
 void limit_to_lens(HeadCalibration& head) {
   const Result<geometry::Lens> lens = geometry::Lens::make(head.lens);
-  if (!lens || !head.region.circle) return;
-  head.region.circle->radius = std::min(head.region.circle->radius, kWithin * lens->max_radius());
+  if (!lens) return;
+  const double most = kWithin * lens->max_radius();
+  if (head.region.circle) {
+    const double off = std::hypot(head.region.circle->x - head.center_x, head.region.circle->y - head.center_y);
+    head.region.circle->radius = std::min(head.region.circle->radius, most - off);
+    return;
+  }
+  const double corner = std::hypot(std::max(head.center_x, head.width - head.center_x),
+                                   std::max(head.center_y, head.height - head.center_y) / std::min(1.0, head.aspect));
+  if (corner > most)
+    head.region.circle = Region::Circle{head.center_x, head.center_y, most * std::min(1.0, head.aspect)};
+}
+
+/// Two pictures that show the same at the same places do not determine a lens.
+Status check_different(const std::vector<Match>& used, std::size_t pictures, const std::vector<std::string>& names) {
+  for (std::size_t a = 0; a < pictures; ++a) {
+    for (std::size_t b = a + 1; b < pictures; ++b) {
+      std::size_t all = 0, same = 0;
+      for (const Match& match : used) {
+        if (match.a != a || match.b != b) continue;
+        ++all;
+        same += std::hypot(match.pixel_a.x - match.pixel_b.x, match.pixel_a.y - match.pixel_b.y) < kSamePlace ? 1 : 0;
+      }
+      if (all == 0 || 2 * same < all) continue;
+      return fail(Errc::kHeadMismatch,
+                  fmt::format("'{}' and '{}' are the same picture, or taken in the same direction; leave one out",
+                              names[a], names[b]));
+    }
+  }
+  return {};
 }
 
 HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen::Matrix3d& R_head_rig,
@@ -149,6 +178,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   tell(0.7);
   const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads);
   if (!arrangement) return fail(arrangement.error());
+  if (const Status good = check_different(arrangement->used, count, names); !good) return fail(good.error());
   tell(0.9);
   Found found;
   found.calibration.name = "from pictures";

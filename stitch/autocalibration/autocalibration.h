@@ -31,7 +31,7 @@ struct Found {
 ///
 /// Threading: thread-safe; starts `threads` of its own.
 /// Errors: kBadValue for fewer than two pictures, or for more than kMostPictures; kNoCoverage if no two pictures have
-///   enough in common, or if what they have in common contradicts itself.
+///   enough in common, or if what they have in common contradicts itself; kHeadMismatch for two equal pictures.
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
                             const Options& options);
 

@@ -54,6 +54,26 @@ TEST(Autocalibration, AnotherOrderOfThePictures_SameRig) {
   EXPECT_EQ(found->calibration.heads.front().name, truth.heads.front().name);
 }
 
+TEST(Autocalibration, TheSamePictureTwice_IsRefusedAndNamed) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(300), hal::sim::town_square_scene(3), {});
+  std::vector<DecodedImage> pictures = pictures_of(rig);
+  pictures[4] = pictures[1];
+  const auto all = autocalibrate(pictures, names_of(rig.truth), {});
+  ASSERT_FALSE(all);
+  EXPECT_EQ(all.error().code, Errc::kHeadMismatch);
+  EXPECT_NE(all.error().message.find(rig.truth.heads[4].name), std::string::npos) << all.error().message;
+  EXPECT_EQ(autocalibrate({pictures[1], pictures[4]}, {"a", "b"}, {}).error().code, Errc::kHeadMismatch);
+}
+
+TEST(Autocalibration, ExtremeShapes_AreRefusedWithoutHarm) {
+  for (const auto& [width, height] :
+       std::vector<std::pair<int, int>>{{1, 1}, {2, 2}, {32768, 1}, {1, 32768}, {4000, 2}}) {
+    DecodedImage picture{PixelFormat::kGrey8, width, height, {}};
+    for (int i = 0; i < width * height; ++i) picture.bytes.push_back(static_cast<std::uint8_t>(i * 37));
+    EXPECT_FALSE(autocalibrate({picture, picture}, {"a", "b"}, {})) << width << "x" << height;
+  }
+}
+
 TEST(Autocalibration, TooFewTooManyOrBlackPictures_AreRefused) {
   const DecodedImage black{PixelFormat::kGrey8, 64, 64, std::vector<std::uint8_t>(64 * 64)};
   EXPECT_EQ(autocalibrate({}, {}, {}).error().code, Errc::kBadValue);
