@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cctype>
 #include <filesystem>
 
 namespace nodal::host {
@@ -19,6 +20,16 @@ std::string toml_string(const std::string& text) {
   return quoted;
 }
 
+/// A rig's name as rig.toml takes it: 1 to 64 characters of A-Z a-z 0-9 . _ -
+std::string rig_name(const std::string& calibration) {
+  std::string name;
+  for (const char c : calibration.substr(0, 64)) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '.' || c == '_' || c == '-';
+    name += plain ? c : '-';
+  }
+  return name.empty() ? "rig" : name;
+}
+
 }  // namespace
 
 std::string replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
@@ -28,7 +39,7 @@ std::string replay_rig_toml(const Calibration& calibration, const std::vector<st
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
       "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
       "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
-      source, toml_string(calibration.name));
+      source, toml_string(rig_name(calibration.name)));
   const fs::path to = fs::absolute(file).parent_path();
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     const fs::path picture = fs::absolute(pictures[i]).lexically_normal();

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 
 #include "rig_process.h"
 #include "tests/support/pictures.h"
+#include "tests/support/rendered_rig.h"
 
 namespace nodal::command_line {
 namespace {
@@ -121,6 +123,63 @@ TEST_F(FirstSession, RigTomlOfPicturesThatCannotBeReplayed_WarnsForEach) {
   EXPECT_EQ(run.code, 0) << run.err;
   EXPECT_NE(run.err.find("heads replay JPEG and PNG pictures only"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find(R"(there is no picture 'c:\Users\me\b.jpg')"), std::string::npos) << run.err;
+}
+
+/// The commands of a page: its indented lines that begin with "nodal", without comments.
+Words commands_of(const std::string& page) {
+  std::ifstream stream(page);
+  Words commands;
+  for (std::string line; std::getline(stream, line);) {
+    if (!line.starts_with("    nodal")) continue;
+    commands.push_back(
+        line.substr(4, line.find("  #") == std::string::npos ? std::string::npos : line.find("  #") - 4));
+  }
+  return commands;
+}
+
+TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
+  const test::RenderedRig rig = [] {
+    Calibration three = test::six_fisheyes(320, 190);
+    three.heads = {three.heads[0], three.heads[1], three.heads[2]};
+    const char* const names[] = {"a", "b", "c"};
+    for (std::size_t h = 0; h < 3; ++h) three.heads[h].name = names[h];
+    return test::render_rig(three, hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 1.0, 5, 2});
+  }();
+  for (const char* folder : {".", "holiday", "new", "day1", "day2", "day3"}) {
+    std::filesystem::create_directories(path(folder));
+    for (std::size_t h = 0; h < 3; ++h) {
+      test::write_bytes(path(std::string(folder) + "/" + rig.truth.heads[h].name + ".jpg"),
+                        test::png_of(rig.bytes[h], 320, 320, 3));
+    }
+  }
+  const Words commands = commands_of(NODAL_SOURCE_DIR "/host_tool/TUTORIAL.md");
+  ASSERT_GE(commands.size(), 9U);
+  std::string log;
+  for (const std::string& command : commands) {
+    // nodald goes on in the background until the end of the test.
+    std::string script = "cd '" + path(".") + "' && export PATH='" NODAL_BIN_DIR "':$PATH; ";
+    if (command.ends_with("&")) {
+      const std::size_t start = command.find("&& nodald");
+      ASSERT_NE(start, std::string::npos) << command;
+      script += command.substr(0, start) + "&& { timeout 60 " + command.substr(start + 3, command.size() - start - 4) +
+                " >nodald.log 2>&1 & echo $! > nodald.pid; } && for n in $(seq 100); do [ -S nodal.sock ] && break; "
+                "sleep 0.1; done";
+    } else {
+      script += command;
+    }
+    const Finished run = Process({"bash", "-c", script}).wait();
+    log += "$ " + command + "\n" + run.out;
+    EXPECT_EQ(run.code, 0) << command << "\n" << run.err;
+    if (command.ends_with("status")) {
+      EXPECT_LE(widest_line(run.out), 80U) << run.out;
+    }
+  }
+  Process({"bash", "-c", "kill $(cat '" + path("nodald.pid") + "'); true"}).wait();
+  for (const char* file :
+       {"sphere.jpg", "sphere.rig.json", "sphere.report.html", "next.jpg", "rig.json", "rig.html", "raymap.jpg"}) {
+    EXPECT_TRUE(std::filesystem::exists(path(file))) << file << "\n" << log;
+  }
+  EXPECT_NE(log.find("3 of 3 pictures placed"), std::string::npos) << log;
 }
 
 }  // namespace
