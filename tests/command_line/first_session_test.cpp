@@ -174,7 +174,10 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
       EXPECT_LE(widest_line(run.out), 80U) << run.out;
     }
   }
-  Process({"bash", "-c", "kill $(cat '" + path("nodald.pid") + "'); true"}).wait();
+  Process({"bash", "-c",
+           "pid=$(cat '" + path("nodald.pid") +
+               "'); kill $pid; for n in $(seq 100); do kill -0 $pid 2>/dev/null || break; sleep 0.1; done"})
+      .wait();
   for (const char* file :
        {"sphere.jpg", "sphere.rig.json", "sphere.report.html", "next.jpg", "rig.json", "rig.html", "raymap.jpg"}) {
     EXPECT_TRUE(std::filesystem::exists(path(file))) << file << "\n" << log;
