@@ -247,6 +247,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg         with a calibration\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
+      "  nodal stitch rig.json front/ back/ -o s-%04d.jpg         a folder for each head, with a sequence\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"

@@ -26,16 +26,6 @@ bool is_folder(const std::string& path) {
   return fs::is_directory(path, error);
 }
 
-std::vector<std::string> pictures_in(const std::string& folder) {
-  std::vector<std::string> found;
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.is_regular_file(error) && media::read_image_header(entry.path())) found.push_back(entry.path().string());
-  }
-  std::ranges::sort(found);
-  return found;
-}
-
 /// The files' names without their endings if all of them can be heads' names, else cam0, cam1 and so on.
 std::vector<std::string> head_names(const std::vector<std::string>& files) {
   std::vector<std::string> names, numbered;
@@ -64,7 +54,7 @@ bool all_placed(const registration::Report& report) {
 }  // namespace
 
 bool is_picture(const std::string& path) {
-  if (is_folder(path)) return !pictures_in(path).empty();
+  if (is_folder(path)) return !media::pictures_in(path).empty();
   // A file that only claims to be a picture is refused as one, not as a calibration.
   std::string ending = fs::path(path).extension().string();
   std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -80,7 +70,7 @@ Result<std::vector<std::string>> own_picture_files(const std::vector<std::string
       files.push_back(argument);
       continue;
     }
-    const std::vector<std::string> inside = pictures_in(argument);
+    const std::vector<std::string> inside = media::pictures_in(argument);
     if (inside.empty()) return fail(Errc::kNotFound, argument + ": there is no picture in this folder");
     files.insert(files.end(), inside.begin(), inside.end());
   }

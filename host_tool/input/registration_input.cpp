@@ -52,6 +52,11 @@ Region::Circle circle_in(const DecodedImage& picture) {
   return {grey.width / 2.0, grey.height / 2.0, std::min(grey.width, grey.height) / 2.0};
 }
 
+std::string folder_name(const std::string& folder) {
+  const fs::path path = fs::path(folder).lexically_normal();
+  return path.has_filename() ? path.filename().string() : path.parent_path().filename().string();
+}
+
 // The picture of a head in a folder: the file with the head's name.
 Result<std::string> picture_of(const fs::path& folder, const std::string& head) {
   std::vector<std::string> found;
@@ -73,6 +78,24 @@ Result<std::string> picture_of(const fs::path& folder, const std::string& head) 
   return found.front();
 }
 
+// Folders called after the heads hold a sequence each: the n-th pictures, sorted by name, are a set.
+Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std::string>& folders,
+                                                           const std::vector<std::string>& names) {
+  std::vector<std::vector<std::string>> sets;
+  for (std::size_t h = 0; h < names.size(); ++h) {
+    const auto own = std::ranges::find(folders, names[h], folder_name);
+    const std::vector<std::string> pictures = media::pictures_in(*own);
+    if (h == 0) sets.resize(pictures.size());
+    if (pictures.empty() || pictures.size() != sets.size()) {
+      return fail(Errc::kBadValue,
+                  fmt::format("{} has {} pictures, and {} has {}; every head needs one for each set", *own,
+                              pictures.size(), *std::ranges::find(folders, names[0], folder_name), sets.size()));
+    }
+    for (std::size_t n = 0; n < sets.size(); ++n) sets[n].push_back(pictures[n]);
+  }
+  return sets;
+}
+
 }  // namespace
 
 std::vector<registration::FrameSet> PictureSets::frames() const {
@@ -91,6 +114,13 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
     std::error_code error;
     return fs::is_directory(name, error);
   };
+  const auto named = [&](const std::string& name) {
+    return std::ranges::find(arguments, name, folder_name) != arguments.end();
+  };
+  if (arguments.size() == names.size() && std::ranges::all_of(arguments, is_folder) &&
+      std::ranges::all_of(names, named)) {
+    return sequences_of(arguments, names);
+  }
   if (std::ranges::any_of(arguments, is_folder)) {
     for (const std::string& argument : arguments) {
       if (!is_folder(argument)) {

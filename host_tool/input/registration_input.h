@@ -18,7 +18,8 @@ struct PictureSets {
 };
 
 /// The files of the pictures, one per head and set. The arguments are either pictures, in the calibration's order, set
-/// after set, or folders with one picture per head, named after the head (cam0.png). `names`: the heads' names.
+/// after set; or folders with one picture per head, named after the head (cam0.png); or one folder per head, named after
+/// it, with a sequence of pictures. `names`: the heads' names.
 /// Errors: kBadValue with what is missing or superfluous; kNotFound for a folder without a head's picture.
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);

@@ -119,6 +119,29 @@ TEST_F(StitchCommand, SeveralFolders_GiveARaymapEach) {
   EXPECT_FALSE(std::filesystem::exists(path("one.jpg")));
 }
 
+TEST_F(StitchCommand, AFolderForEachHead_IsItsSequence) {
+  write_pictures("set");
+  Words words{"stitch", path("rig.json")};
+  for (std::size_t h = town().truth.heads.size(); h-- > 0;) {  // in any order
+    std::filesystem::create_directories(path("film/" + name_of(h)));
+    for (const char* frame : {"0001.png", "0002.png", "0003.png"}) {
+      std::filesystem::copy_file(path("set/" + name_of(h) + ".png"), path("film/" + name_of(h) + "/" + frame));
+    }
+    words.push_back(path("film/" + name_of(h) + "/"));
+  }
+  Words all = words;
+  all.insert(all.end(), {"--width", "64", "-o", path("f-%d.png")});
+  const Finished run = nodal(all);
+  ASSERT_EQ(run.code, 0) << run.err;
+  ASSERT_EQ(nodal({"stitch", path("rig.json"), path("set"), "--width", "64", "-o", path("one.png")}).code, 0);
+  for (const char* file : {"f-0.png", "f-1.png", "f-2.png"}) EXPECT_EQ(read(file), read("one.png")) << file;
+  EXPECT_FALSE(std::filesystem::exists(path("f-3.png")));
+  std::filesystem::remove(path("film/" + name_of(2) + "/0003.png"));
+  Words uneven(words.begin() + 1, words.end());
+  uneven.insert(uneven.end(), {"-o", path("f-%d.png")});
+  expect_refused(uneven, name_of(2));
+}
+
 TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
   write_pictures("pictures");
   const auto size_of = [&](const Words& more) {
