@@ -102,6 +102,12 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
     if (used[n]) continue;
     first.notes.push_back(fmt::format("{} is left out: it shares too little with the other pictures", files[n]));
   }
+  for (const auto& [a, b] : found->doubtful) {
+    first.notes.push_back(
+        fmt::format("{} and {} overlap, but show different things there: one of them may be at a wrong "
+                    "place",
+                    first.placed[a], first.placed[b]));
+  }
   if (!found->upright) {
     first.notes.push_back("which way is up is a guess by the light: too few edges of the scene are vertical");
   }

@@ -60,7 +60,7 @@ struct Start {
   int agreeing = 0;
 };
 
-Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, std::size_t heads) {
+Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, std::size_t heads, const Trust& trust) {
   Start start{{lens, std::vector<std::optional<Matrix3d>>(heads)}, 0, 0};
   const Result<LensRays> rays = LensRays::make(lens);
   if (!rays) return start;
@@ -69,7 +69,10 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
     const auto a = rays->ray(match.at_a), b = rays->ray(match.at_b);
     if (a && b) pairs.push_back({match.a, match.b, *a, *b});
   }
-  const registration::PairRules rules{kTolerance / lens.model.focal, kLeast, kLeastShare};
+  registration::PairRules rules{kTolerance / lens.model.focal, kLeast, kLeastShare};
+  if (trust) {
+    rules.trust = [&](std::size_t a, std::size_t b, const Matrix3d& R_b_a) { return trust(a, b, R_b_a, lens); };
+  }
   const std::vector<Matrix3d> R(heads, Matrix3d::Identity());
   registration::PairStart found = registration::start_from_pairs(R, pairs, {}, rules);
   start.first = found.first;
@@ -86,17 +89,18 @@ geometry::Pixel Shape::center() const {
 
 double Shape::unit() const { return circle ? circle->radius : std::max(width, height) / 2.0; }
 
-Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads) {
+Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
+                                     const Trust& trust) {
   const std::vector<UnitMatch> units = in_units(shapes, matches);
   const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
   const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
-  const BundleRules rules{0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma};
+  const BundleRules rules{{}, 0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma};
   const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic);
   std::vector<Start> starts(lenses.size());
   const parallel::Workers workers(threads);
   workers.run(static_cast<int>(lenses.size()), [&](int i) {
     const auto n = static_cast<std::size_t>(i);
-    starts[n] = start_with(lenses[n], units, shapes.size());
+    starts[n] = start_with(lenses[n], units, shapes.size(), {});
   });
   std::ranges::stable_sort(starts, [](const Start& a, const Start& b) { return a.agreeing > b.agreeing; });
   if (starts.front().agreeing == 0) {
@@ -109,13 +113,28 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
     const auto n = static_cast<std::size_t>(i);
     BundleRules own = rules;
     own.first = starts[n].first;
+    own.prior = starts[n].state.lens;
     fits[n] = adjust(starts[n].state, units, own);
   });
   const auto better = [](const BundleFit& a, const BundleFit& b) {
     const auto count = [](const BundleFit& fit) { return std::ranges::count(fit.used, true); };
     return count(a) != count(b) ? count(a) > count(b) : a.error < b.error;
   };
-  const BundleFit& best = *std::ranges::min_element(fits, better);
+  const auto chosen = std::ranges::min_element(fits, better) - fits.begin();
+  BundleFit best = fits[static_cast<std::size_t>(chosen)];
+  if (trust) {
+    // With a good lens the pictures themselves can be compared, and the rotations are found once more.
+    const Start again = start_with(best.state.lens, units, shapes.size(), trust);
+    if (again.agreeing == 0) {
+      return fail(Errc::kNoCoverage,
+                  "what the pictures seem to have in common are things that repeat, such as windows or tiles: give "
+                  "pictures that overlap more, taken at the same place");
+    }
+    BundleRules own = rules;
+    own.first = again.first;
+    own.prior = starts[static_cast<std::size_t>(chosen)].state.lens;
+    best = adjust(again.state, units, own);
+  }
   Arrangement found{best.state.lens, best.state.R_head_rig, {}, best.error};
   std::vector<int> counts(shapes.size());
   for (std::size_t m = 0; m < matches.size(); ++m) {

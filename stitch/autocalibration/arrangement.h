@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -37,12 +38,17 @@ struct Arrangement {
   double error = 0;  ///< median distance of the used matches' two rays, units of radius
 };
 
+using Trust = std::function<double(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens)>;
+
 /// Tries lenses from tele to fisheye (Kannala-Brandt with two coefficients; pixels that are not square for the sizes of
 /// BT.601), and for each one finds the rotations on which most matches agree; the best of these starts go through a
 /// bundle adjustment of all rotations and the lens.
 ///
 /// Threading: thread-safe; starts `threads` of its own (0: one per core). The result does not depend on their number.
+/// `trust`: how far two pictures show the same where they overlap with this rotation and lens, 0: they do not; empty: the
+/// number of matches decides.
 /// Errors: kNoCoverage if no two pictures have enough matches in common.
-Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads);
+Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
+                                     const Trust& trust = {});
 
 }  // namespace nodal::autocalibration

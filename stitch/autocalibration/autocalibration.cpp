@@ -11,6 +11,7 @@
 #include "stitch/autocalibration/features.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/autocalibration/matches.h"
+#include "stitch/autocalibration/overlap.h"
 #include "stitch/autocalibration/upright.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
@@ -19,10 +20,11 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kFeatureSide = 1600;       // px; larger pictures are reduced to this for features
-constexpr double kSamePlace = 2;         // px
-constexpr double kWithin = 0.98;         // of the lens's largest radius
-constexpr std::size_t kFeatures = 2500;  // per picture
+constexpr int kFeatureSide = 1600;         // px; larger pictures are reduced to this for features
+constexpr double kLeastCorrelation = 0.3;  // of two pictures' detail where they overlap
+constexpr double kSamePlace = 2;           // px
+constexpr double kWithin = 0.98;           // of the lens's largest radius
+constexpr std::size_t kFeatures = 2500;    // per picture
 
 Region scaled(const Region::Circle* circle, int width, int height, double scale) {
   Region region{0, 0, width * scale, height * scale, {}};
@@ -176,7 +178,12 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   std::vector<Match> matches;
   for (const auto& own : of_pair) matches.insert(matches.end(), own.begin(), own.end());
   tell(0.7);
-  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads);
+  const Overlaps overlaps(shapes, small);
+  const auto trust = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
+    const double correlation = overlaps.correlation(a, b, R_b_a, lens);
+    return correlation > kLeastCorrelation ? correlation : 0;
+  };
+  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads, trust);
   if (!arrangement) return fail(arrangement.error());
   if (const Status good = check_different(arrangement->used, count, names); !good) return fail(good.error());
   tell(0.9);
@@ -188,6 +195,13 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     if (!R) continue;
     found.placed.push_back(h);
     found.calibration.heads.push_back(head_of(shapes[h], arrangement->lens, *R, names[h]));
+  }
+  for (std::size_t i = 0; i < found.placed.size(); ++i) {
+    for (std::size_t j = i + 1; j < found.placed.size(); ++j) {
+      const std::size_t a = found.placed[i], b = found.placed[j];
+      const Eigen::Matrix3d R_b_a = *arrangement->R_head_rig[b] * arrangement->R_head_rig[a]->transpose();
+      if (trust(a, b, R_b_a, arrangement->lens) == 0) found.doubtful.emplace_back(i, j);
+    }
   }
   found.matches = static_cast<int>(arrangement->used.size());
   found.error_px = arrangement->error * shapes.front().unit();

@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "protocol/base/decoded_image.h"
@@ -24,7 +25,9 @@ struct Found {
   std::vector<std::size_t> placed;  ///< their pictures
   int matches = 0;                  ///< points that two heads see and that agree
   double error_px = 0;              ///< the median distance of such a point's two images, original pixels
-  bool upright = false;             ///< edges of the scene agree on what is up
+  /// Pictures (indices into `placed`) that overlap and do not show the same there.
+  std::vector<std::pair<std::size_t, std::size_t>> doubtful;
+  bool upright = false;  ///< edges of the scene agree on what is up
 };
 
 /// `pictures`: taken at one place by equal lenses, grey (kGrey8), at least two. `names`: of the heads.

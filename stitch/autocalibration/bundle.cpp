@@ -20,7 +20,7 @@ constexpr int kLensUnknowns = 6;            // log focal, two coefficients, log 
 constexpr double kSlope = 1e-5;             // for derivatives by the lens
 constexpr double kFarthest = 0.05;          // units; a match that is farther off is an outlier
 constexpr double kNearest = 0.001;          // units; features are not more accurate than this
-constexpr double kAspectSigma = 0.01;       // of its logarithm, about the start's
+constexpr double kAspectSigma = 0.01;       // of its logarithm, about the prior's
 constexpr double kMostAspectChange = 0.05;  // of it
 constexpr double kPixelsPerUnit = 1000;     // a lens's focal length must be at least one pixel
 constexpr int kMostSteps = 60;
@@ -38,7 +38,7 @@ SharedLens changed(const SharedLens& lens, int unknown, double by) {
 class Bundle {
  public:
   Bundle(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules)
-      : start_(start.lens), matches_(matches), rules_(rules) {
+      : matches_(matches), rules_(rules) {
     int count = kLensUnknowns;
     for (std::size_t h = 0; h < start.R_head_rig.size(); ++h) {
       columns_.push_back(-1);
@@ -61,7 +61,6 @@ class Bundle {
   solve::Evaluation evaluate(const BundleState& state) const;
   BundleState moved(const BundleState& from, const Eigen::VectorXd& step) const;
 
-  SharedLens start_;
   const std::vector<UnitMatch>& matches_;
   BundleRules rules_;
   std::vector<int> columns_;  // of a head's turn; -1: fixed
@@ -151,9 +150,9 @@ solve::Evaluation Bundle::evaluate(const BundleState& state) const {
     sum.equations.add(std::span(&unknown, 1), std::span(&one, 1), off, std::pow(noise_ / sigma, 2));
   };
   for (std::size_t k = 0; k < rules_.sigma.size(); ++k) {
-    hold(static_cast<Eigen::Index>(k) + 1, state.lens.model.k[k] - start_.model.k[k], rules_.sigma[k]);
+    hold(static_cast<Eigen::Index>(k) + 1, state.lens.model.k[k] - rules_.prior.model.k[k], rules_.sigma[k]);
   }
-  hold(3, std::log(state.lens.aspect / start_.aspect), kAspectSigma);
+  hold(3, std::log(state.lens.aspect / rules_.prior.aspect), kAspectSigma);
   for (int k = 0; k < 2; ++k) hold(4 + k, state.lens.shift[k], rules_.shift_sigma);
   sum.cost = sum.equations.cost();
   return sum;
@@ -163,7 +162,7 @@ BundleState Bundle::moved(const BundleState& from, const Eigen::VectorXd& step) 
   BundleState state = from;
   for (int k = 0; k < kLensUnknowns; ++k) state.lens = changed(state.lens, k, std::clamp(step[k], -0.1, 0.1));
   const double most = std::exp(kMostAspectChange);
-  state.lens.aspect = std::clamp(state.lens.aspect, start_.aspect / most, start_.aspect * most);
+  state.lens.aspect = std::clamp(state.lens.aspect, rules_.prior.aspect / most, rules_.prior.aspect * most);
   for (std::size_t h = 0; h < columns_.size(); ++h) {
     if (columns_[h] < 0) continue;
     state.R_head_rig[h] = geometry::rotation_about(step.segment<3>(columns_[h])) * *from.R_head_rig[h];
@@ -223,6 +222,14 @@ std::optional<Vector3d> LensRays::ray(const Eigen::Vector2d& at) const {
   if (!angle) return std::nullopt;
   const double s = r > 0 ? std::sin(*angle) / r : 0;
   return Vector3d(s * x, s * y, std::cos(*angle));
+}
+
+std::optional<Eigen::Vector2d> LensRays::at(const Vector3d& ray) const {
+  const double side = std::hypot(ray.x(), ray.y());
+  const std::optional<double> radius = lens_.radius(std::atan2(side, ray.z()));
+  if (!radius) return std::nullopt;
+  const double s = side > 0 ? *radius / kPixelsPerUnit / side : 0;
+  return Eigen::Vector2d(s * ray.x() + shift_.x(), s * ray.y() * aspect_ + shift_.y());
 }
 
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules) {

@@ -19,6 +19,8 @@ class LensRays {
   /// Errors: kLensDomain, kBadValue for coefficients with which radii do not rise.
   static Result<LensRays> make(const SharedLens& lens);
   std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& at) const;
+  /// The point that receives a ray of the head's frame, which has length 1.
+  std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& ray) const;
 
  private:
   LensRays(geometry::Lens lens, double aspect, const Eigen::Vector2d& shift)
@@ -40,9 +42,10 @@ struct BundleFit {
 };
 
 struct BundleRules {
+  SharedLens prior;               ///< what coefficients and aspect are expected to be near
   std::size_t first = 0;          ///< the head that keeps its rotation
   bool free_aspect = false;       ///< the pixels' aspect is estimated
-  std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about the start's
+  std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about those of `prior`
   double shift_sigma = 0;         ///< of the lens's axis, units of radius
 };
 

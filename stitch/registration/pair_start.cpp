@@ -16,10 +16,12 @@ using Eigen::Vector3d;
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kLeastBase = 2 * kDegree;  // two points closer to each other do not determine the rotation about them
 constexpr std::size_t kMostTried = 1500;
+constexpr int kMostAttempts = 4;
 
 struct Joint {
   Matrix3d R_b_a = Matrix3d::Identity();
   int agreeing = 0;
+  double trust = 0;
 };
 
 double between(const Vector3d& a, const Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
@@ -65,7 +67,7 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
       if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
       const Matrix3d R =
           frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
-      if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count};
+      if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count, 0};
     }
   }
   if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a, tolerance);
@@ -81,14 +83,24 @@ PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<Ray
   std::map<std::pair<std::size_t, std::size_t>, Joint> joints;
   PairStart start{0, std::vector<std::optional<Matrix3d>>(R.size()), 0};
   std::vector<int> of_head(R.size());
-  for (const auto& [heads, theirs] : by_heads) {
-    const Joint joint = joint_of(theirs, rules.tolerance);
-    if (joint.agreeing < rules.least || joint.agreeing < rules.least_share * static_cast<double>(theirs.size()))
-      continue;
-    joints[heads] = joint;
-    start.agreeing += joint.agreeing;
-    of_head[heads.first] += joint.agreeing;
-    of_head[heads.second] += joint.agreeing;
+  for (auto& [heads, theirs] : by_heads) {
+    const double share = rules.least_share * static_cast<double>(theirs.size());
+    for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+      Joint joint = joint_of(theirs, rules.tolerance);
+      if (joint.agreeing < rules.least || joint.agreeing < share) break;
+      joint.trust = rules.trust ? rules.trust(heads.first, heads.second, joint.R_b_a) : joint.agreeing;
+      if (joint.trust <= 0) {
+        std::erase_if(theirs, [&](const RayPair& pair) {
+          return between(joint.R_b_a * pair.ray_a, pair.ray_b) < rules.tolerance;
+        });
+        continue;
+      }
+      joints[heads] = joint;
+      start.agreeing += joint.agreeing;
+      of_head[heads.first] += joint.agreeing;
+      of_head[heads.second] += joint.agreeing;
+      break;
+    }
   }
   auto& placed = start.R_head_rig;
   start.first = first.value_or(static_cast<std::size_t>(std::ranges::max_element(of_head) - of_head.begin()));
@@ -98,7 +110,7 @@ PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<Ray
     std::size_t a = 0, b = 0;
     for (const auto& [heads, joint] : joints) {
       if (placed[heads.first].has_value() == placed[heads.second].has_value()) continue;
-      if (best != nullptr && joint.agreeing <= best->agreeing) continue;
+      if (best != nullptr && joint.trust <= best->trust) continue;
       best = &joint;
       std::tie(a, b) = heads;
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <vector>
@@ -19,6 +20,9 @@ struct PairRules {
   double tolerance = 1.5 * std::numbers::pi / 180;  ///< rad; of a pair's two rays
   int least = 2;                                    ///< pairs that agree
   double least_share = 0;                           ///< of all pairs of the two heads
+  /// How much a connection with this rotation is to be trusted, 0: not at all, and other pairs are tried. The most
+  /// trusted connections are used first. Empty: trust is the number of pairs that agree.
+  std::function<double(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a)> trust{};
 };
 
 struct PairStart {
@@ -28,7 +32,7 @@ struct PairStart {
 };
 
 /// The rotation of every head that pairs connect to `first`, whose rotation is R; by default `first` is the head with
-/// the most pairs that agree. Connections that most pairs agree on are used first.
+/// the most pairs that agree. The most trusted connections are used first.
 PairStart start_from_pairs(const std::vector<Eigen::Matrix3d>& R, const std::vector<RayPair>& pairs,
                            std::optional<std::size_t> first, const PairRules& rules = {});
 

@@ -160,6 +160,32 @@ TEST(Arrangement, APictureOfSomethingElse_IsNotPlacedAndChangesNothing) {
   EXPECT_LT(test::rotation_error(truth, with_rotations(truth, *found)).max_deg, 0.1);
 }
 
+TEST(Arrangement, ThingsThatRepeat_DeceiveMatchesButNotThePictures) {
+  const Calibration truth = test::six_fisheyes(600, 150);
+  std::vector<Match> matches = matches_of(truth, 250, {});
+  // The first two heads seem to have more in common with a wrong rotation than with the right one.
+  Calibration wrong = truth;
+  wrong.heads[1].R_head_rig = test::turned(truth, 60, 60, 4).heads[1].R_head_rig;
+  for (const Match& match : matches_of(wrong, 700, {}, 2)) {
+    if (match.a == 0 && match.b == 1) matches.push_back(match);
+  }
+  const auto deceived = find_arrangement(shapes_of(truth), matches, 0);
+  ASSERT_TRUE(deceived) << deceived.error().text();
+  EXPECT_GT(test::rotation_error(truth, with_rotations(truth, *deceived)).max_deg, 20);
+  const std::vector<geometry::Head> heads = geometry::make_heads(truth).value();
+  const Trust trust = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens&) {
+    const Eigen::Matrix3d R_true = heads[b].R_head_rig() * heads[a].R_head_rig().transpose();
+    return (R_b_a - R_true).norm() < 0.2 ? 0.9 : 0.0;
+  };
+  const auto found = find_arrangement(shapes_of(truth), matches, 0, trust);
+  ASSERT_TRUE(found) << found.error().text();
+  EXPECT_LT(test::rotation_error(truth, with_rotations(truth, *found)).max_deg, 0.2);
+  const auto none =
+      find_arrangement(shapes_of(truth), matches, 0, [](auto, auto, const auto&, const auto&) { return 0.0; });
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().message.find("repeat"), std::string::npos) << none.error().message;
+}
+
 TEST(Arrangement, AnyNumberOfThreads_SameResult) {
   const Calibration truth = test::six_fisheyes(600, 150);
   const std::vector<Match> matches = matches_of(truth, 300, {0.5, 0.3});
