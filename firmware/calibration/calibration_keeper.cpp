@@ -301,14 +301,15 @@ bool CalibrationKeeper::compile_some() {
 }
 
 Status CalibrationKeeper::put_in_force(Installation& done) {
+  const std::vector<PixelFormat> delivered = done.job->delivered();
   auto tables = std::move(*done.job).finish();
   if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
-  auto installed =
-      make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-                     table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft));
+  auto installed = make_installed(
+      done.id, done.calibration.name, std::move(*tables), std::move(*meter),
+      table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft), delivered);
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {

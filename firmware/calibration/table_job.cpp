@@ -23,7 +23,11 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig&
   const RaymapConfig& raymap = config.raymap;
   TableJob job;
   job.calibration_ = calibration;
-  job.formats_ = std::move(formats);
+  for (const PixelFormat delivered : formats) {
+    // Of one that does not fit, the compiler's error says more.
+    job.formats_.push_back(blended_format(delivered, raymap.format).value_or(delivered));
+  }
+  job.delivered_ = std::move(formats);
   job.spec_ = {std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height, raymap.format};
   job.options_.transition = transition_of(raymap.transition);
   job.options_.seam_width_deg = raymap.seam_width_deg;

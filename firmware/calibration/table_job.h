@@ -20,7 +20,7 @@ namespace nodal::firmware {
 /// Errors: those of table::TableCompiler, from make() or finish().
 class TableJob {
  public:
-  /// For heads that deliver `formats`, in the calibration's order.
+  /// For heads that deliver `formats`, in the calibration's order. The tables are for pictures of blended_format().
   static Result<TableJob> make(const Calibration& calibration, const RigConfig& config,
                                std::vector<PixelFormat> formats);
 
@@ -28,6 +28,8 @@ class TableJob {
   int percent() const;
   /// Compiles at most `rows` further rows of tiles. Only while not done().
   void compile_some(int rows);
+  /// What the heads deliver.
+  const std::vector<PixelFormat>& delivered() const { return delivered_; }
   /// The tables, that of the field exposed first in front. Only when done().
   Result<std::vector<blend::BlendTable>> finish() &&;
 
@@ -36,7 +38,8 @@ class TableJob {
   Status next_table();
 
   Calibration calibration_;
-  std::vector<PixelFormat> formats_;
+  std::vector<PixelFormat> delivered_;
+  std::vector<PixelFormat> formats_;  ///< as blended
   table::RaymapSpec spec_;
   table::TableOptions options_;
   std::vector<std::optional<FieldParity>> fields_;  ///< one per table; empty: whole frames

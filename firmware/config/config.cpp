@@ -79,12 +79,11 @@ void read_raymap(TomlReader reader, RaymapConfig& raymap) {
 
 /// Call after the heads are read: the raymap's format can only be made from certain formats of heads.
 void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
-  const char* wanted = has_chroma(raymap)                         ? "I420, NV12, YUYV or UYVY"
-                       : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24"
-                                                                  : "GREY";
+  const char* wanted = has_chroma(raymap) ? "I420, NV12, I422, YUYV, UYVY, MJPEG or a Bayer format"
+                       : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24, MJPEG or a Bayer format"
+                                                                  : "GREY, MJPEG or a Bayer format";
   for (const HeadConfig& head : heads) {
-    const bool fits = has_chroma(raymap) ? has_chroma(head.format) : head.format == in_8_bits(raymap);
-    if (fits) continue;
+    if (blended_format(head.format, raymap)) continue;
     const std::string format(pixel_format_name(raymap));
     return reader.refuse("format", "is \"" + format + "\", which needs heads with " + wanted +
                                        ", but the format of head '" + head.name + "' is " +

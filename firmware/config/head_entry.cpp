@@ -83,8 +83,17 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
                                                       {"NV12", PixelFormat::kNv12},
                                                       {"YUYV", PixelFormat::kYuyv},
                                                       {"UYVY", PixelFormat::kUyvy},
+                                                      {"I422", PixelFormat::kI422},
                                                       {"RGB24", PixelFormat::kRgb24},
-                                                      {"GREY", PixelFormat::kGrey8}});
+                                                      {"GREY", PixelFormat::kGrey8},
+                                                      {"MJPEG", PixelFormat::kMjpeg},
+                                                      {"RGGB8", PixelFormat::kRggb8},
+                                                      {"GRBG8", PixelFormat::kGrbg8},
+                                                      {"GBRG8", PixelFormat::kGbrg8},
+                                                      {"BGGR8", PixelFormat::kBggr8}});
+  if (is_bayer(head.format) && head.port.kind == PortKind::kReplay) {
+    reader.refuse("format", "cannot be " + std::string(pixel_format_name(head.format)) + " for replay: ports");
+  }
   if (reader.has("exposure_us")) {
     head.exposure = Exposure::microseconds(reader.integer("exposure_us", 1, 10'000'000, 1));
   }
@@ -119,6 +128,11 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
                                                  {"top-first", Fields::kTopFirst},
                                                  {"bottom-first", Fields::kBottomFirst}});
+  if (head.fields != Fields::kProgressive && component_count(head.format) == 1 && head.format != PixelFormat::kGrey8) {
+    reader.refuse("fields", "cannot be \"" + std::string(head.fields == Fields::kTopFirst ? "top" : "bottom") +
+                                "-first\": pictures of format " + std::string(pixel_format_name(head.format)) +
+                                " are not taken apart into fields; leave it out, or choose another format");
+  }
   return head;
 }
 

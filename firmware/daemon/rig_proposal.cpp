@@ -21,9 +21,6 @@ constexpr double kSameRate = 1e-3;  ///< the same tolerance as when a device is 
 /// The formats of raymaps, in order of preference.
 constexpr std::array kFamilies{PixelFormat::kI420, PixelFormat::kRgb24, PixelFormat::kGrey8};
 
-/// The raymap that frames of a head can be blended into.
-PixelFormat family_of(PixelFormat head) { return has_chroma(head) ? PixelFormat::kI420 : head; }
-
 struct Mode {
   PixelFormat format;
   int width, height;
@@ -45,19 +42,19 @@ bool delivers(const FoundSize& size, FrameRate rate) {
 }
 
 std::int64_t bytes_per_second(PixelFormat format, const FoundSize& size, FrameRate rate) {
-  // In half bytes per pixel.
-  const int halves = format == PixelFormat::kGrey8                                  ? 2
-                     : format == PixelFormat::kRgb24                                ? 6
-                     : format == PixelFormat::kYuyv || format == PixelFormat::kUyvy ? 4
-                                                                                    : 3;
-  return std::int64_t{size.width} * size.height * halves / 2 * rate.numerator / rate.denominator;
+  const auto pixels = std::int64_t{size.width} * size.height;
+  // What cameras make of a picture as a JPEG; two bits a pixel is a high quality.
+  const std::int64_t bytes = format == PixelFormat::kMjpeg
+                                 ? pixels / 4
+                                 : static_cast<std::int64_t>(packed_size(format, size.width, size.height));
+  return bytes * rate.numerator / rate.denominator;
 }
 
 /// What a device can do at this rate, best first.
 std::vector<Mode> modes_of(const FoundDevice& device, PixelFormat family, FrameRate rate) {
   std::vector<Mode> modes;
   for (const auto& format : device.formats) {
-    if (!format.pixels || family_of(*format.pixels) != family) continue;
+    if (!format.pixels || !blended_format(*format.pixels, family)) continue;
     for (const FoundSize& size : format.sizes) {
       const bool blendable = size.width % 2 == 0 && size.height % 4 == 0;
       if (!blendable || !delivers(size, rate)) continue;
@@ -69,7 +66,9 @@ std::vector<Mode> modes_of(const FoundDevice& device, PixelFormat family, FrameR
   std::stable_sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) {
     const auto rank = [](const Mode& mode) {
       const bool large = mode.area() > kLargeArea;
-      return std::tuple(large, large ? mode.area() : -mode.area(), mode.bytes_per_second);
+      // Of equal sizes, the one that takes no decoding.
+      const bool decoded = mode.format == PixelFormat::kMjpeg || is_bayer(mode.format);
+      return std::tuple(large, large ? mode.area() : -mode.area(), decoded, mode.bytes_per_second);
     };
     return rank(a) < rank(b);
   });

@@ -5,11 +5,13 @@
 
 #include "protocol/base/result.h"
 #include "stitch/blend/prepare.h"
+#include "stitch/decode/frame_decoder.h"
 
 namespace nodal::firmware {
 
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
-                            blend::MeterTable meter, blend::ToneTable exposures) {
+                            blend::MeterTable meter, blend::ToneTable exposures,
+                            const std::vector<PixelFormat>& delivered) {
   NODAL_ASSERT(tables.size() == 1 || tables.size() == 2);
   std::size_t most = 0;  // the maximum, not the sum: fields are blended one after the other
   for (const blend::BlendTable& table : tables) {
@@ -19,8 +21,16 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
   }
   const blend::SetTone tone = blend::calibrated_tone(tables[0]);  // both fields have the same light
   auto prepared = std::make_shared<std::vector<std::uint8_t>>(most);
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{
-      id, std::move(name), std::move(tables), tone, std::move(prepared), std::move(meter), std::move(exposures)});
+  std::vector<std::shared_ptr<decode::FrameDecoder>> decoders;
+  for (std::size_t i = 0; i < tables[0].sources.size(); ++i) {
+    const blend::BlendTable::Source& source = tables[0].sources[i];
+    const int rows = source.field ? 2 * source.height : source.height;  // of the whole frame
+    decoders.push_back(std::make_shared<decode::FrameDecoder>(delivered.empty() ? source.format : delivered[i],
+                                                              source.format, source.width, rows));
+  }
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(tables), tone,
+                                                                           std::move(prepared), std::move(decoders),
+                                                                           std::move(meter), std::move(exposures)});
 }
 
 }  // namespace nodal::firmware

@@ -6,11 +6,16 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/image.h"
 #include "protocol/base/sha256.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/blend/exposure_tone.h"
 #include "stitch/blend/meter.h"
 #include "stitch/blend/tone.h"
+
+namespace nodal::decode {
+class FrameDecoder;
+}
 
 namespace nodal::firmware {
 
@@ -23,13 +28,17 @@ struct InstalledCalibration {
   blend::SetTone tone;  ///< for heads with the exposures they were calibrated at
   std::shared_ptr<std::vector<std::uint8_t>>
       prepared;  ///< scratch memory of the blender, for the prepared pictures that a table requires
+  /// Scratch memory of the blender, too: what decodes each head's frames where the blend cannot read them as they are.
+  std::vector<std::shared_ptr<decode::FrameDecoder>> decoders;
   blend::MeterTable meter;
   blend::ToneTable exposures;  ///< compensates the differences between the heads' exposures
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
-/// Allocates all memory that blending with these tables needs, so that the frame path allocates none.
+/// Allocates all memory that blending with these tables needs, so that the frame path allocates none. heads[i] delivers
+/// pictures of format delivered[i]; without `delivered`, of the format that the tables are for.
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
-                            blend::MeterTable meter = {}, blend::ToneTable exposures = {});
+                            blend::MeterTable meter = {}, blend::ToneTable exposures = {},
+                            const std::vector<PixelFormat>& delivered = {});
 
 }  // namespace nodal::firmware

@@ -127,6 +127,9 @@ void FrameSender::send(Client& client) {
     picture.set_width(static_cast<std::uint32_t>(place.shape.width));
     picture.set_height(static_cast<std::uint32_t>(place.shape.height));
     picture.set_offset(place.offset);
+    if (place.shape.format == PixelFormat::kMjpeg) picture.set_jpeg_bytes(place.bytes);
+    picture.set_video_range(place.coding.video_range);
+    picture.set_bt709(place.coding.bt709);
     picture.set_exposure_ns(static_cast<std::uint64_t>(place.in_effect.exposure.duration().ns()));
     picture.set_gain_mdb(place.in_effect.gain.mdb());
   }

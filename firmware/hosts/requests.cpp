@@ -29,7 +29,9 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
   answer.set_id(request.id());
   switch (request.what_case()) {
     case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
-    case wire::Request::kHeads: fill_heads(config_, operation_.capture(), *answer.mutable_heads()); break;
+    case wire::Request::kHeads:
+      fill_heads(config_, operation_.capture(), stages_.blender, *answer.mutable_heads());
+      break;
     case wire::Request::kGenlock: fill_genlock(config_, operation_.capture().genlock, *answer.mutable_genlock()); break;
     case wire::Request::kExposure:
       fill_exposure(operation_.capture().exposure, config_.heads.size(), *answer.mutable_exposure());

@@ -28,10 +28,14 @@ SetCopy SetCopy::places_for(const HeadShapes& heads, std::shared_ptr<std::vector
   SetCopy copy;
   std::size_t total = 0;
   for (std::size_t i = 0; i < heads.size(); ++i) {
-    if (!heads[i] || heads[i]->format == PixelFormat::kMjpeg) continue;
-    copy.places[i] = {*heads[i], total, {}};
+    if (!heads[i]) continue;
+    const PixelFormat as = heads[i]->format == PixelFormat::kMjpeg ? PixelFormat::kI420 : heads[i]->format;
+    SetCopy::Place& place = copy.places[i];
+    place.shape = *heads[i];
+    place.offset = total;
+    place.room = packed_size(as, heads[i]->width, heads[i]->height);
     copy.wanted |= head_bit(i);
-    total += packed_size(heads[i]->format, heads[i]->width, heads[i]->height);
+    total += place.room;
   }
   bytes->resize(total);
   copy.bytes = std::move(bytes);
@@ -49,7 +53,16 @@ void SetCopy::fill(const FrameSet& from) {
     const HeadShape& shape = place.shape;
     const ImageView& picture = from.frames[i].image;
     if (picture.format != shape.format || picture.width != shape.width || picture.height != shape.height) continue;
-    copy_picture(picture, packed_image(shape.format, shape.width, shape.height, bytes->data() + place.offset));
+    std::uint8_t* const to = bytes->data() + place.offset;
+    if (shape.format == PixelFormat::kMjpeg) {
+      if (picture.bytes > place.room) continue;
+      std::memcpy(to, picture.planes[0].data, picture.bytes);
+      place.bytes = picture.bytes;
+    } else {
+      copy_picture(picture, packed_image(shape.format, shape.width, shape.height, to));
+      place.bytes = place.room;
+    }
+    place.coding = picture.coding;
     place.in_effect = from.frames[i].in_effect;
     heads |= head_bit(i);
   }

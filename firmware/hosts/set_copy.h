@@ -16,6 +16,10 @@ struct SetCopy {
   struct Place {
     HeadShape shape;
     std::size_t offset = 0;  ///< in bytes
+    std::size_t room = 0;    ///< bytes up to the next place
+    // Filled in by fill().
+    std::size_t bytes = 0;
+    ColourCoding coding;
     hal::HeadSettings in_effect;
   };
   std::array<Place, kMaxHeads> places;
@@ -28,9 +32,11 @@ struct SetCopy {
   SyncEvidence sync;
   HeadMask heads = 0;  ///< heads whose pictures were copied
 
-  /// Reserves a place for each head whose shape is known and not MJPEG; `bytes` is resized to hold all of them.
+  /// Reserves a place for each head whose shape is known; `bytes` is resized to hold all of them. A JPEG gets the room of
+  /// the same picture as I420.
   static SetCopy places_for(const HeadShapes& heads, std::shared_ptr<std::vector<std::uint8_t>> bytes);
-  /// Copies the pictures. Skips a head that is not in the set or whose picture has another shape than its place.
+  /// Copies the pictures. Skips a head that is not in the set, or whose picture has another shape than its place or does
+  /// not fit into it.
   void fill(const FrameSet& from);
 };
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "firmware/hosts/publisher.h"
+#include "firmware/operate/health.h"
 #include "protocol/base/text.h"
 #include "protocol/upload.h"
 
@@ -184,7 +185,7 @@ void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, w
   }
 }
 
-void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into) {
+void fill_heads(const RigConfig& config, const CaptureReport& capture, const Blender& blender, wire::Heads& into) {
   for (std::size_t i = 0; i < capture.heads.size(); ++i) {
     const HeadReport& head = capture.heads[i];
     wire::HeadState& state = *into.add_heads();
@@ -206,7 +207,10 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Hea
     state.set_frames(head.counts.frames);
     fill_losses(head.counts, *state.mutable_losses());
     state.set_skew_ns(head.skew.ns());
-    state.set_problem(shown(problem_of(head)));
+    std::string problem = problem_of(head);
+    if (problem.empty()) problem = undecodable_now(blender, i);
+    state.set_problem(shown(problem));
+    state.set_undecodable(blender.undecodable(i).frames.load(std::memory_order_relaxed));
     state.set_missing_sets(head.missing_sets);
     state.set_opened(head.opened);
     if (head.drift_ppb) state.set_drift_ppb(*head.drift_ppb);

@@ -8,6 +8,7 @@
 #include "firmware/hosts/client.h"
 #include "firmware/hosts/device_scan.h"
 #include "firmware/operate/audit.h"
+#include "firmware/picture/blender.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
@@ -17,7 +18,7 @@ std::string shown(std::string_view text);
 wire::Error to_wire(const Error& error);
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
 void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into);
-void fill_heads(const RigConfig& config, const CaptureReport& capture, wire::Heads& into);
+void fill_heads(const RigConfig& config, const CaptureReport& capture, const Blender& blender, wire::Heads& into);
 /// Frames, sets and genlock.
 void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into);
 /// The evidence of how well the set of this raymap was exposed together.

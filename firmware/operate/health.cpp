@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "protocol/base/text.h"
+#include "stitch/decode/jpeg_frame.h"
 
 namespace nodal::firmware {
 namespace {
@@ -90,6 +91,11 @@ Transition transition(Condition worst, RigState from) {
   return {row.to, row.actions};
 }
 
+std::string undecodable_now(const Blender& blender, std::size_t head) {
+  const decode::DecodeFault fault = blender.undecodable(head).now.load(std::memory_order_relaxed);
+  return fault == decode::DecodeFault::kNone ? "" : "its pictures " + std::string(decode::decode_fault_text(fault));
+}
+
 Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   const auto found = [](Condition condition, std::string sentence) {
     return Diagnosis{condition, std::move(sentence)};
@@ -125,6 +131,7 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   if (std::string problem = first_head_problem(config, inputs.capture); !problem.empty()) {
     return found(Condition::kHeadTrouble, std::move(problem));
   }
+  if (!inputs.undecodable.empty()) return found(Condition::kHeadTrouble, std::string(inputs.undecodable));
   if (std::string slow = too_slow(inputs); !slow.empty()) return found(Condition::kTooSlow, std::move(slow));
   return {};
 }

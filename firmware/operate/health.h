@@ -12,6 +12,7 @@
 #include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
 #include "firmware/operate/shedding.h"
+#include "firmware/picture/blender.h"
 #include "hal/watchdog.h"
 
 namespace nodal::firmware {
@@ -63,7 +64,11 @@ struct HealthInputs {
   Duration blending;        ///< time without a pause of the sets or a change of calibration
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem()
+  const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
+
+/// Half a sentence about the head's newest frame, if it could not be decoded: "its pictures ..."; otherwise empty.
+std::string undecodable_now(const Blender& blender, std::size_t head);
 
 /// The worst condition from kStoreUnread to kHealthy, and a sentence about it, which is empty for kHealthy.
 struct Diagnosis {

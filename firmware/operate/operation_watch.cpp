@@ -37,10 +37,15 @@ void Operation::watch(bool lossless, Instant now) {
   if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
   adopted_ = adopted;
   shed(lossless, now);
+  std::string undecodable;
+  for (std::size_t i = 0; i < config_.heads.size() && undecodable.empty(); ++i) {
+    undecodable = undecodable_now(stages_.blender, i);
+    if (!undecodable.empty()) undecodable = "head '" + config_.heads[i].name + "': " + undecodable;
+  }
   const Diagnosis found =
       diagnose(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
                          stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
-                         now - steady_since_, shedding_.level(), settings_writer_.problem()});
+                         now - steady_since_, shedding_.level(), settings_writer_.problem(), undecodable});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
                     {"blend", stages_.blender.progress(), stages_.blender.idle()},

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "stitch/decode/frame_decoder.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -61,7 +63,9 @@ bool Blender::run_band() {
     }
   }
   const blend::BlendTable& table = this->table();
-  if (preparing_) {
+  if (doing_ == Round::kDecode) {
+    decode(band_of(ticket));
+  } else if (doing_ == Round::kPrepare) {
     const ToPrepare& head = to_prepare_[band_of(ticket)];
     std::array<ImageView, blend::kMaxPictures> views;
     blend::prepare_picture(*head.source, head.picture, head.memory, views);
@@ -85,9 +89,14 @@ bool Blender::coordinate() {
   if (set_) {
     if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed)))
       return false;
-    if (!preparing_) return finish();
-    preparing_ = false;
-    start_round(bands_);
+    switch (doing_) {
+      case Round::kDecode: begin_raymap(); break;
+      case Round::kPrepare:
+        doing_ = Round::kBlend;
+        start_round(bands_);
+        break;
+      case Round::kBlend: return finish();
+    }
     return true;
   }
   const bool adopted = adopt();
@@ -102,6 +111,7 @@ bool Blender::finish() {
   count(counts_.blended);
   if (field_ + 1 < installed_->tables.size()) {
     ++field_;
+    begun_ = clock_.now();
     begin_raymap();
     return true;
   }
@@ -142,9 +152,39 @@ bool Blender::begin() {
   if (!ready) return true;
   set_ = set;
   field_ = 0;
-  begin_raymap();
-  measure();  // while other threads blend; set_ stays valid, because only this thread can release it
+  begun_ = clock_.now();
+  take_frames(*set_);
+  if (heads_to_decode_ == 0) {
+    begin_raymap();
+  } else {
+    doing_ = Round::kDecode;
+    start_round(heads_to_decode_);
+  }
   return true;
+}
+
+/// Notes which frames of the set are blended, and which are decoded before.
+void Blender::take_frames(const FrameSet& set) {
+  heads_to_decode_ = 0;
+  const auto& decoders = installed_->decoders;
+  for (std::size_t i = 0; i < decoders.size(); ++i) {
+    frames_[i] = {};
+    if (!set.has(i)) continue;
+    if (!decoders[i]->takes(set.frames[i].image) || !has_fields_for(installed_->tables[0].sources[i], set.frames[i])) {
+      count(counts_.unfit_frames);
+      continue;
+    }
+    frames_[i] = set.frames[i].image;
+    if (decoders[i]->needed(frames_[i])) to_decode_[heads_to_decode_++] = i;
+  }
+}
+
+void Blender::decode(std::uint64_t band) {
+  const std::size_t head = to_decode_[band];
+  const ImageView frame = frames_[head];
+  const decode::DecodeFault fault = installed_->decoders[head]->decode(frame, frames_[head]);
+  undecodable_[head].now.store(fault, std::memory_order_relaxed);
+  if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
 }
 
 void Blender::begin_raymap() {
@@ -158,9 +198,9 @@ void Blender::begin_raymap() {
   into_ = packed_image(table.format, table.width, table.height, raymap_.pixels.edit().data());
   take_pictures(*set_);
   undo_exposures(*set_);
-  begun_ = clock_.now();
-  preparing_ = heads_to_prepare_ > 0;
-  start_round(preparing_ ? heads_to_prepare_ : bands_);
+  doing_ = heads_to_prepare_ > 0 ? Round::kPrepare : Round::kBlend;
+  start_round(heads_to_prepare_ > 0 ? heads_to_prepare_ : bands_);
+  if (field_ == 0) measure();  // while other threads blend; the set stays: only this thread can release it
 }
 
 void Blender::take_pictures(const FrameSet& set) {
@@ -173,13 +213,8 @@ void Blender::take_pictures(const FrameSet& set) {
     std::uint8_t* own_memory = memory;
     memory += bytes;
     pictures_[i] = {};
-    if (!set.has(i)) continue;
-    const ImageView picture = picture_of(source, set.frames[i].image);
-    if (picture.format != source.format || picture.width != source.width || picture.height != source.height ||
-        !has_fields_for(installed_->tables[0].sources[i], set.frames[i])) {
-      if (field_ == 0) count(counts_.unfit_frames);
-      continue;
-    }
+    if (frames_[i].planes[0].data == nullptr) continue;
+    const ImageView picture = picture_of(source, frames_[i]);
     raymap_.info.heads |= head_bit(i);
     raymap_.info.in_effect[i] = set.frames[i].in_effect;
     pictures_[i] = picture;
@@ -212,11 +247,8 @@ void Blender::undo_exposures(const FrameSet& set) {
 
 void Blender::measure() {
   if (light_out_.full()) return;
-  std::array<ImageView, kMaxHeads> seen_by{};  // the unprepared pictures: other threads change pictures_ meanwhile
-  for (std::size_t i = 0; i < seen_by.size(); ++i) {
-    if ((raymap_.info.heads & head_bit(i)) != 0) seen_by[i] = set_->frames[i].image;
-  }
-  blend::SphereLight seen = blend::meter(installed_->meter, seen_by, exposed_);
+  // The unprepared frames: other threads change pictures_ meanwhile.
+  blend::SphereLight seen = blend::meter(installed_->meter, frames_, exposed_);
   seen.set = set_->number;
   light_out_.push(std::move(seen));
 }

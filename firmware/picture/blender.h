@@ -18,13 +18,18 @@
 #include "stitch/blend/blend.h"
 #include "stitch/blend/prepare.h"
 
+namespace nodal::decode {
+enum class DecodeFault : std::uint8_t;
+}
+
 namespace nodal::firmware {
 
-/// Every call of step() does one piece of work. First the pictures of heads are prepared if the table requires it, then the
-/// raymap is blended in bands of rows. Between two raymaps, one thread finishes the raymap, adopts a new calibration and
-/// takes the next set. So a swap of calibrations always falls between two sets, and every raymap names the one calibration
-/// that it was made with. A calibration with one table per field makes two raymaps of each set, one after the other; the
-/// fields are read in place from the frames. No thread waits for another: step() returns false if there is no work for it.
+/// Every call of step() does one piece of work. First frames that the blend cannot read as they are get decoded, then the
+/// pictures of heads are prepared if the table requires it, then the raymap is blended in bands of rows. Between two
+/// raymaps, one thread finishes the raymap, adopts a new calibration and takes the next set. So a swap of calibrations
+/// always falls between two sets, and every raymap names the one calibration that it was made with. A calibration with one
+/// table per field makes two raymaps of each set, one after the other; the fields are read in place from the frames. No
+/// thread waits for another: step() returns false if there is no work for it.
 ///
 /// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's and
 ///   control's, one thread each; the counts may be read by any.
@@ -67,6 +72,12 @@ class Blender {
     std::atomic<std::uint64_t> adopted{0};              ///< calibrations put in force
   };
   const Counts& counts() const { return counts_; }
+  /// Frames of one head that could not be decoded; in those sets the head counts as missing.
+  struct Undecodable {
+    std::atomic<std::uint64_t> frames{0};
+    std::atomic<decode::DecodeFault> now{};  ///< of the newest frame
+  };
+  const Undecodable& undecodable(std::size_t head) const { return undecodable_[head]; }
   const RecentTimes& times() const { return times_; }
   /// Rises with every piece of work. If it does not rise while !idle(), the stage hangs.
   std::uint64_t progress() const { return progress_.load(std::memory_order_relaxed); }
@@ -83,7 +94,7 @@ class Blender {
  private:
   // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap covers
   // all three. With the count in a separate variable, a thread could compare a band number of the last round with the count
-  // of the next round and take a band that does not exist yet. While pictures are prepared, one head is one band.
+  // of the next round and take a band that does not exist yet. While pictures are decoded or prepared, one head is one band.
   static constexpr int kBandBits = 16;
   static constexpr std::uint64_t kMostBands = (std::uint64_t{1} << kBandBits) - 1;
   static std::uint64_t band_of(std::uint64_t ticket) { return ticket & kMostBands; }
@@ -94,6 +105,8 @@ class Blender {
   bool finish();
   bool adopt();
   bool begin();
+  void take_frames(const FrameSet& set);
+  void decode(std::uint64_t band);
   void begin_raymap();
   void take_pictures(const FrameSet& set);
   const blend::BlendTable& table() const { return installed_->tables[field_]; }
@@ -127,6 +140,12 @@ class Blender {
   Instant begun_;
 
   // The raymap being blended. Constant while threads work on its bands.
+  enum class Round : std::uint8_t { kDecode, kPrepare, kBlend };
+  Round doing_ = Round::kBlend;
+  /// The set's frames as the blend reads them, in place or decoded; empty where there is none.
+  std::array<ImageView, kMaxHeads> frames_;
+  std::array<std::size_t, kMaxHeads> to_decode_{};  ///< heads
+  std::size_t heads_to_decode_ = 0;
   Raymap raymap_;
   struct ToPrepare {
     const blend::BlendTable::Source* source = nullptr;
@@ -136,7 +155,6 @@ class Blender {
   };
   std::array<ToPrepare, kMaxHeads> to_prepare_;
   std::size_t heads_to_prepare_ = 0;
-  bool preparing_ = false;
   std::array<ImageView, kMaxHeads * blend::kMaxPictures> pictures_;  ///< in the order of blend::Pictures
   blend::SetTone tone_;
   MutableImageView into_;
@@ -145,6 +163,7 @@ class Blender {
 
   std::atomic<std::uint32_t> every_{1};
   Counts counts_;
+  std::array<Undecodable, kMaxHeads> undecodable_;
   RecentTimes times_;
   std::atomic<bool> idle_{true};
   std::atomic<std::uint64_t> progress_{0};

@@ -61,11 +61,11 @@ Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, st
                                        std::to_string(reel.width_) + "x" + std::to_string(reel.height_));
     }
   }
-  const std::size_t each = packed_size(reel.format_, reel.width_, reel.height_);
-  reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / each);
   reel.kept_.resize(reel.files_.size());
   auto image = reader.read(reel.files_.front(), reel.format_);
   if (!image) return fail(image.error());
+  // The JPEGs of a film differ little in size.
+  reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / image->bytes.size());
   reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(*image));
   reel.keeps_ = 1;
   return reel;

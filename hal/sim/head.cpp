@@ -16,7 +16,7 @@ constexpr std::uint64_t kExposuresAStep = 64;
 }  // namespace
 
 SensorOptions sensor_options(const HeadOptions& options) {
-  return {options.pixels,
+  return {options.pixels == PixelFormat::kMjpeg ? PixelFormat::kI420 : options.pixels,
           options.fields != Fields::kProgressive,
           options.rate.period() / 2,
           options.reference,
@@ -54,6 +54,7 @@ SimHead::SimHead(ClockPort& clock, SimTrigger& trigger, ScenePtr scene, const He
       settings_(options.settings),
       in_effect_(options.settings) {
   NODAL_ASSERT(options.buffers >= 1);
+  if (options.pixels == PixelFormat::kMjpeg) jpeg_camera_ = std::make_unique<JpegCamera>();
   if (options.fields != Fields::kProgressive) {
     const Exposure field = Exposure::of(options.rate.period() / 2);
     options_.limits.exposure_max = std::min(options_.limits.exposure_max, field);
@@ -293,6 +294,7 @@ void SimHead::expose(Instant begin, std::optional<std::uint64_t> pulse) {
     frame.verdict = FrameVerdict::kCorrupt;
     corrupt_next_ = false;
   }
+  frame.spoiled = std::exchange(spoil_next_, false);
   exposed_.push_back(frame);
   ++counts_.waiting;
   if (duplicate_next_ || random_.chance(faults.duplicate)) {
@@ -313,7 +315,8 @@ void SimHead::deliver_until(Instant now) {
   }
 }
 
-FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& bytes, std::uint64_t& holds) {
+FrameView SimHead::picture(const Exposed& frame, Rendering& rendering) {
+  std::vector<std::uint8_t>& bytes = rendering.bytes;
   FrameView view;
   view.sequence = frame.sequence;
   view.mid_exposure = frame.said_mid;
@@ -324,24 +327,35 @@ FrameView SimHead::picture(const Exposed& frame, std::vector<std::uint8_t>& byte
   view.fields = frame.fields;
   if (frame.verdict == FrameVerdict::kNoSignal) {
     std::fill(bytes.begin(), bytes.end(), std::uint8_t{128});
-    holds = 0;
+    rendering.holds = 0;
   } else {
     sensor_->set_light(frame.light);
-    holds = sensor_->render(frame.settings, frame.mid, frame.sequence, bytes, holds, frame.fields);
+    rendering.holds = sensor_->render(frame.settings, frame.mid, frame.sequence, bytes, rendering.holds, frame.fields);
   }
-  view.image = packed_image(options_.pixels, truth_.width, truth_.height, std::as_const(bytes).data());
+  std::vector<std::uint8_t>* delivered = &bytes;
+  if (jpeg_camera_) {
+    delivered = &rendering.jpeg;
+    const ImageView picture =
+        packed_image(PixelFormat::kI420, truth_.width, truth_.height, std::as_const(bytes).data());
+    jpeg_camera_->encode(picture, rendering.jpeg);
+    const auto length = static_cast<int>(rendering.jpeg.size());
+    view.image = {PixelFormat::kMjpeg, truth_.width, truth_.height, {}, rendering.jpeg.size()};
+    view.image.planes[0] = {rendering.jpeg.data(), length, 1, length, 1};
+  } else {
+    view.image = packed_image(options_.pixels, truth_.width, truth_.height, std::as_const(bytes).data());
+  }
   if (frame.verdict == FrameVerdict::kTorn) {
     // The transfer ended early: the rest of the buffer keeps its old content, here nothing.
-    view.image.bytes = bytes.size() / 2;
-    std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(view.image.bytes), bytes.end(), std::uint8_t{0});
-    holds = 0;
+    view.image.bytes = delivered->size() / 2;
+    std::fill(delivered->begin() + static_cast<std::ptrdiff_t>(view.image.bytes), delivered->end(), std::uint8_t{0});
+    rendering.holds = 0;
   }
-  if (frame.verdict == FrameVerdict::kCorrupt) {
+  if (frame.verdict == FrameVerdict::kCorrupt || frame.spoiled) {
     Random garbage(seed_ + frame.sequence, "garbage");
-    for (std::size_t i = bytes.size() / 3; i < bytes.size() / 3 * 2; ++i) {
-      bytes[i] = static_cast<std::uint8_t>(garbage.next());
+    for (std::size_t i = delivered->size() / 3; i < delivered->size() / 3 * 2; ++i) {
+      (*delivered)[i] = static_cast<std::uint8_t>(garbage.next());
     }
-    holds = 0;
+    rendering.holds = 0;
   }
   return view;
 }

@@ -12,6 +12,7 @@
 #include "hal/clock.h"
 #include "hal/head.h"
 #include "hal/sim/nudge.h"
+#include "hal/sim/scene/jpeg_camera.h"
 #include "hal/sim/scene/random.h"
 #include "hal/sim/scene/scene.h"
 #include "hal/sim/scene/sensor.h"
@@ -31,7 +32,7 @@ HeadLimits default_head_limits();
 inline constexpr std::uint16_t kWhiteBalanceMin = 256;  ///< a sixteenth
 
 struct HeadOptions {
-  PixelFormat pixels = PixelFormat::kI420;  ///< not kMjpeg; YUV is full range BT.601, as in JPEG
+  PixelFormat pixels = PixelFormat::kI420;  ///< YUV is full range BT.601, as in JPEG
   FrameRate rate;
   /// An interlaced head exposes two fields half a period apart; its height must be a multiple of four.
   Fields fields = Fields::kProgressive;
@@ -50,7 +51,7 @@ struct HeadOptions {
   HeadFaults faults;
 };
 
-/// The subset of the options that the sensor needs.
+/// The subset of the options that the sensor needs. The sensor of a head that delivers MJPEG delivers I420.
 SensorOptions sensor_options(const HeadOptions& options);
 
 /// The true data of one frame.
@@ -86,6 +87,8 @@ class SimHead final : public PulseSink {
   /// The next n exposed frames never arrive.
   void lose_frames(int n = 1) { lose_ += n; }
   void corrupt_next_frame() { corrupt_next_ = true; }
+  /// The next frame's bytes are wrong, and its verdict does not say so.
+  void spoil_next_frame() { spoil_next_ = true; }
   void tear_next_frame() { tear_next_ = true; }
   void duplicate_next_frame() { duplicate_next_ = true; }
   void delay_next_frame(Duration by) { delay_next_ = by; }
@@ -139,6 +142,7 @@ class SimHead final : public PulseSink {
     FrameVerdict verdict = FrameVerdict::kGood;
     Fields fields = Fields::kProgressive;
     double light = 1;
+    bool spoiled = false;
   };
   struct Pending {
     HeadSettings settings;
@@ -160,7 +164,13 @@ class SimHead final : public PulseSink {
   void deliver_until(Instant now);
   void fill(const Exposed& frame);
   void discard_waiting();
-  FrameView picture(const Exposed& frame, std::vector<std::uint8_t>& bytes, std::uint64_t& holds);
+  /// A buffer's content.
+  struct Rendering {
+    std::vector<std::uint8_t> bytes;
+    std::uint64_t holds = 0;         ///< what Sensor::render returned for `bytes`; 0: unknown
+    std::vector<std::uint8_t> jpeg;  ///< of a head that delivers MJPEG
+  };
+  FrameView picture(const Exposed& frame, Rendering& rendering);
 
   ClockPort& clock_;
   SimTrigger& trigger_;
@@ -172,6 +182,7 @@ class SimHead final : public PulseSink {
   Random random_;
   std::uint64_t seed_;
   std::unique_ptr<Sensor> sensor_;
+  std::unique_ptr<JpegCamera> jpeg_camera_;  ///< of a head that delivers MJPEG
   Port* port_ = nullptr;
   bool present_ = true;
   bool streaming_ = false;
@@ -190,7 +201,7 @@ class SimHead final : public PulseSink {
   std::array<FrameTruth, 64> newest_{};
   HeadCounts counts_;
   int lose_ = 0;
-  bool corrupt_next_ = false, tear_next_ = false, duplicate_next_ = false, signal_ = true;
+  bool corrupt_next_ = false, spoil_next_ = false, tear_next_ = false, duplicate_next_ = false, signal_ = true;
   bool swap_fields_next_ = false, lose_field_next_ = false, stuck_ = false, cable_ = true;
   int pulses_an_exposure_ = 1;
   double light_ = 1;

@@ -75,7 +75,7 @@ Result<std::optional<FrameView>> SimHead::Port::take_frame() {
   buffer.state = Buffer::State::kLent;
   --head_->counts_.waiting;
   ++head_->counts_.taken;
-  FrameView view = head_->picture(buffer.frame, buffer.bytes, buffer.holds);
+  FrameView view = head_->picture(buffer.frame, buffer.content);
   view.slot = slot;
   return std::optional<FrameView>{view};
 }

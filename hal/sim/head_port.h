@@ -19,8 +19,8 @@ class SimHead::Port final : public HeadPort {
         format_(head.format_),
         limits_(head.options_.limits),
         buffers_(static_cast<std::size_t>(head.options_.buffers)) {
-    const std::size_t size = packed_size(format_.pixels, format_.width, format_.height);
-    for (Buffer& buffer : buffers_) buffer.bytes.resize(size);
+    const PixelFormat sensed = sensor_options(head.options_).pixels;
+    for (Buffer& buffer : buffers_) buffer.content.bytes.resize(packed_size(sensed, format_.width, format_.height));
   }
   ~Port() override {
     stop();
@@ -82,8 +82,7 @@ class SimHead::Port final : public HeadPort {
  private:
   struct Buffer {
     enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
-    std::vector<std::uint8_t> bytes;
-    std::uint64_t holds = 0;  ///< the rendering that it contains; 0: unknown
+    Rendering content;
     Exposed frame;
   };
 

@@ -13,8 +13,9 @@
 namespace nodal::host {
 namespace {
 
+/// Frames that are in no raymap.
 std::uint64_t losses_of(const wire::HeadState& head) {
-  std::uint64_t sum = 0;
+  std::uint64_t sum = head.undecodable();
   for (const wire::Count& loss : head.losses()) sum += loss.frames();
   return sum;
 }

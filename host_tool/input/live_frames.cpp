@@ -9,6 +9,7 @@
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/rig_input.h"
 #include "protocol/base/sha256.h"
+#include "stitch/decode/frame_decoder.h"
 #include "stitch/media/image_file.h"
 
 namespace nodal::host {
@@ -26,21 +27,20 @@ struct ReceivedSet {
   std::vector<std::uint8_t> bytes;
 };
 
-std::optional<PixelFormat> format_of(const std::string& name) {
-  for (const PixelFormat format : {PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
-                                   PixelFormat::kUyvy, PixelFormat::kRgb24}) {
-    if (pixel_format_name(format) == name) return format;
-  }
-  return std::nullopt;
-}
-
 /// The number of bytes of a head's picture; checks that its format and size are valid for a rig.
 Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
-  const auto format = format_of(head.format());
-  const bool sane = format && head.width() > 0 && head.height() > 0 && head.width() <= media::kMaxImageSide &&
-                    head.height() <= media::kMaxImageSide;
+  const auto format = pixel_format_named(head.format());
+  const bool sane = format && !is_linear16(*format) && head.width() > 0 && head.height() > 0 &&
+                    head.width() <= media::kMaxImageSide && head.height() <= media::kMaxImageSide;
   if (!sane) return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture of an unknown format");
-  return packed_size(*format, static_cast<int>(head.width()), static_cast<int>(head.height()));
+  const int width = static_cast<int>(head.width());
+  const int height = static_cast<int>(head.height());
+  if (*format != PixelFormat::kMjpeg) return packed_size(*format, width, height);
+  if (head.jpeg_bytes() > packed_size(PixelFormat::kI420, width, height)) {
+    return fail(Errc::kTooLarge, "head '" + head.name() + "': the rig sent a JPEG of " +
+                                     std::to_string(head.jpeg_bytes()) + " bytes, more than the picture itself has");
+  }
+  return head.jpeg_bytes();
 }
 
 /// Reads the header; returns the total bytes of its pictures, which is the set's limit.
@@ -50,10 +50,16 @@ Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& 
   }
   if (const Status good = check_and_clean(header); !good) return fail(good.error());
   std::uint64_t sum = 0;
+  std::uint64_t decoded = 0;
   for (const wire::HeadPicture& head : header.heads()) {
     const Result<std::uint64_t> bytes = picture_bytes(head);
     if (!bytes) return fail(bytes.error());
     sum += *bytes;
+    decoded += packed_size(PixelFormat::kI420, static_cast<int>(head.width()), static_cast<int>(head.height()));
+  }
+  if (decoded > kMaxSetBytes) {
+    return fail(Errc::kTooLarge,
+                "the rig sent a frame set of more than " + std::to_string(kMaxSetBytes >> 20) + " MiB");
   }
   return std::min(sum, kMaxSetBytes);
 }
@@ -97,15 +103,37 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
 Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
   const Result<std::uint64_t> bytes = picture_bytes(head);
   if (!bytes) return fail(bytes.error());
-  DecodedImage picture;
-  picture.format = *format_of(head.format());
-  picture.width = static_cast<int>(head.width());
-  picture.height = static_cast<int>(head.height());
   if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < *bytes) {
     return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is incomplete");
   }
-  const auto begin = set.bytes.begin() + static_cast<std::ptrdiff_t>(head.offset());
-  picture.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(*bytes));
+  const std::uint8_t* const begin = set.bytes.data() + head.offset();
+  const PixelFormat delivered = *pixel_format_named(head.format());
+  const int width = static_cast<int>(head.width());
+  const int height = static_cast<int>(head.height());
+  ImageView frame{delivered, width, height, {}, static_cast<std::size_t>(*bytes)};
+  if (delivered == PixelFormat::kMjpeg) {
+    frame.planes[0].data = begin;
+  } else {
+    frame = packed_image(delivered, width, height, begin);
+  }
+  frame.coding = {head.video_range(), head.bt709()};
+  const PixelFormat raymap = has_chroma(delivered) ? PixelFormat::kI420 : delivered;
+  const bool coded = delivered == PixelFormat::kMjpeg || is_bayer(delivered);
+  const PixelFormat to = blended_format(delivered, coded ? PixelFormat::kI420 : raymap).value_or(delivered);
+  decode::FrameDecoder decoder(delivered, to, width, height);
+  DecodedImage picture{to, width, height, {}};
+  if (!decoder.needed(frame)) {
+    picture.bytes.assign(begin, begin + *bytes);
+    return picture;
+  }
+  if (is_bayer(delivered) && std::min(width, height) < 4) {
+    return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture that is too small");
+  }
+  picture.bytes.resize(packed_size(to, width, height));
+  const auto fault = decoder.decode_into(packed_image(to, width, height, picture.bytes.data()), frame);
+  if (fault != decode::DecodeFault::kNone) {
+    return fail(Errc::kBadFormat, "head '" + head.name() + "': its pictures " + std::string(decode_fault_text(fault)));
+  }
   return picture;
 }
 

@@ -8,14 +8,20 @@
 
 namespace nodal {
 
-/// A packed picture that owns its bytes.
+/// A packed picture that owns its bytes; as MJPEG, those of a JPEG file.
 struct DecodedImage {
   PixelFormat format = PixelFormat::kRgb24;
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> bytes;
 
-  ImageView view() const { return packed_image(format, width, height, bytes.data()); }
+  ImageView view() const {
+    if (format != PixelFormat::kMjpeg) return packed_image(format, width, height, bytes.data());
+    ImageView jpeg{format, width, height, {}, bytes.size()};
+    const int length = static_cast<int>(bytes.size());
+    jpeg.planes[0] = {bytes.data(), length, 1, length, 1};
+    return jpeg;
+  }
 };
 
 /// The data of a file's header, read without decoding the picture.

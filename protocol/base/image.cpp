@@ -15,17 +15,44 @@ std::string_view pixel_format_name(PixelFormat format) {
     case PixelFormat::kMjpeg: return "MJPEG";
     case PixelFormat::kGrey16: return "GREY16";
     case PixelFormat::kRgb48: return "RGB48";
+    case PixelFormat::kI422: return "I422";
+    case PixelFormat::kRggb8: return "RGGB8";
+    case PixelFormat::kGrbg8: return "GRBG8";
+    case PixelFormat::kGbrg8: return "GBRG8";
+    case PixelFormat::kBggr8: return "BGGR8";
   }
   return "unknown";
 }
 
+std::optional<PixelFormat> pixel_format_named(std::string_view name) {
+  for (auto i = static_cast<int>(PixelFormat::kGrey8); i <= static_cast<int>(PixelFormat::kBggr8); ++i) {
+    const auto format = static_cast<PixelFormat>(i);
+    if (pixel_format_name(format) == name) return format;
+  }
+  return std::nullopt;
+}
+
 bool has_chroma(PixelFormat format) {
   return format == PixelFormat::kI420 || format == PixelFormat::kNv12 || format == PixelFormat::kYuyv ||
-         format == PixelFormat::kUyvy;
+         format == PixelFormat::kUyvy || format == PixelFormat::kI422;
+}
+
+bool is_bayer(PixelFormat format) {
+  return format == PixelFormat::kRggb8 || format == PixelFormat::kGrbg8 || format == PixelFormat::kGbrg8 ||
+         format == PixelFormat::kBggr8;
 }
 
 bool is_raymap_format(PixelFormat format) {
-  return format != PixelFormat::kYuyv && format != PixelFormat::kUyvy && format != PixelFormat::kMjpeg;
+  return format == PixelFormat::kI420 || format == PixelFormat::kNv12 || format == PixelFormat::kRgb24 ||
+         format == PixelFormat::kGrey8 || format == PixelFormat::kRgb48 || format == PixelFormat::kGrey16;
+}
+
+std::optional<PixelFormat> blended_format(PixelFormat delivered, PixelFormat raymap) {
+  if (delivered == PixelFormat::kMjpeg || is_bayer(delivered)) {
+    return has_chroma(raymap) ? PixelFormat::kI420 : in_8_bits(raymap);
+  }
+  const bool fits = has_chroma(raymap) ? has_chroma(delivered) : delivered == in_8_bits(raymap);
+  return fits ? std::optional(delivered) : std::nullopt;
 }
 
 bool is_linear16(PixelFormat format) { return format == PixelFormat::kGrey16 || format == PixelFormat::kRgb48; }
@@ -36,8 +63,8 @@ PixelFormat in_8_bits(PixelFormat format) {
 }
 
 int component_count(PixelFormat format) {
-  const bool one = format == PixelFormat::kGrey8 || format == PixelFormat::kGrey16 || format == PixelFormat::kMjpeg;
-  return one ? 1 : 3;
+  const bool grey = format == PixelFormat::kGrey8 || format == PixelFormat::kGrey16;
+  return grey || is_bayer(format) || format == PixelFormat::kMjpeg ? 1 : 3;
 }
 
 PlaneGrid component_grid(PixelFormat format, int c) {
@@ -48,14 +75,17 @@ PlaneGrid component_grid(PixelFormat format, int c) {
     case PixelFormat::kNv12: return {2, 2, 0.0, 0.0};
     // Chroma sample k is at luma sample 2k, whose centre is at 2k + 1/2: u_plane = u / 2 + 1/4.
     case PixelFormat::kYuyv:
-    case PixelFormat::kUyvy: return {2, 1, 0.25, 0.0};
+    case PixelFormat::kUyvy:
+    case PixelFormat::kI422: return {2, 1, 0.25, 0.0};
     default: return {};
   }
 }
 
 namespace {
 
-bool has_all_chroma_rows(PixelFormat format) { return format == PixelFormat::kYuyv || format == PixelFormat::kUyvy; }
+bool has_all_chroma_rows(PixelFormat format) {
+  return format == PixelFormat::kYuyv || format == PixelFormat::kUyvy || format == PixelFormat::kI422;
+}
 
 }  // namespace
 
@@ -80,11 +110,16 @@ std::size_t packed_size(PixelFormat format, int width, int height) {
   const std::size_t half_w = (w + 1) / 2;
   const std::size_t half_h = (h + 1) / 2;
   switch (format) {
-    case PixelFormat::kGrey8: return w * h;
+    case PixelFormat::kGrey8:
+    case PixelFormat::kRggb8:
+    case PixelFormat::kGrbg8:
+    case PixelFormat::kGbrg8:
+    case PixelFormat::kBggr8: return w * h;
     case PixelFormat::kI420:
     case PixelFormat::kNv12: return w * h + 2 * half_w * half_h;
     case PixelFormat::kYuyv:
     case PixelFormat::kUyvy: return 4 * half_w * h;
+    case PixelFormat::kI422: return w * h + 2 * half_w * h;
     case PixelFormat::kRgb24: return 3 * w * h;
     case PixelFormat::kGrey16: return 2 * w * h;
     case PixelFormat::kRgb48: return 6 * w * h;
@@ -107,7 +142,11 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
     return data == nullptr ? nullptr : data + bytes;
   };  // shape only, no memory
   switch (format) {
-    case PixelFormat::kGrey8: image.planes[0] = {data, width, height, w, 1}; break;
+    case PixelFormat::kGrey8:
+    case PixelFormat::kRggb8:
+    case PixelFormat::kGrbg8:
+    case PixelFormat::kGbrg8:
+    case PixelFormat::kBggr8: image.planes[0] = {data, width, height, w, 1}; break;
     case PixelFormat::kI420:
       image.planes = {{{data, width, height, w, 1},
                        {after(w * h), half_w, half_h, half_w, 1},
@@ -129,6 +168,11 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
                        {after(3 - luma), half_w, height, stride, 4}}};
       break;
     }
+    case PixelFormat::kI422:
+      image.planes = {{{data, width, height, w, 1},
+                       {after(w * h), half_w, height, half_w, 1},
+                       {after(w * h + half_w * h), half_w, height, half_w, 1}}};
+      break;
     case PixelFormat::kRgb24:
     case PixelFormat::kRgb48: {
       const int sample = format == PixelFormat::kRgb48 ? 2 : 1;

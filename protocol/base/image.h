@@ -5,12 +5,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 namespace nodal {
 
-/// YUV is full range BT.601 everywhere (0..255, as in JPEG). A port whose device sends video range asks the driver for
-/// full range, or converts.
+/// YUV of raymaps and of blended pictures is full range BT.601 (0..255, as in JPEG). A head may deliver other YUV and say
+/// so with a ColourCoding.
 enum class PixelFormat : std::uint8_t {
   kGrey8 = 1,
   kI420 = 2,  ///< Y, U, V planes; chroma has half the width and height, centred
@@ -22,11 +23,31 @@ enum class PixelFormat : std::uint8_t {
   // For raymaps only: linear light, 16 bits per sample, low byte first.
   kGrey16 = 8,
   kRgb48 = 9,
+  // From heads only.
+  kI422 = 10,  ///< Y, U, V planes; chroma has half the width and is at the even luma samples
+  // One sample per pixel behind a Bayer mosaic. The name gives the colours of two pixels of row 0, then of row 1.
+  kRggb8 = 11,
+  kGrbg8 = 12,
+  kGbrg8 = 13,
+  kBggr8 = 14,
+};
+
+/// How a picture's Y U V stand for R G B. Without meaning for other formats.
+struct ColourCoding {
+  bool video_range = false;  ///< Y is 16..235, U and V are 16..240 (ITU-R BT.601-7, 2.5.3); otherwise 0..255
+  bool bt709 = false;        ///< the matrix of ITU-R BT.709; otherwise that of BT.601
+  friend bool operator==(const ColourCoding&, const ColourCoding&) = default;
 };
 
 std::string_view pixel_format_name(PixelFormat format);
+/// The format of this name; nothing if there is none.
+std::optional<PixelFormat> pixel_format_named(std::string_view name);
 /// Whether the format is Y with subsampled U and V, not grey or R G B.
 bool has_chroma(PixelFormat format);
+bool is_bayer(PixelFormat format);
+/// The format in which a head's pictures are blended into a raymap: the delivered one, if the blend reads it as it is, or
+/// the one that each picture is decoded to. Nothing if the raymap cannot be made from such pictures.
+std::optional<PixelFormat> blended_format(PixelFormat delivered, PixelFormat raymap);
 /// Whether a raymap may have this format.
 bool is_raymap_format(PixelFormat format);
 /// is_linear16: linear light in 16 bits. in_8_bits: the format with the same components in 8 bits, or itself.
@@ -56,7 +77,7 @@ struct PlaneGrid {
 
 inline constexpr int kMaxPlanes = 3;
 
-/// Number of components of a format: 1 for grey and MJPEG, else 3 (Y U V or R G B).
+/// Number of components of a format: 1 for grey, Bayer and MJPEG, else 3 (Y U V or R G B).
 int component_count(PixelFormat format);
 /// The position of component c's samples in the picture; c < component_count(format).
 PlaneGrid component_grid(PixelFormat format, int c);
@@ -71,11 +92,12 @@ struct BasicImageView {
   int height = 0;
   std::array<BasicPlaneView<Byte>, kMaxPlanes> planes{};
   std::size_t bytes = 0;  ///< of the whole picture in memory; for kMjpeg the JPEG's length
+  ColourCoding coding = {};
 };
 using ImageView = BasicImageView<const std::uint8_t>;
 using MutableImageView = BasicImageView<std::uint8_t>;
 
-/// YUYV and UYVY with every second chroma row left out: chroma row k is that of picture row 2 k, so chroma has half the
+/// YUYV, UYVY and I422 with every second chroma row left out: chroma row k is that of picture row 2 k, so chroma has half the
 /// width and height, as in a raymap. Other formats are returned unchanged.
 ImageView halved_chroma(ImageView picture);
 /// The position of component c's samples in halved_chroma(). `all_rows` is the position of the samples of all rows.

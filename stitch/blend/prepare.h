@@ -20,7 +20,7 @@ std::size_t prepared_size(const BlendTable::Source& source);
 ///   level l + 1:                               the mean of 2x2 samples of level l, not sharpened; an odd last row
 ///                                              or column is dropped
 ///
-/// all rounded half up and clamped to 0 .. 255, in every component's own grid (YUYV and UYVY as by halved_chroma, and
+/// all rounded half up and clamped to 0 .. 255, in every component's own grid (YUYV, UYVY and I422 as by halved_chroma, and
 /// stored as I420); beyond the picture's edge the edge sample is repeated.
 ///
 /// and, if source.low_size is not 0, the low picture of `picture`, see low_picture.h.

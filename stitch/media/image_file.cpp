@@ -74,9 +74,13 @@ Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, s
 
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
                                   std::optional<PixelFormat> as) {
-  if (as == PixelFormat::kMjpeg) return fail(Errc::kUnsupported, "picture '" + name + "': is not decoded to MJPEG");
   const auto header = header_of(bytes, name);
   if (!header) return fail(header.error());
+  if (as == PixelFormat::kMjpeg) {
+    if (begins_with(bytes, kJpegMagic))
+      return DecodedImage{*as, header->width, header->height, {bytes.begin(), bytes.end()}};
+    return fail(Errc::kUnsupported, "picture '" + name + "': is no JPEG, which MJPEG needs; choose another format");
+  }
   if (packed_size(header->natural, header->width, header->height) > kSmallImageBytes + kMaxExpansion * bytes.size()) {
     return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
                                       std::to_string(header->width) + "x" + std::to_string(header->height) +

@@ -21,8 +21,8 @@ inline constexpr std::uint64_t kMaxExpansion = 3096;
 inline constexpr std::uint64_t kSmallImageBytes = std::uint64_t{1} << 20;
 
 /// Decodes a JPEG or PNG, recognized by its first bytes. Without `as`, a 4:2:0 JPEG gives I420, a grey picture GREY,
-/// everything else RGB24 (alpha is dropped, 16 bits are rounded to 8). `as` selects another format (not kMjpeg). YUV is
-/// full-range BT.601, as in JPEG.
+/// everything else RGB24 (alpha is dropped, 16 bits are rounded to 8). `as` selects another format; kMjpeg gives the
+/// bytes of a JPEG as they are. YUV is full-range BT.601, as in JPEG.
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kBadFormat when it is neither kind or is broken, kTruncated when it ends early (even
@@ -39,7 +39,7 @@ Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 /// The files of a folder that start like pictures, sorted by name; none if it cannot be read.
 std::vector<std::string> pictures_in(const std::filesystem::path& folder);
 
-/// Converts a picture to another format (neither may be kMjpeg): RGB and YUV by full-range BT.601; chroma is
+/// Converts a picture to another format (neither may be kMjpeg or Bayer): RGB and YUV by full-range BT.601; chroma is
 /// interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);
 

@@ -50,7 +50,9 @@ Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const 
   }
   if (h.colours == TJCS_GRAY) {
     h.image.natural = PixelFormat::kGrey8;
-  } else if (h.colours == TJCS_YCbCr && h.subsampling == TJSAMP_420) {
+  } else if (h.colours == TJCS_YCbCr && h.subsampling == TJSAMP_420 && h.image.width % 2 == 0 &&
+             h.image.height % 2 == 0) {
+    // Not of odd sizes: TurboJPEG writes a row and a column of luma more than they have.
     h.image.natural = PixelFormat::kI420;
   }
   return h;

@@ -25,10 +25,6 @@ constexpr double kEdge = 1e-6;
 /// is infinite.
 constexpr double kEndless = 1e30;
 
-bool mixes_into(PixelFormat head, PixelFormat raymap) {
-  return has_chroma(raymap) ? has_chroma(head) : head == in_8_bits(raymap);
-}
-
 Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                      std::span<const PixelFormat> head_formats, bool fields) {
   if (!is_raymap_format(raymap_format)) {
@@ -42,12 +38,12 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
   }
   for (std::size_t h = 0; h < head_formats.size(); ++h) {
     const HeadCalibration& head = calibration.heads[h];
-    if (!mixes_into(head_formats[h], raymap_format)) {
+    if (blended_format(head_formats[h], raymap_format) != head_formats[h]) {
       return fail(Errc::kUnsupported,
                   "head '" + head.name + "': its " + std::string(pixel_format_name(head_formats[h])) +
                       " pictures cannot be blended into a raymap of " + std::string(pixel_format_name(raymap_format)) +
-                      "; GREY heads make GREY and GREY16, RGB24 make RGB24 and RGB48, and I420, NV12, YUYV and UYVY "
-                      "make I420 and NV12 (decode MJPEG first)");
+                      "; GREY heads make GREY and GREY16, RGB24 make RGB24 and RGB48, and I420, NV12, I422, YUYV and "
+                      "UYVY make I420 and NV12 (decode MJPEG and Bayer pictures first)");
     }
     if (head.width < kSmallestHead || head.height < kSmallestHead || head.width > 65535 || head.height > 65535) {
       return fail(Errc::kBadValue, "head '" + head.name + "': pictures of " + std::to_string(head.width) + " x " +

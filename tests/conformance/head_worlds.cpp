@@ -47,7 +47,8 @@ HeadWorldKind sim_kind(const std::string& name, const std::function<void(sim::He
 /// A head that plays picture files.
 class ReplayHeadWorld final : public HeadWorld {
  public:
-  ReplayHeadWorld(const std::string& name, int files, std::uint64_t keep_bytes) : name_(name) {
+  ReplayHeadWorld(const std::string& name, int files, std::uint64_t keep_bytes, std::optional<PixelFormat> as)
+      : name_(name) {
     for (int i = 0; i < files; ++i) {
       const auto rgb = test::smooth_rgb(40, 24, i);
       if (name.find("jpg") != std::string::npos) {
@@ -62,6 +63,7 @@ class ReplayHeadWorld final : public HeadWorld {
     options.base = folder_.path();
     options.keep_bytes = keep_bytes;
     deck_ = std::make_unique<replay::Deck>(clock_, options);
+    if (as) deck_->want_format(path(), *as);
   }
 
   HeadEnumerator& enumerator() override { return deck_->enumerator(); }
@@ -77,8 +79,9 @@ class ReplayHeadWorld final : public HeadWorld {
   std::unique_ptr<replay::Deck> deck_;
 };
 
-HeadWorldKind replay_kind(const std::string& name, const std::string& path, int files, std::uint64_t keep) {
-  return {name, [=] { return std::make_unique<ReplayHeadWorld>(path, files, keep); }};
+HeadWorldKind replay_kind(const std::string& name, const std::string& path, int files, std::uint64_t keep,
+                          std::optional<PixelFormat> as = std::nullopt) {
+  return {name, [=] { return std::make_unique<ReplayHeadWorld>(path, files, keep, as); }};
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -104,6 +107,8 @@ INSTANTIATE_TEST_SUITE_P(
                                head.limits.has_white_balance = false;
                                head.limits.nudge = {};
                              }),
+                    sim_kind("Mjpeg", [](sim::HeadOptions& head) { head.pixels = PixelFormat::kMjpeg; }),
+                    sim_kind("Bayer", [](sim::HeadOptions& head) { head.pixels = PixelFormat::kGbrg8; }),
                     sim_kind("Nv12Interlaced",
                              [](sim::HeadOptions& head) {
                                head.pixels = PixelFormat::kNv12;
@@ -115,6 +120,7 @@ INSTANTIATE_TEST_SUITE_P(
 INSTANTIATE_TEST_SUITE_P(Replay, HeadConformance,
                          testing::Values(replay_kind("StillPng", "a0.png", 1, 1 << 20),
                                          replay_kind("SequenceOfJpegs", "a*.jpg", 7, 1 << 20),
+                                         replay_kind("JpegsAsTheyAre", "a*.jpg", 3, 1 << 20, PixelFormat::kMjpeg),
                                          replay_kind("SequenceDecodedEachTime", "a*.png", 9, 1)),
                          [](const auto& kind) { return kind.param.name; });
 

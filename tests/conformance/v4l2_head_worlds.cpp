@@ -67,6 +67,8 @@ INSTANTIATE_TEST_SUITE_P(
                            driver.field = V4L2_FIELD_INTERLACED;
                            driver.standard = V4L2_STD_NTSC;
                          }),
+                    kind("Mjpeg", request(PixelFormat::kMjpeg, Fields::kProgressive, 0),
+                         [](test::V4l2Driver& driver) { driver.formats = {V4L2_PIX_FMT_MJPEG}; }),
                     kind("MultiPlanarFewBuffers", request(PixelFormat::kI420, Fields::kProgressive, 0),
                          [](test::V4l2Driver& driver) {
                            driver.multiplanar = true;

@@ -10,7 +10,7 @@ namespace {
 hal::sim::SimRigOptions virtual_time(const StandOptions& options) {
   hal::sim::SimRigOptions world = options.world;
   world.real_time = false;
-  world.head.pixels = PixelFormat::kRgb24;
+  world.head.pixels = options.config.heads[0].format;
   world.head.rate = options.config.rate;
   world.head.buffers = 8;
   world.head.supersampling = 2;

@@ -182,6 +182,8 @@ int V4l2Driver::format_call(unsigned long request, void* argument) {
     mp.pixelformat = code_;
     mp.field = field;
     mp.quantization = static_cast<std::uint8_t>(quantization);
+    mp.ycbcr_enc = static_cast<std::uint8_t>(encoding);
+    mp.colorspace = colorspace;
     mp.num_planes = static_cast<std::uint8_t>(planes());
     for (std::uint32_t p = 0; p < planes(); ++p) mp.plane_fmt[p] = {size(p), stride(p), {}};
     return 0;
@@ -192,7 +194,9 @@ int V4l2Driver::format_call(unsigned long request, void* argument) {
   pix.pixelformat = code_;
   pix.field = field;
   pix.quantization = quantization;
-  pix.bytesperline = stride(0);
+  pix.ycbcr_enc = encoding;
+  pix.colorspace = colorspace;
+  pix.bytesperline = code_ == V4L2_PIX_FMT_MJPEG ? 0 : stride(0);
   pix.sizeimage = size(0);
   return 0;
 }
@@ -243,6 +247,7 @@ int V4l2Driver::describe(std::uint32_t index, v4l2_buffer& buffer) {
       buffer.m.planes[p].m.mem_offset = index * 8 + p;
     } else {
       buffer.length = buffer.bytesused = length;
+      if (code_ == V4L2_PIX_FMT_MJPEG) buffer.bytesused = static_cast<std::uint32_t>(jpeg.size());
       buffer.m.offset = index * 8;
     }
   }
@@ -260,6 +265,7 @@ void V4l2Driver::expose() {
     Buffer& buffer = buffers_[queued_.front()];
     for (auto& plane : buffer.planes) {
       std::iota(plane.begin(), plane.end(), static_cast<std::uint8_t>(37 * exposed_));
+      if (code_ == V4L2_PIX_FMT_MJPEG) std::copy(jpeg.begin(), jpeg.end(), plane.begin());
     }
     buffer.state = Buffer::State::kDone;
     buffer.sequence = static_cast<std::uint32_t>(exposed_);

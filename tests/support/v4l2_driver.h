@@ -36,6 +36,8 @@ class V4l2Driver final : public hal::v4l2::System {
   std::uint32_t most_buffers = 32, fewest_buffers = 2;
   std::uint32_t timestamp_flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::uint32_t quantization = V4L2_QUANTIZATION_FULL_RANGE;
+  std::uint32_t colorspace = V4L2_COLORSPACE_SMPTE170M, encoding = V4L2_YCBCR_ENC_601;
+  std::vector<std::uint8_t> jpeg{0xFF, 0xD8, 0xFF, 0xD9};  ///< the frames of V4L2_PIX_FMT_MJPEG
   struct Control {
     std::int32_t low, high, step, usual, value;
   };

@@ -19,7 +19,9 @@ constexpr std::string_view kScheme = "v4l2:";
 
 using Opened = Result<std::shared_ptr<Channel>>;
 
+/// 0 for JPEGs: their size is unknown before they arrive, and the device itself reserves what it needs.
 std::int64_t bytes_per_second(const Granted& granted) {
+  if (granted.format.pixels == PixelFormat::kMjpeg) return 0;
   const auto& needed = granted.layout.needed;
   const auto frame =
       std::accumulate(needed.begin(), needed.end(), std::int64_t{0},

@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <utility>
 
-#include "hal/linux/v4l2/range.h"
 #include "hal/linux/v4l2/timestamps.h"
 
 namespace nodal::hal::v4l2 {
@@ -267,13 +266,8 @@ FrameView V4l2Head::view(const Stream::Frame& frame, Instant now) {
   if (no_signal_ && view.verdict == FrameVerdict::kGood) view.verdict = FrameVerdict::kNoSignal;
   const auto fields = fields_of(frame.field, granted.interlaced);
   view.fields = fields.value_or(Fields::kTopOnly);
-  const MutableImageView picture = channel_->stream.picture(frame.slot);
-  if (granted.video_range && view.verdict == FrameVerdict::kGood) expand_video_range(picture);
-  view.image = {picture.format, picture.width, picture.height, {}, picture.bytes};
-  for (std::size_t c = 0; c < picture.planes.size(); ++c) {
-    const MutablePlaneView& plane = picture.planes[c];
-    view.image.planes[c] = {plane.data, plane.width, plane.height, plane.row_stride, plane.pixel_stride};
-  }
+  view.image = channel_->stream.picture(frame.slot);
+  view.image.coding = granted.coding;
   return view;
 }
 

@@ -18,7 +18,12 @@ std::vector<FourCc> fourccs_of(PixelFormat pixels) {
     case PixelFormat::kUyvy: return {{V4L2_PIX_FMT_UYVY, pixels, 1}};
     case PixelFormat::kRgb24: return {{V4L2_PIX_FMT_RGB24, pixels, 1}};
     case PixelFormat::kGrey8: return {{V4L2_PIX_FMT_GREY, pixels, 1}};
-    case PixelFormat::kMjpeg:
+    case PixelFormat::kI422: return {{V4L2_PIX_FMT_YUV422P, pixels, 1}, {V4L2_PIX_FMT_YUV422M, pixels, 3}};
+    case PixelFormat::kMjpeg: return {{V4L2_PIX_FMT_MJPEG, pixels, 1}, {V4L2_PIX_FMT_JPEG, pixels, 1}};
+    case PixelFormat::kRggb8: return {{V4L2_PIX_FMT_SRGGB8, pixels, 1}};
+    case PixelFormat::kGrbg8: return {{V4L2_PIX_FMT_SGRBG8, pixels, 1}};
+    case PixelFormat::kGbrg8: return {{V4L2_PIX_FMT_SGBRG8, pixels, 1}};
+    case PixelFormat::kBggr8: return {{V4L2_PIX_FMT_SBGGR8, pixels, 1}};
     case PixelFormat::kGrey16:
     case PixelFormat::kRgb48: break;
   }
@@ -54,16 +59,23 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
   auto& parts = layout.components;
   // Chroma in the same buffer follows directly after the luma rows; planar chroma has half their stride.
   switch (format.pixels) {
-    case PixelFormat::kGrey8: parts[0] = {0, 0, width, height, row(stride(0)), 1}; break;
-    case PixelFormat::kI420: {
+    case PixelFormat::kMjpeg: layout.needed[0] = 1; return layout;  // a JPEG has no rows, and any length
+    case PixelFormat::kGrey8:
+    case PixelFormat::kRggb8:
+    case PixelFormat::kGrbg8:
+    case PixelFormat::kGbrg8:
+    case PixelFormat::kBggr8: parts[0] = {0, 0, width, height, row(stride(0)), 1}; break;
+    case PixelFormat::kI420:
+    case PixelFormat::kI422: {
+      const int rows = format.pixels == PixelFormat::kI420 ? half_h : height;
       parts[0] = {0, 0, width, height, row(stride(0)), 1};
       if (format.memory_planes == 3) {
-        parts[1] = {1, 0, half_w, half_h, row(stride(1)), 1};
-        parts[2] = {2, 0, half_w, half_h, row(stride(2)), 1};
+        parts[1] = {1, 0, half_w, rows, row(stride(1)), 1};
+        parts[2] = {2, 0, half_w, rows, row(stride(2)), 1};
       } else {
         const std::size_t half = stride(0) / 2;
-        parts[1] = {0, luma, half_w, half_h, row(half), 1};
-        parts[2] = {0, luma + half * static_cast<std::size_t>(half_h), half_w, half_h, row(half), 1};
+        parts[1] = {0, luma, half_w, rows, row(half), 1};
+        parts[2] = {0, luma + half * static_cast<std::size_t>(rows), half_w, rows, row(half), 1};
       }
       break;
     }
@@ -86,7 +98,6 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
     case PixelFormat::kRgb24:
       for (std::size_t c = 0; c < 3; ++c) parts[c] = {0, c, width, height, row(stride(0)), 3};
       break;
-    case PixelFormat::kMjpeg:
     case PixelFormat::kGrey16:
     case PixelFormat::kRgb48: return fail(Errc::kUnsupported, "heads do not deliver " + what);
   }
@@ -106,8 +117,13 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
   return layout;
 }
 
-MutableImageView view_of(const Layout& layout, std::span<std::uint8_t* const> planes) {
-  MutableImageView view{layout.pixels, layout.width, layout.height, {}, 0};
+ImageView view_of(const Layout& layout, std::span<const std::uint8_t* const> planes, std::size_t used) {
+  ImageView view{layout.pixels, layout.width, layout.height, {}, 0};
+  if (layout.pixels == PixelFormat::kMjpeg) {
+    view.planes[0] = {planes[0], static_cast<int>(used), 1, static_cast<std::ptrdiff_t>(used), 1};
+    view.bytes = used;
+    return view;
+  }
   for (int c = 0; c < component_count(layout.pixels); ++c) {
     const Layout::Component& part = layout.components[static_cast<std::size_t>(c)];
     view.planes[static_cast<std::size_t>(c)] = {planes[static_cast<std::size_t>(part.memory_plane)] + part.offset,

@@ -104,10 +104,10 @@ Result<FourCc> choose_format(const Device& device, PixelFormat pixels) {
     if (candidate.memory_planes > 1 && !device.multiplanar()) continue;
     if (std::find(offered.begin(), offered.end(), candidate.code) != offered.end()) return candidate;
   }
-  return fail(unsupported(device, "does not deliver " + std::string(pixel_format_name(pixels)) + "; it delivers " +
-                                      joined(names) +
-                                      " (YU12 is I420, GREY, YUYV, UYVY and NV12 keep their names, RGB3 "
-                                      "is RGB24); change format in rig.toml"));
+  return fail(unsupported(
+      device, "does not deliver " + std::string(pixel_format_name(pixels)) + "; it delivers " + joined(names) +
+                  " (YU12 is I420, 422P is I422, RGB3 is RGB24, MJPG and JPEG are MJPEG, RGGB, GRBG, GBRG "
+                  "and BA81 are RGGB8, GRBG8, GBRG8 and BGGR8); change format in rig.toml"));
 }
 
 std::string sizes_of(const Device& device, std::uint32_t code) {
@@ -130,7 +130,8 @@ std::string sizes_of(const Device& device, std::uint32_t code) {
 
 /// The members common to both forms of v4l2_format.
 struct Shape {
-  std::uint32_t width, height, code, field, quantization;
+  std::uint32_t width, height, code, field;
+  std::uint32_t colorspace, encoding, quantization;
   std::uint32_t memory_planes;
   std::array<std::uint32_t, kMaxPlanes> strides{};
   std::array<std::uint32_t, kMaxPlanes> sizes{};
@@ -165,7 +166,8 @@ void write_shape(const Device& device, const Shape& shape, v4l2_format& format) 
 Shape read_shape(const Device& device, const v4l2_format& format) {
   if (device.multiplanar()) {
     const v4l2_pix_format_mplane& mp = format.fmt.pix_mp;
-    Shape shape{mp.width, mp.height, mp.pixelformat, mp.field, mp.quantization, mp.num_planes, {}, {}};
+    Shape shape{mp.width,     mp.height,       mp.pixelformat, mp.field, mp.colorspace,
+                mp.ycbcr_enc, mp.quantization, mp.num_planes,  {},       {}};
     for (std::size_t p = 0; p < kMaxPlanes && p < mp.num_planes; ++p) {
       shape.strides[p] = mp.plane_fmt[p].bytesperline;
       shape.sizes[p] = mp.plane_fmt[p].sizeimage;
@@ -173,16 +175,40 @@ Shape read_shape(const Device& device, const v4l2_format& format) {
     return shape;
   }
   const v4l2_pix_format& pix = format.fmt.pix;
-  return {pix.width,        pix.height, pix.pixelformat,          pix.field,
-          pix.quantization, 1,          {pix.bytesperline, 0, 0}, {pix.sizeimage, 0, 0}};
+  return {pix.width,
+          pix.height,
+          pix.pixelformat,
+          pix.field,
+          pix.colorspace,
+          pix.ycbcr_enc,
+          pix.quantization,
+          1,
+          {pix.bytesperline, 0, 0},
+          {pix.sizeimage, 0, 0}};
 }
 
-/// YUV is video range unless the driver reports otherwise (V4L2's V4L2_MAP_QUANTIZATION_DEFAULT), except for JPEG's own
-/// colorspace, whose default is full range.
-bool is_video_range(const Shape& shape, PixelFormat pixels, std::uint32_t colorspace) {
-  if (pixels == PixelFormat::kRgb24 || pixels == PixelFormat::kGrey8) return false;
-  if (shape.quantization == V4L2_QUANTIZATION_DEFAULT) return colorspace != V4L2_COLORSPACE_JPEG;
-  return shape.quantization == V4L2_QUANTIZATION_LIM_RANGE;
+/// What the driver says about its Y U V; where it says "default", V4L2 defines what that is. JPEGs are full range BT.601
+/// by their own definition (JFIF 1.02), whatever a driver says.
+Result<ColourCoding> coding_of(const Device& device, const Shape& shape, PixelFormat pixels) {
+  if (!has_chroma(pixels)) return ColourCoding{};
+  const std::uint32_t encoding = shape.encoding == V4L2_YCBCR_ENC_DEFAULT
+                                     ? static_cast<std::uint32_t>(V4L2_MAP_YCBCR_ENC_DEFAULT(shape.colorspace))
+                                     : shape.encoding;
+  const std::uint32_t range =
+      shape.quantization == V4L2_QUANTIZATION_DEFAULT
+          ? static_cast<std::uint32_t>(V4L2_MAP_QUANTIZATION_DEFAULT(false, shape.colorspace, encoding))
+          : shape.quantization;
+  const bool video = range == V4L2_QUANTIZATION_LIM_RANGE;
+  switch (encoding) {
+    case V4L2_YCBCR_ENC_601:
+    case V4L2_YCBCR_ENC_XV601: return ColourCoding{video, false};
+    case V4L2_YCBCR_ENC_709:
+    case V4L2_YCBCR_ENC_XV709: return ColourCoding{video, true};
+    default:
+      return fail(
+          unsupported(device, "codes its colours by neither BT.601 nor BT.709 (V4L2's number for its coding is " +
+                                  std::to_string(encoding) + "); choose another format or input in rig.toml"));
+  }
 }
 
 std::string field_words(Fields fields) {
@@ -295,8 +321,9 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
   if (const Status rate = set_rate(device, request.rate, *standard); !rate) return fail(rate.error());
 
   granted.layout = *layout;
-  granted.video_range = is_video_range(got, request.pixels,
-                                       device.multiplanar() ? format.fmt.pix_mp.colorspace : format.fmt.pix.colorspace);
+  const auto coding = coding_of(device, got, request.pixels);
+  if (!coding) return fail(coding.error());
+  granted.coding = *coding;
   granted.format = {request.pixels, layout->width, layout->height, request.fields, request.rate};
   granted.readout = request.readout.value_or(request.rate.period());
   return granted;

@@ -31,7 +31,7 @@ struct HeadRequest {
 struct Granted {
   HeadFormat format;
   Layout layout;
-  bool video_range = false;                  ///< Y U V of 16..235 is delivered, although full range was requested
+  ColourCoding coding;                       ///< although full range BT.601 was requested
   Fields interlaced = Fields::kProgressive;  ///< the meaning of V4L2_FIELD_INTERLACED in this standard
   std::uint32_t input = 0;
   Duration readout;

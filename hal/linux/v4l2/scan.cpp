@@ -93,8 +93,10 @@ class Question {
   FoundFormat format(std::uint32_t code) {
     FoundFormat format;
     format.name = fourcc_text(code);
-    for (const PixelFormat pixels : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy,
-                                     PixelFormat::kRgb24, PixelFormat::kGrey8}) {
+    for (const PixelFormat pixels :
+         {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kI422, PixelFormat::kYuyv, PixelFormat::kUyvy,
+          PixelFormat::kRgb24, PixelFormat::kGrey8, PixelFormat::kMjpeg, PixelFormat::kRggb8, PixelFormat::kGrbg8,
+          PixelFormat::kGbrg8, PixelFormat::kBggr8}) {
       for (const FourCc& each : fourccs_of(pixels)) {
         if (each.code == code && (each.memory_planes == 1 || device_.multiplanar())) format.pixels = pixels;
       }

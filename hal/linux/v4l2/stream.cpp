@@ -8,7 +8,8 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-constexpr std::uint32_t kFewestBuffers = 2;  ///< one is filled while the other is read
+constexpr std::uint32_t kFewestBuffers = 2;               ///< one is filled while the other is read
+constexpr std::size_t kMostBytes = std::size_t{1} << 30;  ///< of a frame; so that its length is a valid width
 constexpr std::uint32_t kMostBuffers = 256;  ///< upper limit of what the driver may grant; the kernel's own limit is 32
 
 /// An invalid time counts as the clock's start.
@@ -46,7 +47,7 @@ Status Stream::map(std::uint32_t index) {
     }
     std::uint8_t* const start = device_.system().map(device_.fd(), length, offset);
     if (start == nullptr) return fail_with("mapping its buffers", ENOMEM);
-    buffers_[index].planes[p] = {start, length, 0};
+    buffers_[index].planes[p] = {start, length, 0, 0};
   }
   return {};
 }
@@ -144,6 +145,8 @@ int Stream::dequeue(Frame& frame) {
     const std::size_t needed = granted_.layout.needed[p];
     const bool inside = offset <= plane.length - needed;  // map() has checked that a frame fits
     plane.offset = inside ? offset : 0;
+    plane.used =
+        inside && used > offset && offset < kMostBytes ? std::min({used, plane.length, kMostBytes}) - offset : 0;
     if (!inside || used > plane.length) {
       frame.verdict = FrameVerdict::kCorrupt;
     } else if (used < offset + needed && frame.verdict == FrameVerdict::kGood) {
@@ -154,11 +157,11 @@ int Stream::dequeue(Frame& frame) {
   return 0;
 }
 
-MutableImageView Stream::picture(BufferSlot slot) const {
-  std::array<std::uint8_t*, kMaxPlanes> planes{};
-  for (std::size_t p = 0; p < planes.size(); ++p)
-    planes[p] = buffers_[slot].planes[p].start + buffers_[slot].planes[p].offset;
-  return view_of(granted_.layout, planes);
+ImageView Stream::picture(BufferSlot slot) const {
+  const Buffer& buffer = buffers_[slot];
+  std::array<const std::uint8_t*, kMaxPlanes> planes{};
+  for (std::size_t p = 0; p < planes.size(); ++p) planes[p] = buffer.planes[p].start + buffer.planes[p].offset;
+  return view_of(granted_.layout, planes, buffer.planes[0].used);
 }
 
 }  // namespace nodal::hal::v4l2

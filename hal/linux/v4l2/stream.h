@@ -46,13 +46,14 @@ class Stream {
   /// Returns an errno: EAGAIN if no frame is due, EBADMSG if the driver's answer is impossible. 0: `frame` is filled.
   int dequeue(Frame& frame);
   /// The whole picture, even if the frame is bad.
-  MutableImageView picture(BufferSlot slot) const;
+  ImageView picture(BufferSlot slot) const;
 
  private:
   struct Plane {
     std::uint8_t* start = nullptr;
     std::size_t length = 0;
     std::size_t offset = 0;  ///< of the picture in the newest frame; multi-planar drivers may store a header before it
+    std::size_t used = 0;    ///< bytes of the newest frame, from `offset` on
   };
   struct Buffer {
     std::array<Plane, kMaxPlanes> planes{};

@@ -67,6 +67,23 @@ void pack_chroma_422(const RowPair& rows, int r, int y, int x0, int x1, const Mu
   }
 }
 
+/// The colour, 0 to 2 for R G B, of a pixel of a Bayer mosaic.
+std::size_t mosaic_colour(PixelFormat format, int x, int y) {
+  // The pixel of the 2 x 2 pattern that is red.
+  const int red_x = format == PixelFormat::kGrbg8 || format == PixelFormat::kBggr8 ? 1 : 0;
+  const int red_y = format == PixelFormat::kGbrg8 || format == PixelFormat::kBggr8 ? 1 : 0;
+  const bool red_column = x % 2 == red_x;
+  const bool red_row = y % 2 == red_y;
+  return red_column == red_row ? (red_row ? 0 : 2) : 1;
+}
+
+void pack_mosaic(const RowPair& rows, int r, int y, int x0, int x1, PixelFormat format, std::uint8_t* out) {
+  for (int x = x0; x < x1; ++x) {
+    const std::size_t colour = mosaic_colour(format, x, y);
+    *out++ = to_level(rows.row[static_cast<std::size_t>(r)][colour][x - rows.x0], kLevelBits);
+  }
+}
+
 }  // namespace
 
 void pack_rows(const RowPair& rows, int y, int x0, int x1, const MutableImageView& into) {
@@ -81,8 +98,12 @@ void pack_rows(const RowPair& rows, int y, int x0, int x1, const MutableImageVie
       continue;
     }
     std::uint8_t* const out = at(into, 0, x0, y + r);
+    if (is_bayer(into.format)) {
+      pack_mosaic(rows, r, y + r, x0, x1, into.format, out);
+      continue;
+    }
     into.planes[0].pixel_stride == 1 ? pack_luma<1>(rows, r, x0, x1, out) : pack_luma<2>(rows, r, x0, x1, out);
-    if (into.format == PixelFormat::kYuyv || into.format == PixelFormat::kUyvy) {
+    if (into.format == PixelFormat::kYuyv || into.format == PixelFormat::kUyvy || into.format == PixelFormat::kI422) {
       pack_chroma_422(rows, r, y + r, x0, x1, into);
     }
   }

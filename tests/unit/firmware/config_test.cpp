@@ -226,9 +226,30 @@ TEST(RigConfig, RaymapFormats_AreReadAndHeadsMustDeliverWhatTheyAreMadeOf) {
     EXPECT_EQ(config->raymap.format, format);
   }
   expect_refused(kSmall + "format = \"YUYV\"\n[raymap]\nformat = \"RGB48\"\n", Errc::kBadValue,
-                 "raymap.format is \"RGB48\", which needs heads with RGB24, but the format of head 'cam0' is YUYV");
+                 "raymap.format is \"RGB48\", which needs heads with RGB24, MJPEG or a Bayer format, but the format of "
+                 "head 'cam0' is YUYV");
   expect_refused(kSmall + "[raymap]\nformat = \"YUYV\"\n", Errc::kBadValue,
                  "allowed is one of I420, NV12, RGB24, GREY, RGB48, GREY16");
+}
+
+TEST(RigConfig, FormatsThatAreDecoded_FitEveryRaymapButNoFieldsAndNoReplayedMosaic) {
+  for (const char* const format : {"MJPEG", "RGGB8", "GRBG8", "GBRG8", "BGGR8"}) {
+    for (const char* const raymap : {"I420", "NV12", "RGB24", "GREY", "RGB48", "GREY16"}) {
+      const std::string text = "[rig]\nname = \"a\"\n[raymap]\nwidth = 64\nheight = 32\nformat = \"" +
+                               std::string(raymap) + "\"\n[[heads]]\nname = \"cam0\"\nport = \"v4l2:x\"\nformat = \"" +
+                               format + "\"\n";
+      EXPECT_TRUE(parse_rig_config(text, "rig.toml")) << format << " " << raymap;
+      const auto fields = parse_rig_config(text + "fields = \"top-first\"\n", "rig.toml");
+      ASSERT_FALSE(fields);
+      EXPECT_NE(fields.error().message.find("not taken apart into fields"), std::string::npos) << fields.error().text();
+    }
+  }
+  const auto replayed = parse_rig_config(
+      "[rig]\nname = \"a\"\n[raymap]\nwidth = 64\nheight = 32\n[[heads]]\nname = \"cam0\"\nport = "
+      "\"replay:a.png\"\nformat = \"RGGB8\"\n",
+      "rig.toml");
+  ASSERT_FALSE(replayed);
+  EXPECT_NE(replayed.error().message.find("cannot be RGGB8 for replay"), std::string::npos) << replayed.error().text();
 }
 
 TEST(RigConfig, RatesThatAreNoFraction_AreRefused) {

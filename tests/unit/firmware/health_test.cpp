@@ -23,8 +23,8 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    const Diagnosis found =
-        diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings});
+    const Diagnosis found = diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set,
+                                              Duration::seconds(60), shed, settings, undecodable});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -36,6 +36,7 @@ class HealthTest : public testing::Test {
   Duration since_last_set;
   ShedLevel shed;
   std::string settings;
+  std::string undecodable;
 };
 
 TEST_F(HealthTest, EverythingRight_IsRunningWithoutAProblem) {
@@ -102,6 +103,12 @@ TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
 TEST_F(HealthTest, FramesThatDoNotFitTheCalibration_AreAProblem) {
   unfit = 1;
   EXPECT_EQ(judged().state, "degraded");
+}
+
+TEST_F(HealthTest, FramesThatCannotBeDecoded_AreAProblemOfThatHead) {
+  undecodable = "head 'cam1': its pictures end early";
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, undecodable);
 }
 
 TEST_F(HealthTest, WorkIsShed_IsDegradedAndSaysWhatIsLeftUndone) {

@@ -33,7 +33,8 @@ SetCopy places_of(const std::vector<PixelFormat>& formats) {
 
 TEST(SetCopy, PaddedPicturesOfEveryFormat_EverySampleIsInItsPlace) {
   const std::vector<PixelFormat> formats{PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12,
-                                         PixelFormat::kYuyv,  PixelFormat::kUyvy, PixelFormat::kRgb24};
+                                         PixelFormat::kYuyv,  PixelFormat::kUyvy, PixelFormat::kRgb24,
+                                         PixelFormat::kI422,  PixelFormat::kBggr8};
   std::vector<Padded> pictures(formats.begin(), formats.end());
   FrameSet set;
   set.number = 41;
@@ -72,6 +73,25 @@ TEST(SetCopy, AHeadIsAwayOrDeliversSomethingElse_ItIsLeftOut) {
   SetCopy taken = places_of({PixelFormat::kGrey8, PixelFormat::kGrey8, PixelFormat::kGrey8});
   taken.fill(set);
   EXPECT_EQ(taken.heads, head_bit(1));
+}
+
+TEST(SetCopy, Jpegs_AreCopiedWholeWithTheirLengthUnlessTheyAreLargerThanThePicture) {
+  const std::size_t room = packed_size(PixelFormat::kI420, kWidth, kHeight);
+  for (const std::size_t length : {std::size_t{1}, room, room + 1}) {
+    std::vector<std::uint8_t> jpeg(length, 9);
+    FrameSet set;
+    ImageView& image = set.frames[1].image;
+    image = {PixelFormat::kMjpeg, kWidth, kHeight, {}, length};
+    image.planes[0].data = jpeg.data();
+    set.mask = head_bit(1);
+    SetCopy taken = places_of({PixelFormat::kGrey8, PixelFormat::kMjpeg});
+    taken.fill(set);
+    EXPECT_EQ(taken.heads, length > room ? 0 : head_bit(1));
+    if (length > room) continue;
+    EXPECT_EQ(taken.places[1].bytes, length);
+    const auto begin = taken.bytes->begin() + static_cast<std::ptrdiff_t>(taken.places[1].offset);
+    EXPECT_EQ(std::vector<std::uint8_t>(begin, begin + static_cast<std::ptrdiff_t>(length)), jpeg);
+  }
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "hal/linux/v4l2/layout.h"
-#include "hal/linux/v4l2/range.h"
 #include "hal/linux/v4l2/timestamps.h"
 
 namespace nodal::hal::v4l2 {
@@ -30,12 +29,36 @@ TEST(V4l2Layout, MultiPlanarNv12_ChromaIsInItsOwnBuffer) {
   ASSERT_TRUE(layout);
   std::vector<std::uint8_t> luma(layout->needed[0]);
   std::vector<std::uint8_t> chroma(layout->needed[1]);
-  const std::vector<std::uint8_t*> planes{luma.data(), chroma.data(), nullptr};
-  const MutableImageView view = view_of(*layout, planes);
+  const std::vector<const std::uint8_t*> planes{luma.data(), chroma.data(), nullptr};
+  const ImageView view = view_of(*layout, planes, 0);
   EXPECT_EQ(view.planes[0].data, luma.data());
   EXPECT_EQ(view.planes[1].data, chroma.data());
   EXPECT_EQ(view.planes[2].data, chroma.data() + 1);
   EXPECT_EQ(layout->needed[1], 50U * 15 + 48);
+}
+
+TEST(V4l2Layout, PlanarFourTwoTwo_ChromaHasAllRows) {
+  const std::vector<std::uint32_t> strides{64};
+  const auto layout = make_layout({V4L2_PIX_FMT_YUV422P, PixelFormat::kI422, 1}, 48, 32, strides);
+  ASSERT_TRUE(layout);
+  EXPECT_EQ(layout->components[1].height, 32);
+  EXPECT_EQ(layout->components[2].offset, 64U * 32 + 32U * 32);
+  EXPECT_EQ(layout->needed[0], 64U * 32 + 32U * 32 + 32U * 31 + 24);
+}
+
+TEST(V4l2Layout, Mjpeg_StridesSayNothingAndTheViewHasTheFramesLength) {
+  const std::vector<std::uint32_t> strides{0xFFFFFFFFU};
+  const auto layout = make_layout({V4L2_PIX_FMT_MJPEG, PixelFormat::kMjpeg, 1}, 1920, 1080, strides);
+  ASSERT_TRUE(layout);
+  EXPECT_EQ(layout->needed[0], 1U);
+  const std::vector<std::uint8_t> bytes(1000);
+  const std::vector<const std::uint8_t*> planes{bytes.data(), nullptr, nullptr};
+  const ImageView view = view_of(*layout, planes, 777);
+  EXPECT_EQ(view.format, PixelFormat::kMjpeg);
+  EXPECT_EQ(view.width, 1920);
+  EXPECT_EQ(view.bytes, 777U);
+  EXPECT_EQ(view.planes[0].data, bytes.data());
+  EXPECT_EQ(view.planes[0].width, 777);
 }
 
 TEST(V4l2Layout, StridesThatRowsDoNotFitIn_AreRefused) {
@@ -48,21 +71,6 @@ TEST(V4l2Layout, StridesThatRowsDoNotFitIn_AreRefused) {
     EXPECT_FALSE(make_layout({V4L2_PIX_FMT_GREY, PixelFormat::kGrey8, 1}, side, 32, strides)) << side;
     EXPECT_FALSE(make_layout({V4L2_PIX_FMT_GREY, PixelFormat::kGrey8, 1}, 48, side, strides)) << side;
   }
-}
-
-TEST(V4l2Range, EverySampleOfVideoRange_IsWithinALevelOfItsFullRangeValueAndTheEndsAreExact) {
-  std::vector<std::uint8_t> bytes(512);
-  for (std::size_t v = 0; v < 256; ++v) bytes[2 * v] = bytes[2 * v + 1] = static_cast<std::uint8_t>(v);
-  expand_video_range(packed_image(PixelFormat::kYuyv, 256, 1, bytes.data()));
-  for (int v = 0; v < 256; ++v) {
-    const double luma = std::clamp((v - 16) * 255.0 / 219, 0.0, 255.0);
-    const double chroma = std::clamp((v - 128) * 255.0 / 224 + 128, 0.0, 255.0);
-    EXPECT_NEAR(bytes[2 * static_cast<std::size_t>(v)], luma, 0.6) << v;
-    EXPECT_NEAR(bytes[2 * static_cast<std::size_t>(v) + 1], chroma, 0.6) << v;
-  }
-  EXPECT_EQ(bytes[2 * 16], 0);
-  EXPECT_EQ(bytes[2 * 235], 255);
-  EXPECT_EQ(bytes[2 * 128 + 1], 128);
 }
 
 class V4l2Times : public testing::Test {

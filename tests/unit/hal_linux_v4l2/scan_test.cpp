@@ -190,7 +190,8 @@ TEST(Scan, OfACamera_HasItsModesControlsAndPlaceAndLeavesNothingOpen) {
   camera.usb = UsbPlace{1, 480, 480, "SN7"};
   camera.modes = {{V4L2_PIX_FMT_YUYV, 640, 480, {{1, 15}, {1, 30}}},
                   {V4L2_PIX_FMT_YUYV, 1280, 720, {{1, 10}}},
-                  {V4L2_PIX_FMT_MJPEG, 1920, 1080, {{1001, 30000}}}};
+                  {V4L2_PIX_FMT_MJPEG, 1920, 1080, {{1001, 30000}}},
+                  {V4L2_PIX_FMT_H264, 1920, 1080, {{1001, 30000}}}};
   camera.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = control("Exposure", 1, 5000, 1, 157);
   machine.cameras["/dev/video1"] = {.bus = "usb-0000:00:14.0-2.1", .captures = false};  // its metadata
 
@@ -203,14 +204,15 @@ TEST(Scan, OfACamera_HasItsModesControlsAndPlaceAndLeavesNothingOpen) {
   EXPECT_EQ(found[0].usb->serial, "SN7");
   EXPECT_FALSE(found[0].problem);
   EXPECT_TRUE(found[0].oddities.empty());
-  ASSERT_EQ(found[0].formats.size(), 2U);
+  ASSERT_EQ(found[0].formats.size(), 3U);
   const FoundFormat& yuyv = found[0].formats[0];
   EXPECT_EQ(yuyv.pixels, PixelFormat::kYuyv);
   ASSERT_EQ(yuyv.sizes.size(), 2U);
   EXPECT_EQ(yuyv.sizes[0].width, 640);
   EXPECT_EQ(yuyv.sizes[0].rates, (std::vector<FrameRate>{{30, 1}, {15, 1}}));
   EXPECT_EQ(yuyv.sizes[1].rates, (std::vector<FrameRate>{{10, 1}}));
-  EXPECT_FALSE(found[0].formats[1].pixels) << "MJPEG is no format of a V4L2 head yet";
+  EXPECT_EQ(found[0].formats[1].pixels, PixelFormat::kMjpeg);
+  EXPECT_FALSE(found[0].formats[2].pixels) << "H.264 is no format of a head";
   ASSERT_EQ(found[0].controls.size(), 1U);
   EXPECT_EQ(found[0].controls[0].high, 5000);
   EXPECT_EQ(found[0].controls[0].usual, 157);

@@ -213,14 +213,62 @@ TEST_F(V4l2HeadTest, TheInputHasNoPicture_FramesSaySoUntilItHasOne) {
   EXPECT_EQ(verdict_after_a_second(), FrameVerdict::kGood);
 }
 
-TEST_F(V4l2HeadTest, ADriverThatSendsVideoRangeAllTheSame_FramesAreOfFullRange) {
-  driver_.quantization = V4L2_QUANTIZATION_LIM_RANGE;
+TEST_F(V4l2HeadTest, WhatTheDriverSaysOfItsColours_GoesWithEveryFrame) {
+  struct Case {
+    std::uint32_t colorspace, encoding, quantization;
+    ColourCoding expected;
+  };
+  // "Default" as V4L2 defines it (Documentation/userspace-api/media/v4l/colorspaces-details.rst).
+  for (const Case& one :
+       {Case{V4L2_COLORSPACE_SMPTE170M, V4L2_YCBCR_ENC_601, V4L2_QUANTIZATION_FULL_RANGE, {false, false}},
+        Case{V4L2_COLORSPACE_SMPTE170M, V4L2_YCBCR_ENC_DEFAULT, V4L2_QUANTIZATION_DEFAULT, {true, false}},
+        Case{V4L2_COLORSPACE_REC709, V4L2_YCBCR_ENC_DEFAULT, V4L2_QUANTIZATION_DEFAULT, {true, true}},
+        Case{V4L2_COLORSPACE_JPEG, V4L2_YCBCR_ENC_DEFAULT, V4L2_QUANTIZATION_DEFAULT, {false, false}},
+        Case{V4L2_COLORSPACE_SRGB, V4L2_YCBCR_ENC_DEFAULT, V4L2_QUANTIZATION_DEFAULT, {true, false}},
+        Case{V4L2_COLORSPACE_SRGB, V4L2_YCBCR_ENC_709, V4L2_QUANTIZATION_FULL_RANGE, {false, true}}}) {
+    driver_.colorspace = one.colorspace;
+    driver_.encoding = one.encoding;
+    driver_.quantization = one.quantization;
+    const auto head = streaming();
+    const auto frame = next(*head);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->image.coding, one.expected) << one.colorspace << " " << one.encoding << " " << one.quantization;
+    EXPECT_EQ(frame->image.planes[0].data[16], 16) << "the driver's own bytes, not converted";
+    head->release(frame->slot);
+  }
+}
+
+TEST_F(V4l2HeadTest, ColoursOfAnotherMatrix_AreRefusedWithTheDriversNumber) {
+  driver_.encoding = V4L2_YCBCR_ENC_BT2020;
+  const auto opened = open();
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, Errc::kUnsupported);
+  EXPECT_NE(opened.error().message.find("neither BT.601 nor BT.709"), std::string::npos) << opened.error().message;
+}
+
+TEST_F(V4l2HeadTest, Jpegs_HaveTheLengthThatTheDriverSaysAndAnEmptyOneIsTorn) {
+  driver_.formats = {V4L2_PIX_FMT_MJPEG};
+  driver_.quantization = V4L2_QUANTIZATION_LIM_RANGE;  // says nothing about a JPEG
+  request_.pixels = PixelFormat::kMjpeg;
+  driver_.jpeg = std::vector<std::uint8_t>(333, 0x5A);
   const auto head = streaming();
-  const auto frame = next(*head);
+  EXPECT_EQ(head->format().pixels, PixelFormat::kMjpeg);
+  auto frame = next(*head);
   ASSERT_TRUE(frame);
-  // The driver fills its first frame with 0, 1, 2 …, so byte 80 is a Y of 80: 64 * 255 / 219 = 74.5.
-  EXPECT_EQ(frame->image.planes[0].data[0], 0);
-  EXPECT_NEAR(frame->image.planes[0].data[80], 74.5, 0.6);
+  EXPECT_EQ(frame->verdict, FrameVerdict::kGood);
+  EXPECT_EQ(frame->image.format, PixelFormat::kMjpeg);
+  EXPECT_EQ(frame->image.width, 48);
+  EXPECT_EQ(frame->image.bytes, 333U);
+  EXPECT_EQ(frame->image.planes[0].data[332], 0x5A);
+  EXPECT_EQ(frame->image.coding, ColourCoding{});
+  head->release(frame->slot);
+  driver_.jpeg.clear();
+  for (int i = 0; i < 8 && frame && frame->verdict == FrameVerdict::kGood; ++i) {
+    frame = next(*head);
+    if (frame) head->release(frame->slot);
+  }
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->verdict, FrameVerdict::kTorn);
 }
 
 TEST_F(V4l2HeadTest, TheFirstAttemptIsUnderWay_OpeningSaysThatItIsNotReady) {

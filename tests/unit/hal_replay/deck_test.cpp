@@ -101,12 +101,32 @@ TEST_F(Playing, FormatWanted_IsWhatComes) {
   test::write_bytes(folder_ / "a.jpg", test::jpeg_of(test::smooth_rgb(16, 8), 16, 8, test::Sampling::k420));
   for (const auto& [wanted, expected] : {std::pair{std::optional<PixelFormat>{}, PixelFormat::kI420},
                                          {std::optional{PixelFormat::kYuyv}, PixelFormat::kYuyv},
+                                         {std::optional{PixelFormat::kMjpeg}, PixelFormat::kMjpeg},
                                          {std::optional{PixelFormat::kRgb24}, PixelFormat::kRgb24}}) {
     Deck deck(clock_, options());
     if (wanted) deck.want_format("replay:a.jpg", *wanted);
     auto head = deck.enumerator().open("replay:a.jpg").value();
     EXPECT_EQ(head->format().pixels, expected);
   }
+}
+
+TEST_F(Playing, Mjpeg_IsTheFilesBytesAndNeedsJpegs) {
+  const auto jpeg = test::jpeg_of(test::smooth_rgb(16, 8), 16, 8, test::Sampling::k422);
+  test::write_bytes(folder_ / "a.jpg", jpeg);
+  flat("b.png", 10);
+  Deck deck(clock_, options());
+  for (const char* const path : {"replay:a.jpg", "replay:b.png"}) deck.want_format(path, PixelFormat::kMjpeg);
+  auto head = deck.enumerator().open("replay:a.jpg").value();
+  ASSERT_TRUE(head->start(TriggerMode::kFreeRun));
+  clock_.advance(FrameRate{}.period() * 2);
+  const auto frame = head->take_frame().value();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.width, 16);
+  const std::uint8_t* const bytes = frame->image.planes[0].data;
+  EXPECT_EQ(std::vector<std::uint8_t>(bytes, bytes + frame->image.bytes), jpeg);
+  const auto png = deck.enumerator().open("replay:b.png");
+  ASSERT_FALSE(png);
+  EXPECT_NE(png.error().message.find("is no JPEG"), std::string::npos) << png.error().message;
 }
 
 TEST_F(Playing, PictureBrokenInTheMiddle_IsACorruptFrameAndThenItGoesOn) {

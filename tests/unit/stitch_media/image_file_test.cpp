@@ -112,6 +112,14 @@ TEST_P(Broken, BytesChanged_NeverMoreThanAnError) {
 INSTANTIATE_TEST_SUITE_P(Kind, Broken, testing::Values(true, false),
                          [](const auto& kind) { return kind.param ? "Jpeg" : "Png"; });
 
+TEST(ImageFile, JpegsOfOddSize_HaveNoSamplesOfOtherPlanes) {
+  std::vector<std::uint8_t> orange;
+  for (int i = 0; i < 33 * 31; ++i) orange.insert(orange.end(), {230, 120, 20});
+  const auto image =
+      decode_image(test::jpeg_of(orange, 33, 31, Sampling::k420), "odd.jpg", PixelFormat::kRgb24).value();
+  for (std::size_t i = 0; i < orange.size(); ++i) ASSERT_NEAR(image.bytes[i], orange[i], 3) << i;
+}
+
 TEST(DecodeJpeg, FewBytesThatClaimAGreatPicture_AreRefusedBeforeMemoryIsTaken) {
   std::vector<std::uint8_t> bytes = test::jpeg_of(picture(), kWidth, kHeight, Sampling::k420);
   const std::array<std::uint8_t, 2> frame_header{0xFF, 0xC0};

@@ -142,7 +142,8 @@ std::vector<Refused> refused() {
   const Calibration cube = cube_rig(48);
   add("TooFewHeads", Errc::kHeadMismatch, "6 heads, but the rig has 5", cube, yuv, std::vector(5, kI420));
   add("RgbAmongYuv", Errc::kUnsupported, "head 'c3'", cube, yuv, but_one(kI420, 3, kRgb24));
-  add("MjpegUndecoded", Errc::kUnsupported, "decode MJPEG first", cube, yuv, but_one(kNv12, 0, kMjpeg));
+  add("MjpegUndecoded", Errc::kUnsupported, "decode MJPEG and Bayer pictures first", cube, yuv,
+      but_one(kNv12, 0, kMjpeg));
   add("GreyIntoRgb", Errc::kUnsupported, "GREY", cube, rgb, but_one(kRgb24, 5, kGrey8));
   add("RaymapInYuyv", Errc::kUnsupported, "YUYV", cube, yuyv, std::vector(6, kYuyv));
   add("UnknownLayout", Errc::kUnsupported, "mercator", cube, mercator, all_rgb);
