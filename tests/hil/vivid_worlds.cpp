@@ -35,6 +35,7 @@ INSTANTIATE_TEST_SUITE_P(Vivid, HeadConformance,
                          testing::Values(kind("NtscYuyv", 0, hil::ntsc(PixelFormat::kYuyv)),
                                          kind("NtscI420", 0, hil::ntsc(PixelFormat::kI420)),
                                          kind("WebcamGrey", 0, hil::webcam(PixelFormat::kGrey8)),
+                                         kind("WebcamI422", 0, hil::webcam(PixelFormat::kI422)),
                                          kind("WebcamNv12MultiPlanar", 1, hil::webcam(PixelFormat::kNv12))),
                          [](const auto& one) { return one.param.name; });
 
