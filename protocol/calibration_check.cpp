@@ -302,9 +302,9 @@ Status check_calibration(const Calibration& calibration) {
                 "the calibration's name holds a control character, a line break or a bidirectional "
                 "control; use letters, digits, spaces and punctuation only");
   }
-  if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxHeads) {
+  if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxCalibratedHeads) {
     return fail(Errc::kBadValue, "the calibration has " + std::to_string(calibration.heads.size()) +
-                                     " heads; a rig has 1 to " + std::to_string(kMaxHeads));
+                                     " heads; it may have 1 to " + std::to_string(kMaxCalibratedHeads));
   }
   for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
     const HeadCalibration& head = calibration.heads[i];

@@ -304,9 +304,9 @@ Result<Calibration> parse_calibration(std::string_view text) {
   calibration.name = fields.text("name");
   calibration.comment = fields.text("comment");
   if (const json* heads = fields.array("heads")) {
-    if (heads->size() > kMaxHeads) {
-      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) + " heads; a rig has 1 to " +
-                                       std::to_string(kMaxHeads));
+    if (heads->size() > kMaxCalibratedHeads) {
+      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) +
+                                       " heads; it may have 1 to " + std::to_string(kMaxCalibratedHeads));
     }
     for (std::size_t i = 0; i < heads->size(); ++i) {
       calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));

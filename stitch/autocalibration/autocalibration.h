@@ -38,6 +38,6 @@ struct Found {
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
                             const Options& options);
 
-inline constexpr std::size_t kMostPictures = kMaxHeads;
+inline constexpr std::size_t kMostPictures = kMaxCalibratedHeads;
 
 }  // namespace nodal::autocalibration

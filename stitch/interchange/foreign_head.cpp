@@ -67,9 +67,10 @@ void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_los
 }
 
 Status check_head_count(std::size_t heads) {
-  if (heads >= static_cast<std::size_t>(kMinHeads) && heads <= static_cast<std::size_t>(kMaxHeads)) return {};
-  return fail(Errc::kUnsupported, "it has " + std::to_string(heads) + " cameras; a rig has " +
-                                      std::to_string(kMinHeads) + " to " + std::to_string(kMaxHeads) + " heads");
+  if (heads >= static_cast<std::size_t>(kMinHeads) && heads <= kMaxCalibratedHeads) return {};
+  return fail(Errc::kUnsupported, "it has " + std::to_string(heads) + " cameras; a calibration has " +
+                                      std::to_string(kMinHeads) + " to " + std::to_string(kMaxCalibratedHeads) +
+                                      " heads");
 }
 
 }  // namespace nodal::interchange

@@ -138,7 +138,7 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   result.calibration.comment = "Imported from a Kalibr camera chain.";
   Eigen::Matrix3d R_head_rig = Eigen::Matrix3d::Identity();
   double shift = 0;
-  for (int n = 0; n <= kMaxHeads && chain.has("cam" + std::to_string(n)); ++n) {
+  for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
     const std::string camera_name = "cam" + std::to_string(n);
     const YamlFields camera(chain.at(camera_name), camera_name);
     const Result<std::vector<double>> resolution = camera.numbers("resolution");

@@ -142,9 +142,10 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
     if (line.kind == 'k') masks.push_back(&line);
   }
   if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
-  if (images.size() > kMaxHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) + " images; a rig has 1 to " +
-                                        std::to_string(kMaxHeads) + " heads");
+  if (images.size() > kMaxCalibratedHeads) {
+    return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) +
+                                        " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
+                                        " heads");
   }
 
   ImportResult result;

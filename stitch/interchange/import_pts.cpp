@@ -142,9 +142,10 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
   if (project->files.empty()) {
     return fail(Errc::kBadFormat, "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
   }
-  if (project->files.size() > kMaxHeads) {
+  if (project->files.size() > kMaxCalibratedHeads) {
     return fail(Errc::kUnsupported, "the project has " + std::to_string(project->files.size()) +
-                                        " images; a rig has 1 to " + std::to_string(kMaxHeads) + " heads");
+                                        " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
+                                        " heads");
   }
   ImportResult result;
   result.calibration.name = std::string(name);

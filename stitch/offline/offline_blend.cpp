@@ -9,6 +9,7 @@
 #include "stitch/blend/blend.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/geometry/head.h"
+#include "stitch/geometry/raymap/layout.h"
 #include "stitch/parallel/workers.h"
 
 namespace nodal::offline {
@@ -21,6 +22,41 @@ struct Prepared {
   std::vector<std::uint8_t> memory;
   std::vector<ImageView> levels = std::vector<ImageView>(blend::kMaxPictures);
 };
+
+Status check_picture(const blend::BlendTable::Source& source, std::size_t head, const ImageView& picture) {
+  if (picture.planes[0].data == nullptr) return {};
+  if (picture.format == source.format && picture.width == source.width && picture.height == source.height) return {};
+  return fail(Errc::kHeadMismatch,
+              "head " + std::to_string(head) + ": the picture has " + std::to_string(picture.width) + "x" +
+                  std::to_string(picture.height) + " pixels (" + std::string(pixel_format_name(picture.format)) +
+                  "), and its calibration is for " + std::to_string(source.width) + "x" +
+                  std::to_string(source.height) + " (" + std::string(pixel_format_name(source.format)) + ")");
+}
+
+DecodedImage blend_with(const blend::BlendTable& table, std::span<const ImageView> pictures, int threads) {
+  const std::size_t heads = pictures.size();
+  const parallel::Workers workers(threads);
+  std::vector<Prepared> prepared(heads);
+  workers.run(static_cast<int>(heads), [&](int i) {
+    const auto h = static_cast<std::size_t>(i);
+    if (pictures[h].planes[0].data == nullptr) return;
+    prepared[h].memory.resize(blend::prepared_size(table.sources[h]));
+    blend::prepare_picture(table.sources[h], pictures[h], prepared[h].memory.data(), prepared[h].levels);
+  });
+  std::vector<ImageView> views(heads * blend::kMaxPictures);
+  for (std::size_t h = 0; h < heads; ++h) {
+    for (std::size_t l = 0; l < table.sources[h].pictures(); ++l) views[l * heads + h] = prepared[h].levels[l];
+  }
+  const blend::SetTone tone = blend::calibrated_tone(table);
+  DecodedImage raymap{table.format, table.width, table.height, {}};
+  raymap.bytes.resize(packed_size(raymap.format, raymap.width, raymap.height));
+  const MutableImageView into = packed_image(raymap.format, raymap.width, raymap.height, raymap.bytes.data());
+  const int bands = (raymap.height + kBandRows - 1) / kBandRows;
+  workers.run(bands, [&](int band) {
+    blend::blend_rows(table, views, tone, into, band * kBandRows, std::min(raymap.height, (band + 1) * kBandRows));
+  });
+  return raymap;
+}
 
 }  // namespace
 
@@ -39,62 +75,59 @@ Result<double> resolution_of(const Calibration& calibration) {
 
 Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const table::RaymapSpec& raymap,
                                         const table::TableOptions& options, PixelFormat head_format, int threads,
-                                        const std::function<void(double)>& progress) {
-  const std::vector<PixelFormat> formats(calibration.heads.size(), head_format);
-  auto compiler = table::TableCompiler::make(calibration, raymap, formats, options);
-  if (!compiler) return fail(compiler.error());
+                                        const std::function<void(double)>& progress, std::size_t heads_per_part) {
+  const auto layout = geometry::make_layout(raymap.layout, raymap.width, raymap.height);
+  if (!layout) return fail(layout.error());
+  auto parts = cut_into_parts(calibration, **layout, heads_per_part);
+  if (!parts) return fail(parts.error());
+  OfflineBlend made(calibration.heads.size(), threads);
   const parallel::Workers workers(threads);
-  const int rows = compiler->row_count();
-  const int at_once = 4 * workers.threads();  // rows of tiles between two calls of progress()
-  for (int done = 0; done < rows;) {
-    const int until = std::min(rows, done + at_once);
-    workers.run(until - done, [&](int i) { compiler->compile_rows(done + i, done + i + 1); });
-    done = until;
-    if (progress) progress(static_cast<double>(done) / rows);
+  double begun = 0;
+  for (Part& part : *parts) {
+    const Calibration heads = calibration_of(part, calibration);
+    const PartLayout some(**layout, part);
+    const geometry::RaymapLayout* rays = &some;
+    if (parts->size() == 1) rays = layout->get();
+    const std::vector<PixelFormat> formats(heads.heads.size(), head_format);
+    auto compiler = table::TableCompiler::make(heads, *rays, raymap.format, formats, options);
+    if (!compiler) return fail(compiler.error());
+    const int rows = compiler->row_count();
+    const int at_once = 4 * workers.threads();  // rows of tiles between two calls of progress()
+    for (int done = 0; done < rows;) {
+      const int until = std::min(rows, done + at_once);
+      workers.run(until - done, [&](int i) { compiler->compile_rows(done + i, done + i + 1); });
+      done = until;
+      if (progress) progress((begun + static_cast<double>(done) / rows) / static_cast<double>(parts->size()));
+    }
+    begun += 1;
+    auto table = std::move(*compiler).finish();
+    if (!table) return fail(table.error());
+    made.parts_.push_back({std::move(*table), std::move(part)});
   }
-  auto table = std::move(*compiler).finish();
-  if (!table) return fail(table.error());
-  return OfflineBlend(std::move(*table), threads);
+  return made;
 }
 
 Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) const {
-  const std::size_t heads = table_.sources.size();
-  if (pictures.size() != heads) {
-    return fail(Errc::kHeadMismatch,
-                std::to_string(pictures.size()) + " pictures for " + std::to_string(heads) + " heads; give one a head");
+  if (pictures.size() != heads_) {
+    return fail(Errc::kHeadMismatch, std::to_string(pictures.size()) + " pictures for " + std::to_string(heads_) +
+                                         " heads; give one a head");
   }
-  for (std::size_t h = 0; h < heads; ++h) {
-    const blend::BlendTable::Source& source = table_.sources[h];
-    const ImageView& picture = pictures[h];
-    if (picture.planes[0].data == nullptr) continue;
-    if (picture.format != source.format || picture.width != source.width || picture.height != source.height) {
-      return fail(Errc::kHeadMismatch,
-                  "head " + std::to_string(h) + ": the picture has " + std::to_string(picture.width) + "x" +
-                      std::to_string(picture.height) + " pixels (" + std::string(pixel_format_name(picture.format)) +
-                      "), and its calibration is for " + std::to_string(source.width) + "x" +
-                      std::to_string(source.height) + " (" + std::string(pixel_format_name(source.format)) + ")");
+  DecodedImage raymap;
+  for (const TableOfPart& part : parts_) {
+    std::vector<ImageView> of_part;
+    for (std::size_t k = 0; k < part.part.heads.size(); ++k) {
+      const std::size_t h = part.part.heads[k];
+      if (const Status fits = check_picture(part.table.sources[k], h, pictures[h]); !fits) return fail(fits.error());
+      of_part.push_back(pictures[h]);
+    }
+    DecodedImage blended = blend_with(part.table, of_part, threads_);
+    if (raymap.bytes.empty()) {  // black where the part has no blocks
+      raymap = std::move(blended);
+    } else {
+      copy_blocks(part.part, blended.view(),
+                  packed_image(raymap.format, raymap.width, raymap.height, raymap.bytes.data()));
     }
   }
-  const parallel::Workers workers(threads_);
-  std::vector<Prepared> prepared(heads);
-  workers.run(static_cast<int>(heads), [&](int i) {
-    const auto h = static_cast<std::size_t>(i);
-    if (pictures[h].planes[0].data == nullptr) return;
-    prepared[h].memory.resize(blend::prepared_size(table_.sources[h]));
-    blend::prepare_picture(table_.sources[h], pictures[h], prepared[h].memory.data(), prepared[h].levels);
-  });
-  std::vector<ImageView> views(heads * blend::kMaxPictures);
-  for (std::size_t h = 0; h < heads; ++h) {
-    for (std::size_t l = 0; l < table_.sources[h].pictures(); ++l) views[l * heads + h] = prepared[h].levels[l];
-  }
-  const blend::SetTone tone = blend::calibrated_tone(table_);
-  DecodedImage raymap{table_.format, table_.width, table_.height, {}};
-  raymap.bytes.resize(packed_size(raymap.format, raymap.width, raymap.height));
-  const MutableImageView into = packed_image(raymap.format, raymap.width, raymap.height, raymap.bytes.data());
-  const int bands = (raymap.height + kBandRows - 1) / kBandRows;
-  workers.run(bands, [&](int band) {
-    blend::blend_rows(table_, views, tone, into, band * kBandRows, std::min(raymap.height, (band + 1) * kBandRows));
-  });
   return raymap;
 }
 

@@ -36,6 +36,10 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                                          " heads, but the rig has " + std::to_string(head_formats.size()) +
                                          "; upload the calibration of this rig");
   }
+  if (head_formats.size() > static_cast<std::size_t>(kMaxHeads)) {
+    return fail(Errc::kTooLarge, "the calibration has " + std::to_string(head_formats.size()) +
+                                     " heads; a blend table is for up to " + std::to_string(kMaxHeads));
+  }
   for (std::size_t h = 0; h < head_formats.size(); ++h) {
     const HeadCalibration& head = calibration.heads[h];
     if (blended_format(head_formats[h], raymap_format) != head_formats[h]) {

@@ -84,6 +84,35 @@ TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
       << "two pictures are exchanged; a measure that does not see it is none";
 }
 
+TEST_F(StitchCommand, TwentyFourPictures_WithAndWithoutACalibration) {
+  constexpr int kRingSide = 300;
+  const test::RenderedRig rig = test::render_rig(test::three_rings(kRingSide, 80), hal::sim::town_square_scene(3),
+                                                 {PixelFormat::kRgb24, 0.5, 5, 2});
+  std::filesystem::create_directories(path("pictures"));
+  for (std::size_t h = 0; h < rig.bytes.size(); ++h) {
+    test::write_bytes(path("pictures/" + rig.truth.heads[h].name + ".png"),
+                      test::png_of(rig.bytes[h], kRingSide, kRingSide, 3));
+  }
+  write("rig.json", to_json(rig.truth));
+  const Words options{"--width", "640", "-o", path("sphere.png")};
+  Words words{"stitch", path("rig.json"), path("pictures")};
+  words.insert(words.end(), options.begin(), options.end());
+  const Finished known = nodal(words);
+  ASSERT_EQ(known.code, 0) << known.err;
+  EXPECT_GT(correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value()), 0.95);
+
+  words.erase(words.begin() + 1);
+  const Finished alone = nodal(words);
+  ASSERT_EQ(alone.code, 0) << alone.err;
+  EXPECT_NE(alone.out.find("24 of 24 pictures placed"), std::string::npos) << alone.out << alone.err;
+  const Calibration found = parse_calibration(read("sphere.rig.json")).value();
+  Calibration truth = rig.truth;  // folders are read in the order of names
+  std::ranges::sort(truth.heads, {}, &HeadCalibration::name);
+  Calibration sorted = found;
+  std::ranges::sort(sorted.heads, {}, &HeadCalibration::name);
+  EXPECT_LT(test::rotation_error(truth, sorted).max_deg, 0.3);
+}
+
 TEST_F(StitchCommand, TheBoardAndTheCommand_MakeTheSameBytes) {
   write_pictures("pictures");
   std::string toml =

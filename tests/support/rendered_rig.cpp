@@ -21,6 +21,23 @@ void set_rotation(HeadCalibration& head, const Eigen::Matrix3d& R) { Eigen::Map<
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 
+/// A head whose picture's rows lie along `down` (at right angles to `forward`).
+void add_equidistant(Calibration& rig, int side, double view_deg, const Eigen::Vector3d& down,
+                     const Eigen::Vector3d& forward) {
+  HeadCalibration head;
+  head.name = "cam" + std::to_string(rig.heads.size());
+  head.width = head.height = side;
+  head.center_x = head.center_y = side / 2.0;
+  head.lens = EquidistantLens{{side / 2.0 / (view_deg / 2 / kDegrees)}};
+  head.region = {0, 0, static_cast<double>(side), static_cast<double>(side), {}};
+  head.vignetting = {side / 2.0, side / 2.0, side / 2.0, {}};
+  const Eigen::Vector3d right = down.cross(forward);
+  Eigen::Matrix3d R;
+  R << right.transpose(), down.transpose(), forward.transpose();
+  set_rotation(head, R);
+  rig.heads.push_back(head);
+}
+
 }  // namespace
 
 std::vector<ImageView> RenderedRig::frames() const {
@@ -52,19 +69,22 @@ Calibration six_fisheyes(int side, double view_deg) {
   rig.name = "six fisheyes";
   const Eigen::Vector3d forward[] = {{0, 0, 1}, {1, 0, 0}, {0, 0, -1}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}};
   for (const Eigen::Vector3d& z : forward) {
-    HeadCalibration head;
-    head.name = "cam" + std::to_string(rig.heads.size());
-    head.width = head.height = side;
-    head.center_x = head.center_y = side / 2.0;
-    head.lens = EquidistantLens{{side / 2.0 / (view_deg / 2 / kDegrees)}};
-    head.region = {0, 0, static_cast<double>(side), static_cast<double>(side), {}};
-    head.vignetting = {side / 2.0, side / 2.0, side / 2.0, {}};
     const Eigen::Vector3d down = std::abs(z.y()) > 0.5 ? Eigen::Vector3d(0, 0, 1) : Eigen::Vector3d(0, 1, 0);
-    const Eigen::Vector3d right = down.cross(z);
-    Eigen::Matrix3d R;
-    R << right.transpose(), down.transpose(), z.transpose();
-    set_rotation(head, R);
-    rig.heads.push_back(head);
+    add_equidistant(rig, side, view_deg, down, z);
+  }
+  return rig;
+}
+
+Calibration three_rings(int side, double view_deg) {
+  Calibration rig;
+  rig.name = "three rings";
+  for (const double pitch : {-48 / kDegrees, 0.0, 48 / kDegrees}) {
+    for (int k = 0; k < 8; ++k) {
+      const double yaw = (45 * k + 10) / kDegrees;
+      const Eigen::Vector3d z(std::sin(yaw) * std::cos(pitch), -std::sin(pitch), std::cos(yaw) * std::cos(pitch));
+      const Eigen::Vector3d down = Eigen::Vector3d(0, 1, 0) - z.y() * z;
+      add_equidistant(rig, side, view_deg, down.normalized(), z);
+    }
   }
   return rig;
 }

@@ -30,6 +30,9 @@ RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene
 /// Six equidistant fisheyes of `side` x `side` pixels with a field of `view_deg`, one along each axis of the rig.
 Calibration six_fisheyes(int side, double view_deg = 130);
 
+/// Three rings of eight equidistant heads, at pitches of -48, 0 and 48 degrees.
+Calibration three_rings(int side, double view_deg);
+
 /// Rotates every head about a random axis by `least_deg` to `most_deg`.
 Calibration turned(Calibration rig, double least_deg, double most_deg, std::uint64_t seed);
 

@@ -238,9 +238,9 @@ ResponseFit fit_response(const LightGroups& same_places) {
   fit.response = curve_of(bend ? polynomial.x : gamma.x);
   fit.sigma_gamma = bend ? 0 : gamma.sigma;
   LightModel model;
-  model.response.assign(kMaxHeads, fit.response);
-  model.log_gain.resize(kMaxHeads);
-  model.vignetting.resize(kMaxHeads);
+  model.response.assign(kMaxCalibratedHeads, fit.response);
+  model.log_gain.resize(kMaxCalibratedHeads);
+  model.vignetting.resize(kMaxCalibratedHeads);
   fit.rms = disagreement(same_places, model).rms;
   return fit;
 }

@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadText{"NoHeads",
                 [](auto) { return R"({"nodal_calibration": 1, "name": "", "comment": "", "heads": []})"; },
                 Errc::kBadValue,
-                {"0 heads", "1 to 16"}},
+                {"0 heads", "1 to 64"}},
         BadText{"HeadIsANumber",
                 [](auto) { return R"({"nodal_calibration": 1, "name": "", "comment": "", "heads": [7]})"; },
                 Errc::kBadValue,
@@ -166,7 +166,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         BadValue{"NoHead", [](Calibration& c) { c.heads.clear(); }, Errc::kBadValue, {"0 heads"}},
         BadValue{
-            "SeventeenHeads", [](Calibration& c) { c.heads.resize(17, c.heads[0]); }, Errc::kBadValue, {"17 heads"}},
+            "SixtyFiveHeads", [](Calibration& c) { c.heads.resize(65, c.heads[0]); }, Errc::kBadValue, {"65 heads"}},
         BadValue{"SameName",
                  [](Calibration& c) { c.heads[1].name = "cam5"; },
                  Errc::kBadValue,

@@ -44,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadProject{"Json", "{\"fileversion\": 50}", Errc::kBadFormat, {"newer ones save as JSON"}},
         BadProject{"HuginWithoutImages", "# hugin project file\np f2 w100 h50\n", Errc::kBadFormat, {"no image line"}},
         BadProject{"PtguiWithoutImages", "# ptGui project file\n", Errc::kBadFormat, {"no image"}},
-        BadProject{"SeventeenImages", many("i w100 h100 f0 v60\n", 17), Errc::kUnsupported, {"17 images", "1 to 16"}},
+        BadProject{"SixtyFiveImages", many("i w100 h100 f0 v60\n", 65), Errc::kUnsupported, {"65 images", "1 to 64"}},
         BadProject{"NoSize", "i f0 v60\n", Errc::kMissingField, {"line 1", "no w"}},
         BadProject{"NoFieldOfView", "# x\ni w100 h100 f0\n", Errc::kMissingField, {"line 2", "field of view"}},
         BadProject{"HugeSize", "i w1e9 h100 f0 v60\n", Errc::kBadValue, {"line 1", "w must be 1 to 32768"}},
