@@ -11,6 +11,7 @@
 #include "stitch/media/gpano.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/png_writer.h"
+#include "stitch/media/tiff/tiff_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -26,20 +27,59 @@ std::optional<PixelFormat> raw_format(const std::string& coding) {
   return std::nullopt;
 }
 
+/// A raymap as grey or RGB pixels, and what a file says about it.
+struct Encodable {
+  DecodedImage image;
+  std::string comment;
+  std::string xmp;
+};
+
+Result<Encodable> encodable(const ReceivedRaymap& raymap) {
+  const wire::RaymapHeader& header = raymap.header;
+  const std::optional<PixelFormat> format = raw_format(header.coding());
+  if (!format) return fail(Errc::kUnsupported, fmt::format("a raymap of coding '{}'", header.coding()));
+  Encodable source;
+  source.image = {*format, static_cast<int>(header.width()), static_cast<int>(header.height()), raymap.bytes};
+  if (has_chroma(*format)) source.image = media::convert_image(source.image.view(), PixelFormat::kRgb24);
+  if (header.layout() == "equirectangular") {
+    source.xmp = media::gpano_packet(source.image.width, source.image.height);
+  }
+  if (!is_linear16(*format)) return source;
+  source.comment = "Numbers are proportional to light.";
+  if (header.has_full_exposure_ns()) {
+    source.comment +=
+        fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
+                    header.full_exposure_ns());
+  }
+  return source;
+}
+
 }  // namespace
 
 Result<RaymapFormat> parse_raymap_format(std::string_view text) {
   if (text == "jpg") return RaymapFormat::kJpg;
   if (text == "png") return RaymapFormat::kPng;
+  if (text == "tif") return RaymapFormat::kTiff;
   if (text == "raw") return RaymapFormat::kRaw;
-  return fail(Errc::kBadValue, fmt::format("format '{}': it is jpg, png or raw", text));
+  return fail(Errc::kBadValue, fmt::format("format '{}': it is jpg, png, tif or raw", text));
 }
 
 Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
   if (name.ends_with(".jpg") || name.ends_with(".jpeg")) return RaymapFormat::kJpg;
   if (name.ends_with(".png")) return RaymapFormat::kPng;
+  if (name.ends_with(".tif") || name.ends_with(".tiff")) return RaymapFormat::kTiff;
   if (name.ends_with(".raw") || name.ends_with(".yuv")) return RaymapFormat::kRaw;
-  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png or .raw, or say --format", name));
+  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png, .tif or .raw, or say --format", name));
+}
+
+std::string_view ending_of(RaymapFormat format) {
+  switch (format) {
+    case RaymapFormat::kJpg: return "jpg";
+    case RaymapFormat::kPng: return "png";
+    case RaymapFormat::kTiff: return "tif";
+    case RaymapFormat::kRaw: break;
+  }
+  return "raw";
 }
 
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
@@ -80,32 +120,23 @@ Status check_raymap(const ReceivedRaymap& raymap) {
 }
 
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
-  const wire::RaymapHeader& header = raymap.header;
-  const std::optional<PixelFormat> format = raw_format(header.coding());
-  if (!format) return fail(Errc::kUnsupported, fmt::format("a PNG of coding '{}'", header.coding()));
-  DecodedImage rgb;
-  media::PngPicture picture{static_cast<int>(header.width()), static_cast<int>(header.height()),
-                            component_count(*format), is_linear16(*format) ? 16 : 8, raymap.bytes};
-  if (has_chroma(*format)) {
-    rgb = media::convert_image(packed_image(*format, picture.width, picture.height, raymap.bytes.data()),
-                               PixelFormat::kRgb24);
-    picture.samples = rgb.bytes;
-  }
+  const Result<Encodable> source = encodable(raymap);
+  if (!source) return fail(source.error().in("PNG"));
+  const DecodedImage& image = source->image;
   media::PngNotes notes;
   notes.effort = 3;  // a third of the time of the default 6, for 5 % more bytes
-  if (header.layout() == "equirectangular") {
-    notes.xmp = media::gpano_packet(picture.width, picture.height);
-  }
-  if (is_linear16(*format)) {
-    notes.numbers = media::PngNotes::Numbers::kLinear;
-    notes.comment = "Numbers are proportional to light.";
-    if (header.has_full_exposure_ns()) {
-      notes.comment +=
-          fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
-                      header.full_exposure_ns());
-    }
-  }
-  return media::png_file(picture, notes);
+  notes.xmp = source->xmp;
+  notes.comment = source->comment;
+  const bool linear = is_linear16(image.format);
+  if (linear) notes.numbers = media::PngNotes::Numbers::kLinear;
+  return media::png_file({image.width, image.height, component_count(image.format), linear ? 16 : 8, image.bytes},
+                         notes);
+}
+
+Result<std::vector<std::uint8_t>> encode_tiff(const ReceivedRaymap& raymap) {
+  const Result<Encodable> source = encodable(raymap);
+  if (!source) return fail(source.error().in("TIFF"));
+  return media::tiff_file(source->image.view(), {source->comment, source->xmp});
 }
 
 std::string raw_sidecar(const ReceivedRaymap& raymap) {

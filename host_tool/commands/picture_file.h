@@ -12,12 +12,14 @@
 
 namespace nodal::host {
 
-enum class RaymapFormat { kJpg, kPng, kRaw };
+enum class RaymapFormat { kJpg, kPng, kTiff, kRaw };
 
-/// "jpg", "png", "raw". Errors: kBadValue.
+/// "jpg", "png", "tif", "raw". Errors: kBadValue.
 Result<RaymapFormat> parse_raymap_format(std::string_view text);
 /// The format for a file name's extension; the error for an unknown one lists the known ones.
 Result<RaymapFormat> raymap_format_of_name(std::string_view name);
+/// The ending of a file's name for it, without the dot.
+std::string_view ending_of(RaymapFormat format);
 
 struct ReceivedRaymap {
   wire::RaymapHeader header;
@@ -35,6 +37,9 @@ Status check_raymap(const ReceivedRaymap& raymap);
 /// The PNG of a raw raymap, with GPano metadata if it is equirectangular. YUV is full range, as in JPEG; 16-bit numbers
 /// are unchanged, and the file records that they are linear. Errors: kUnsupported, kInternal.
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap);
+
+/// The same as a TIFF. Errors: those of encode_png(), and kTooLarge for more than 4 GB.
+Result<std::vector<std::uint8_t>> encode_tiff(const ReceivedRaymap& raymap);
 
 /// The sidecar file that describes a raw file's bytes: the planes in order, their sizes and offsets.
 std::string raw_sidecar(const ReceivedRaymap& raymap);

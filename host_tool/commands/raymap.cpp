@@ -119,7 +119,7 @@ Result<Sink> make_sink(const Args& args, Console& console) {
     sink.format = *format;
   }
   const bool many = args.continuous || args.count != 1 || !args.seconds.empty();
-  const std::string end = sink.format == RaymapFormat::kJpg ? "jpg" : sink.format == RaymapFormat::kPng ? "png" : "raw";
+  const std::string end(ending_of(sink.format));
   sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
   if (sink.pattern == "-") {
     if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
@@ -135,13 +135,14 @@ Result<Sink> make_sink(const Args& args, Console& console) {
 
 /// Stores a raymap and returns its file name.
 Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
-  std::vector<std::uint8_t> png;
+  std::vector<std::uint8_t> file;
   std::span<const std::uint8_t> bytes = raymap.bytes;
-  if (sink.format == RaymapFormat::kPng) {
-    Result<std::vector<std::uint8_t>> encoded = encode_png(raymap);
+  if (sink.format == RaymapFormat::kPng || sink.format == RaymapFormat::kTiff) {
+    Result<std::vector<std::uint8_t>> encoded =
+        sink.format == RaymapFormat::kPng ? encode_png(raymap) : encode_tiff(raymap);
     if (!encoded) return fail(encoded.error());
-    png = std::move(*encoded);
-    bytes = png;
+    file = std::move(*encoded);
+    bytes = file;
   }
   if (sink.pattern == "-") {
     console.bytes({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
@@ -363,7 +364,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
   command
       ->add_option("--format", args->format,
                    "jpg as received, png, or raw with a .json file beside it; default: by --out")
-      ->type_name("jpg|png|raw")
+      ->type_name("jpg|png|tif|raw")
       ->check(checked_by(parse_raymap_format));
   command->add_flag("--complete", args->complete, "Only raymaps with pictures of every head of the rig");
   command->add_flag("--lossless", args->lossless,

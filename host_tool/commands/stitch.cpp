@@ -126,7 +126,7 @@ Result<Job> make_job(Console& console, const Args& args) {
   if (!format) return fail(format.error().in("--out"));
   job.format = *format;
   if (args.bits == 16 && job.format == RaymapFormat::kJpg) {
-    return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png or .raw");
+    return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     if (const Status found = calibrate(console, job); !found) return fail(found.error());
@@ -171,7 +171,7 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
   received.header.set_width(static_cast<std::uint32_t>(raymap.width));
   received.header.set_height(static_cast<std::uint32_t>(raymap.height));
   received.bytes = raymap.bytes;
-  return encode_png(received);
+  return job.format == RaymapFormat::kTiff ? encode_tiff(received) : encode_png(received);
 }
 
 Status run(Context& context, const Args& args) {
@@ -262,7 +262,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("");
   command
       ->add_option("-o,--out", args->out,
-                   "The picture, .jpg, .png or .raw (sphere.jpg when not given); %04d numbers it")
+                   "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it")
       ->type_name("FILE");
   command->add_option("--layout", args->layout, "equirectangular when not given")->type_name("equirectangular|cube");
   command->add_option("--width", args->width, "Its width; as fine as the pictures when not given")

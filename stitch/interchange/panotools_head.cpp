@@ -62,11 +62,15 @@ Status set_region(const PanotoolsImage& image, HeadCalibration& head, std::vecto
   return {};
 }
 
-/// If the polynomial turns back inside the region, the lens is limited to slightly less than that angle.
+/// A part of the largest radius. Registration may change the focal length by more than the rest.
+constexpr double kSafelyInside = 0.97;
+
+/// If the polynomial turns back inside the region or close to its edge, the lens is limited to slightly less than that
+/// angle.
 void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
   const LensRange range = lens_range(head.lens);
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
-  if (farthest <= range.max_radius || range.max_radius < 1) return;
+  if (farthest <= (range.turns ? kSafelyInside : 1) * range.max_radius || range.max_radius < 1) return;
   head.max_angle = range.turns ? 0.99 * range.max_angle : range.max_angle;
   notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
                   short_number(range.max_angle / kDegree) + " degrees, " + short_number(range.max_radius) +

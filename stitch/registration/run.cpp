@@ -20,6 +20,7 @@ constexpr double kLooseSigmaPx =
     0.5;  // pixels of the picture, or of the raymap if that is coarser: more is visible at seams
 constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
 constexpr double kLeastPairAgreement = 0.2;
+constexpr double kClearAgreement = 0.4;    // of a head with all others, on one level
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
 constexpr double kLensMisfit = 0.15;  // share of the objective; 0.001 for right lenses, up to 0.05 with noise and blur
 
@@ -159,10 +160,16 @@ Status Run::find_dull_heads() {
 Status Run::check_agreement() {
   std::optional<Detail> best;
   std::vector<double> pairs;
+  coarse_sigma_.assign(heads_.size(), std::nullopt);
   for (const LevelPlan& plan : plans_) {
     if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
     Result<Detail> detail = measure_detail(plan, pyramids_, heads_, used(), options_, workers_);
     if (!detail) return fail(detail.error());
+    for (std::size_t h = 0; h < heads_.size(); ++h) {
+      const HeadDetail& head = detail->heads[h];
+      if (!(head.agreement >= kClearAgreement && head.sigma_rad < std::numeric_limits<double>::infinity())) continue;
+      coarse_sigma_[h] = CoarseSigma{head.sigma_rad, plan.width / (2 * std::numbers::pi)};  // levels come coarse first
+    }
     for (std::size_t h = 0; best && h < heads_.size(); ++h) {
       detail->heads[h].agreement = std::max(detail->heads[h].agreement, best->heads[h].agreement);
     }
@@ -190,7 +197,14 @@ Status Run::check_placed(bool& changed) {
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail->heads[h].sigma_rad;
-    if (!(loose_sigma_[h] * per_radian > kLooseSigmaPx)) continue;
+    double precision = per_radian;
+    if (loose_sigma_[h] == std::numeric_limits<double>::infinity() && coarse_sigma_[h]) {
+      // Fine detail does not line up, because of a wrong lens or close objects; coarser detail does. No seam can be
+      // better than that, so the head is as precise as its pixels there.
+      loose_sigma_[h] = coarse_sigma_[h]->rad;
+      precision = std::min(precision, coarse_sigma_[h]->per_radian);
+    }
+    if (!(loose_sigma_[h] * precision > kLooseSigmaPx)) continue;
     unplace(h, std::string("the detail it shares with other heads does not determine its rotation in every direction") +
                    (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
     ++loose_heads_;

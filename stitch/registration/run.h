@@ -70,9 +70,14 @@ class Run {
   std::vector<LevelPlan> plans_;
   std::vector<bool> own_vignetting_;
   std::vector<std::string> why_not_;  // empty: placed
-  std::vector<double> loose_sigma_;   // of heads that are not placed, rad
-  std::vector<std::size_t> wrong_;    // by the latest check_agreement()
-  std::ptrdiff_t apart_ = 0;          // pairs of heads whose common detail did not agree in that check
+  struct CoarseSigma {
+    double rad = 0;
+    double per_radian = 0;  // pixels of the level
+  };
+  std::vector<std::optional<CoarseSigma>> coarse_sigma_;  // on the finest level on which the head agrees with others
+  std::vector<double> loose_sigma_;                       // of heads that are not placed, rad
+  std::vector<std::size_t> wrong_;                        // by the latest check_agreement()
+  std::ptrdiff_t apart_ = 0;  // pairs of heads whose common detail did not agree in that check
   bool focals_doubtful_ = false;
   int loose_heads_ = 0;         // heads whose detail does not determine their rotation
   std::optional<Normal> last_;  // from the end of the latest level

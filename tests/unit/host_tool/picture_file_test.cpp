@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 #include <png.h>
+#include <tiffio.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -115,6 +119,65 @@ TEST(EncodePng, SixteenBits_ComeBackToTheBitAndAreCalledLinear) {
   EXPECT_EQ(chunk(*grey, "IHDR").substr(8, 2), std::string("\x10\x00", 2));
 }
 
+/// A TIFF read by libtiff from a file.
+struct ReadTiff {
+  std::uint32_t width = 0, height = 0;
+  std::uint16_t bits = 0, channels = 0, photometric = 0;
+  std::string description, xmp;
+  std::vector<std::uint8_t> samples;
+};
+ReadTiff read_tiff(const std::vector<std::uint8_t>& bytes) {
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() / ("nodal-tiff-" + std::to_string(::getpid()));
+  std::ofstream(file, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+  ReadTiff read;
+  TIFF* tiff = TIFFOpen(file.c_str(), "r");
+  std::filesystem::remove(file);
+  if (tiff == nullptr) return read;
+  TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &read.width);
+  TIFFGetField(tiff, TIFFTAG_IMAGELENGTH, &read.height);
+  TIFFGetField(tiff, TIFFTAG_BITSPERSAMPLE, &read.bits);
+  TIFFGetField(tiff, TIFFTAG_SAMPLESPERPIXEL, &read.channels);
+  TIFFGetField(tiff, TIFFTAG_PHOTOMETRIC, &read.photometric);
+  char* words = nullptr;
+  if (TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &words) == 1) read.description = words;
+  std::uint32_t length = 0;
+  if (TIFFGetField(tiff, TIFFTAG_XMLPACKET, &length, &words) == 1) read.xmp.assign(words, length);
+  const auto row = static_cast<std::size_t>(TIFFScanlineSize(tiff));
+  read.samples.resize(row * read.height);
+  for (std::uint32_t y = 0; y < read.height; ++y) TIFFReadScanline(tiff, read.samples.data() + row * y, y, 0);
+  TIFFClose(tiff);
+  return read;
+}
+
+TEST(EncodeTiff, EveryRawFormat_KeepsItsSamples) {
+  const struct {
+    std::string coding;
+    std::uint16_t bits, channels, photometric;
+  } formats[] = {{"GREY", 8, 1, PHOTOMETRIC_MINISBLACK},
+                 {"RGB24", 8, 3, PHOTOMETRIC_RGB},
+                 {"GREY16", 16, 1, PHOTOMETRIC_MINISBLACK},
+                 {"RGB48", 16, 3, PHOTOMETRIC_RGB}};
+  for (const auto& format : formats) {
+    std::vector<std::uint8_t> bytes(80U * 40 * format.channels * format.bits / 8);
+    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 37 + i / 256);
+    const auto tiff = encode_tiff(raymap_of(format.coding, 80, 40, bytes));
+    ASSERT_TRUE(tiff) << tiff.error().text();
+    const ReadTiff read = read_tiff(*tiff);
+    EXPECT_EQ(read.width, 80U);
+    EXPECT_EQ(read.height, 40U);
+    EXPECT_EQ(read.bits, format.bits);
+    EXPECT_EQ(read.channels, format.channels);
+    EXPECT_EQ(read.photometric, format.photometric);
+    EXPECT_TRUE(read.samples == bytes) << format.coding;  // 16 bits are in the machine's order, low byte first here
+    EXPECT_NE(read.xmp.find("GPano:ProjectionType"), std::string::npos);
+    EXPECT_EQ(read.description.find("proportional to light") != std::string::npos, format.bits == 16);
+  }
+  std::vector<std::uint8_t> i420(8 * 4 * 3 / 2, 128);
+  EXPECT_EQ(read_tiff(*encode_tiff(raymap_of("I420", 8, 4, i420))).samples, std::vector<std::uint8_t>(8 * 4 * 3, 128));
+  EXPECT_EQ(encode_tiff(raymap_of("jpeg", 8, 4, i420)).error().code, Errc::kUnsupported);
+}
+
 TEST(EncodePng, EquirectangularRaymap_CarriesGPanoThatViewersSearchFor) {
   const auto png = encode_png(raymap_of("GREY", 4, 2, std::vector<std::uint8_t>(8)));
   const std::string text(png->begin(), png->end());
@@ -173,6 +236,8 @@ TEST(RaymapFormat, ByNameAndByFile) {
   EXPECT_EQ(*raymap_format_of_name("a/b.jpg"), RaymapFormat::kJpg);
   EXPECT_EQ(*raymap_format_of_name("b-%06d.png"), RaymapFormat::kPng);
   EXPECT_EQ(*raymap_format_of_name("b.yuv"), RaymapFormat::kRaw);
+  EXPECT_EQ(*raymap_format_of_name("b.tif"), RaymapFormat::kTiff);
+  EXPECT_EQ(*raymap_format_of_name("b.tiff"), RaymapFormat::kTiff);
   EXPECT_FALSE(raymap_format_of_name("b.tiff"));
   EXPECT_FALSE(parse_raymap_format("JPG"));
 }
