@@ -238,7 +238,7 @@ TEST(RaymapFormat, ByNameAndByFile) {
   EXPECT_EQ(*raymap_format_of_name("b.yuv"), RaymapFormat::kRaw);
   EXPECT_EQ(*raymap_format_of_name("b.tif"), RaymapFormat::kTiff);
   EXPECT_EQ(*raymap_format_of_name("b.tiff"), RaymapFormat::kTiff);
-  EXPECT_FALSE(raymap_format_of_name("b.tiff"));
+  EXPECT_FALSE(raymap_format_of_name("b.tga"));
   EXPECT_FALSE(parse_raymap_format("JPG"));
 }
 

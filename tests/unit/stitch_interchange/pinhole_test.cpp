@@ -158,7 +158,7 @@ TEST(ImportOpenCvCameras, BadOnes_AreRefusedWithTheFile) {
   const std::vector<std::pair<std::vector<CameraFile>, std::string>> bad{
       {{good, {"dir/short.yaml", opencv("0, 0, 0, 0, 0, 0, 0")}}, "dir/short.yaml: "},
       {{good, {"rig.pto", "p f2 w100\ni w640 h480 f0 v50\n"}}, "rig.pto: it is no OpenCV camera"},
-      {std::vector<CameraFile>(17, good), "17 cameras"}};
+      {std::vector<CameraFile>(65, good), "65 cameras"}};
   for (const auto& [files, words] : bad) {
     const auto refused = import_opencv_cameras(files, "r");
     ASSERT_FALSE(refused) << words;
