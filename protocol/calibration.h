@@ -114,8 +114,6 @@ inline constexpr int kCalibrationVersion = 2;
 inline constexpr std::size_t kMaxMasks = 16;        ///< per head
 inline constexpr std::size_t kMaxMaskPoints = 256;  ///< in all masks of a head
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
-/// Heads of a document. A rig's board blends at most kMaxHeads; pictures in files may be of more.
-inline constexpr std::size_t kMaxCalibratedHeads = 64;
 
 /// Parses and checks a document: all fields present and known, numbers finite and in range, rotations proper
 /// to 1e-6 (then made orthonormal), lenses rising over their whole region. The error names the head and the

@@ -9,6 +9,7 @@
 #include "protocol/base/text.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
+#include "protocol/calibration_limits.h"
 #include "protocol/lens_range.h"
 
 namespace nodal {

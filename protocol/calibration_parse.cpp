@@ -6,6 +6,7 @@
 
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
+#include "protocol/calibration_limits.h"
 #include "protocol/strict_json.h"
 
 namespace nodal {

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "stitch/autocalibration/autocalibration.h"
+#include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
 
 namespace nodal::host {
@@ -87,6 +88,16 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
     images.push_back(std::move(*image));
   }
   autocalibration::Options options;
+  std::vector<std::string> turned;
+  for (std::size_t n = 0; n < files.size(); ++n) {
+    const media::Exif exif = media::read_exif(files[n]);
+    std::optional<double> focal_px;
+    if (exif.focal_35mm) {
+      focal_px = *exif.focal_35mm / media::kFilmDiagonalMm * std::hypot(images[n].width, images[n].height);
+    }
+    options.focal_px.push_back(focal_px);
+    if (exif.orientation != 1) turned.push_back(files[n]);
+  }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
   Result<autocalibration::Found> found = autocalibration::autocalibrate(grey, head_names(files), options);
   if (!found) return fail(found.error());
@@ -101,6 +112,12 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
   for (std::size_t n = 0; n < files.size(); ++n) {
     if (used[n]) continue;
     first.notes.push_back(fmt::format("{} is left out: it shares too little with the other pictures", files[n]));
+  }
+  if (!turned.empty()) {
+    first.notes.push_back(
+        fmt::format("{} of {} pictures are marked as turned (Exif orientation), {} first; their pixels are used as the "
+                    "file stores them, and the calibration is for those",
+                    turned.size(), files.size(), turned.front()));
   }
   for (const auto& [a, b] : found->doubtful) {
     first.notes.push_back(

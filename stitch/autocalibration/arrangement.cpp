@@ -19,15 +19,19 @@ constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens m
 constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
 constexpr std::size_t kFinalists = 5;
-constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
-constexpr double kShiftSigma = 0.02;                        // units of radius
+constexpr std::array<double, 2> kSigma{0.3, 0.15};  // of a lens's coefficients, about those that are tried;
+constexpr double kSameFocal = 0.1;    // part of it, by which equal lenses may differ in what cameras state
+constexpr double kShiftSigma = 0.02;  // units of radius
 constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};  // of a fisheye's: from equisolid to stereographic
 
 /// The lenses that are tried. With circles: fisheyes with this angle at the circle. Without: this angle at the middle of
 /// the picture's shorter edges, for a rectilinear lens (tan a = a + a^3/3 + 2 a^5/15 ...), an equidistant one, and one
-/// between them.
-std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic) {
+/// between them. The first ones have the focal length that the camera stated, if it did.
+std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic, std::optional<double> stated) {
   std::vector<SharedLens> all;
+  for (const double part : {0.5, 1.0, 0.0}) {
+    if (stated) all.push_back({{*stated, {part / 3, part * 2 / 15}}});
+  }
   for (double angle = 60; circles && angle <= 135; angle += 5) all.push_back({{1 / (angle * kRadians), {}}});
   for (double angle = 8; !circles && angle <= 105; angle *= 1.12) {
     const double a = angle * kRadians;
@@ -52,6 +56,18 @@ std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic) {
 bool may_be_anamorphic(const Shape& shape) {
   const bool width = shape.width == 720 || shape.width == 704 || shape.width == 352 || shape.width == 360;
   return width && (shape.height == 480 || shape.height == 576 || shape.height == 240 || shape.height == 288);
+}
+
+// The focal length that the cameras state, units, if most do and agree. Not of fisheyes with circles: these tell more.
+std::optional<double> stated_focal(const std::vector<Shape>& shapes) {
+  std::vector<double> stated;
+  for (const Shape& shape : shapes) {
+    if (shape.focal_px && !shape.circle) stated.push_back(*shape.focal_px / shape.unit());
+  }
+  if (2 * stated.size() <= shapes.size()) return std::nullopt;
+  const auto [least, most] = std::ranges::minmax(stated);
+  if (most > least * (1 + kSameFocal)) return std::nullopt;
+  return (least + most) / 2;
 }
 
 struct Start {
@@ -94,8 +110,15 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   const std::vector<UnitMatch> units = in_units(shapes, matches);
   const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
   const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
-  const BundleRules rules{{}, 0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma};
-  const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic);
+  const std::optional<double> stated = stated_focal(shapes);
+  const BundleRules rules{{}, 0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma, stated.value_or(0)};
+  const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic, stated);
+  const auto rules_for = [&](const Start& start, const SharedLens& prior) {
+    BundleRules own = rules;
+    own.first = start.first;
+    own.prior = prior;
+    return own;
+  };
   std::vector<Start> starts(lenses.size());
   const parallel::Workers workers(threads);
   workers.run(static_cast<int>(lenses.size()), [&](int i) {
@@ -111,10 +134,7 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   std::vector<BundleFit> fits(starts.size());
   workers.run(static_cast<int>(starts.size()), [&](int i) {
     const auto n = static_cast<std::size_t>(i);
-    BundleRules own = rules;
-    own.first = starts[n].first;
-    own.prior = starts[n].state.lens;
-    fits[n] = adjust(starts[n].state, units, own);
+    fits[n] = adjust(starts[n].state, units, rules_for(starts[n], starts[n].state.lens));
   });
   const auto better = [](const BundleFit& a, const BundleFit& b) {
     const auto count = [](const BundleFit& fit) { return std::ranges::count(fit.used, true); };
@@ -130,10 +150,7 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
                   "what the pictures seem to have in common are things that repeat, such as windows or tiles: give "
                   "pictures that overlap more, taken at the same place");
     }
-    BundleRules own = rules;
-    own.first = again.first;
-    own.prior = starts[static_cast<std::size_t>(chosen)].state.lens;
-    best = adjust(again.state, units, own);
+    best = adjust(again.state, units, rules_for(again, starts[static_cast<std::size_t>(chosen)].state.lens));
   }
   Arrangement found{best.state.lens, best.state.R_head_rig, {}, best.error};
   std::vector<int> counts(shapes.size());

@@ -16,7 +16,8 @@ namespace nodal::autocalibration {
 struct Shape {
   int width = 0;
   int height = 0;
-  std::optional<Region::Circle> circle;  ///< of a fisheye, px
+  std::optional<Region::Circle> circle;           ///< of a fisheye, px
+  std::optional<double> focal_px = std::nullopt;  ///< as the camera says; only a first guess
 
   /// About where the lens's axis is: the circle's centre, or the picture's.
   geometry::Pixel center() const;

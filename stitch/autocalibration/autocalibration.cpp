@@ -153,7 +153,8 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     const auto n = static_cast<std::size_t>(i);
     small[n] = reduced(pictures[n], kEdgeSide);
   });
-  const std::vector<Shape> shapes = shapes_of(pictures, small);
+  std::vector<Shape> shapes = shapes_of(pictures, small);
+  for (std::size_t n = 0; n < std::min(count, options.focal_px.size()); ++n) shapes[n].focal_px = options.focal_px[n];
   tell(0.05);
   std::vector<std::vector<Feature>> features(count);
   workers.run(static_cast<int>(count), [&](int i) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,10 +13,13 @@
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
+#include "protocol/calibration_limits.h"
 
 namespace nodal::autocalibration {
 
 struct Options {
+  /// Of each picture, or empty: the focal length that the camera states, px. Only a first guess.
+  std::vector<std::optional<double>> focal_px = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
 };

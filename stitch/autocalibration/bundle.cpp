@@ -20,6 +20,7 @@ constexpr int kLensUnknowns = 6;            // log focal, two coefficients, log 
 constexpr double kSlope = 1e-5;             // for derivatives by the lens
 constexpr double kFarthest = 0.05;          // units; a match that is farther off is an outlier
 constexpr double kNearest = 0.001;          // units; features are not more accurate than this
+constexpr double kStatedFocalSigma = 0.1;   // of its logarithm: stated for infinity, and rounded to whole millimetres
 constexpr double kAspectSigma = 0.01;       // of its logarithm, about the prior's
 constexpr double kMostAspectChange = 0.05;  // of it
 constexpr double kPixelsPerUnit = 1000;     // a lens's focal length must be at least one pixel
@@ -149,6 +150,7 @@ solve::Evaluation Bundle::evaluate(const BundleState& state) const {
     const double one = 1;
     sum.equations.add(std::span(&unknown, 1), std::span(&one, 1), off, std::pow(noise_ / sigma, 2));
   };
+  if (rules_.stated_focal > 0) hold(0, std::log(state.lens.model.focal / rules_.stated_focal), kStatedFocalSigma);
   for (std::size_t k = 0; k < rules_.sigma.size(); ++k) {
     hold(static_cast<Eigen::Index>(k) + 1, state.lens.model.k[k] - rules_.prior.model.k[k], rules_.sigma[k]);
   }

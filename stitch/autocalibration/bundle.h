@@ -47,6 +47,7 @@ struct BundleRules {
   bool free_aspect = false;       ///< the pixels' aspect is estimated
   std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about those of `prior`
   double shift_sigma = 0;         ///< of the lens's axis, units of radius
+  double stated_focal = 0;        ///< by the camera, units of radius; 0: it does not say
 };
 
 /// Matches of heads without a rotation are not used.

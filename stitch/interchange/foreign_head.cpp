@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "protocol/base/units.h"
+#include "protocol/calibration_limits.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/project.h"

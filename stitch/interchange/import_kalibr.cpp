@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "protocol/base/units.h"
+#include "protocol/calibration_limits.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/import.h"

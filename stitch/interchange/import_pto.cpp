@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "protocol/base/units.h"
+#include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/panotools_masks.h"

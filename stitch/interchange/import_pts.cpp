@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "protocol/base/units.h"
+#include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/panotools_script.h"

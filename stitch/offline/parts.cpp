@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string>
 
+#include "protocol/calibration_limits.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/geometry/head.h"
 

@@ -289,7 +289,7 @@ TEST_F(Commands, BashCompletion_OffersWhatMayFollow) {
   EXPECT_NE(offered("nodal cal", "1").find(" calibration"), std::string::npos);
   EXPECT_NE(offered("nodal --json calibration ''", "3").find(" rollback"), std::string::npos);
   EXPECT_NE(offered("nodal raymap pull --fo", "3").find(" --format"), std::string::npos);
-  EXPECT_EQ(offered("nodal raymap pull --format ''", "4"), " jpg png raw\n");
+  EXPECT_EQ(offered("nodal raymap pull --format ''", "4"), " jpg png tif raw\n");
   EXPECT_EQ(offered("nodal export --format ''", "3"), " pto pts ptv surround360 opencv kalibr\n");
   EXPECT_EQ(offered("nodal register --free l", "3"), " light lens\n");
   EXPECT_EQ(offered("nodal raymap pull -n ''", "4"), " \n") << "a number: no files";
@@ -313,7 +313,7 @@ TEST_F(Commands, FishCompletion_OffersWhatMayFollow) {
   };
   EXPECT_EQ(offered("nodal cal"), "calibrate calibration\n");
   EXPECT_EQ(offered("nodal --rig unix:x calibration ro"), "rollback\n");
-  EXPECT_EQ(offered("nodal raymap pull --format "), "jpg png raw\n");
+  EXPECT_EQ(offered("nodal raymap pull --format "), "jpg png tif raw\n");
   EXPECT_EQ(offered("nodal export --format p"), "pto pts ptv\n");
   EXPECT_EQ(offered("nodal completion "), "bash fish zsh\n");
   EXPECT_EQ(offered("nodal raymap pull -n "), "");
@@ -336,7 +336,7 @@ TEST_F(Commands, ZshCompletion_HandsOverWhatMayFollow) {
   EXPECT_NE(offered("nodal --json calib", "3").find("*:command:(status heads "), std::string::npos);
   EXPECT_NE(offered("nodal export --fo", "3").find(":value:(pto pts ptv surround360 opencv kalibr)\n"),
             std::string::npos);
-  EXPECT_NE(offered("nodal raymap pull ''", "4").find(":value:(jpg png raw)\n"), std::string::npos);
+  EXPECT_NE(offered("nodal raymap pull ''", "4").find(":value:(jpg png tif raw)\n"), std::string::npos);
   EXPECT_NE(offered("nodal stitch ''", "3").find("*:argument:_files\n"), std::string::npos);
   EXPECT_NE(offered("nodal calibration use ''", "4").find("*:argument: \n"), std::string::npos) << "an id is no file";
 }

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "protocol/base/units.h"
+#include "protocol/calibration_limits.h"
 #include "stitch/geometry/lens/rising_polynomial.h"
 #include "stitch/geometry/response.h"
 #include "stitch/solve/levenberg_marquardt.h"

@@ -186,6 +186,28 @@ TEST(Arrangement, ThingsThatRepeat_DeceiveMatchesButNotThePictures) {
   EXPECT_NE(none.error().message.find("repeat"), std::string::npos) << none.error().message;
 }
 
+TEST(Arrangement, FewPointsInANarrowOverlap_TheFocalLengthThatTheCameraStatesHelps) {
+  Calibration truth = test::ring(2, 640, 480);
+  for (std::size_t h = 0; h < 2; ++h) {
+    truth.heads[h] = test::plain_head("cam" + std::to_string(h), 640, 480, 36.0 * static_cast<double>(h), 42);
+  }
+  const double focal = 320 / std::tan(21 * kRadians);
+  std::vector<Shape> shapes = shapes_of(truth);
+  double alone = 0, helped = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const std::vector<Match> matches = matches_of(truth, 2500, {3, 0}, seed);
+    const auto off = [&](std::optional<double> stated) {
+      for (Shape& shape : shapes) shape.focal_px = stated;
+      const auto found = find_arrangement(shapes, matches, 0);
+      return found ? std::abs(std::log(found->lens.model.focal * shapes[0].unit() / focal)) : 1.0;
+    };
+    alone = std::max(alone, off(std::nullopt));
+    helped = std::max(helped, off(1.04 * focal));
+  }
+  EXPECT_LT(helped, 0.12) << "4 % of it is what was stated wrongly";
+  EXPECT_GT(alone, 1.5 * helped);
+}
+
 TEST(Arrangement, AnyNumberOfThreads_SameResult) {
   const Calibration truth = test::six_fisheyes(600, 150);
   const std::vector<Match> matches = matches_of(truth, 300, {0.5, 0.3});

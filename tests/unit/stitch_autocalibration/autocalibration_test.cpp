@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <variant>
 
 #include "stitch/geometry/lens/lens.h"
 #include "tests/support/rendered_rig.h"
@@ -38,6 +39,15 @@ TEST(Autocalibration, TownSeenBySixFisheyes_RotationsAndFieldOfView) {
     return *geometry::Lens::make(head.lens).value().angle(0.95 * head.width / 2);
   };
   EXPECT_NEAR(angle_at_edge(found->calibration.heads[0]), angle_at_edge(rig.truth.heads[0]), 0.01);
+}
+
+TEST(Autocalibration, AFalseFocalLengthInExif_DoesNoHarm) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(400), hal::sim::town_square_scene(3), {});
+  Options wrong;  // of a picture that was cut out of a larger one, for instance
+  wrong.focal_px.assign(6, 3 * std::get<EquidistantLens>(rig.truth.heads[0].lens).coefficients[0]);
+  const auto found = autocalibrate(pictures_of(rig), names_of(rig.truth), wrong);
+  ASSERT_TRUE(found) << found.error().text();
+  EXPECT_LT(test::rotation_error(rig.truth, found->calibration).max_deg, 0.5);
 }
 
 TEST(Autocalibration, AnotherOrderOfThePictures_SameRig) {

@@ -1,0 +1,31 @@
+// What a camera says about its lens and its attitude in a picture file (Exif 2.32).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+
+namespace nodal::media {
+
+/// Exif is in the first segments of a JPEG, each of at most 64 KiB.
+inline constexpr std::size_t kExifBytes = 256 * 1024;
+/// The diagonal of a frame of 35 mm film, to which FocalLengthIn35mmFilm refers.
+inline constexpr double kFilmDiagonalMm = 43.26661530556787;
+
+struct Exif {
+  /// The focal length that shows as much on 35 mm film, mm, 1 .. 2000: FocalLengthIn35mmFilm, or else computed from
+  /// FocalLength and FocalPlaneXResolution. Nothing if the picture does not say it.
+  std::optional<double> focal_35mm;
+  int orientation = 1;  ///< 1 .. 8; 1: the rows of the file are those of the scene
+};
+
+/// `start`: the first bytes of a JPEG, kExifBytes of them if there are as many. Bytes that are not understood say nothing.
+///
+/// Threading: thread-safe.
+Exif parse_exif(std::span<const std::uint8_t> start);
+
+/// The same for a file; nothing if it cannot be read.
+Exif read_exif(const std::filesystem::path& file);
+
+}  // namespace nodal::media
