@@ -313,7 +313,7 @@ TEST_F(Commands, FishCompletion_OffersWhatMayFollow) {
   };
   EXPECT_EQ(offered("nodal cal"), "calibrate calibration\n");
   EXPECT_EQ(offered("nodal --rig unix:x calibration ro"), "rollback\n");
-  EXPECT_EQ(offered("nodal raymap pull --format "), "jpg png tif raw\n");
+  EXPECT_EQ(offered("nodal raymap pull --format "), "jpg png raw tif\n");
   EXPECT_EQ(offered("nodal export --format p"), "pto pts ptv\n");
   EXPECT_EQ(offered("nodal completion "), "bash fish zsh\n");
   EXPECT_EQ(offered("nodal raymap pull -n "), "");

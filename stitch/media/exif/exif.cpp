@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
+#include <cstdio>
 #include <memory>
 #include <vector>
 
@@ -66,10 +66,13 @@ Exif parse_exif(std::span<const std::uint8_t> start) {
 }
 
 Exif read_exif(const std::filesystem::path& file) {
+  struct Close {
+    void operator()(std::FILE* f) const { std::fclose(f); }
+  };
+  const std::unique_ptr<std::FILE, Close> in(std::fopen(file.c_str(), "rb"));
+  if (!in) return {};
   std::vector<std::uint8_t> start(kExifBytes);
-  std::ifstream in(file, std::ios::binary);
-  in.read(reinterpret_cast<char*>(start.data()), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(in.gcount()));
+  start.resize(std::fread(start.data(), 1, start.size(), in.get()));
   return parse_exif(start);
 }
 
