@@ -28,7 +28,7 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig&
     job.formats_.push_back(blended_format(delivered, raymap.format).value_or(delivered));
   }
   job.delivered_ = std::move(formats);
-  job.spec_ = {std::string(raymap_layout_name(raymap.layout)), raymap.width, raymap.height, raymap.format};
+  job.spec_ = {raymap.layout, raymap.width, raymap.height, raymap.format};
   job.options_.transition = transition_of(raymap.transition);
   job.options_.seam_width_deg = raymap.seam_width_deg;
   job.options_.feather = raymap.feather;

@@ -10,6 +10,7 @@
 #include "firmware/config/head_entry.h"
 #include "firmware/config/toml_reader.h"
 #include "protocol/base/limits.h"
+#include "stitch/geometry/raymap/registry.h"
 
 namespace nodal::firmware {
 namespace {
@@ -54,17 +55,16 @@ void read_transition(TomlReader& reader, RaymapConfig& raymap) {
 }
 
 void read_raymap(TomlReader reader, RaymapConfig& raymap) {
-  raymap.layout = reader.choice<RaymapLayout>(
-      "layout", {{"equirectangular", RaymapLayout::kEquirectangular}, {"cube", RaymapLayout::kCube}});
-  const bool cube = raymap.layout == RaymapLayout::kCube;
-  raymap.width = static_cast<int>(reader.integer("width", 16, 16384, cube ? 1536 : 2048));
-  raymap.height = static_cast<int>(reader.integer("height", 16, 16384, 1024));
-  const bool shaped =
-      cube ? raymap.width * 2 == raymap.height * 3 && raymap.width % 6 == 0 : raymap.width == raymap.height * 2;
-  if (raymap.height % 2 != 0 || !shaped) {
-    reader.refuse("height", "is " + std::to_string(raymap.height) + " with a width of " + std::to_string(raymap.width) +
-                                (cube ? "; for a cube it must be even and 2/3 of the width"
-                                      : "; for equirectangular it must be even and half of the width"));
+  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(reader.text("layout", raymap.layout));
+  if (!layout) return reader.refuse("layout", "cannot be used: " + layout.error().message, layout.error().code);
+  raymap.layout = layout->text();
+  const int usual = layout->size_for_width(layout->kind().name == "cube" ? 1536 : 2048).width;
+  raymap.width = static_cast<int>(reader.integer("width", 16, 16384, usual));
+  const int height = layout->size_for_width(raymap.width).height;
+  raymap.height = static_cast<int>(reader.integer("height", 16, 16384, height));
+  if (const Status shaped = layout->check_size({raymap.width, raymap.height}); !shaped) {
+    reader.refuse("height", "is " + std::to_string(raymap.height) + ": " + std::to_string(raymap.width) + "x" +
+                                std::to_string(raymap.height) + " " + shaped.error().message);
   }
   raymap.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
                                                         {"NV12", PixelFormat::kNv12},
@@ -317,10 +317,6 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
 }
 
 }  // namespace
-
-std::string_view raymap_layout_name(RaymapLayout layout) {
-  return layout == RaymapLayout::kCube ? "cube" : "equirectangular";
-}
 
 Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file) {
   if (text.size() > kMaxRigTomlBytes) {

@@ -73,10 +73,6 @@ struct HeadConfig {
   int line = 0;                          ///< line number in rig.toml, for error messages
 };
 
-enum class RaymapLayout : std::uint8_t { kEquirectangular, kCube };
-/// "equirectangular", "cube": the name in rig.toml and in the protocol.
-std::string_view raymap_layout_name(RaymapLayout layout);
-
 /// How interlaced frames are blended.
 enum class FieldUse : std::uint8_t {
   kWeave,     ///< the rows of both fields in one raymap, as if they were one exposure
@@ -87,7 +83,7 @@ enum class RaymapTransition : std::uint8_t { kTwoBand, kSeam, kFeather };
 
 /// [raymap]
 struct RaymapConfig {
-  RaymapLayout layout = RaymapLayout::kEquirectangular;
+  std::string layout = "equirectangular";  ///< the canonical text of a geometry::LayoutName; also in the protocol
   int width = 2048;
   int height = 1024;
   PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts

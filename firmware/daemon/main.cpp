@@ -63,7 +63,7 @@ sigset_t stop_signals() {
 std::string describe(const firmware::RigConfig& config) {
   return fmt::format("rig '{}': {} heads at {}/{} frames a second, raymap {} {}x{} {}", config.name,
                      config.heads.size(), config.rate.numerator, config.rate.denominator,
-                     firmware::raymap_layout_name(config.raymap.layout), config.raymap.width, config.raymap.height,
+                     config.raymap.layout, config.raymap.width, config.raymap.height,
                      pixel_format_name(config.raymap.format));
 }
 

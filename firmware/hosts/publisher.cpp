@@ -140,7 +140,7 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   header.set_coding(jpeg ? "jpeg" : raw ? std::string(pixel_format_name(config_.format)) : "none");
   header.set_width(static_cast<std::uint32_t>(config_.width));
   header.set_height(static_cast<std::uint32_t>(config_.height));
-  header.set_layout(std::string(raymap_layout_name(config_.layout)));
+  header.set_layout(config_.layout);
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
   for (std::size_t i = 0; info.heads >> i != 0; ++i) {

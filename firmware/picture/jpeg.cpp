@@ -13,7 +13,7 @@ namespace nodal::firmware {
 namespace {
 
 std::string sphere_metadata(const RaymapConfig& config) {
-  return config.layout == RaymapLayout::kEquirectangular ? media::gpano_packet(config.width, config.height) : "";
+  return config.layout == "equirectangular" ? media::gpano_packet(config.width, config.height) : "";
 }
 
 }  // namespace

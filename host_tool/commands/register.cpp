@@ -7,6 +7,7 @@
 #include <ctime>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/commands/trial.h"
@@ -297,8 +298,7 @@ void add_register(CLI::App& app, CommandLine& line) {
                    "Fall-off: each head's own (when not given), shared by all, or fixed")
       ->type_name("own|shared|fixed")
       ->check(one_of(kVignetting));
-  command->add_option("--layout", args->options.layout, "The raymap that differences are summed on")
-      ->type_name("equirectangular|cube");
+  add_layout_option(*command, args->options.layout, "The raymap that differences are summed on");
   command
       ->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
       ->type_name("PX")

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
@@ -122,6 +123,9 @@ Status calibrate(Console& console, Job& job) {
 Result<Job> make_job(Console& console, const Args& args) {
   Job job;
   job.args = args;
+  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(args.layout);
+  if (!layout) return fail(layout.error().in("--layout"));
+  job.args.layout = layout->text();
   const Result<RaymapFormat> format = raymap_format_of_name(args.out);
   if (!format) return fail(format.error().in("--out"));
   job.format = *format;
@@ -144,12 +148,8 @@ Result<Job> make_job(Console& console, const Args& args) {
   }
   const Result<double> resolution = offline::resolution_of(job.input.calibration);
   if (!resolution) return fail(resolution.error().in(args.inputs.front()));
-  const Result<double> natural = geometry::width_for_resolution(args.layout, *resolution);
-  if (!natural) return fail(natural.error().in("--layout"));
-  const Result<geometry::RaymapSize> size =
-      geometry::size_for_width(args.layout, args.width > 0 ? args.width : *natural);
-  if (!size) return fail(size.error().in("--layout"));
-  job.size = *size;
+  const double natural = layout->width_for_resolution(*resolution);
+  job.size = layout->size_for_width(args.width > 0 ? args.width : natural);
   return job;
 }
 
@@ -193,7 +193,8 @@ Status run(Context& context, const Args& args) {
       if (!pictures) return fail(pictures.error());
       if (!blend || pictures->front().format != format) {
         format = pictures->front().format;
-        const table::RaymapSpec spec{args.layout, job->size.width, job->size.height, raymap_format(format, args.bits)};
+        const table::RaymapSpec spec{job->args.layout, job->size.width, job->size.height,
+                                     raymap_format(format, args.bits)};
         auto made = interruptible(console, [&] {
           return offline::OfflineBlend::make(
               job->input.calibration, spec, table_options(args), format, args.threads,
@@ -219,7 +220,7 @@ Status run(Context& context, const Args& args) {
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Json document{{"raymaps", count},           {"out", last},
-                {"layout", args.layout},      {"width", job->size.width},
+                {"layout", job->args.layout}, {"width", job->size.width},
                 {"height", job->size.height}, {"calibration", to_hex(calibration_id(job->input.calibration))},
                 {"seconds", seconds}};
   if (!job->confidence.empty()) {
@@ -234,7 +235,7 @@ Status run(Context& context, const Args& args) {
                              beside(args.out, ".report.html")));
   }
   console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job->size.width,
-                           job->size.height, args.layout, job->input.calibration.heads.size(), seconds));
+                           job->size.height, job->args.layout, job->input.calibration.heads.size(), seconds));
   return {};
 }
 
@@ -264,7 +265,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->add_option("-o,--out", args->out,
                    "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it")
       ->type_name("FILE");
-  command->add_option("--layout", args->layout, "equirectangular when not given")->type_name("equirectangular|cube");
+  add_layout_option(*command, args->layout, "equirectangular when not given");
   command->add_option("--width", args->width, "Its width; as fine as the pictures when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));

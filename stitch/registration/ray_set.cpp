@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <numbers>
 
 namespace nodal::registration {
 namespace {
@@ -90,10 +91,11 @@ std::vector<Place> sorted_places(const RaymapLayout& layout) {
 }  // namespace
 
 Result<std::unique_ptr<RaymapLayout>> layout_of_width(const std::string& name, int width) {
-  // The centre of a cube's face has the resolution of the equator.
-  const int face = std::max(1, width / 4);
-  if (name == "cube") return geometry::make_layout(name, 3 * face, 2 * face);
-  return geometry::make_layout(name, width, width / 2);
+  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(name);
+  if (!layout) return fail(layout.error());
+  const geometry::RaymapSize size =
+      layout->size_for_width(layout->width_for_resolution(width / (2 * std::numbers::pi)));
+  return geometry::make_layout(*layout, size.width, size.height);
 }
 
 std::vector<Tile> make_tiles(const RaymapLayout& layout, const parallel::Workers& workers,

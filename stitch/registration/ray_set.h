@@ -11,7 +11,7 @@
 
 namespace nodal::registration {
 
-/// A layout with about as many rays as an equirectangular layout of this width.
+/// A layout whose largest pixels are as large as those of an equirectangular layout of this width.
 /// Errors: those of make_layout.
 Result<std::unique_ptr<geometry::RaymapLayout>> layout_of_width(const std::string& name, int width);
 

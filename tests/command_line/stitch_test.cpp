@@ -185,6 +185,40 @@ TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
   EXPECT_EQ(size_of({"--width", "100", "--bits", "16"}), std::pair(100, 50));
 }
 
+TEST_F(StitchCommand, EveryLayout_IsMade) {
+  write_pictures("pictures");
+  for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
+    const std::string name(kind.name);
+    const Json answer = nodal_json({"stitch", path("rig.json"), path("pictures"), "--layout", name, "--width", "60",
+                                    "-o", path(name + ".png")})
+                            .at(0);
+    EXPECT_EQ(answer["layout"], name);
+    const DecodedImage picture = media::read_image(path(name + ".png"), PixelFormat::kRgb24).value();
+    EXPECT_EQ(answer["width"], picture.width) << name;
+    EXPECT_EQ(read(name + ".png").find("GPano") != std::string::npos, name == "equirectangular") << name;
+    const auto layout = geometry::make_layout(name, picture.width, picture.height).value();
+    // The same place of the scene, wherever the layout puts it: close to what the equirectangular raymap shows there.
+    const DecodedImage sphere = media::read_image(path("equirectangular.png"), PixelFormat::kRgb24).value();
+    const auto flat = geometry::make_layout("equirectangular", sphere.width, sphere.height).value();
+    double sum = 0, count = 0;
+    for (int y = 0; y < picture.height; ++y) {
+      for (int x = 0; x < picture.width; ++x) {
+        const std::optional<geometry::Ray> ray = layout->ray(x + 0.5, y + 0.5);
+        if (!ray || layout->solid_angle(x, y) == 0) continue;
+        const geometry::Pixel at = flat->pixel(*ray).value();
+        const int i = std::min(static_cast<int>(at.x), sphere.width - 1),
+                  j = std::min(static_cast<int>(at.y), sphere.height - 1);
+        const auto level = [](const DecodedImage& image, int column, int row) {
+          return static_cast<double>(image.bytes[static_cast<std::size_t>(3 * (row * image.width + column) + 1)]);
+        };
+        sum += std::abs(level(picture, x, y) - level(sphere, i, j));
+        count += 1;
+      }
+    }
+    EXPECT_LT(sum / count, 20) << name << ": differences of a pixel's width, and of filters";
+  }
+}
+
 /// Two fisheyes of 190 degrees back to back, with picture circles at different positions.
 test::RenderedRig two_fisheyes() {
   Calibration rig = test::six_fisheyes(kSide, 190);

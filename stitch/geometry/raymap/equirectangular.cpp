@@ -27,8 +27,8 @@ Equirectangular::Equirectangular(int width, int height)
   for (int k = 0; k <= 2 * height; ++k) phi_.push_back(SinCos::of(phi_at(k / 2.0, height)));
 }
 
-Result<std::unique_ptr<RaymapLayout>> Equirectangular::make(int width, int height) {
-  return std::unique_ptr<RaymapLayout>(new Equirectangular(width, height));
+Result<std::unique_ptr<RaymapLayout>> Equirectangular::make(RaymapSize size, std::int64_t) {
+  return std::unique_ptr<RaymapLayout>(new Equirectangular(size.width, size.height));
 }
 
 std::optional<Ray> Equirectangular::ray(double x, double y) const {

@@ -1,6 +1,7 @@
 // The equirectangular (latitude-longitude) raymap.
 #pragma once
 
+#include <vector>
 #include "stitch/geometry/raymap/layout.h"
 
 namespace nodal::geometry {
@@ -9,7 +10,7 @@ namespace nodal::geometry {
 /// the zenith is the top edge. A pixel of row j spans (2 pi / W) (sin phi_bottom - sin phi_top).
 class Equirectangular final : public RaymapLayout {
  public:
-  static Result<std::unique_ptr<RaymapLayout>> make(int width, int height);
+  static Result<std::unique_ptr<RaymapLayout>> make(RaymapSize size, std::int64_t);
   std::string_view name() const override { return "equirectangular"; }
   bool scattered() const override { return false; }
   std::optional<Ray> ray(double x, double y) const override;

@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "protocol/base/result.h"
 #include "stitch/geometry/ray.h"
+#include "stitch/geometry/raymap/registry.h"
 
 namespace nodal::geometry {
 
@@ -20,7 +20,7 @@ class RaymapLayout {
  public:
   virtual ~RaymapLayout() = default;
 
-  /// The name for make_layout().
+  /// The name for make_layout(), without parameters.
   virtual std::string_view name() const = 0;
   int width() const { return width_; }
   int height() const { return height_; }
@@ -34,8 +34,9 @@ class RaymapLayout {
   /// where the layout holds no ray.
   virtual std::optional<Ray> ray(double x, double y) const = 0;
 
-  /// The exact solid angle that pixel (i, j) represents, sr; 0 for a pixel that holds no ray. The sum over all pixels
-  /// is the solid angle that the layout covers: 4 pi for a whole sphere.
+  /// The exact solid angle that pixel (i, j) represents, sr; 0 for a pixel that holds no ray or, as padding does, the
+  /// ray of another. The sum over all pixels is the solid angle that the layout covers: 4 pi for a whole sphere. For
+  /// point sequences it is the mean over all points.
   virtual double solid_angle(int i, int j) const = 0;
 
   /// The position of a ray in the raymap; nothing if the layout does not hold it.
@@ -49,28 +50,10 @@ class RaymapLayout {
   int height_;
 };
 
-inline constexpr int kMaxRaymapSide = 32768;
-
-/// The width and height of a raymap in pixels.
-struct RaymapSize {
-  int width = 0;
-  int height = 0;
-};
-
-/// The width, rarely a whole number, at which a whole-sphere raymap has `pixels_per_radian` where its pixels are
-/// largest (equirectangular: at the equator; cube: in the centre of a face).
-/// Errors: kUnsupported for an unknown name (the message lists the known ones).
-Result<double> width_for_resolution(std::string_view name, double pixels_per_radian);
-
-/// The smallest size of a whole-sphere raymap with at least this width, up to kMaxRaymapSide; valid for halved chroma.
-/// Errors: as width_for_resolution().
-Result<RaymapSize> size_for_width(std::string_view name, double width);
-
-/// The names that make_layout() accepts.
-std::vector<std::string_view> layout_names();
-
-/// Errors: kUnsupported for an unknown name (the message lists the known ones), kBadValue for a size that the layout
-/// cannot have (the message gives the nearest possible one).
-Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view name, int width, int height);
+/// `text` as LayoutName::parse() takes it.
+/// Errors: those of LayoutName::parse(), kBadValue for a size that the layout cannot have (the message gives the nearest
+/// possible one).
+Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view text, int width, int height);
+Result<std::unique_ptr<RaymapLayout>> make_layout(const LayoutName& name, int width, int height);
 
 }  // namespace nodal::geometry

@@ -5,6 +5,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "stitch/geometry/raymap/registry.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -193,6 +195,20 @@ TEST(RigConfig, MissingThings_AreNamed) {
   expect_refused(replaced(kSmall, "calibration = \"truth.json\"", ""), Errc::kMissingField, "sim.calibration");
 }
 
+TEST(RigConfig, EveryLayout_CanBeNamedAndHasAUsualSize) {
+  for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
+    const std::string name(kind.name);
+    const auto config = parse_rig_config(kSmall + "[raymap]\nlayout = '" + name + "'\n", "rig.toml");
+    ASSERT_TRUE(config) << config.error().text();
+    EXPECT_EQ(config->raymap.layout, name);
+    EXPECT_TRUE(geometry::LayoutName::parse(name)->check_size({config->raymap.width, config->raymap.height})) << name;
+  }
+  const auto cube = parse_rig_config(kSmall + "[raymap]\nlayout = 'cube:pad=2'\nwidth = 600\n", "rig.toml");
+  ASSERT_TRUE(cube) << cube.error().text();
+  EXPECT_EQ(cube->raymap.layout, "cube:pad=2");
+  EXPECT_EQ(cube->raymap.height, 400) << "as the width demands";
+}
+
 TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
   expect_refused(kSmall + "exposure_us = 0\n", Errc::kBadValue,
                  "rig.toml:8:15: heads[0].exposure_us is 0; allowed is 1 to 10000000");
@@ -201,8 +217,15 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
   expect_refused(kSmall + "red_q12 = 5000\n", Errc::kMissingField, "heads[0].blue_q12 is missing");
   expect_refused(replaced(kSmall, "sim:cam0", "usb:1-2"), Errc::kBadValue, "sim:NAME, replay:FILE");
   expect_refused(replaced(kSmall, "sim:cam0", "sim:"), Errc::kBadValue, "sim:NAME");
-  expect_refused(kSmall + "[raymap]\nwidth=2000\nheight=1024\n", Errc::kBadValue, "half of the width");
-  expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue, "2/3 of the width");
+  expect_refused(
+      kSmall + "[raymap]\nwidth=2000\nheight=1024\n", Errc::kBadValue,
+      "raymap.height is 1024: 2000x1024 is not a size of the layout equirectangular, whose size is a multiple of "
+      "4x2; 2000x1000 would be");
+  expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue,
+                 "multiple of 6x4; 1536x1024 would be");
+  expect_refused(kSmall + "[raymap]\nlayout='mercator'\n", Errc::kUnsupported, "there are: equirectangular, cube");
+  expect_refused(kSmall + "[raymap]\nlayout='cube:pad=99'\n", Errc::kBadValue, "from 0 to 64");
+  expect_refused(kSmall + "[raymap]\nlayout='hammersley'\nwidth=101\n", Errc::kBadValue, "sides are even");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nnoise = nan\n"), Errc::kBadValue, "sim.noise is nan");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene = \"photo\"\n"), Errc::kMissingField, "sim.photo");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene='constant'\nconstant=[1,2,256]\n"), Errc::kBadValue,

@@ -97,7 +97,7 @@ TEST(Jpeg, ItsComment_NamesTheSetItsPulseAndItsCalibration) {
 
 TEST(Jpeg, ACube_IsNoSphereToViewers) {
   RaymapConfig config = config_of(PixelFormat::kRgb24, 96, 64);
-  config.layout = RaymapLayout::kCube;
+  config.layout = "cube";
   const auto jpeg = encoded(config, std::vector<std::uint8_t>(96 * 64 * 3, 90));
   const auto found = segments(jpeg);
   ASSERT_TRUE(found);

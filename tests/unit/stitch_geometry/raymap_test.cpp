@@ -1,99 +1,161 @@
-// Raymap layouts: the formulas of each, and the properties of all.
+// Raymap layouts: the formulas, sizes and names of each.
 #include <gtest/gtest.h>
 
-#include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
+#include <set>
 
-#include "examples.h"
+#include "raymap_examples.h"
 #include "stitch/geometry/raymap/layout.h"
 
 namespace nodal::geometry {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-std::unique_ptr<RaymapLayout> made(std::string_view name, int width, int height) {
-  Result<std::unique_ptr<RaymapLayout>> layout = make_layout(name, width, height);
-  EXPECT_TRUE(layout) << (layout ? "" : layout.error().text());
-  return std::move(*layout);
+/// The largest and the smallest solid angle of whole pixels.
+std::pair<double, double> extremes(const RaymapLayout& layout) {
+  double least = 1e300, most = 0;
+  for (int j = 0; j < layout.height(); ++j) {
+    for (int i = 0; i < layout.width(); ++i) {
+      if (layout.solid_angle(i, j) == 0 || !is_whole(layout, i, j)) continue;
+      least = std::min(least, layout.solid_angle(i, j));
+      most = std::max(most, layout.solid_angle(i, j));
+    }
+  }
+  return {most, least};
 }
 
-std::vector<std::unique_ptr<RaymapLayout>> every_layout() {
-  std::vector<std::unique_ptr<RaymapLayout>> layouts;
-  layouts.push_back(made("equirectangular", 2048, 1024));
-  layouts.push_back(made("equirectangular", 77, 31));
-  layouts.push_back(made("cube", 1536, 1024));
-  layouts.push_back(made("cube", 3 * 37, 2 * 37));
-  return layouts;
+double ratio_at(std::string_view name, int width, int height) {
+  const auto layout = made(name, width, height);
+  const auto [most, least] = extremes(*layout);
+  return most / least;
 }
 
-TEST(EveryLayout, SolidAngles_SumToTheSphere) {
-  for (const auto& layout : every_layout()) {
-    double sum = 0;
+TEST(DualParaboloid, LargestToSmallestSolidAngle_TendsToFour) {
+  EXPECT_NEAR(ratio_at("dual_paraboloid", 1200, 600), 4, 0.03);  // §4.2
+}
+
+TEST(DualFisheye, LargestToSmallestSolidAngle_TendsToHalfOfPi) {
+  EXPECT_NEAR(ratio_at("dual_fisheye", 1200, 600), kPi / 2, 0.01);
+}
+
+TEST(Equirectangular, LargestToSmallestSolidAngle_GrowsWithoutBound) {
+  // The sine of half a row's height: infinity as H grows (§4.2).
+  EXPECT_NEAR(ratio_at("equirectangular", 8, 1000), 1 / std::sin(kPi / 2000), 0.1);
+}
+
+TEST(EquiangularCube, LargestToSmallestSolidAngle_TendsToThreeRootThreeOverFour) {
+  // At a corner tan' is twice that of the centre in both directions, and 3 sqrt 3 remains as on the cube.
+  EXPECT_NEAR(ratio_at("equiangular_cube", 900, 600), std::max(3 * std::sqrt(3.0) / 4, std::sqrt(2.0)), 0.01);
+}
+
+TEST(Sinusoidal_Healpix_Cylinder, AllWholePixels_SpanTheSame) {
+  EXPECT_NEAR(ratio_at("healpix", 64, 48), 1, 1e-12);
+  EXPECT_NEAR(ratio_at("cylinder_equal_area", 200, 64), 1, 1e-10);
+  EXPECT_NEAR(ratio_at("sinusoidal", 400, 200), 1, 1e-10);
+}
+
+TEST(CompressedSpherical, PixelsWithoutARay_TendToOneMinusTwoOverPi) {
+  const auto empty = [](int width) {
+    const auto layout = made("compressed_spherical", width, width / 2);
+    double count = 0;
     for (int j = 0; j < layout->height(); ++j) {
-      double row = 0;
-      for (int i = 0; i < layout->width(); ++i) row += layout->solid_angle(i, j);
-      sum += row;
+      for (int i = 0; i < width; ++i) count += layout->ray(i + 0.5, j + 0.5) ? 0 : 1;
     }
-    EXPECT_NEAR(sum / (4 * kPi), 1, 1e-12) << layout->name() << " " << layout->width();
-  }
+    return count / width / (width / 2);
+  };
+  const double coarse = std::abs(empty(128) - (1 - 2 / kPi)), fine = std::abs(empty(2048) - (1 - 2 / kPi));
+  EXPECT_LT(coarse, 2.0 / 128);
+  EXPECT_LT(fine, 2.0 / 2048);
 }
 
-RC_GTEST_PROP(EveryLayout, PixelOfItsRay_IsThePixel, ()) {
-  for (const auto& layout : every_layout()) {
-    // Inside a pixel, because on the seams a ray has two positions.
-    const double x = *rc::gen::inRange(0, layout->width()) + between(0.01, 0.99);
-    const double y = *rc::gen::inRange(0, layout->height()) + between(0.01, 0.99);
-    const std::optional<Ray> ray = layout->ray(x, y);
-    RC_ASSERT(ray.has_value());
-    const std::optional<Pixel> pixel = layout->pixel(*ray);
-    RC_ASSERT(pixel.has_value());
-    RC_ASSERT(std::abs(pixel->x - x) <= 1e-8 * layout->width());
-    RC_ASSERT(std::abs(pixel->y - y) <= 1e-8 * layout->width());
+/// The largest difference between the number of rays in a cap and what its area predicts, over many caps, as a part of
+/// all rays.
+double discrepancy(const RaymapLayout& layout) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Vector3d> rays;
+  for (int j = 0; j < layout.height(); ++j) {
+    for (int i = 0; i < layout.width(); ++i) rays.push_back(layout.ray(i + 0.5, j + 0.5)->direction());
   }
+  double worst = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const Eigen::Vector3d axis = Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+    const double cosine = (trial % 20 - 9.5) / 10;
+    const auto inside = std::ranges::count_if(rays, [&](const auto& ray) { return ray.dot(axis) > cosine; });
+    worst =
+        std::max(worst, std::abs(static_cast<double>(inside) / static_cast<double>(rays.size()) - (1 - cosine) / 2));
+  }
+  return worst;
 }
 
-RC_GTEST_PROP(EveryLayout, RayOfThePixelOfAnyRay_IsTheRay, ()) {
-  const Eigen::Vector3d v(between(-1, 1), between(-1, 1), between(-1, 1));
-  RC_PRE(v.norm() > 0.01);
-  for (const auto& layout : every_layout()) {
-    const std::optional<Pixel> pixel = layout->pixel(Ray::towards(v));
-    RC_ASSERT(pixel.has_value());
-    const std::optional<Ray> ray = layout->ray(pixel->x, pixel->y);
-    RC_ASSERT(ray.has_value());
-    RC_ASSERT(angle_between(*ray, Ray::towards(v)) <= 1e-12);
-  }
+TEST(PointSequences, TenThousandPoints_AreSpreadMoreEvenlyThanRandomOnes) {
+  // Figure 6. Random rays would be off by about 1 / sqrt(10000) = 0.01.
+  const double stratified = discrepancy(*made("stratified_random", 100, 100));
+  const double hammersley = discrepancy(*made("hammersley", 100, 100)), halton = discrepancy(*made("halton", 100, 100));
+  EXPECT_LT(hammersley, 0.002);
+  EXPECT_LT(halton, 0.003);
+  EXPECT_LT(std::max(hammersley, halton), stratified);
+  RecordProperty("hammersley", std::to_string(hammersley));
+  std::mt19937 random(8);
+  EXPECT_LT(stratified, 0.015);
 }
 
-RC_GTEST_PROP(EveryLayout, SolidAngle_IsTheAreaThatThePixelsRaysSpan, ()) {
-  for (const auto& layout : every_layout()) {
-    if (layout->scattered()) continue;
-    const int i = *rc::gen::inRange(0, layout->width());
-    const int j = *rc::gen::inRange(0, layout->height());
-    // Gauss's four-point rule for |dr/dx x dr/dy| over the pixel.
-    const double g = 0.5 / std::sqrt(3.0), h = 1e-4;
-    double area = 0;
-    for (const double x : {i + 0.5 - g, i + 0.5 + g}) {
-      for (const double y : {j + 0.5 - g, j + 0.5 + g}) {
-        const Eigen::Vector3d dx = (layout->ray(x + h, y)->direction() - layout->ray(x - h, y)->direction()) / (2 * h);
-        const Eigen::Vector3d dy = (layout->ray(x, y + h)->direction() - layout->ray(x, y - h)->direction()) / (2 * h);
-        area += dx.cross(dy).norm() / 4;
-      }
+TEST(Hammersley, FirstPoints_AreThoseByHand) {
+  // 8 points: z = (k + 1/2) / 4 - 1, and k = 0 1 2 3 mirrored in base 2 is 0, 1/2, 1/4, 3/4.
+  const auto layout = made("hammersley", 4, 2);
+  const auto expect_at = [&](double x, double theta, double z) {
+    const double across = std::sqrt(1 - z * z);
+    EXPECT_LE(angle_between(*layout->ray(x, 0.5), Ray::towards(std::sin(theta) * across, z, std::cos(theta) * across)),
+              1e-15);
+  };
+  expect_at(0.5, -kPi, -7.0 / 8);
+  expect_at(1.5, 0, -5.0 / 8);
+  expect_at(2.5, -kPi / 2, -3.0 / 8);
+  expect_at(3.5, kPi / 2, -1.0 / 8);
+}
+
+TEST(StratifiedRandom, Seed_DecidesAllRays) {
+  const auto one = made("stratified_random", 16, 8), same = made("stratified_random:seed=1", 16, 8);
+  const auto other = made("stratified_random:seed=2", 16, 8);
+  EXPECT_EQ(one->ray(3, 3)->direction(), same->ray(3, 3)->direction());
+  EXPECT_NE(one->ray(3, 3)->direction(), other->ray(3, 3)->direction());
+  for (int j = 0; j < 8; ++j) {
+    for (int i = 0; i < 16; ++i) {
+      const Ray ray = *one->ray(i + 0.5, j + 0.5);
+      EXPECT_TRUE(ray.y() >= j / 4.0 - 1 && ray.y() <= (j + 1) / 4.0 - 1);
+      EXPECT_TRUE(i == 0 || ray.angles().theta >= one->ray(i - 0.5, j + 0.5)->angles().theta);
     }
-    RC_ASSERT(std::abs(layout->solid_angle(i, j) / area - 1) <= 1e-5);
   }
 }
 
-TEST(EveryLayout, OutsideThePicture_HoldsNoRay) {
-  for (const auto& layout : every_layout()) {
-    EXPECT_FALSE(layout->ray(-0.1, 5));
-    EXPECT_FALSE(layout->ray(5, layout->height() + 0.1));
-    EXPECT_FALSE(layout->ray(std::nan(""), 5));
-    EXPECT_TRUE(layout->ray(layout->width(), layout->height()));
-  }
+TEST(Healpix, KnownPlaces) {
+  // Base face 4 of HEALPix is about longitude 0 on the equator: behind, as longitude pi is forward.
+  const auto layout = made("healpix", 400, 300);
+  EXPECT_LE(angle_between(*layout->ray(50, 150), Ray::towards(0, 0, -1)), 1e-14);
+  EXPECT_LE(angle_between(*layout->ray(250, 150), Ray::towards(0, 0, 1)), 1e-14);
+  EXPECT_LE(angle_between(*layout->ray(100 - 1e-9, 0), Ray::towards(0, -1, 0)), 1e-7)
+      << "north is the upper right corner";
+  EXPECT_LE(angle_between(*layout->ray(0, 300), Ray::towards(0, 1, 0)), 1e-7)
+      << "south the lower left one of the last row";
+  // The centre of a polar face: sine of latitude 2/3, longitude 45 degrees from behind to the right.
+  const double z = 2.0 / 3, across = std::sqrt(1 - z * z) * std::sqrt(0.5);
+  EXPECT_LE(angle_between(*layout->ray(50, 50), Ray::towards(-across, -z, -across)), 1e-14);
+}
+
+TEST(DualFisheye, RimAndMiddle_AreWhereTwoUprightCamerasSeeThem) {
+  const auto layout = made("dual_fisheye", 400, 200);
+  const auto expect_ray = [&](double x, double y, const Ray& ray) {
+    EXPECT_LE(angle_between(*layout->ray(x, y), ray), 1e-9) << x << "," << y;
+  };
+  expect_ray(100, 100, Ray::towards(0, 0, 1));
+  expect_ray(150, 100, Ray::towards(1, 0, 1));
+  expect_ray(100, 50, Ray::towards(0, -1, 1));
+  expect_ray(300, 100, Ray::towards(0, 0, -1));
+  expect_ray(350, 100, Ray::towards(-1, 0, -1));
+  expect_ray(300, 50, Ray::towards(0, -1, -1));
 }
 
 TEST(Equirectangular, MiddleIsForward_RightIsRight_TopIsUp) {
@@ -163,38 +225,68 @@ TEST(MakeLayout, SizeThatIsNone_SaysWhatIs) {
 
 TEST(SizeForWidth, EveryLayoutAtAnyWidth_IsASizeThatItCanHaveAndHalvedChromaFits) {
   constexpr double kMost = kMaxRaymapSide;
-  for (const std::string_view name : layout_names()) {
+  for (const LayoutKind& kind : layout_kinds()) {
+    const LayoutName name = LayoutName::parse(kind.name).value();
     for (const double width : {1.0, 2.0, 3.9, 4.0, 5.0, 99.0, 100.1, 2048.0, 4000.0, kMost, kMost + 1, 1e9, 1e300,
                                std::numeric_limits<double>::infinity(), 0.0, -1.0, -1e300, std::nan("")}) {
-      const RaymapSize size = size_for_width(name, width).value();
-      const auto layout = make_layout(name, size.width, size.height);
-      ASSERT_TRUE(layout) << name << " " << width << ": " << layout.error().text();
-      EXPECT_TRUE(size.width % 2 == 0 && size.height % 2 == 0) << name << " " << width;
-      if (width > 0 && width <= kMost - 8) {
-        EXPECT_GE(size.width, width);
-        EXPECT_LT(size.width, width + 8) << "the smallest of them";
+      const RaymapSize size = name.size_for_width(width);
+      EXPECT_TRUE(size.width > 600 || make_layout(name, size.width, size.height)) << kind.name << " " << width;
+      EXPECT_TRUE(name.check_size(size)) << kind.name << " " << width;
+      EXPECT_TRUE(size.width % 2 == 0 && size.height % 2 == 0) << kind.name << " " << width;
+      EXPECT_LE(std::max(size.width, size.height), kMaxRaymapSide);
+      if (width > 0 && width <= kMost / 2) {
+        EXPECT_GE(size.width, width) << kind.name;
+        EXPECT_LT(size.width, width + kind.step.width) << kind.name << ": the smallest of them";
       }
     }
   }
-  EXPECT_EQ(size_for_width("mercator", 100).error().code, Errc::kUnsupported);
 }
 
 TEST(WidthForResolution, NeighbouringPixels_AreOneOverTheResolutionApartWhereTheyAreLargest) {
-  for (const std::string_view name : layout_names()) {
-    const RaymapSize size = size_for_width(name, width_for_resolution(name, 300).value()).value();
+  for (const LayoutKind& kind : layout_kinds()) {
+    const LayoutName name = LayoutName::parse(kind.name).value();
+    const RaymapSize size = name.size_for_width(name.width_for_resolution(150));
     const auto layout = make_layout(name, size.width, size.height).value();
+    if (kind.name == "stratified_random") continue;  // by chance
     double largest = 0;
-    for (int j = 0; j < size.height; j += 7) {
-      for (int i = 0; i < size.width; i += 7) largest = std::max(largest, layout->solid_angle(i, j));
+    for (int j = 0; j < size.height; j += 3) {
+      for (int i = 0; i < size.width; i += 3) largest = std::max(largest, layout->solid_angle(i, j));
     }
-    // Both layouts' pixels are square where they are largest.
-    EXPECT_LE(std::sqrt(largest) * 300, 1.0) << name;
-    EXPECT_GE(std::sqrt(largest) * 300, 0.99) << name;
+    EXPECT_LE(std::sqrt(largest) * 150, 1.002) << kind.name;
+    EXPECT_GE(std::sqrt(largest) * 150, 0.985) << kind.name;
   }
 }
 
-TEST(LayoutNames, AllCanBeMade) {
-  for (const std::string_view name : layout_names()) EXPECT_TRUE(make_layout(name, 600, 400)) << name;
+TEST(LayoutName, ParametersAreReadAndWritten) {
+  EXPECT_EQ(LayoutName::parse("cube").value().text(), "cube");
+  EXPECT_EQ(LayoutName::parse("cube:pad=0").value().text(), "cube") << "the usual value is not part of the name";
+  EXPECT_EQ(LayoutName::parse("cube:pad=64").value().text(), "cube:pad=64");
+  EXPECT_EQ(LayoutName::parse("stratified_random:seed=4294967295").value().value(), 4294967295);
+  for (const char* bad : {"cube:", "cube:pad", "cube:pad=", "cube:pad=65", "cube:pad=-1", "cube:pad=1x", "cube:seed=1",
+                          "cube:pad=99999999999999999999", "stratified_random:seed=4294967296", "healpix:pad=1"}) {
+    const auto name = LayoutName::parse(bad);
+    ASSERT_FALSE(name) << bad;
+    EXPECT_EQ(name.error().code, Errc::kBadValue) << bad;
+  }
+  EXPECT_NE(LayoutName::parse("cube:pad=65").error().message.find("pad=N, a whole number from 0 to 64"),
+            std::string::npos);
+  EXPECT_EQ(LayoutName::parse("").error().code, Errc::kUnsupported);
+}
+
+TEST(MakeLayout, ImpossibleSizes_NameANearPossibleOne) {
+  const auto expect_refused = [](std::string_view text, int width, int height, std::string_view says) {
+    const auto layout = make_layout(text, width, height);
+    ASSERT_FALSE(layout) << text;
+    EXPECT_EQ(layout.error().code, Errc::kBadValue);
+    EXPECT_NE(layout.error().message.find(says), std::string::npos) << layout.error().message;
+  };
+  expect_refused("cube:pad=8", 48, 32, "51x34 would be");
+  expect_refused("cube_cross", 400, 200, "400x300 would be");
+  expect_refused("dual_fisheye", 400, 300, "600x300 would be");
+  expect_refused("octahedron", 31, 31, "32x32 would be");
+  expect_refused("healpix", 402, 300, "404x303 would be");
+  expect_refused("compressed_spherical", 31, 16, "32 would be");
+  expect_refused("hammersley", 0, 16, "1 to 32768");
 }
 
 }  // namespace

@@ -1,0 +1,61 @@
+#include "stitch/geometry/raymap/point_sequence.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "stitch/geometry/raymap/scattered_rays.h"
+
+namespace nodal::geometry {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+double radical_inverse(std::uint64_t base, std::uint64_t k) {
+  std::uint64_t mirrored = 0, scale = 1;  // k is below 2^31, so both stay below 3^20 and 2^31
+  for (; k > 0; k /= base, scale *= base) mirrored = mirrored * base + k % base;
+  return static_cast<double>(mirrored) / static_cast<double>(scale);
+}
+
+template <class Sequence>
+class PointSequence final : public ScatteredRays {
+ public:
+  explicit PointSequence(RaymapSize size) : ScatteredRays(size.width, size.height) {}
+  std::string_view name() const override { return Sequence::kName; }
+  double solid_angle(int, int) const override { return 4 * kPi / width() / height(); }
+
+ protected:
+  Ray ray_of(int i, int j) const override {
+    const auto w = static_cast<std::uint64_t>(width());
+    const auto k = static_cast<std::uint64_t>(j) * w + static_cast<std::uint64_t>(i);
+    const auto [u, v] = Sequence::point(k, w * static_cast<std::uint64_t>(height()));
+    return Ray::at(SinCos::of(2 * kPi * (v - 0.5)), {2 * u - 1, 2 * std::sqrt(u * (1 - u))});
+  }
+};
+
+struct Point {
+  double u, v;
+};
+
+struct Hammersley {
+  static constexpr std::string_view kName = "hammersley";
+  static Point point(std::uint64_t k, std::uint64_t count) {
+    return {(static_cast<double>(k) + 0.5) / static_cast<double>(count), radical_inverse(2, k)};
+  }
+};
+
+struct Halton {
+  static constexpr std::string_view kName = "halton";
+  static Point point(std::uint64_t k, std::uint64_t) { return {radical_inverse(2, k + 1), radical_inverse(3, k + 1)}; }
+};
+
+}  // namespace
+
+Result<std::unique_ptr<RaymapLayout>> make_hammersley(RaymapSize size, std::int64_t) {
+  return std::make_unique<PointSequence<Hammersley>>(size);
+}
+
+Result<std::unique_ptr<RaymapLayout>> make_halton(RaymapSize size, std::int64_t) {
+  return std::make_unique<PointSequence<Halton>>(size);
+}
+
+}  // namespace nodal::geometry

@@ -1,0 +1,59 @@
+// Raymaps on the flat triangles of regular polyhedra, which fill the picture.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "stitch/geometry/raymap/layout.h"
+
+namespace nodal::geometry {
+
+/// Triangles of the picture, each an affine image of a triangle in space that rays are projected on from the nodal
+/// point (gnomonic). A triangle spans 2 atan2(a . (b x c), 1 + a b + b c + c a) sr with a, b, c the rays of its corners
+/// (Van Oosterom and Strackee 1983); a pixel is the sum of its parts in all triangles. With h the distance of the faces
+/// from the nodal point, where pixels are largest, they span (their area on the face) / h^2.
+class Polyhedron final : public RaymapLayout {
+ public:
+  struct Corner {
+    Pixel at;  ///< in the picture; width and height are 1
+    Eigen::Vector3d point;
+  };
+  using Triangle = std::array<Corner, 3>;
+
+  /// `triangles` must fill the picture and, parts beyond it left out, the sphere, without overlap.
+  Polyhedron(std::string_view name, RaymapSize size, const std::vector<Triangle>& triangles);
+
+  std::string_view name() const override { return name_; }
+  bool scattered() const override { return false; }
+  std::optional<Ray> ray(double x, double y) const override;
+  double solid_angle(int i, int j) const override;
+  std::optional<Pixel> pixel(const Ray& ray) const override;
+
+ private:
+  struct Face {
+    std::array<Pixel, 3> corners;  ///< px
+    double left, right, top, bottom;
+    Eigen::Matrix3d space_of_picture;  ///< (x, y, 1) -> the point on the face
+    Eigen::Matrix3d picture_of_space;
+    Eigen::Vector3d normal;  ///< outwards; its length is 1 / distance
+  };
+  double part(const Face& face, int i, int j) const;
+
+  std::string_view name_;
+  std::vector<Face> faces_;
+};
+
+/// A face plane's distance from the centre of an icosahedron with edges of length 1.
+inline constexpr double kIcosahedronInradius = 0.7557613140761708;
+
+/// The octahedron, unfolded to a square: forward in the middle, backward in the corners (Engelhardt and Dachsbacher
+/// 2008).
+Result<std::unique_ptr<RaymapLayout>> make_octahedron(RaymapSize size, std::int64_t);
+/// One row of triangles, a half one at each end.
+Result<std::unique_ptr<RaymapLayout>> make_tetrahedron(RaymapSize size, std::int64_t);
+/// Two rows of triangles, half ones at the ends: the ten about the horizon; the caps of the north pole upright with
+/// those of the south pole between them.
+Result<std::unique_ptr<RaymapLayout>> make_icosahedron(RaymapSize size, std::int64_t);
+
+}  // namespace nodal::geometry

@@ -1,0 +1,39 @@
+// What all raymaps share whose neighbouring pixels hold no neighbouring rays: the search for the nearest ray.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <vector>
+
+#include "stitch/geometry/raymap/layout.h"
+
+namespace nodal::geometry {
+
+/// A layout of points. Its index of rays is built at the first search, because a board never searches.
+class ScatteredRays : public RaymapLayout {
+ public:
+  bool scattered() const final { return true; }
+  std::optional<Ray> ray(double x, double y) const final;
+  std::optional<Pixel> pixel(const Ray& ray) const final;
+
+ protected:
+  using RaymapLayout::RaymapLayout;
+  /// The ray of pixel (i, j) of the picture.
+  virtual Ray ray_of(int i, int j) const = 0;
+
+ private:
+  /// Pixels by cell: strips along circles of latitude, about as high as neighbouring rays are apart, cut by longitude.
+  struct Index {
+    std::vector<std::uint32_t> cells_before;  ///< of each strip and all above it
+    std::vector<std::uint32_t> begin;         ///< of each cell in `pixels`, and the end
+    std::vector<std::uint32_t> pixels;        ///< row * width + column
+  };
+  void build() const;
+  std::uint32_t cell_of(int strip, double theta) const;
+  int strip_of(double phi) const;
+
+  mutable std::once_flag built_;
+  mutable Index index_;
+};
+
+}  // namespace nodal::geometry
