@@ -89,6 +89,8 @@ void add_pairs(CLI::App& app, CommandLine& line);
 void add_drift(CLI::App& app, CommandLine& line);
 void add_register(CLI::App& app, CommandLine& line);
 void add_stitch(CLI::App& app, CommandLine& line);
+void add_convert(CLI::App& app, CommandLine& line);
+void add_view(CLI::App& app, CommandLine& line);
 void add_export(CLI::App& app, CommandLine& line);
 void add_pattern(CLI::App& app, CommandLine& line);
 void add_calibrate(CLI::App& app, CommandLine& line);

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <filesystem>
 #include <optional>
 
 #include "host_tool/console/console.h"
+#include "host_tool/console/files.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/image.h"
 #include "stitch/media/gpano.h"
@@ -80,6 +82,21 @@ std::string_view ending_of(RaymapFormat format) {
     case RaymapFormat::kRaw: break;
   }
   return "raw";
+}
+
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
+  for (std::size_t i = 0; i < sets.size(); ++i) {
+    const Result<std::string> name = numbered_name(out, i);
+    if (!name) return fail(name.error().in("--out"));
+    for (const auto& set : sets) {
+      for (const std::string& picture : set) {
+        std::error_code error;
+        if (!std::filesystem::equivalent(*name, picture, error)) continue;
+        return fail(Errc::kExists, fmt::format("--out: {} is one of the pictures; choose another name", *name));
+      }
+    }
+  }
+  return {};
 }
 
 Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {

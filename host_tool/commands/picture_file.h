@@ -21,6 +21,10 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name);
 /// The ending of a file's name for it, without the dot.
 std::string_view ending_of(RaymapFormat format);
 
+/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its files; the i-th is
+/// made of the i-th set of pictures. Errors: kExists, kBadValue; those of numbered_name().
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets);
+
 struct ReceivedRaymap {
   wire::RaymapHeader header;
   std::vector<std::uint8_t> bytes;

@@ -68,22 +68,6 @@ PixelFormat raymap_format(PixelFormat pictures, int bits) {
   return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
 }
 
-/// Refuses to write over a picture that is read: nothing could bring it back.
-Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
-  for (std::size_t i = 0; i < sets.size(); ++i) {
-    const Result<std::string> name = numbered_name(out, i);
-    if (!name) return fail(name.error().in("--out"));
-    for (const auto& set : sets) {
-      for (const std::string& picture : set) {
-        std::error_code error;
-        if (!std::filesystem::equivalent(*name, picture, error)) continue;
-        return fail(Errc::kExists, fmt::format("--out: {} is one of the pictures; choose another name", *name));
-      }
-    }
-  }
-  return {};
-}
-
 /// The name of a file that belongs to the raymap `out`: sphere.jpg, ".rig.json" -> sphere.rig.json.
 std::string beside(const std::string& out, const std::string& ending) {
   return std::filesystem::path(out).replace_extension(ending).string();
@@ -93,7 +77,7 @@ std::string beside(const std::string& out, const std::string& ending) {
 Status calibrate(Console& console, Job& job) {
   const Result<std::vector<std::string>> files = own_picture_files(job.args.inputs);
   if (!files) return fail(files.error());
-  if (const Status good = check_names(job.args.out, {*files}); !good) return good;
+  if (const Status good = check_output(job.args.out, {*files}); !good) return good;
   Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
@@ -139,7 +123,7 @@ Result<Job> make_job(Console& console, const Args& args) {
     if (!input) return fail(input.error());
     job.input = std::move(*input);
   }
-  if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
+  if (const Status good = check_output(args.out, job.input.sets); !good) return fail(good.error());
   if (job.input.sets.size() > 1 && !has_number(args.out)) {
     return fail(Errc::kBadValue,
                 fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "

@@ -1,0 +1,166 @@
+#include "host_tool/commands/raymap_frames.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "host_tool/commands/layout_option.h"
+#include "host_tool/commands/picture_file.h"
+#include "host_tool/console/console.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "stitch/media/gpano.h"
+#include "stitch/media/image_file.h"
+#include "stitch/media/jpeg_writer.h"
+
+namespace nodal::host {
+namespace {
+
+struct Input {
+  DecodedImage picture;
+  bool says_equirectangular = false;  ///< by GPano metadata
+};
+
+Result<Input> read_input(const std::string& file) {
+  const Result<std::string> bytes = read_file(file, media::kMaxImageFileBytes);
+  if (!bytes) return fail(bytes.error());
+  const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
+  Result<DecodedImage> picture = media::decode_image(span, file);
+  if (!picture) return fail(picture.error());
+  if (picture->format != PixelFormat::kGrey8 && picture->format != PixelFormat::kRgb24) {
+    picture = media::convert_image(picture->view(), PixelFormat::kRgb24);
+  }
+  // As viewers do it: the packet's text anywhere in the file.
+  const bool says = bytes->find("GPano:ProjectionType=\"equirectangular\"") != std::string::npos ||
+                    bytes->find("<GPano:ProjectionType>equirectangular<") != std::string::npos;
+  return Input{std::move(*picture), says};
+}
+
+Result<geometry::LayoutName> layout_of(const FrameOptions& options, const Input& input) {
+  if (!options.from.empty()) {
+    const Result<geometry::LayoutName> name = geometry::LayoutName::parse(options.from);
+    if (!name) return fail(name.error().in("--from"));
+    return *name;
+  }
+  if (input.says_equirectangular) return geometry::LayoutName::parse("equirectangular");
+  return fail(Errc::kMissingField, options.inputs.front() +
+                                       ": the file does not say which layout its raymap has; give --from, one of: " +
+                                       geometry::layout_list());
+}
+
+Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format, const std::string& layout,
+                                         int quality) {
+  if (format == RaymapFormat::kRaw) return picture.bytes;
+  if (format == RaymapFormat::kJpg) {
+    const std::string xmp = layout == "equirectangular" ? media::gpano_packet(picture.width, picture.height) : "";
+    media::JpegWriter writer({picture.format, picture.width, picture.height, quality, xmp});
+    std::vector<std::uint8_t> jpeg;
+    const std::string comment = layout.empty() ? "nodal view" : "nodal convert layout=" + layout;
+    if (const Status written = writer.write(picture.view(), comment, jpeg); !written) return fail(written.error());
+    return jpeg;
+  }
+  ReceivedRaymap raymap;
+  raymap.header.set_coding(std::string(pixel_format_name(picture.format)));
+  raymap.header.set_layout(layout);
+  raymap.header.set_width(static_cast<std::uint32_t>(picture.width));
+  raymap.header.set_height(static_cast<std::uint32_t>(picture.height));
+  raymap.bytes = picture.bytes;
+  return encode_png(raymap);
+}
+
+Status check_names(const FrameOptions& options) {
+  std::vector<std::vector<std::string>> sets;
+  for (const std::string& input : options.inputs) sets.push_back({input});
+  if (const Status good = check_output(options.out, sets); !good) return good;
+  if (options.inputs.size() == 1 || has_number(options.out)) return {};
+  return fail(Errc::kBadValue,
+              fmt::format("--out {}: there are {} raymaps, and every result needs a name of its own; put "
+                          "%04d into it",
+                          options.out, options.inputs.size()));
+}
+
+}  // namespace
+
+void add_frame_options(CLI::App& command, FrameOptions& options) {
+  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG or PNG; 16 bits are rounded to 8")
+      ->required()
+      ->type_name("");
+  command.add_option("-o,--out", options.out, "The result, .jpg, .png or .raw; %04d numbers it")
+      ->required()
+      ->type_name("FILE");
+  command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
+      ->type_name("NAME");
+  command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
+      ->type_name("nearest|bilinear|bicubic")
+      ->check(checked_by(view::parse_filter));
+  command.add_option("--quality", options.quality, "JPEG quality (92 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 100));
+  command.add_option("--threads", options.threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+}
+
+Status run_frames(Context& context, const FrameOptions& options,
+                  const std::function<Result<Outcome>(const geometry::LayoutName&, geometry::RaymapSize)>& outcome) {
+  Console& console = context.console();
+  const auto begin = std::chrono::steady_clock::now();
+  const Result<RaymapFormat> format = raymap_format_of_name(options.out);
+  if (!format) return fail(format.error().in("--out"));
+  if (const Status good = check_names(options); !good) return good;
+  const parallel::Workers workers(options.threads);
+  const view::Filter filter = view::parse_filter(options.filter).value();
+  std::unique_ptr<geometry::RaymapLayout> source;
+  std::optional<view::Resampler> resampler;
+  Result<Outcome> made = fail(Errc::kInternal, "no raymap was read");
+  std::string last;
+  {
+    Progress bar(console, "resampling", options.inputs.size());
+    for (std::size_t k = 0; k < options.inputs.size(); ++k) {
+      if (interrupted()) {
+        return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
+      }
+      const Result<Input> input = interruptible(console, [&] { return read_input(options.inputs[k]); });
+      if (!input) return fail(input.error());
+      const DecodedImage& picture = input->picture;
+      if (!source) {
+        const Result<geometry::LayoutName> from = layout_of(options, *input);
+        if (!from) return fail(from.error());
+        auto layout = geometry::make_layout(*from, picture.width, picture.height);
+        if (!layout) return fail(layout.error().in(options.inputs[k]));
+        source = std::move(*layout);
+        made = outcome(*from, {picture.width, picture.height});
+        if (!made) return fail(made.error());
+        interruptible(console, [&] { resampler.emplace(*source, filter, workers); });
+      }
+      if (picture.width != source->width() || picture.height != source->height()) {
+        return fail(Errc::kBadValue,
+                    fmt::format("{}: it has {}x{} pixels, and the first raymap has {}x{}; give raymaps of "
+                                "one size",
+                                options.inputs[k], picture.width, picture.height, source->width(), source->height()));
+      }
+      const auto file = interruptible(console, [&] {
+        return encode(resampler->resample(picture.view(), made->target, workers), *format, made->layout,
+                      options.quality);
+      });
+      if (!file) return fail(file.error());
+      last = numbered_name(options.out, k).value();
+      if (const Status written = write_file(last, *file); !written) return written;
+      bar.update(k + 1, last);
+    }
+  }
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  Json document{{"pictures", options.inputs.size()},
+                {"out", last},
+                {"width", made->target.width},
+                {"height", made->target.height},
+                {"seconds", seconds}};
+  if (!made->layout.empty()) document["layout"] = made->layout;
+  console.document(document);
+  console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out,
+                           made->target.width, made->target.height, made->layout.empty() ? "" : ", " + made->layout,
+                           seconds));
+  return {};
+}
+
+}  // namespace nodal::host

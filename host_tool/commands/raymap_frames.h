@@ -1,0 +1,40 @@
+// Raymaps from files, resampled picture by picture: common to `convert` and `view`.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "host_tool/commands/command.h"
+#include "protocol/base/result.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/view/resampler.h"
+
+namespace nodal::host {
+
+/// The options that both commands have.
+struct FrameOptions {
+  std::vector<std::string> inputs;
+  std::string out;
+  std::string from;  ///< layout of the inputs; empty: as their metadata says
+  std::string filter = "bicubic";
+  int quality = 92;
+  int threads = 0;
+};
+
+/// Adds INPUT, --out, --from, --filter, --quality and --threads.
+void add_frame_options(CLI::App& command, FrameOptions& options);
+
+/// What every picture becomes.
+struct Outcome {
+  view::Target target;
+  std::string layout;  ///< of the result; empty: none, it is a view
+};
+
+/// Reads every input, resamples it, and writes it; all must have the size of the first. `outcome` is called once.
+Status run_frames(
+    Context& context, const FrameOptions& options,
+    const std::function<Result<Outcome>(const geometry::LayoutName& from, geometry::RaymapSize size)>& outcome);
+
+}  // namespace nodal::host

@@ -1,0 +1,81 @@
+#include <fmt/format.h>
+
+#include <charconv>
+
+#include "host_tool/commands/raymap_frames.h"
+#include "stitch/view/camera.h"
+
+namespace nodal::host {
+namespace {
+
+struct Args {
+  FrameOptions frames;
+  std::string camera = "perspective";
+  std::string size = "1920x1080";
+  view::CameraSpec spec;
+};
+
+constexpr int kMostSide = 16384;
+
+Result<geometry::RaymapSize> parse_size(const std::string& text) {
+  geometry::RaymapSize size;
+  const char* end = text.data() + text.size();
+  const auto [x, error] = std::from_chars(text.data(), end, size.width);
+  bool good = error == std::errc() && x != end && *x == 'x';
+  if (good) {
+    const auto [at, wrong] = std::from_chars(x + 1, end, size.height);
+    good = wrong == std::errc() && at == end;
+  }
+  if (!good || size.width < 1 || size.height < 1 || size.width > kMostSide || size.height > kMostSide) {
+    return fail(Errc::kBadValue, fmt::format("'{}': write WIDTHxHEIGHT, each 1 to {}", text, kMostSide));
+  }
+  return size;
+}
+
+Status run(Context& context, const Args& args) {
+  view::CameraSpec spec = args.spec;
+  spec.projection = view::parse_projection(args.camera).value();
+  const geometry::RaymapSize size = parse_size(args.size).value();
+  spec.width = size.width;
+  spec.height = size.height;
+  const Result<view::Camera> camera = view::Camera::make(spec);
+  if (!camera) return fail(camera.error().in("--fov"));
+  const view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }};
+  return run_frames(context, args.frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
+    return Outcome{target, ""};
+  });
+}
+
+}  // namespace
+
+void add_view(CLI::App& app, CommandLine& line) {
+  CLI::App* command =
+      add_command(app, "view", "Look into raymaps with a virtual camera; needs no rig",
+                  "  nodal view sphere.jpg -o view.jpg --yaw 30 --pitch -10 --fov 75\n"
+                  "  nodal view cube.png --from cube -o planet.png --camera stereographic --pitch -90 \\\n"
+                  "      --fov 300 --size 1500x1500\n"
+                  "  nodal view r-*.jpg -o v-%04d.jpg\n"
+                  "Where the camera shows nothing, beyond 180 degrees from its axis, the view is black.\n");
+  auto args = std::make_shared<Args>();
+  add_frame_options(*command, args->frames);
+  command->add_option("--camera", args->camera, "perspective when not given; fisheye is equidistant")
+      ->type_name("perspective|fisheye|stereographic|equisolid")
+      ->check(checked_by(view::parse_projection));
+  command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)")
+      ->type_name("DEGREES")
+      ->check(CLI::Range(-360.0, 360.0));
+  command->add_option("--pitch", args->spec.pose.pitch, "Up (0 when not given)")
+      ->type_name("DEGREES")
+      ->check(CLI::Range(-90.0, 90.0));
+  command->add_option("--roll", args->spec.pose.roll, "Clockwise (0 when not given)")
+      ->type_name("DEGREES")
+      ->check(CLI::Range(-360.0, 360.0));
+  command->add_option("--fov", args->spec.fov_deg, "From the left to the right edge (90 when not given)")
+      ->type_name("DEGREES");
+  command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
+      ->type_name("WIDTHxHEIGHT")
+      ->check(checked_by(parse_size));
+  line.on(command, [args](Context& context) { return run(context, *args); });
+}
+
+}  // namespace nodal::host

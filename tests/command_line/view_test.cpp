@@ -1,0 +1,109 @@
+// `nodal convert` and `nodal view`, run as by a user.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "rig_process.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/image_file.h"
+#include "tests/support/pictures.h"
+
+namespace nodal::command_line {
+namespace {
+
+class ViewCommand : public RigTest {
+ protected:
+  /// A smooth equirectangular raymap that does not jump at its left and right edge, without metadata.
+  void write_sphere(const std::string& name, int width) const {
+    std::vector<std::uint8_t> rgb;
+    for (int y = 0; y < width / 2; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const double theta = 6.2831853 * (x + 0.5) / width, phi = 6.2831853 * (y + 0.5) / width;
+        for (const double k : {1.0, 2.0, 3.0}) {
+          const double level = 128 + 100 * std::sin(phi) * std::sin(k * theta + k) * std::cos(k * phi);
+          rgb.push_back(static_cast<std::uint8_t>(level));
+        }
+      }
+    }
+    test::write_bytes(path(name), test::png_of(rgb, width, width / 2, 3));
+  }
+  void expect_refused(const Words& words, const std::string& says) const {
+    const Finished run = nodal(words);
+    EXPECT_NE(run.code, 0) << says;
+    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+  }
+  double psnr_of(const std::string& a, const std::string& b) const {
+    return test::psnr(media::read_image(path(a), PixelFormat::kRgb24).value().bytes,
+                      media::read_image(path(b), PixelFormat::kRgb24).value().bytes);
+  }
+};
+
+TEST_F(ViewCommand, ThereAndBack_IsTheSameSphere_ForEveryLayoutOfTheWholeSphere) {
+  write_sphere("sphere.png", 256);
+  for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
+    if (kind.name == "central_cylinder") continue;
+    const std::string name(kind.name);
+    const Json there = nodal_json({"convert", path("sphere.png"), "--from", "equirectangular", "-o",
+                                   path(name + ".png"), "--layout", name, "--width", "512"})
+                           .at(0);
+    EXPECT_EQ(there["layout"], name);
+    const Finished back =
+        nodal({"convert", path(name + ".png"), "--from", name, "-o", path("back.png"), "--width", "256"});
+    ASSERT_EQ(back.code, 0) << back.err;
+    EXPECT_GT(psnr_of("sphere.png", "back.png"), name == "stratified_random" ? 34 : 40) << name;
+  }
+}
+
+TEST_F(ViewCommand, Metadata_SaysWhatASphereIs_AndIsWrittenOnlyForOne) {
+  write_sphere("bare.png", 128);
+  expect_refused({"convert", path("bare.png"), "-o", path("out.png"), "--layout", "cube"},
+                 "give --from, one of: equirect");
+  ASSERT_EQ(nodal({"convert", path("bare.png"), "--from", "equirectangular", "-o", path("sphere.jpg")}).code, 0);
+  EXPECT_NE(read("sphere.jpg").find("GPano"), std::string::npos);
+  ASSERT_EQ(nodal({"convert", path("sphere.jpg"), "-o", path("cube.jpg"), "--layout", "cube"}).code, 0)
+      << "its metadata says that it is equirectangular";
+  EXPECT_EQ(read("cube.jpg").find("GPano"), std::string::npos);
+  ASSERT_EQ(nodal({"view", path("sphere.jpg"), "-o", path("view.png"), "--size", "64x48"}).code, 0);
+  EXPECT_EQ(read("view.png").find("GPano"), std::string::npos);
+  const DecodedImage view = media::read_image(path("view.png"), PixelFormat::kRgb24).value();
+  EXPECT_EQ(view.width, 64);
+  EXPECT_EQ(view.height, 48);
+}
+
+TEST_F(ViewCommand, SeveralRaymaps_AreNumbered) {
+  write_sphere("a.png", 64);
+  write_sphere("b.png", 64);
+  const Words words{"view", path("a.png"), path("b.png"), "--from", "equirectangular", "--size", "32x16"};
+  Words numbered = words, one = words;
+  numbered.insert(numbered.end(), {"-o", path("v-%02d.png")});
+  one.insert(one.end(), {"-o", path("v.png")});
+  ASSERT_EQ(nodal(numbered).code, 0);
+  EXPECT_EQ(read("v-00.png"), read("v-01.png")) << "the same pictures";
+  expect_refused(one, "%04d");
+}
+
+TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
+  write_sphere("sphere.png", 64);
+  const std::string sphere = path("sphere.png");
+  const auto refused = [&](const Words& more, const std::string& says) {
+    Words words{"convert", sphere, "-o", path("out.png")};
+    words.insert(words.end(), more.begin(), more.end());
+    expect_refused(words, says);
+    EXPECT_FALSE(std::filesystem::exists(path("out.png")));
+  };
+  refused({"--from", "cube"}, "63x42 would be");
+  refused({"--from", "mercator"}, "there are: equirectangular, cube");
+  refused({"--from", "equirectangular", "--layout", "cube:pad=99"}, "from 0 to 64");
+  refused({"--from", "equirectangular", "--filter", "sinc"}, "nearest, bilinear, bicubic");
+  expect_refused({"convert", sphere, "-o", sphere, "--from", "equirectangular"}, "is one of the pictures");
+  expect_refused({"convert", path("gone.png"), "-o", path("out.png")}, "gone.png");
+  write("text.png", "no picture");
+  expect_refused({"convert", path("text.png"), "-o", path("out.png"), "--from", "cube"}, "text.png");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--from", "equirectangular", "--fov", "180"}, "1 to 179");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--size", "64"}, "WIDTHxHEIGHT");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "pinhole"}, "perspective, fisheye");
+}
+
+}  // namespace
+}  // namespace nodal::command_line
