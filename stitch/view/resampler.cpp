@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -16,7 +17,10 @@ using geometry::Ray;
 
 constexpr int kBandRows = 16;
 /// Neighbouring pixels of the target whose positions are farther apart, px, lie on both sides of an edge.
-constexpr double kEdge = 64;
+constexpr float kEdge = 64;
+/// Positions are computed for the corners of cells of so many pixels, and interpolated where that is exact enough.
+constexpr int kCell = 8;
+constexpr float kSamePlace = 1.0F / 64;  // px of the raymap
 
 struct Weights {
   int first;
@@ -24,11 +28,8 @@ struct Weights {
   std::array<float, 4> of;
 };
 
-/// The taps along one axis for a position in pixels whose centres are whole numbers.
-Weights taps(Filter filter, double at) {
-  const double floor = std::floor(at);
-  const auto t = static_cast<float>(at - floor);
-  const int first = static_cast<int>(floor);
+/// The taps along one axis for a position `t`, 0..1, behind pixel `first`.
+Weights taps(Filter filter, int first, float t) {
   if (filter == Filter::kBilinear) return {first, 2, {1 - t, t}};
   const float t2 = t * t, t3 = t2 * t;
   return {first - 1,
@@ -111,9 +112,15 @@ bool Resampler::smooth(int i, int j, int reach) const {
   return true;
 }
 
+void Resampler::add_sample(const std::uint8_t* at, int channels, float weight, Sum& sum) {
+  sum.value[0] += weight * static_cast<float>(at[0]);
+  if (channels == 1) return;
+  sum.value[1] += weight * static_cast<float>(at[1]);
+  sum.value[2] += weight * static_cast<float>(at[2]);
+}
+
 void Resampler::add_pixel(const PlaneView& plane, int channels, int i, int j, float weight, Sum& sum) const {
-  const std::uint8_t* at = plane.data + j * plane.row_stride + i * plane.pixel_stride;
-  for (int c = 0; c < channels; ++c) sum.value[c] += weight * static_cast<float>(at[c]);
+  add_sample(plane.data + j * plane.row_stride + i * plane.pixel_stride, channels, weight, sum);
 }
 
 /// The pixels that hold the nearest rays of nine about this one, half a pixel apart, each with a weight that falls to 0
@@ -150,106 +157,136 @@ void Resampler::add_across_edge(const PlaneView& plane, int channels, const Ray&
   for (int c = 0; c < channels; ++c) sum.value[c] += weighted.value[c] / total;
 }
 
-void Resampler::add(const PlaneView& plane, int channels, const Ray& ray, const Pixel& at, Sum& sum) const {
+void Resampler::add(const PlaneView& plane, int channels, const Position& at, const std::function<Ray()>& ray,
+                    Sum& sum) const {
+  const int width = layout_.width();
   if (filter_ == Filter::kNearest) {
-    const int i = std::clamp(static_cast<int>(at.x), 0, layout_.width() - 1);
+    const int i = std::clamp(static_cast<int>(at.x), 0, width - 1);
     return add_pixel(plane, channels, i, std::clamp(static_cast<int>(at.y), 0, layout_.height() - 1), 1, sum);
   }
-  if (layout_.scattered()) return add_across_edge(plane, channels, ray, sum);
-  const int i = static_cast<int>(std::floor(at.x - 0.5)), j = static_cast<int>(std::floor(at.y - 0.5));
+  if (layout_.scattered()) return add_across_edge(plane, channels, ray(), sum);
+  const float left = at.x - 0.5F, top = at.y - 0.5F;
+  const int i = static_cast<int>(left + 1) - 1, j = static_cast<int>(top + 1) - 1;  // rounded down: both are over -1
   Filter filter = filter_;
   if (filter == Filter::kBicubic && !smooth(i, j, 1)) filter = Filter::kBilinear;
-  if (filter == Filter::kBilinear && !smooth(i, j, 0)) return add_across_edge(plane, channels, ray, sum);
-  const Weights x = taps(filter, at.x - 0.5), y = taps(filter, at.y - 0.5);
-  const int width = layout_.width();
+  if (filter == Filter::kBilinear && !smooth(i, j, 0)) return add_across_edge(plane, channels, ray(), sum);
+  const Weights x = taps(filter, i, left - static_cast<float>(i)), y = taps(filter, j, top - static_cast<float>(j));
+  const bool inside = x.first >= 0 && x.first + x.count <= width;
   for (int b = 0; b < y.count; ++b) {
+    const std::uint8_t* row = plane.data + (y.first + b) * plane.row_stride;
     for (int a = 0; a < x.count; ++a) {
       int column = x.first + a;
-      if (wraps_) column = column < 0 ? column + width : column >= width ? column - width : column;
-      add_pixel(plane, channels, column, y.first + b,
-                x.of[static_cast<std::size_t>(a)] * y.of[static_cast<std::size_t>(b)], sum);
+      if (!inside) column = (column + width) % width;
+      add_sample(row + column * plane.pixel_stride, channels,
+                 x.of[static_cast<std::size_t>(a)] * y.of[static_cast<std::size_t>(b)], sum);
     }
   }
 }
 
-/// One row of the target after the other, with the positions of the next.
-class Resampler::Rows {
+/// A band of the target's rows, with the positions of their pixels and of those of the row below.
+class Resampler::Band {
  public:
-  Rows(const Resampler& resampler, const ImageView& raymap, const Target& target, int channels)
+  Band(const Resampler& resampler, const ImageView& raymap, const Target& target, int channels)
       : resampler_(resampler), plane_(raymap.planes[0]), target_(target), channels_(channels) {}
 
   void run(int begin, int end, std::uint8_t* into) {
-    locate(begin);
+    begin_ = begin;
+    positions_.assign(static_cast<std::size_t>(target_.width) * static_cast<std::size_t>(kBandRows + 1), kNowhere);
+    const int last = std::min(end + 1, target_.height);
+    for (int y = begin; y < end; y += kCell) {
+      for (int x = 0; x < target_.width; x += kCell) {
+        locate(x, std::min(x + kCell, target_.width), y, std::min(y + kCell, end), y + kCell < end ? y + kCell : last);
+      }
+    }
     for (int y = begin; y < end; ++y) {
-      std::swap(row_, next_);
-      locate(y + 1);
-      for (int x = 0; x < target_.width; ++x) write(x, y, into + (y * target_.width + x) * channels_);
+      for (int x = 0; x < target_.width; ++x) {
+        write(x, y, into + (static_cast<std::ptrdiff_t>(y) * target_.width + x) * channels_);
+      }
     }
   }
 
  private:
-  struct Place {
-    std::optional<Ray> ray;
-    std::optional<Pixel> at;
-  };
-
-  Place place(double x, double y) const {
-    Place place{target_.ray(x, y), std::nullopt};
-    if (place.ray) place.at = resampler_.layout_.pixel(*place.ray);
-    return place;
+  Position& at(int x, int y) {
+    return positions_[static_cast<std::size_t>(y - begin_) * static_cast<std::size_t>(target_.width) +
+                      static_cast<std::size_t>(x)];
   }
-  void locate(int y) {
-    next_.assign(static_cast<std::size_t>(target_.width), {});
-    if (y >= target_.height) return;
-    for (int x = 0; x < target_.width; ++x) next_[static_cast<std::size_t>(x)] = place(x + 0.5, y + 0.5);
+  Position position(double x, double y) const {
+    const std::optional<Ray> ray = target_.ray(x, y);
+    const std::optional<Pixel> pixel = ray ? resampler_.layout_.pixel(*ray) : std::nullopt;
+    return pixel ? Position{static_cast<float>(pixel->x), static_cast<float>(pixel->y)} : kNowhere;
+  }
+  /// The positions of a cell's pixels: bilinear between its corners' if that is right in its middle.
+  /// Rows `top` to `last` are wanted, of which the one at `bottom` is the next cell's or the next band's.
+  void locate(int left, int right, int top, int bottom, int last) {
+    if (target_.pixel_sr == 0 && !resampler_.layout_.scattered() && bottom - top == kCell && right - left == kCell) {
+      const Position a = position(left + 0.5, top + 0.5), b = position(right + 0.5, top + 0.5);
+      const Position c = position(left + 0.5, bottom + 0.5), d = position(right + 0.5, bottom + 0.5);
+      const Position middle = position(left + 0.5 + kCell / 2, top + 0.5 + kCell / 2);
+      // NaN fails the comparison, too.
+      if (std::abs((a.x + b.x + c.x + d.x) / 4 - middle.x) < kSamePlace &&
+          std::abs((a.y + b.y + c.y + d.y) / 4 - middle.y) < kSamePlace) {
+        for (int y = top; y < last; ++y) {
+          const float v = static_cast<float>(y - top) / kCell;
+          const Position from{a.x + v * (c.x - a.x), a.y + v * (c.y - a.y)};
+          const Position to{b.x + v * (d.x - b.x), b.y + v * (d.y - b.y)};
+          const float dx = (to.x - from.x) / kCell, dy = (to.y - from.y) / kCell;
+          for (int k = 0; k < kCell; ++k) {
+            at(left + k, y) = {from.x + static_cast<float>(k) * dx, from.y + static_cast<float>(k) * dy};
+          }
+        }
+        return;
+      }
+    }
+    for (int y = top; y < last; ++y) {
+      for (int x = left; x < right; ++x) at(x, y) = position(x + 0.5, y + 0.5);
+    }
   }
   /// Samples along each side of the target's pixel.
-  int samples(int x) const {
-    const std::size_t k = static_cast<std::size_t>(x);
-    double scale = 0;
+  int samples(int x, int y) {
+    const Position own = at(x, y);
+    float square = 0;
     if (target_.pixel_sr > 0) {
-      const Pixel& at = *row_[k].at;
-      const double own =
-          resampler_.layout_.solid_angle(std::clamp(static_cast<int>(at.x), 0, resampler_.layout_.width() - 1),
-                                         std::clamp(static_cast<int>(at.y), 0, resampler_.layout_.height() - 1));
-      scale = own > 0 ? std::sqrt(target_.pixel_sr / own) : 1;
+      const geometry::RaymapLayout& layout = resampler_.layout_;
+      const double its = layout.solid_angle(std::clamp(static_cast<int>(own.x), 0, layout.width() - 1),
+                                            std::clamp(static_cast<int>(own.y), 0, layout.height() - 1));
+      square = its > 0 ? static_cast<float>(target_.pixel_sr / its) : 1;
     } else {
-      const auto compare = [&](const Place& other) {
-        if (!other.at) return;
-        const double apart = std::hypot(other.at->x - row_[k].at->x, other.at->y - row_[k].at->y);
-        if (apart < kEdge) scale = std::max(scale, apart);
+      const auto compare = [&](const Position& other) {
+        const float dx = other.x - own.x, dy = other.y - own.y, apart = dx * dx + dy * dy;
+        if (apart < kEdge * kEdge && apart > square) square = apart;  // false for NaN
       };
-      if (k + 1 < row_.size()) compare(row_[k + 1]);
-      if (k > 0) compare(row_[k - 1]);
-      compare(next_[k]);
+      if (x + 1 < target_.width) compare(at(x + 1, y));
+      if (x > 0) compare(at(x - 1, y));
+      compare(at(x, y + 1));
     }
-    return std::clamp(static_cast<int>(scale + 0.7), 1, kMostSamples);
+    return square < 1.6F ? 1 : std::clamp(static_cast<int>(std::sqrt(square) + 0.7F), 1, kMostSamples);
   }
-  void write(int x, int y, std::uint8_t* to) const {
-    const Place& middle = row_[static_cast<std::size_t>(x)];
+  void write(int x, int y, std::uint8_t* to) {
+    const Position middle = at(x, y);
     std::fill(to, to + channels_, std::uint8_t{0});
-    if (!middle.at) return;
+    if (std::isnan(middle.x)) return;
+    const auto middle_ray = [&] { return *target_.ray(x + 0.5, y + 0.5); };
     // Of scattered raymaps, whose pixels lie anywhere, one sample takes all that is near.
-    const int n = resampler_.filter_ == Filter::kNearest || resampler_.layout_.scattered() ? 1 : samples(x);
+    const int n = resampler_.filter_ == Filter::kNearest || resampler_.layout_.scattered() ? 1 : samples(x, y);
     Sum sum;
     int count = 0;
     if (n == 1) {
-      resampler_.add(plane_, channels_, *middle.ray, *middle.at, sum);
+      resampler_.add(plane_, channels_, middle, std::cref(middle_ray), sum);
       count = 1;
     }
     for (int k = 0; n > 1 && k < n * n; ++k) {
       const double dx = (k % n + 0.5) / n - 0.5, dy = (k / n + 0.5) / n - 0.5;
-      Place sample;
+      std::optional<Ray> ray = target_.ray(x + 0.5 + dx, y + 0.5 + dy);
       if (target_.pixel_sr > 0) {
-        const Tangent tangent = tangent_at(*middle.ray);
+        const Tangent tangent = tangent_at(*ray);
         const double side = std::sqrt(target_.pixel_sr);
-        sample.ray = Ray::towards(middle.ray->direction() + side * (dx * tangent.right + dy * tangent.down));
-        sample.at = resampler_.layout_.pixel(*sample.ray);
-      } else {
-        sample = place(x + 0.5 + dx, y + 0.5 + dy);
+        ray = Ray::towards(ray->direction() + side * (dx * tangent.right + dy * tangent.down));
       }
-      if (!sample.at) continue;
-      resampler_.add(plane_, channels_, *sample.ray, *sample.at, sum);
+      const std::optional<Pixel> pixel = ray ? resampler_.layout_.pixel(*ray) : std::nullopt;
+      if (!pixel) continue;
+      const auto its_ray = [&] { return *ray; };
+      resampler_.add(plane_, channels_, {static_cast<float>(pixel->x), static_cast<float>(pixel->y)},
+                     std::cref(its_ray), sum);
       ++count;
     }
     for (int c = 0; c < channels_ && count > 0; ++c) {
@@ -261,7 +298,8 @@ class Resampler::Rows {
   const PlaneView& plane_;
   const Target& target_;
   const int channels_;
-  std::vector<Place> row_, next_;
+  int begin_ = 0;
+  std::vector<Position> positions_;
 };
 
 DecodedImage Resampler::resample(const ImageView& raymap, const Target& target,
@@ -272,7 +310,7 @@ DecodedImage Resampler::resample(const ImageView& raymap, const Target& target,
   DecodedImage made{raymap.format, target.width, target.height, {}};
   made.bytes.resize(packed_size(made.format, made.width, made.height));
   workers.run((target.height + kBandRows - 1) / kBandRows, [&](int band) {
-    Rows rows(*this, raymap, target, channels);
+    Band rows(*this, raymap, target, channels);
     rows.run(band * kBandRows, std::min((band + 1) * kBandRows, target.height), made.bytes.data());
   });
   return made;

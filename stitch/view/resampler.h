@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -36,8 +37,8 @@ struct Target {
 /// A raymap's layout, prepared for sampling. Bicubic is Catmull and Rom's (-1/2). Where the target's pixels are larger
 /// than the raymap's, each is the mean of n x n samples across it, n up to kMostSamples: as many as it has pixels of the
 /// raymap below it. Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of
-/// rows), the sample is the mean of the nearest pixels of nine rays, half a pixel apart. Of scattered raymaps the nearest
-/// pixel is taken.
+/// rows; scattered raymaps), the sample is the mean of the nearest pixels of nine rays, half a pixel apart, weighted by
+/// their distance. Positions are exact to 1/64 px of the raymap.
 ///
 /// Threading: immutable; any thread.
 /// Ownership: keeps the layout by reference.
@@ -54,10 +55,17 @@ class Resampler {
   struct Sum {
     float value[3] = {0, 0, 0};
   };
-  class Rows;
+  /// Where a ray is in the raymap, px; NaN if it is not there.
+  struct Position {
+    float x, y;
+  };
+  static constexpr Position kNowhere{std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::quiet_NaN()};
+  class Band;
   bool smooth(int i, int j, int reach) const;
-  /// The channels of the raymap along a ray whose position is `at`.
-  void add(const PlaneView& plane, int channels, const geometry::Ray& ray, const geometry::Pixel& at, Sum& sum) const;
+  static void add_sample(const std::uint8_t* at, int channels, float weight, Sum& sum);
+  /// Adds the raymap at a position; `ray` is asked for only where the position is not enough.
+  void add(const PlaneView& plane, int channels, const Position& at, const std::function<geometry::Ray()>& ray,
+           Sum& sum) const;
   void add_pixel(const PlaneView& plane, int channels, int i, int j, float weight, Sum& sum) const;
   void add_across_edge(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
 

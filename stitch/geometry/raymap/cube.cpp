@@ -30,7 +30,7 @@ constexpr Cube::Arrangement k6x1{"cube_6x1", 6, 1, {{{kRight}, {kLeft}, {kUp}, {
 constexpr Cube::Arrangement kCross{
     "cube_cross", 4, 3, {{{}, {kUp}, {}, {}, {kLeft}, {kFront}, {kRight}, {kBack}, {}, {kDown}, {}, {}}}};
 constexpr Cube::Arrangement kEquiangular{
-    "equiangular_cube", 3, 2, {{{kLeft}, {kFront}, {kRight}, {kDown, 1}, {kBack, 3}, {kUp, 1}}}, true};
+    "equiangular_cube", 3, 2, {{{kLeft}, {kFront}, {kRight}, {kDown, 3}, {kBack, 1}, {kUp, 3}}}, true};
 
 double along(const std::array<int, 3>& axis, const Ray& ray) {
   return axis[0] * ray.x() + axis[1] * ray.y() + axis[2] * ray.z();

@@ -9,6 +9,7 @@
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/table_compiler.h"
 #include "tests/reference/double_blend.h"
+#include "tests/reference/png_file.h"
 #include "tests/reference/prepared_heads.h"
 #include "tests/reference/score.h"
 
