@@ -21,7 +21,7 @@ Status run(Context& context, const Args& args) {
                       auto target = geometry::make_layout(*to, made.width, made.height);
                       if (!target) return fail(target.error().in("--layout"));
                       layout = std::move(*target);
-                      return Outcome{view::Target::of(*layout), to->text()};
+                      return Outcome{view::Target::of(*layout), *to};
                     });
 }
 

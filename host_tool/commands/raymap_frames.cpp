@@ -48,20 +48,21 @@ Result<geometry::LayoutName> layout_of(const FrameOptions& options, const Input&
                                        geometry::layout_list());
 }
 
-Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format, const std::string& layout,
-                                         int quality) {
+Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format,
+                                         const std::optional<geometry::LayoutName>& layout, int quality) {
   if (format == RaymapFormat::kRaw) return picture.bytes;
   if (format == RaymapFormat::kJpg) {
-    const std::string xmp = layout == "equirectangular" ? media::gpano_packet(picture.width, picture.height) : "";
+    const std::string xmp =
+        layout && layout->is_equirectangular() ? media::gpano_packet(picture.width, picture.height) : "";
     media::JpegWriter writer({picture.format, picture.width, picture.height, quality, xmp});
     std::vector<std::uint8_t> jpeg;
-    const std::string comment = layout.empty() ? "nodal view" : "nodal convert layout=" + layout;
+    const std::string comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
     if (const Status written = writer.write(picture.view(), comment, jpeg); !written) return fail(written.error());
     return jpeg;
   }
   ReceivedRaymap raymap;
   raymap.header.set_coding(std::string(pixel_format_name(picture.format)));
-  raymap.header.set_layout(layout);
+  if (layout) raymap.header.set_layout(layout->text());
   raymap.header.set_width(static_cast<std::uint32_t>(picture.width));
   raymap.header.set_height(static_cast<std::uint32_t>(picture.height));
   raymap.bytes = picture.bytes;
@@ -155,10 +156,10 @@ Status run_frames(Context& context, const FrameOptions& options,
                 {"width", made->target.width},
                 {"height", made->target.height},
                 {"seconds", seconds}};
-  if (!made->layout.empty()) document["layout"] = made->layout;
+  if (made->layout) document["layout"] = made->layout->text();
   console.document(document);
   console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out,
-                           made->target.width, made->target.height, made->layout.empty() ? "" : ", " + made->layout,
+                           made->target.width, made->target.height, made->layout ? ", " + made->layout->text() : "",
                            seconds));
   return {};
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,7 +30,7 @@ void add_frame_options(CLI::App& command, FrameOptions& options);
 /// What every picture becomes.
 struct Outcome {
   view::Target target;
-  std::string layout;  ///< of the result; empty: none, it is a view
+  std::optional<geometry::LayoutName> layout;  ///< of the result; nothing for a view
 };
 
 /// Reads every input, resamples it, and writes it; all must have the size of the first. `outcome` is called once.

@@ -42,7 +42,7 @@ Status run(Context& context, const Args& args) {
   if (!camera) return fail(camera.error().in("--fov"));
   const view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }};
   return run_frames(context, args.frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
-    return Outcome{target, ""};
+    return Outcome{target, std::nullopt};
   });
 }
 

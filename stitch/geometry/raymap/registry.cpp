@@ -103,6 +103,11 @@ double ratio_of(const LayoutKind& kind, std::int64_t value) {
   return kind.ratio ? kind.ratio(value) : static_cast<double>(kind.step.height) / kind.step.width;
 }
 
+/// With padding, at least two pixels of each face must remain.
+double least_width(const LayoutKind& kind, std::int64_t value) {
+  return kind.parameter.key == "pad" ? kind.step.width * (static_cast<double>(value) + 1) : kind.step.width;
+}
+
 }  // namespace
 
 std::span<const LayoutKind> layout_kinds() { return kKinds; }
@@ -160,8 +165,7 @@ RaymapSize LayoutName::size_for_width(double width) const {
   const RaymapSize step = kind_->step;
   const double ratio = ratio_of(*kind_, value_);
   const int most = static_cast<int>(kMaxRaymapSide / std::max(1.0, ratio)) / std::max(step.width, step.height);
-  const double padded = kind_->parameter.key == "pad" ? step.width * (static_cast<double>(value_) + 1) : 0;
-  const double steps = std::ceil(std::max(width, padded) / step.width);
+  const double steps = std::ceil(std::max(least_width(*kind_, value_), width) / step.width);
   const int count = steps >= 1 ? static_cast<int>(std::min<double>(steps, most)) : 1;
   if (!kind_->ratio) return RaymapSize{count * step.width, count * step.height};
   const int across = count * step.width;
@@ -170,7 +174,8 @@ RaymapSize LayoutName::size_for_width(double width) const {
 
 Status LayoutName::check_size(RaymapSize size) const {
   const RaymapSize step = kind_->step;
-  if (size.width > 0 && size.height > 0 && size.width % step.width == 0 && size.height % step.height == 0) {
+  if (size.width >= least_width(*kind_, value_) && size.height > 0 && size.width % step.width == 0 &&
+      size.height % step.height == 0) {
     const bool free = kind_->ratio != nullptr;
     if (free || size.width / step.width == size.height / step.height) return {};
   }

@@ -225,6 +225,8 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
                  "multiple of 6x4; 1536x1024 would be");
   expect_refused(kSmall + "[raymap]\nlayout='mercator'\n", Errc::kUnsupported, "there are: equirectangular, cube");
   expect_refused(kSmall + "[raymap]\nlayout='cube:pad=99'\n", Errc::kBadValue, "from 0 to 64");
+  expect_refused(kSmall + "[raymap]\nlayout='cube:pad=64'\nwidth=300\nheight=200\n", Errc::kBadValue,
+                 "390x260 would be");
   expect_refused(kSmall + "[raymap]\nlayout='hammersley'\nwidth=101\n", Errc::kBadValue, "sides are even");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nnoise = nan\n"), Errc::kBadValue, "sim.noise is nan");
   expect_refused(replaced(kSmall, "[sim]\n", "[sim]\nscene = \"photo\"\n"), Errc::kMissingField, "sim.photo");
