@@ -62,9 +62,8 @@ sigset_t stop_signals() {
 
 std::string describe(const firmware::RigConfig& config) {
   return fmt::format("rig '{}': {} heads at {}/{} frames a second, raymap {} {}x{} {}", config.name,
-                     config.heads.size(), config.rate.numerator, config.rate.denominator,
-                     config.raymap.layout, config.raymap.width, config.raymap.height,
-                     pixel_format_name(config.raymap.format));
+                     config.heads.size(), config.rate.numerator, config.rate.denominator, config.raymap.layout,
+                     config.raymap.width, config.raymap.height, pixel_format_name(config.raymap.format));
 }
 
 /// While nodald starts it has driven no output, so a signal may end it at once, also during a blocking call.

@@ -25,11 +25,11 @@ Result<Input> read_input(const std::string& file) {
   const Result<std::string> bytes = read_file(file, media::kMaxImageFileBytes);
   if (!bytes) return fail(bytes.error());
   const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
-  Result<DecodedImage> picture = media::decode_image(span, file);
+  const Result<ImageHeader> header = media::read_image_header(file);
+  if (!header) return fail(header.error());
+  const bool grey = header->natural == PixelFormat::kGrey8;
+  Result<DecodedImage> picture = media::decode_image(span, file, grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24);
   if (!picture) return fail(picture.error());
-  if (picture->format != PixelFormat::kGrey8 && picture->format != PixelFormat::kRgb24) {
-    picture = media::convert_image(picture->view(), PixelFormat::kRgb24);
-  }
   // As viewers do it: the packet's text anywhere in the file.
   const bool says = bytes->find("GPano:ProjectionType=\"equirectangular\"") != std::string::npos ||
                     bytes->find("<GPano:ProjectionType>equirectangular<") != std::string::npos;

@@ -40,7 +40,7 @@ Status run(Context& context, const Args& args) {
   spec.height = size.height;
   const Result<view::Camera> camera = view::Camera::make(spec);
   if (!camera) return fail(camera.error().in("--fov"));
-  const view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }};
+  const view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }, 0, true};
   return run_frames(context, args.frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
     return Outcome{target, std::nullopt};
   });

@@ -1,8 +1,8 @@
 // What all raymaps share whose neighbouring pixels hold no neighbouring rays: the search for the nearest ray.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
-#include <mutex>
 #include <vector>
 
 #include "stitch/geometry/raymap/layout.h"
@@ -10,8 +10,11 @@
 namespace nodal::geometry {
 
 /// A layout of points. Its index of rays is built at the first search, because a board never searches.
+///
+/// Threading: as RaymapLayout; threads that search first at one time each build an index, and one of them stays.
 class ScatteredRays : public RaymapLayout {
  public:
+  ~ScatteredRays() override { delete index_.load(); }
   bool scattered() const final { return true; }
   std::optional<Ray> ray(double x, double y) const final;
   std::optional<Pixel> pixel(const Ray& ray) const final;
@@ -27,13 +30,15 @@ class ScatteredRays : public RaymapLayout {
     std::vector<std::uint32_t> cells_before;  ///< of each strip and all above it
     std::vector<std::uint32_t> begin;         ///< of each cell in `pixels`, and the end
     std::vector<std::uint32_t> pixels;        ///< row * width + column
-  };
-  void build() const;
-  std::uint32_t cell_of(int strip, double theta) const;
-  int strip_of(double phi) const;
 
-  mutable std::once_flag built_;
-  mutable Index index_;
+    int strips() const { return static_cast<int>(cells_before.size()) - 1; }
+    int strip_of(double phi) const;
+    std::uint32_t cell_of(int strip, double theta) const;
+  };
+  std::unique_ptr<const Index> build() const;
+  const Index& index() const;
+
+  mutable std::atomic<const Index*> index_{nullptr};
 };
 
 }  // namespace nodal::geometry

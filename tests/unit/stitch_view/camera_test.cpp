@@ -71,7 +71,7 @@ TEST(Camera, ViewIntoAnyRaymap_ShowsTheScene) {
     const Resampler resampler(*layout, Filter::kBicubic, workers);
     for (const Projection projection : {Projection::kPerspective, Projection::kStereographic}) {
       const Camera camera = Camera::make({projection, {50, -65, 20}, 110, 120, 90}).value();
-      const Target target{120, 90, [&](double x, double y) { return camera.ray(x, y); }};
+      const Target target{120, 90, [&](double x, double y) { return camera.ray(x, y); }, 0, true};
       const Off off = off_scene(resampler.resample(picture.view(), target, workers), target);
       EXPECT_LT(off.rms, 0.6) << text;
       EXPECT_LT(off.worst, 4) << text;
