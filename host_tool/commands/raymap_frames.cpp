@@ -66,7 +66,7 @@ Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapForm
   raymap.header.set_width(static_cast<std::uint32_t>(picture.width));
   raymap.header.set_height(static_cast<std::uint32_t>(picture.height));
   raymap.bytes = picture.bytes;
-  return encode_png(raymap);
+  return format == RaymapFormat::kTiff ? encode_tiff(raymap) : encode_png(raymap);
 }
 
 Status check_names(const FrameOptions& options) {
@@ -86,7 +86,7 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
   command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG or PNG; 16 bits are rounded to 8")
       ->required()
       ->type_name("");
-  command.add_option("-o,--out", options.out, "The result, .jpg, .png or .raw; %04d numbers it")
+  command.add_option("-o,--out", options.out, "The result, .jpg, .png, .tif or .raw; %04d numbers it")
       ->required()
       ->type_name("FILE");
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")

@@ -18,7 +18,7 @@ namespace {
 constexpr int kWidth = 512;
 
 std::unique_ptr<geometry::RaymapLayout> layout_of(const std::string& name, int width) {
-  const geometry::RaymapSize size = geometry::size_for_width(name, width).value();
+  const geometry::RaymapSize size = geometry::LayoutName::parse(name).value().size_for_width(width);
   return geometry::make_layout(name, size.width, size.height).value();
 }
 
