@@ -51,6 +51,19 @@ TEST(EquiangularCube, LargestToSmallestSolidAngle_TendsToThreeRootThreeOverFour)
   EXPECT_NEAR(ratio_at("equiangular_cube", 900, 600), std::max(3 * std::sqrt(3.0) / 4, std::sqrt(2.0)), 0.01);
 }
 
+TEST(EquiangularCube, EachRow_IsOneStripOfTheSphere) {
+  // Left front right, and down back up with the sky on the right.
+  const auto layout = made("equiangular_cube", 300, 200);
+  for (const double x : {100.0, 200.0}) {
+    for (const double y : {20.0, 50.0, 90.0, 120.0, 150.0, 190.0}) {
+      EXPECT_LE(angle_between(*layout->ray(x - 1e-6, y), *layout->ray(x + 1e-6, y)), 1e-6) << x << "," << y;
+    }
+  }
+  EXPECT_LE(angle_between(*layout->ray(150, 50), Ray::towards(0, 0, 1)), 1e-14);
+  EXPECT_LE(angle_between(*layout->ray(150, 150), Ray::towards(0, 0, -1)), 1e-14);
+  EXPECT_LE(angle_between(*layout->ray(250, 150), Ray::towards(0, -1, 0)), 1e-14);
+}
+
 TEST(Sinusoidal_Healpix_Cylinder, AllWholePixels_SpanTheSame) {
   EXPECT_NEAR(ratio_at("healpix", 64, 48), 1, 1e-12);
   EXPECT_NEAR(ratio_at("cylinder_equal_area", 200, 64), 1, 1e-10);
