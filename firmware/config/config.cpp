@@ -239,7 +239,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
     TomlReader reader(
         *table, "heads[" + std::to_string(i) + "]",
         {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields", "trigger_mode",
-         "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us"},
+         "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us", "separate_fields"},
         error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second)

@@ -52,6 +52,7 @@ struct DeviceConfig {
   std::string standard;             ///< likewise
   std::int32_t gain_step_mdb = 0;   ///< 0: its gain is left as it is
   std::optional<Duration> readout;  ///< nothing: one frame period
+  bool separate_fields = false;     ///< each field in a buffer of its own
   friend bool operator==(const DeviceConfig&, const DeviceConfig&) = default;
 };
 

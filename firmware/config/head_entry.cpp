@@ -59,11 +59,12 @@ void read_size(TomlReader& reader, DeviceConfig& device) {
 }
 
 void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig& device) {
-  for (const char* const key : {"size", "input", "standard", "gain_step_mdb", "readout_us"}) {
+  for (const char* const key : {"size", "input", "standard", "gain_step_mdb", "readout_us", "separate_fields"}) {
     if (kind == PortKind::kV4l2 || !reader.has(key)) continue;
     return reader.refuse(key, "is only allowed for v4l2: ports");
   }
   read_size(reader, device);
+  device.separate_fields = reader.boolean("separate_fields", false);
   device.input = reader.text("input", "");
   device.standard = reader.text("standard", "");
   device.gain_step_mdb = static_cast<std::int32_t>(reader.integer("gain_step_mdb", 1, kMostGainMdb, 0));
@@ -128,6 +129,9 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
                                                  {"top-first", Fields::kTopFirst},
                                                  {"bottom-first", Fields::kBottomFirst}});
+  if (head.device.separate_fields && head.fields == Fields::kProgressive) {
+    reader.refuse("separate_fields", "needs interlaced frames; set fields = \"top-first\" or \"bottom-first\"");
+  }
   if (head.fields != Fields::kProgressive && component_count(head.format) == 1 && head.format != PixelFormat::kGrey8) {
     reader.refuse("fields", "cannot be \"" + std::string(head.fields == Fields::kTopFirst ? "top" : "bottom") +
                                 "-first\": pictures of format " + std::string(pixel_format_name(head.format)) +

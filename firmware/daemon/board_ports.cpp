@@ -198,6 +198,7 @@ std::unique_ptr<hal::v4l2::V4l2Enumerator> make_v4l2(const RigConfig& config, ha
     request.standard = head.device.standard;
     request.gain_step_mdb = head.device.gain_step_mdb;
     request.readout = head.device.readout;
+    request.separate_fields = head.device.separate_fields;
     request.buffers = kHeadBuffers;
     devices->request(head.port.text(), request);
   }

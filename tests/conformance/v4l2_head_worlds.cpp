@@ -67,6 +67,14 @@ INSTANTIATE_TEST_SUITE_P(
                            driver.field = V4L2_FIELD_INTERLACED;
                            driver.standard = V4L2_STD_NTSC;
                          }),
+                    kind("AlternateFields", request(PixelFormat::kI420, Fields::kBottomFirst, 0),
+                         [](test::V4l2Driver& driver) {
+                           driver.field = V4L2_FIELD_ALTERNATE;
+                           driver.standard = V4L2_STD_NTSC;
+                           driver.height = 16;
+                         }),
+                    kind("SequentialFields", request(PixelFormat::kYuyv, Fields::kTopFirst, 0),
+                         [](test::V4l2Driver& driver) { driver.field = V4L2_FIELD_SEQ_TB; }),
                     kind("Mjpeg", request(PixelFormat::kMjpeg, Fields::kProgressive, 0),
                          [](test::V4l2Driver& driver) { driver.formats = {V4L2_PIX_FMT_MJPEG}; }),
                     kind("MultiPlanarFewBuffers", request(PixelFormat::kI420, Fields::kProgressive, 0),

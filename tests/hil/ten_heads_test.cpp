@@ -1,5 +1,5 @@
-// The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, gets a calibration, and nodal pulls
-// raymaps. Runs in the guest; writes raymap.jpg, status.json, heads.json and nodald.log to the current folder.
+// The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, five of which deliver each field by
+// itself, gets a calibration, and nodal pulls raymaps. Runs in the guest; writes raymap.jpg, status.json, heads.json and nodald.log to the current folder.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -31,7 +31,7 @@ std::string rig_toml(int heads) {
   for (int i = 0; i < heads; ++i) {
     text << "[[heads]]\nname = \"cam" << i << "\"\nport = \"v4l2:platform:vivid-" << (i < 10 ? "00" : "0") << i
          << "\"\nformat = \"YUYV\"\nsize = \"720x480\"\ninput = \"S-Video 0\"\nstandard = \"NTSC\"\n"
-         << "fields = \"bottom-first\"\n";
+         << "fields = \"bottom-first\"\nseparate_fields = " << (i % 2 == 0 ? "false" : "true") << "\n";
   }
   return text.str();
 }

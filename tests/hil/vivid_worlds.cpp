@@ -31,9 +31,15 @@ HeadWorldKind kind(const std::string& name, int device, const v4l2::HeadRequest&
   return {name, [=] { return std::make_unique<VividWorld>(device, request); }};
 }
 
+v4l2::HeadRequest separate(v4l2::HeadRequest request) {
+  request.separate_fields = true;
+  return request;
+}
+
 INSTANTIATE_TEST_SUITE_P(Vivid, HeadConformance,
                          testing::Values(kind("NtscYuyv", 0, hil::ntsc(PixelFormat::kYuyv)),
                                          kind("NtscI420", 0, hil::ntsc(PixelFormat::kI420)),
+                                         kind("NtscAlternate", 0, separate(hil::ntsc(PixelFormat::kYuyv))),
                                          kind("WebcamGrey", 0, hil::webcam(PixelFormat::kGrey8)),
                                          kind("WebcamI422", 0, hil::webcam(PixelFormat::kI422)),
                                          kind("WebcamNv12MultiPlanar", 1, hil::webcam(PixelFormat::kNv12))),

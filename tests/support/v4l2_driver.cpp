@@ -257,18 +257,24 @@ int V4l2Driver::describe(std::uint32_t index, v4l2_buffer& buffer) {
 /// Frame n goes into the oldest queued buffer and ends n + 1 periods after the start; without a buffer it is lost.
 void V4l2Driver::expose() {
   if (!streaming_) return;
-  const FrameRate rate{period.denominator, period.numerator};
+  const bool alternate = field == V4L2_FIELD_ALTERNATE;
+  const FrameRate rate{period.denominator * (alternate ? 2 : 1), period.numerator};
   for (;; ++exposed_) {
     const Instant end = started_ + rate.start_of(exposed_ + 1);
     if (end > clock_.now()) return;
-    if (queued_.empty()) continue;
+    if (queued_.empty() || lost_fields.count(exposed_) != 0) continue;
     Buffer& buffer = buffers_[queued_.front()];
     for (auto& plane : buffer.planes) {
       std::iota(plane.begin(), plane.end(), static_cast<std::uint8_t>(37 * exposed_));
       if (code_ == V4L2_PIX_FMT_MJPEG) std::copy(jpeg.begin(), jpeg.end(), plane.begin());
     }
     buffer.state = Buffer::State::kDone;
-    buffer.sequence = static_cast<std::uint32_t>(exposed_);
+    buffer.sequence = static_cast<std::uint32_t>(alternate ? exposed_ / 2 : exposed_);
+    buffer.field = field;
+    if (alternate) {
+      const bool bottom_first = (standard & V4L2_STD_525_60) != 0;
+      buffer.field = (exposed_ % 2 == 0) == bottom_first ? V4L2_FIELD_BOTTOM : V4L2_FIELD_TOP;
+    }
     buffer.end = end;
     done_.push_back(queued_.front());
     queued_.pop_front();
@@ -308,7 +314,7 @@ int V4l2Driver::buffer_call(unsigned long request, void* argument) {
   one.state = Buffer::State::kIdle;
   describe(index, buffer);
   buffer.sequence = one.sequence;
-  buffer.field = field;
+  buffer.field = one.field;
   buffer.flags = timestamp_flags;
   buffer.timestamp.tv_sec = one.end.ns() / 1'000'000'000;
   buffer.timestamp.tv_usec = one.end.ns() % 1'000'000'000 / 1'000;

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -28,9 +29,11 @@ class V4l2Driver final : public hal::v4l2::System {
   std::vector<std::uint32_t> formats{V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUV420, V4L2_PIX_FMT_GREY};
   bool multiplanar = false;
   std::uint32_t width = 48, height = 32;
-  std::uint32_t padding = 16;             ///< bytes after each row
-  std::uint32_t field = V4L2_FIELD_NONE;  ///< the field order of its frames
-  v4l2_std_id standard = 0;               ///< 0: it has no standards
+  std::uint32_t padding = 16;  ///< bytes after each row
+  /// The field order of its frames. With V4L2_FIELD_ALTERNATE, `height` is that of a field, each of which has a buffer.
+  std::uint32_t field = V4L2_FIELD_NONE;
+  std::set<std::uint64_t> lost_fields;  ///< numbers, from the start, of alternate fields that never arrive
+  v4l2_std_id standard = 0;             ///< 0: it has no standards
   v4l2_fract period{1001, 30000};
   std::optional<hal::v4l2::UsbPlace> place;  ///< on USB
   std::uint32_t most_buffers = 32, fewest_buffers = 2;
@@ -69,6 +72,7 @@ class V4l2Driver final : public hal::v4l2::System {
     std::vector<std::vector<std::uint8_t>> planes;
     enum class State { kIdle, kQueued, kDone } state = State::kIdle;
     std::uint32_t sequence = 0;
+    std::uint32_t field = 0;
     Instant end;
   };
   int answer(unsigned long request, void* argument);

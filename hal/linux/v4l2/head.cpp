@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/head.h"
 
+#include <linux/videodev2.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <utility>
@@ -48,6 +50,8 @@ V4l2Head::V4l2Head(std::string path, std::shared_ptr<Channel> channel, Worker& w
       in_use_(std::move(in_use)),
       settings_(channel_->settings) {
   *in_use_ = true;
+  const Granted& granted = channel_->granted;
+  if (granted.storage != FieldStorage::kTogether) weaver_.emplace(granted.format, channel_->request.buffers);
 }
 
 V4l2Head::~V4l2Head() {
@@ -105,6 +109,8 @@ void V4l2Head::stop() {
   state_ = State::kStopped;
   ++starts_;  // discards the report of a start that is still in progress
   slots_.clear();
+  first_field_.reset();
+  if (weaver_) weaver_->take_back();
   worker_.post([channel = channel_] { channel->stream.end(); });
 }
 
@@ -203,6 +209,8 @@ void V4l2Head::restart() {
     return fail_for_good(error(Errc::kDeviceFailed, "its stream broke " + std::to_string(kMostRestarts) +
                                                         " times in a row; unplug it and plug it in again"));
   }
+  first_field_.reset();
+  if (weaver_) weaver_->drop_unfinished();
   ++restarts_in_row_;
   ++recoveries_.restarts;
   post_stream(true);
@@ -226,11 +234,13 @@ Result<std::optional<FrameView>> V4l2Head::take_frame() {
   const Instant now = clock_.now();
   if (state_ == State::kStreaming) {
     watch_signal(now);
-    const int failed = channel_->stream.dequeue(frame);
-    if (failed == 0) {
+    int failed = channel_->stream.dequeue(frame);
+    while (failed == 0) {
       restarts_in_row_ = 0;
       slots_[frame.slot] = Slot::kLent;
-      return std::optional<FrameView>{view(frame, now)};
+      if (!weaver_) return std::optional<FrameView>{view(frame, now)};
+      if (auto whole = weave(frame, now)) return whole;
+      failed = channel_->stream.dequeue(frame);
     }
     if (failed == ENODEV || failed == ENXIO) {
       fail_for_good(channel_->device->explained("taking a frame", failed));
@@ -242,7 +252,7 @@ Result<std::optional<FrameView>> V4l2Head::take_frame() {
   return std::optional<FrameView>{};
 }
 
-FrameView V4l2Head::view(const Stream::Frame& frame, Instant now) {
+FrameView V4l2Head::stamped(const Stream::Frame& frame, Instant now) {
   const Granted& granted = channel_->granted;
   FrameView view;
   view.slot = frame.slot;
@@ -264,14 +274,62 @@ FrameView V4l2Head::view(const Stream::Frame& frame, Instant now) {
   view.in_effect = settings_;
   view.verdict = frame.verdict;
   if (no_signal_ && view.verdict == FrameVerdict::kGood) view.verdict = FrameVerdict::kNoSignal;
-  const auto fields = fields_of(frame.field, granted.interlaced);
-  view.fields = fields.value_or(Fields::kTopOnly);
+  return view;
+}
+
+FrameView V4l2Head::view(const Stream::Frame& frame, Instant now) {
+  FrameView view = stamped(frame, now);
+  view.fields = fields_of(frame.field, channel_->granted.interlaced).value_or(Fields::kTopOnly);
   view.image = channel_->stream.picture(frame.slot);
+  view.image.coding = channel_->granted.coding;
+  return view;
+}
+
+/// Copies a buffer's fields and returns the buffer. Returns the frame that is finished by it, if any.
+std::optional<FrameView> V4l2Head::weave(const Stream::Frame& frame, Instant now) {
+  const Granted& granted = channel_->granted;
+  ImageView picture = channel_->stream.picture(frame.slot);
+  std::optional<FieldWeaver::Frame> done;
+  Stream::Frame first = frame;
+  if (granted.storage == FieldStorage::kSequential) {
+    const FieldParity order = frame.field == V4L2_FIELD_SEQ_BT ? FieldParity::kBottom : FieldParity::kTop;
+    for (const FieldParity parity : {order, other(order)}) {
+      ImageView field = picture;
+      field.height /= 2;
+      for (PlaneView& plane : field.planes) {
+        plane.height /= 2;
+        if (parity != order && plane.data != nullptr) plane.data += plane.height * plane.row_stride;
+      }
+      done = weaver_->put({parity, frame.sequence, field});
+    }
+  } else {
+    const FieldParity parity = frame.field == V4L2_FIELD_BOTTOM ? FieldParity::kBottom : FieldParity::kTop;
+    done = weaver_->put({parity, frame.sequence, picture});
+    if (done) first = first_field_.value_or(frame);
+    const bool whole = done && (done->fields == Fields::kTopFirst || done->fields == Fields::kBottomFirst);
+    first_field_ = whole ? std::nullopt : std::optional(frame);
+    if (whole && first.verdict == FrameVerdict::kGood) first.verdict = frame.verdict;
+  }
+  release_to_driver(frame.slot);
+  if (!done) return std::nullopt;
+  FrameView view = stamped(first, now);
+  view.received = now;
+  view.slot = done->slot;
+  view.fields = done->fields;
+  view.image = done->image;
   view.image.coding = granted.coding;
   return view;
 }
 
 void V4l2Head::release(BufferSlot slot) {
+  if (weaver_) {
+    weaver_->release(slot);
+  } else {
+    release_to_driver(slot);
+  }
+}
+
+void V4l2Head::release_to_driver(BufferSlot slot) {
   if (slot >= slots_.size() || slots_[slot] != Slot::kLent) return;
   slots_[slot] = Slot::kIdle;
   if (state_ != State::kStreaming) return;  // queued when the stream runs again

@@ -13,6 +13,7 @@
 #include "hal/head.h"
 #include "hal/linux/v4l2/controls.h"
 #include "hal/linux/v4l2/device.h"
+#include "hal/linux/v4l2/field_weaver.h"
 #include "hal/linux/v4l2/negotiation.h"
 #include "hal/linux/v4l2/stream.h"
 #include "hal/linux/v4l2/worker.h"
@@ -106,7 +107,10 @@ class V4l2Head final : public HeadPort {
   void queue_idle();
   void restart();
   void watch_signal(Instant now);
+  void release_to_driver(BufferSlot slot);
+  FrameView stamped(const Stream::Frame& frame, Instant now);
   FrameView view(const Stream::Frame& frame, Instant now);
+  std::optional<FrameView> weave(const Stream::Frame& frame, Instant now);
 
   const HeadIdentity identity_;
   std::shared_ptr<Channel> channel_;
@@ -118,7 +122,9 @@ class V4l2Head final : public HeadPort {
   std::optional<Error> final_;  ///< the reason for kFailed
   std::uint64_t starts_ = 0;
   Instant started_;
-  std::vector<Slot> slots_;
+  std::vector<Slot> slots_;                   ///< the driver's buffers
+  std::optional<FieldWeaver> weaver_;         ///< where fields arrive by themselves; it owns the lent frames
+  std::optional<Stream::Frame> first_field_;  ///< of the frame that the weaver has not finished
   int restarts_in_row_ = 0;
   HeadRecoveries recoveries_;
   HeadSettings settings_;

@@ -259,9 +259,12 @@ std::optional<Fields> fields_of(std::uint32_t field, Fields interlaced) {
   switch (field) {
     case V4L2_FIELD_ANY:  // the driver does not report it, as some for progressive sensors
     case V4L2_FIELD_NONE: return Fields::kProgressive;
-    case V4L2_FIELD_INTERLACED: return interlaced;
-    case V4L2_FIELD_INTERLACED_TB: return Fields::kTopFirst;
-    case V4L2_FIELD_INTERLACED_BT: return Fields::kBottomFirst;
+    case V4L2_FIELD_INTERLACED:
+    case V4L2_FIELD_ALTERNATE: return interlaced;
+    case V4L2_FIELD_INTERLACED_TB:
+    case V4L2_FIELD_SEQ_TB: return Fields::kTopFirst;
+    case V4L2_FIELD_INTERLACED_BT:
+    case V4L2_FIELD_SEQ_BT: return Fields::kBottomFirst;
     case V4L2_FIELD_TOP: return Fields::kTopOnly;
     case V4L2_FIELD_BOTTOM: return Fields::kBottomOnly;
     default: return std::nullopt;
@@ -286,18 +289,30 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
     return fail(device.explained("reading its format", error));
   }
   Shape wanted = read_shape(device, format);
+  if (wanted.field == V4L2_FIELD_ALTERNATE) wanted.height *= 2;  // V4L2's height is then that of a field
   if (request.width > 0) {
     wanted.width = static_cast<std::uint32_t>(request.width);
     wanted.height = static_cast<std::uint32_t>(request.height);
   }
   wanted.code = code->code;
   wanted.memory_planes = static_cast<std::uint32_t>(code->memory_planes);
-  wanted.field = request.fields == Fields::kProgressive ? V4L2_FIELD_NONE : V4L2_FIELD_INTERLACED;
-  write_shape(device, wanted, format);
+  const bool interlaced = request.fields != Fields::kProgressive;
+  const bool separate = interlaced && request.separate_fields;
+  wanted.field = !interlaced ? V4L2_FIELD_NONE : separate ? V4L2_FIELD_ALTERNATE : V4L2_FIELD_INTERLACED;
+  Shape asked = wanted;
+  if (separate) asked.height /= 2;
+  write_shape(device, asked, format);
   if (const int error = device.ioctl(VIDIOC_S_FMT, &format); error != 0) {
     return fail(device.explained("setting its format", error));
   }
-  const Shape got = read_shape(device, format);
+  Shape got = read_shape(device, format);
+  const int buffer_height = static_cast<int>(got.height);
+  if (got.field == V4L2_FIELD_ALTERNATE) {
+    granted.storage = FieldStorage::kAlternate;
+    got.height *= 2;
+  } else if (got.field == V4L2_FIELD_SEQ_TB || got.field == V4L2_FIELD_SEQ_BT) {
+    granted.storage = FieldStorage::kSequential;
+  }
   if (got.code != wanted.code || got.memory_planes != wanted.memory_planes) {
     return fail(unsupported(device, "says that it delivers " + fourcc_text(wanted.code) + ", and sets " +
                                         fourcc_text(got.code) + "; change format in rig.toml"));
@@ -316,7 +331,14 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
                                         (ours ? "; write fields = \"" + field_words(*fields) + "\" in rig.toml"
                                               : "; choose another standard or input in rig.toml")));
   }
-  auto layout = make_layout(*code, static_cast<int>(got.width), static_cast<int>(got.height), got.strides);
+  const bool planar = component_count(request.pixels) > 1 && (*code).pixels != PixelFormat::kYuyv &&
+                      (*code).pixels != PixelFormat::kUyvy && (*code).pixels != PixelFormat::kRgb24;
+  if (granted.storage == FieldStorage::kSequential && (planar || got.height % 2 != 0)) {
+    return fail(unsupported(device,
+                            "delivers the fields of a frame one after the other, which is only supported for YUYV, "
+                            "UYVY, RGB24 and GREY of even height; change format in rig.toml"));
+  }
+  auto layout = make_layout(*code, static_cast<int>(got.width), buffer_height, got.strides);
   if (!layout) return fail(layout.error().in("head '" + device.head() + "'"));
   if (const Status rate = set_rate(device, request.rate, *standard); !rate) return fail(rate.error());
 
@@ -324,8 +346,10 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
   const auto coding = coding_of(device, got, request.pixels);
   if (!coding) return fail(coding.error());
   granted.coding = *coding;
-  granted.format = {request.pixels, layout->width, layout->height, request.fields, request.rate};
-  granted.readout = request.readout.value_or(request.rate.period());
+  granted.format = {request.pixels, layout->width, static_cast<int>(got.height), request.fields, request.rate};
+  // A timestamp is taken at the end of its buffer: of a frame, or of its first field.
+  const Duration period = request.rate.period();
+  granted.readout = request.readout.value_or(granted.storage == FieldStorage::kAlternate ? period / 2 : period);
   return granted;
 }
 

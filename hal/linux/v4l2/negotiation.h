@@ -26,15 +26,25 @@ struct HeadRequest {
   /// From the end of a frame's exposure to the device's timestamp; nothing: one frame period.
   std::optional<Duration> readout;
   int buffers = 4;  ///< number to request; the driver may grant another number
+  /// Asks for each field of an interlaced frame in a buffer of its own, also where the driver could deliver frames.
+  bool separate_fields = false;
+};
+
+/// How a driver delivers the two fields of an interlaced frame.
+enum class FieldStorage : std::uint8_t {
+  kTogether,    ///< as rows of one picture
+  kAlternate,   ///< each in a buffer of its own
+  kSequential,  ///< in one buffer, one after the other
 };
 
 struct Granted {
   HeadFormat format;
-  Layout layout;
+  Layout layout;  ///< of a buffer's picture: with kAlternate a field, otherwise a frame
+  FieldStorage storage = FieldStorage::kTogether;
   ColourCoding coding;                       ///< although full range BT.601 was requested
   Fields interlaced = Fields::kProgressive;  ///< the meaning of V4L2_FIELD_INTERLACED in this standard
   std::uint32_t input = 0;
-  Duration readout;
+  Duration readout;  ///< with kAlternate, of the field that is exposed first
 };
 
 /// Sets input, standard, format, size and rate.
@@ -42,7 +52,7 @@ struct Granted {
 ///   it has; kBusy if another program streams from it; those of explain().
 Result<Granted> negotiate(const Device& device, const HeadRequest& request);
 
-/// The meaning of a V4L2 field order; nothing for those that this port does not support, such as alternate fields.
+/// The meaning of a V4L2 field order; nothing for unknown ones.
 std::optional<Fields> fields_of(std::uint32_t field, Fields interlaced);
 
 /// Whether the input reports that it has no picture. False if it does not report this.

@@ -149,16 +149,20 @@ TEST(RigConfig, V4l2Heads_AreAskedWhatStandsThereAndNothingElse) {
   EXPECT_EQ(plain->heads[0].port, (PortAddress{PortKind::kV4l2, "/dev/video0"}));
   EXPECT_EQ(plain->heads[0].port.text(), "v4l2:/dev/video0");
   EXPECT_EQ(plain->heads[0].device, DeviceConfig{});
-  const auto full = parse_rig_config(
-      kDevice + "size='720x480'\ninput='S-Video'\nstandard='NTSC'\ngain_step_mdb=100\nreadout_us=16000\n", "rig.toml");
+  const auto full = parse_rig_config(kDevice +
+                                         "size='720x480'\ninput='S-Video'\nstandard='NTSC'\ngain_step_mdb=100\nreadout_"
+                                         "us=16000\nfields='bottom-first'\nseparate_fields=true\n",
+                                     "rig.toml");
   ASSERT_TRUE(full) << full.error().text();
-  EXPECT_EQ(full->heads[0].device, (DeviceConfig{720, 480, "S-Video", "NTSC", 100, Duration::microseconds(16'000)}));
+  EXPECT_EQ(full->heads[0].device,
+            (DeviceConfig{720, 480, "S-Video", "NTSC", 100, Duration::microseconds(16'000), true}));
 }
 
 TEST(RigConfig, WhatADeviceCannotBeAsked_IsRefused) {
   for (const char* const size : {"720", "720x", "x480", "720X480", "720x480x2", "0x480", "720x16385", "-720x480"}) {
     expect_refused(kDevice + "size='" + size + "'\n", Errc::kBadValue, "WIDTHxHEIGHT");
   }
+  expect_refused(kDevice + "separate_fields=true\n", Errc::kBadValue, "needs interlaced frames");
   expect_refused(kDevice + "trigger_delay_us=100\n", Errc::kBadValue, "trigger_mode = \"wired\"");
   const auto wired = parse_rig_config(kDevice + "trigger_mode='wired'\ntrigger_delay_us=100\n", "rig.toml");
   ASSERT_TRUE(wired) << wired.error().text();

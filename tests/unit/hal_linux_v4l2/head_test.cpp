@@ -51,12 +51,6 @@ TEST_F(V4l2HeadTest, WhatTheDeviceDoesNotHave_IsRefusedWithWhatItHas) {
   expect_nothing_left();
 }
 
-TEST_F(V4l2HeadTest, SeparateFields_AreRefused) {
-  driver_.field = V4L2_FIELD_ALTERNATE;
-  request_.fields = Fields::kBottomFirst;
-  expect_error(status_of(open()), Errc::kUnsupported, "separate fields");
-}
-
 TEST_F(V4l2HeadTest, Opened_AutomaticModesAreOff) {
   driver_.controls[V4L2_CID_EXPOSURE_AUTO] = {0, 3, 1, 3, 3};
   driver_.controls[V4L2_CID_EXPOSURE_AUTO_PRIORITY] = {0, 1, 1, 0, 1};
