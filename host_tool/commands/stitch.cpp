@@ -41,6 +41,7 @@ table::TableOptions table_options(const Args& args) {
   if (args.transition == "feather") options.transition = table::Transition::kFeather;
   options.seam_width_deg = args.seam_width_deg;
   options.feather = args.feather;
+  options.cover = false;  // every head is there, at the exposure that it was calibrated at
   return options;
 }
 

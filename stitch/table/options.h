@@ -44,6 +44,9 @@ struct TableOptions {
   /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than its picture: 1
   /// (only the picture itself) .. 5.
   int levels = 5;
+  /// kTwoBand, kSeam: compiles BlendTable::cover, too, as long as the rest. Without it the bytes are the same unless a head
+  /// is missing or heads had different exposures.
+  bool cover = true;
   /// Compiles the table for this field of every head's frames. The blend gets the field as a picture of half the rows
   /// (field_of); coordinates take into account which lines of the frame the field holds. Nothing: whole frames.
   std::optional<FieldParity> field = std::nullopt;

@@ -192,7 +192,7 @@ bool any_shared(const TileSamples& tile) {
 struct TableCompiler::Work {
   std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< if make() was given a layout's name
   RaySampler sampler;
-  std::optional<RaySampler> cover;                 ///< for BlendTable::cover
+  std::optional<RaySampler> cover;                 ///< for BlendTable::cover and for two bands
   int vignetting_scale = 0;                        ///< 0: nothing to undo
   std::vector<TileRun> rows;                       ///< of every grid, then of every grid of the cover
   std::vector<std::vector<std::uint32_t>> places;  ///< by grid, for scattered layouts; else empty
@@ -266,17 +266,19 @@ void TableCompiler::Work::compile_rows(const RaySampler& rays, int first, int be
       low_band.emplace(rays, static_cast<int>(g), empty, places[g], low_sizes, vignetting_scale);
     }
     for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
-      samples.sample(sampled, static_cast<int>(g), r - first);
-      TileRun& row = rows[static_cast<std::size_t>(r)];
-      row = TileRun{};
-      for (TileSamples& tile : samples.tiles()) {
-        if (&rays != &sampler && !any_shared(tile)) {
-          for (std::vector<RaySample>& at : tile.at) at.clear();
+      if (&rays == &sampler || rays.options().cover) {
+        samples.sample(sampled, static_cast<int>(g), r - first);
+        TileRun& row = rows[static_cast<std::size_t>(r)];
+        row = TileRun{};
+        for (TileSamples& tile : samples.tiles()) {
+          if (&rays != &sampler && !any_shared(tile)) {
+            for (std::vector<RaySample>& at : tile.at) at.clear();
+          }
+          builder.append(tile, row);
         }
-        builder.append(tile, row);
+        row.records.shrink_to_fit();
+        row.weights.shrink_to_fit();
       }
-      row.records.shrink_to_fit();
-      row.weights.shrink_to_fit();
       if (low_band && (r - first) % empty.block_rows() == 0) {
         const int block_row = (r - first) / empty.block_rows();
         low[g][static_cast<std::size_t>(block_row)] = low_band->compile(block_row);
@@ -328,7 +330,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     for (const blend::LowGrid& low : work_->low[g]) append(low, table.grids[g].low);
   }
   for (std::size_t h = 0; h < work_->low_sizes.size(); ++h) table.sources[h].low_size = work_->low_sizes[h];
-  if (work_->cover) {
+  if (work_->cover && sampler.options().cover) {
     if (Status added = add_grids(table.cover); !added) return fail(added.error());
   }
   if (table.grids[0].records.empty()) {
