@@ -73,13 +73,13 @@ struct Input : CalibratedPictures {
 /// Pictures without a calibration.
 Result<Input> input_from_pictures(Context& context, const Args& args) {
   Console& console = context.console();
-  const Result<std::vector<std::string>> files = own_picture_files(args.inputs);
-  if (!files) return fail(files.error());
+  const Result<OwnPictureSets> own = own_pictures(args.inputs);
+  if (!own) return fail(own.error());
   Result<FirstCalibration> first = fail(Errc::kInternal, "");
   {
     Progress bar(console, "matching", 1000);
     first = interruptible(console, [&] {
-      return first_calibration(*files, [&](double done, const std::string& what) {
+      return first_calibration(own->sets[own->sets.size() / 2], own->names, [&](double done, const std::string& what) {
         bar.update(static_cast<std::uint64_t>(1000 * done), what);
       });
     });

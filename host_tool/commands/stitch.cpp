@@ -69,26 +69,47 @@ PixelFormat raymap_format(PixelFormat pictures, int bits) {
   return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
 }
 
-/// The name of a file that belongs to the raymap `out`: sphere.jpg, ".rig.json" -> sphere.rig.json.
+/// The name of a file that belongs to the raymaps `out`: sphere.jpg or sphere-%04d.jpg, ".rig.json" -> sphere.rig.json.
 std::string beside(const std::string& out, const std::string& ending) {
-  return std::filesystem::path(out).replace_extension(ending).string();
+  const std::filesystem::path path(out);
+  std::string name = path.stem().string();
+  if (has_number(out)) {
+    const std::size_t from = name.find('%');
+    name.erase(from, name.find('d', from) + 1 - from);
+    name.erase(name.find_last_not_of("-_.") + 1);
+    if (name.empty()) name = "sphere";
+  }
+  return (path.parent_path() / (name + ending)).string();
+}
+
+Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
+  if (const Status good = check_output(out, sets); !good) return good;
+  if (sets.size() == 1 || has_number(out)) return {};
+  return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
+                                           "its own; put %04d into it",
+                                           out, sets.size()));
 }
 
 /// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
 Status calibrate(Console& console, Job& job) {
-  const Result<std::vector<std::string>> files = own_picture_files(job.args.inputs);
-  if (!files) return fail(files.error());
-  if (const Status good = check_output(job.args.out, {*files}); !good) return good;
+  const Result<OwnPictureSets> own = own_pictures(job.args.inputs);
+  if (!own) return fail(own.error());
+  if (const Status good = check_names(job.args.out, own->sets); !good) return good;
+  const std::vector<std::string>& files = own->sets[own->sets.size() / 2];
   Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
     bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
   };
   Result<FirstCalibration> first =
-      first_calibration(*files, [&](double done, const std::string& what) { show(0, done, what); });
+      first_calibration(files, own->names, [&](double done, const std::string& what) { show(0, done, what); });
   if (!first) return fail(first.error());
   job.confidence = first->confidence;
   job.input.notes = first->notes;
+  if (own->sets.size() > 1) {
+    job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own->sets.size() / 2 + 1,
+                                          own->sets.size(), files.front()));
+  }
   const Result<registration::Report> report =
       refined(*first, [&](double done, const std::string& what) { show(0.5, done, what); });
   if (report) {
@@ -101,7 +122,10 @@ Status calibrate(Console& console, Job& job) {
     job.input.notes.push_back("the pictures' light is not matched: " + report.error().message);
   }
   job.input.calibration = report ? report->calibration : first->calibration;
-  job.input.sets = {first->placed};
+  for (const std::vector<std::string>& set : own->sets) {
+    job.input.sets.emplace_back();
+    for (const std::size_t head : first->heads) job.input.sets.back().push_back(set[head]);
+  }
   return write_file(beside(job.args.out, ".rig.json"), to_json(job.input.calibration));
 }
 
@@ -124,13 +148,7 @@ Result<Job> make_job(Console& console, const Args& args) {
     if (!input) return fail(input.error());
     job.input = std::move(*input);
   }
-  if (const Status good = check_output(args.out, job.input.sets); !good) return fail(good.error());
-  if (job.input.sets.size() > 1 && !has_number(args.out)) {
-    return fail(Errc::kBadValue,
-                fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
-                            "its own; put %04d into it",
-                            args.out, job.input.sets.size()));
-  }
+  if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
   const Result<double> resolution = offline::resolution_of(job.input.calibration);
   if (!resolution) return fail(resolution.error().in(args.inputs.front()));
   const double natural = layout->width_for_resolution(*resolution);
@@ -234,6 +252,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
       "  nodal stitch rig.json front/ back/ -o s-%04d.jpg         a folder for each head, with a sequence\n"
+      "  nodal stitch front/ back/ -o s-%04d.jpg                  the same, calibrated by the middle of it\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"

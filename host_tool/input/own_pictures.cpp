@@ -27,15 +27,17 @@ bool is_folder(const std::string& path) {
   return fs::is_directory(path, error);
 }
 
-/// The files' names without their endings if all of them can be heads' names, else cam0, cam1 and so on.
-std::vector<std::string> head_names(const std::vector<std::string>& files) {
+/// The last parts of the paths, of files without their endings, if all of them can be heads' names; else cam0, cam1 and so
+/// on.
+std::vector<std::string> head_names(const std::vector<std::string>& paths) {
   std::vector<std::string> names, numbered;
   std::set<std::string> different;
   const auto plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '.' || c == '_' || c == '-'; };
   bool good = true;
-  for (const std::string& file : files) {
+  for (const std::string& path : paths) {
     numbered.push_back("cam" + std::to_string(names.size()));
-    names.push_back(fs::path(file).stem().string());
+    const fs::path whole = fs::path(path).lexically_normal();
+    names.push_back((whole.has_filename() ? whole : whole.parent_path()).stem().string());
     good = good && !names.back().empty() && names.back().size() <= 64 && std::ranges::all_of(names.back(), plain) &&
            different.insert(names.back()).second;
   }
@@ -63,7 +65,9 @@ bool is_picture(const std::string& path) {
   return claims || media::read_image_header(path).has_value();
 }
 
-Result<std::vector<std::string>> own_picture_files(const std::vector<std::string>& arguments) {
+Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
+  const bool sequences = arguments.size() > 1 && std::ranges::all_of(arguments, is_folder);
+  OwnPictureSets own;
   std::vector<std::string> files;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
@@ -73,12 +77,26 @@ Result<std::vector<std::string>> own_picture_files(const std::vector<std::string
     }
     const std::vector<std::string> inside = media::pictures_in(argument);
     if (inside.empty()) return fail(Errc::kNotFound, argument + ": there is no picture in this folder");
-    files.insert(files.end(), inside.begin(), inside.end());
+    if (!sequences) {
+      files.insert(files.end(), inside.begin(), inside.end());
+      continue;
+    }
+    if (own.sets.empty()) own.sets.resize(inside.size());
+    if (inside.size() != own.sets.size()) {
+      return fail(Errc::kBadValue,
+                  fmt::format("{} has {} pictures, and {} has {}; with a folder for each head, every head needs one "
+                              "for each set",
+                              argument, inside.size(), arguments.front(), own.sets.size()));
+    }
+    for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].push_back(inside[n]);
   }
-  return files;
+  own.names = head_names(sequences ? arguments : files);
+  if (!sequences) own.sets = {std::move(files)};
+  return own;
 }
 
-Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const OwnProgress& progress) {
+Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const std::vector<std::string>& names,
+                                           const OwnProgress& progress) {
   std::vector<DecodedImage> images, grey;
   for (const std::string& file : files) {
     progress(0.3 * static_cast<double>(images.size()) / static_cast<double>(files.size()), "reading " + file);
@@ -99,13 +117,14 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
     if (exif.orientation != 1) turned.push_back(files[n]);
   }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
-  Result<autocalibration::Found> found = autocalibration::autocalibrate(grey, head_names(files), options);
+  Result<autocalibration::Found> found = autocalibration::autocalibrate(grey, names, options);
   if (!found) return fail(found.error());
   FirstCalibration first;
   first.calibration = std::move(found->calibration);
   std::vector<bool> used(files.size());
   for (const std::size_t n : found->placed) {
     used[n] = true;
+    first.heads.push_back(n);
     first.placed.push_back(files[n]);
     first.images.push_back(std::move(images[n]));
   }

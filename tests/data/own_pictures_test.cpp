@@ -43,6 +43,12 @@ double degrees_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
 
+Result<FirstCalibration> calibrated(const std::vector<std::string>& files) {
+  const auto own = own_pictures(files);
+  if (!own) return fail(own.error());
+  return first_calibration(own->sets.at(0), own->names, kSilent);
+}
+
 TEST_F(OwnPictures, Synthetic10head_RotationsFromNothing) {
   const fs::path folder = data("synthetic_10head");
   need(folder / "rig_gt.json");
@@ -51,7 +57,7 @@ TEST_F(OwnPictures, Synthetic10head_RotationsFromNothing) {
   ASSERT_TRUE(truth) << truth.error().text();
   std::vector<std::string> files;
   for (const std::string& image : truth->images) files.push_back((folder / image).string());
-  const auto first = first_calibration(files, kSilent);
+  const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
   ASSERT_EQ(first->placed, files);
   // Every head has a lens of its own there, up to 1 % apart, and matching knows only one for all.
@@ -69,7 +75,7 @@ TEST_F(OwnPictures, APictureOfSomethingElse_IsLeftOutAndNamed) {
   std::vector<std::string> files;
   for (int h = 0; h < 10; ++h) files.push_back((folder / ("cam" + std::to_string(h) + ".png")).string());
   files.insert(files.begin() + 4, other.string());
-  const auto first = first_calibration(files, kSilent);
+  const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
   EXPECT_EQ(first->placed.size(), 10U);
   ASSERT_EQ(first->notes.size(), 2U) << "the picture, and no edges to tell what is up";
@@ -84,7 +90,7 @@ TEST_F(OwnPictures, Stitchem3cam_StandsUprightAsItsOwnersLevelledIt) {
   ASSERT_TRUE(owners) << owners.error().text();
   std::vector<std::string> files;
   for (int h = 0; h < 3; ++h) files.push_back((folder / ("input-0" + std::to_string(h) + ".jpg")).string());
-  const auto first = first_calibration(files, kSilent);
+  const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
   ASSERT_EQ(first->placed.size(), 3U);
   for (std::size_t h = 0; h < 3; ++h) {
@@ -104,7 +110,7 @@ TEST_F(OwnPictures, GoproFusion_FieldOfViewAndHorizon) {
   const fs::path front = folder / "FR" / "GPFR0003_img1.jpg", back = folder / "BK" / "GPBK0003_img1.jpg";
   need(front);
   if (IsSkipped()) return;
-  const auto first = first_calibration({front.string(), back.string()}, kSilent);
+  const auto first = calibrated({front.string(), back.string()});
   ASSERT_TRUE(first) << first.error().text();
   ASSERT_EQ(first->placed.size(), 2U);
   const HeadCalibration& head = first->calibration.heads[0];
