@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "hal/wake_ups.h"
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
@@ -152,6 +153,8 @@ class HeadPort {
 
   /// The next frame, nothing if none is due, or an error: kWrongState if not started.
   virtual Result<std::optional<FrameView>> take_frame() = 0;
+  /// Adds what wakes a thread for the next frame, after take_frame() found none. May end the sleep early, never late.
+  virtual void add_wake_ups(WakeUps& to) const = 0;
   /// Ignores a slot that is not lent.
   virtual void release(BufferSlot slot) = 0;
   virtual HeadRecoveries recoveries() const { return {}; }

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include "hal/wake_ups.h"
 #include "protocol/base/result.h"
 
 namespace nodal::hal {
@@ -30,6 +31,8 @@ class LinkPort {
   virtual Result<std::size_t> read(std::span<std::uint8_t> into) = 0;
   /// Writes bytes of `from` and returns their number; 0 if the peer does not read now.
   virtual Result<std::size_t> write(std::span<const std::uint8_t> from) = 0;
+  /// Adds what wakes a thread when read() or write() can go on.
+  virtual void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const = 0;
   /// The peer's name for messages: "unix:/run/nodal.sock", "usb:1-2".
   virtual const std::string& peer() const = 0;
   /// The process that connected; nothing where the kernel does not report it, as for pipes and USB.
@@ -46,6 +49,8 @@ class LinkListenerPort {
   virtual ~LinkListenerPort() = default;
   /// A new link, or null if no peer is waiting.
   virtual Result<std::unique_ptr<LinkPort>> accept() = 0;
+  /// Adds what wakes a thread when a peer waits.
+  virtual void add_wake_ups(WakeUps& to) const = 0;
 };
 
 }  // namespace nodal::hal

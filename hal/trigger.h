@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "hal/wake_ups.h"
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 
@@ -51,6 +52,9 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
+  /// Adds what wakes a thread for the next edge, after take_edge() found none. Edges whose times are known only after a
+  /// frame of theirs has arrived need not wake it; they are kept until then.
+  virtual void add_wake_ups(WakeUps& to) const = 0;
   /// The default is for ports without such losses.
   virtual TriggerCounts counts() const { return {}; }
   /// For ending the program while the thread of this port hangs: sets the line to its inactive level for good; start()

@@ -75,6 +75,13 @@ bool Capture::step(Instant now) {
   return busy;
 }
 
+void Capture::add_wake_ups(hal::WakeUps& to) const {
+  for (const CaptureHead& head : heads_) head.add_wake_ups(to);
+  genlock_.add_wake_ups(to);
+  if (!open_.empty()) to.at(due(open_.front()));
+  to.at(next_report_);
+}
+
 void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
   clock_.restart(rate, genlocked, now);
   pulse_drift_.restart(rate);

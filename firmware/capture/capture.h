@@ -83,6 +83,9 @@ class Capture {
 
   /// True when it did something.
   bool step(Instant now);
+  /// Adds what wakes the thread, after step() returned false: the heads, the trigger, its own deadlines. Commands and
+  /// loans that come back wake it too, by a bell.
+  void add_wake_ups(hal::WakeUps& to) const;
   /// Stops heads and trigger. The blend must have released every set before.
   void close();
 
@@ -122,6 +125,7 @@ class Capture {
   OpenSet* open_set(SetClock::Slot slot);
   bool close_complete_sets();
   bool close_due_sets(Instant now);
+  Instant due(const OpenSet& open) const;
   bool complete(const OpenSet& open) const;
   void close_oldest();
   void describe(const OpenSet& open);

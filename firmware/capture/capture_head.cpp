@@ -104,6 +104,11 @@ bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
   return true;
 }
 
+void CaptureHead::add_wake_ups(hal::WakeUps& to) const {
+  if (streaming()) port_->add_wake_ups(to);
+  else if (!gone_ && !restarting_ && next_try_) to.at(*next_try_);
+}
+
 void CaptureHead::open(Instant) {
   auto opened = enumerator_.open(path_);
   if (!opened) {

@@ -70,6 +70,9 @@ class CaptureHead {
   /// The next frame if it is good. A bad frame is counted under its reason and released, and nothing is returned.
   std::optional<hal::FrameView> take_frame();
 
+  /// Adds what wakes capture for this head, after step() and take_frame() did nothing.
+  void add_wake_ups(hal::WakeUps& to) const;
+
   /// The caller passes every frame from take_frame() to one of these two.
   void lose(const hal::FrameView& frame, LossReason reason);
   void hold(const hal::FrameView& frame);

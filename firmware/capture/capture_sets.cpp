@@ -112,11 +112,14 @@ bool Capture::close_complete_sets() {
   return any;
 }
 
+Instant Capture::due(const OpenSet& open) const {
+  return clock_.middle_of(open.slot) + clock_.period() * kHalfPeriodsToWait / 2;
+}
+
 bool Capture::close_due_sets(Instant now) {
   bool any = close_complete_sets();
   while (!open_.empty()) {
-    const Instant deadline = clock_.middle_of(open_.front().slot) + clock_.period() * kHalfPeriodsToWait / 2;
-    if (now < deadline) break;
+    if (now < due(open_.front())) break;
     close_oldest();
     close_complete_sets();
     any = true;

@@ -1,10 +1,20 @@
 #pragma once
 
+#include <sys/eventfd.h>
+#include <unistd.h>
+
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <system_error>
+#include <utility>
+
+#include "hal/clock.h"
+#include "hal/linux/link/wait.h"
+#include "hal/wake_ups.h"
 
 namespace nodal::daemon {
 
@@ -42,6 +52,63 @@ class Bell {
   std::atomic<int> sleepers_{0};
   std::mutex mutex_;
   std::condition_variable condition_;
+};
+
+/// Wakes one thread that also sleeps for its ports. count() and ring() as of Bell: ring() is a system call only while the
+/// thread sleeps.
+///
+/// Threading: ring() and count() from any thread, wait() from one.
+/// Ownership: owns a descriptor; the clock outlives it.
+/// Errors: the constructor throws std::system_error when the system refuses the descriptor.
+class PortBell {
+ public:
+  explicit PortBell(hal::ClockPort& clock) : clock_(clock), event_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+    if (event_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
+  }
+  ~PortBell() { ::close(event_); }
+  PortBell(const PortBell&) = delete;
+  PortBell& operator=(const PortBell&) = delete;
+
+  std::uint64_t count() const { return rung_.load(); }
+
+  void ring() {
+    rung_.fetch_add(1);
+    if (sleeps_.load()) ::eventfd_write(event_, 1);
+  }
+
+  /// Sleeps until it is rung or something of `ports` wakes the thread, at most kLongest; `ports` must have room for one more
+  /// descriptor. Call it after the thread found no work.
+  ///
+  /// A port may wake the thread and then have nothing to do for it, again and again: a driver's error that lasts, or a time
+  /// that has passed. The thread then polls its ports every kPoll, which uses little of a core.
+  void wait(std::uint64_t heard, const hal::WakeUps& ports) {
+    const Instant now = clock_.now();
+    const bool passed = ports.at() && *ports.at() <= now;
+    const bool poll = std::exchange(by_port_, false) || passed;
+    hal::WakeUps wake_ups = poll ? hal::WakeUps() : ports;
+    wake_ups.on({event_, true, false});
+    sleeps_.store(true);
+    if (rung_.load() == heard) {
+      const bool by_descriptor = hal::wait_for(wake_ups, now, poll ? kPoll : kLongest);
+      by_port_ = !poll && by_descriptor && rung_.load() == heard;
+    }
+    sleeps_.store(false);
+    eventfd_t rings = 0;
+    ::eventfd_read(event_, &rings);
+  }
+
+  /// Call it after the thread found work.
+  void worked() { by_port_ = false; }
+
+ private:
+  static constexpr Duration kLongest = Duration::milliseconds(100);
+  static constexpr Duration kPoll = Duration::milliseconds(1);
+
+  hal::ClockPort& clock_;
+  const int event_;
+  std::atomic<std::uint64_t> rung_{0};
+  std::atomic<bool> sleeps_{false};
+  bool by_port_ = false;  ///< a port's descriptor ended the newest sleep, and no work was found since
 };
 
 }  // namespace nodal::daemon

@@ -88,6 +88,7 @@ class BothTriggers final : public hal::TriggerPort {
     (void)second_.take_edge();  // discarded, because its queue is bounded
     return first_.take_edge();
   }
+  void add_wake_ups(hal::WakeUps& to) const override { first_.add_wake_ups(to); }
   hal::TriggerCounts counts() const override { return first_.counts(); }
 
   void make_safe() noexcept override {

@@ -1,6 +1,5 @@
 #include "firmware/daemon/bridge.h"
 
-#include <poll.h>
 #include <unistd.h>
 
 #include <array>
@@ -9,10 +8,10 @@
 #include <cstdio>
 #include <memory>
 #include <span>
-#include <vector>
 
 #include "firmware/daemon/options.h"
 #include "hal/linux/link/socket_link.h"
+#include "hal/linux/link/wait.h"
 #include "protocol/base/text.h"
 
 namespace nodal::daemon {
@@ -42,12 +41,9 @@ struct Flow {
   }
 };
 
-void wait_for(const Flow& flow, std::vector<pollfd>& waits) {
-  if (flow.rest.empty()) {
-    waits.push_back({hal::link_descriptors(flow.from).read_from, POLLIN, 0});
-  } else {
-    waits.push_back({hal::link_descriptors(flow.to).write_to, POLLOUT, 0});
-  }
+void add_wake_ups(const Flow& flow, hal::WakeUps& to) {
+  if (flow.rest.empty()) flow.from.add_wake_ups(to, true, false);
+  else flow.to.add_wake_ups(to, false, true);
 }
 
 }  // namespace
@@ -67,10 +63,10 @@ int run_bridge(const std::string& path) {
   Flow to_host{**rig, **host};
   // After one end closes, the bytes that it sent before are still passed on.
   while (to_rig.move() && to_host.move()) {
-    std::vector<pollfd> waits;
-    wait_for(to_rig, waits);
-    wait_for(to_host, waits);
-    ::poll(waits.data(), waits.size(), -1);
+    hal::WakeUps wake_ups;
+    add_wake_ups(to_rig, wake_ups);
+    add_wake_ups(to_host, wake_ups);
+    hal::wait_for(wake_ups, Instant(), Duration::seconds(60));
   }
   return kExitFine;
 }

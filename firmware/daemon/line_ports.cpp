@@ -83,6 +83,7 @@ class MissingTrigger final : public hal::TriggerPort {
   }
   void stop() override {}
   Result<std::optional<hal::TriggerEdge>> take_edge() override { return fail(Errc::kDeviceGone, why_.message); }
+  void add_wake_ups(hal::WakeUps&) const override {}
   void make_safe() noexcept override { safe_.store(true); }
 
  private:

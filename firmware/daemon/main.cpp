@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cinttypes>
 #include <csignal>
@@ -35,6 +36,9 @@ using std::chrono::milliseconds;
 /// Limits of the time from the signal to the end of the process, which must be below 2 s, and of the farewell to hosts.
 constexpr milliseconds kEndWithin{1800};
 constexpr milliseconds kFarewellWithin{900};
+/// Limits of one jump of virtual time, which goes from event to event.
+constexpr Duration kShortestJump = Duration::microseconds(100);
+constexpr Duration kLongestJump = Duration::milliseconds(20);
 
 int give_up(const Error& error, int exit_code) {
   log_line(LogLevel::kError, error.text());
@@ -114,16 +118,17 @@ void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfi
   hooks.log = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
   hooks.waits_for = [&deadline](const char* thread) { deadline.waits_for(thread); };
   if (ports.has_virtual_time()) {
-    hooks.idle_capture = [&ports, &rig] {
+    hooks.advance = [&ports, &rig](Instant next) {
+      const Duration step = std::clamp(next - ports.ports().clock.now(), kShortestJump, kLongestJump);
       // Before a calibration is in force, virtual time runs no faster than real time.
-      if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(milliseconds(1));
-      ports.advance(Duration::milliseconds(1));
+      if (rig.blender().counts().adopted.load() == 0) std::this_thread::sleep_for(std::chrono::nanoseconds(step.ns()));
+      ports.advance(step);
     };
   }
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
   const int blend_threads = options.blend_threads > 0 ? options.blend_threads : static_cast<int>(cores);
   {
-    const RigThreads threads(rig, blend_threads, hooks);
+    const RigThreads threads(rig, ports.ports().clock, blend_threads, hooks);
     wait_for_signal(rig, deadline);
   }
   deadline.waits_for("closing the heads and the trigger");

@@ -10,17 +10,12 @@
 namespace nodal::daemon {
 namespace {
 
-using std::chrono::microseconds;
-using std::chrono::milliseconds;
-
-constexpr microseconds kPollDevices{500};       ///< the longest delay of a frame
-constexpr microseconds kPollSockets{1000};      ///< with hosts connected
-constexpr microseconds kPollListeners{10'000};  ///< without hosts
-constexpr microseconds kSleep{100'000};         ///< timeout of threads that a bell wakes
+constexpr std::chrono::microseconds kSleep{100'000};  ///< timeout of threads that only a bell wakes
 
 }  // namespace
 
-RigThreads::RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks) : rig_(rig), hooks_(std::move(hooks)) {
+RigThreads::RigThreads(firmware::Rig& rig, hal::ClockPort& clock, int blend_threads, Hooks hooks)
+    : rig_(rig), hooks_(std::move(hooks)), capture_bell_(clock), control_bell_(clock) {
   try {
     start(blend_threads);
   } catch (...) {
@@ -45,7 +40,8 @@ void RigThreads::start(int blend_threads) {
 
 void RigThreads::stop() {
   stop_.store(true);
-  for (Bell* bell : {&capture_bell_, &blend_bell_, &encode_bell_, &keeper_bell_, &control_bell_}) bell->ring();
+  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_}) bell->ring();
+  for (PortBell* bell : {&capture_bell_, &control_bell_}) bell->ring();
   for (Named& each : threads_) {
     hooks_.waits_for(each.name);
     each.thread.join();
@@ -58,20 +54,33 @@ bool RigThreads::frame_path_empty() const {
 }
 
 void RigThreads::capture() {
+  std::uint64_t sets = 0;
   while (!stop_.load()) {
     const auto heard = capture_bell_.count();
+    firmware::Capture& capture = rig_.capture();
+    const bool asked = !capture.commands().empty();
     if (rig_.step_capture()) {
-      blend_bell_.ring();
-      control_bell_.ring();  // for changes of heads and answers to commands
-    } else if (hooks_.idle_capture && frame_path_empty()) {
-      hooks_.idle_capture();
+      capture_bell_.worked();
+      const std::uint64_t now = capture.report().sets;
+      const bool set = std::exchange(sets, now) != now;
+      if (set) blend_bell_.ring();
+      if (set || asked) control_bell_.ring();  // for hosts that receive the heads' pictures; for the answers
+      continue;
+    }
+    hal::WakeUps wake_ups;
+    capture.add_wake_ups(wake_ups);
+    if (hooks_.advance && frame_path_empty()) {
+      hooks_.advance(*wake_ups.at());
     } else {
-      capture_bell_.wait(heard, kPollDevices);
+      capture_bell_.wait(heard, wake_ups);
     }
   }
 }
 
 void RigThreads::blend() {
+  const firmware::Blender::Counts& counts = rig_.blender().counts();
+  std::uint64_t finished = 0;
+  std::uint64_t adopted = 0;
   while (!stop_.load()) {
     const auto heard = blend_bell_.count();
     if (!rig_.step_blend()) {
@@ -79,8 +88,11 @@ void RigThreads::blend() {
       continue;
     }
     blend_bell_.ring();
-    encode_bell_.ring();
-    keeper_bell_.ring();
+    if (const auto now = counts.finished(); std::exchange(finished, now) != now) {
+      encode_bell_.ring();
+      capture_bell_.ring();  // the heads get their buffers back
+    }
+    if (const auto now = counts.adopted.load(); std::exchange(adopted, now) != now) keeper_bell_.ring();
   }
 }
 
@@ -89,7 +101,8 @@ void RigThreads::encode() {
     const auto heard = encode_bell_.count();
     if (rig_.step_encode()) {
       control_bell_.ring();
-      blend_bell_.ring();  // the blend may wait for room in the encoder's ring
+      blend_bell_.ring();                        // the blend may wait for room in the encoder's ring
+      if (hooks_.advance) capture_bell_.ring();  // virtual time waits for the end of the frame path
     } else {
       encode_bell_.wait(heard, kSleep);
     }
@@ -117,11 +130,14 @@ void RigThreads::control() {
     const bool busy = rig_.step_control();
     for (const std::string& sentence : rig_.control().take_news()) hooks_.log(sentence);
     if (busy) {
+      control_bell_.worked();
       keeper_bell_.ring();
       capture_bell_.ring();
       encode_bell_.ring();
     } else {
-      control_bell_.wait(heard, rig_.control().clients() > 0 ? kPollSockets : kPollListeners);
+      hal::WakeUps wake_ups;
+      rig_.control().add_wake_ups(wake_ups);
+      control_bell_.wait(heard, wake_ups);
     }
   }
 }

@@ -11,22 +11,24 @@
 namespace nodal::daemon {
 
 /// The rig's threads: capture, encode, keeper, control, and `blend_threads` that blend. Each thread calls its stage until
-/// there is no work. Then it sleeps until another thread rings its bell or, to poll devices and sockets, for a fixed time
-/// (see threads.cpp).
+/// there is no work. Then it sleeps until another thread rings its bell; capture and control also until one of their ports
+/// wakes them.
 ///
 /// Threading: start and stop on main.
 /// Ownership: the rig outlives it.
-/// Errors: the constructor throws std::system_error when the system refuses a thread; then none is left.
+/// Errors: the constructor throws std::system_error when the system refuses a thread or a bell; then no thread is left.
 class RigThreads {
  public:
   struct Hooks {
     std::function<void(const std::string&)> log;  ///< called on the control thread with a sentence
-    /// Called on the capture thread while the frame path is empty; may be empty.
-    std::function<void()> idle_capture;
+    /// Advances virtual time; empty when time is real. Called on the capture thread while the frame path is empty, with the
+    /// time of its next event.
+    std::function<void(Instant)> advance;
     std::function<void(const char*)> waits_for;  ///< called on main with the name of the thread that is joined next
   };
 
-  RigThreads(firmware::Rig& rig, int blend_threads, Hooks hooks);
+  /// The clock is the rig's.
+  RigThreads(firmware::Rig& rig, hal::ClockPort& clock, int blend_threads, Hooks hooks);
   /// Stops and joins.
   ~RigThreads();
 
@@ -43,7 +45,8 @@ class RigThreads {
   firmware::Rig& rig_;
   const Hooks hooks_;
   std::atomic<bool> stop_{false};
-  Bell capture_bell_, blend_bell_, encode_bell_, keeper_bell_, control_bell_;
+  PortBell capture_bell_, control_bell_;
+  Bell blend_bell_, encode_bell_, keeper_bell_;
   struct Named {
     const char* name;
     std::thread thread;

@@ -86,11 +86,21 @@ Error displaced(const std::string& why) {
 
 }  // namespace
 
+std::size_t Admission::links_at(const Listener& listener, const Clients& clients) {
+  return static_cast<std::size_t>(std::count_if(
+      clients.begin(), clients.end(), [&](const auto& client) { return client->access() == listener.access; }));
+}
+
+void Admission::add_wake_ups(const Clients& clients, hal::WakeUps& to) const {
+  for (const Listener& listener : listeners_) {
+    if (links_at(listener, clients) < places(kMaxLinks, listener.access)) listener.port->add_wake_ups(to);
+  }
+}
+
 bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)>& hello, Instant now) {
   bool any = false;
   for (const Listener& listener : listeners_) {
-    auto links = static_cast<std::size_t>(std::count_if(
-        clients.begin(), clients.end(), [&](const auto& client) { return client->access() == listener.access; }));
+    std::size_t links = links_at(listener, clients);
     for (std::size_t i = 0; i < kAcceptsAStep && links < places(kMaxLinks, listener.access); ++i, ++links) {
       auto link = listener.port->accept();
       if (!link || !*link) break;

@@ -33,6 +33,8 @@ class Admission {
 
   /// Accepts waiting links. `hello` makes the rig's hello. True when there was a link.
   bool accept(Clients& clients, const std::function<wire::Hello(Access)>& hello, Instant now);
+  /// Adds what wakes control when a host connects, unless there are too many links to accept one.
+  void add_wake_ups(const Clients& clients, hal::WakeUps& to) const;
   /// Closes the connections over the limits. Call it after bytes were read, so that a received hello counts.
   void close_excess(Clients& clients, Instant now);
   /// Whether this client may begin to pull or upload. Beyond the limit, first closes a stalled host, or else one of a user
@@ -56,6 +58,9 @@ class Admission {
   }
 
  private:
+  /// The number of links at a listener's level of access.
+  static std::size_t links_at(const Listener& listener, const Clients& clients);
+
   std::vector<Listener> listeners_;
   std::uint64_t next_number_ = 1;
 };

@@ -135,4 +135,9 @@ bool Client::pump_out(Instant now) {
   return any;
 }
 
+void Client::add_wake_ups(hal::WakeUps& to) {
+  if (gone_) return;
+  link_->add_wake_ups(to, !ending() && session_.wants_input(), !session_.output().empty());
+}
+
 }  // namespace nodal::firmware

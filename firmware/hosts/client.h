@@ -39,6 +39,8 @@ class Client {
   bool pump_in(Instant now);
   /// Writes bytes, as many as the link accepts. True when it did something.
   bool pump_out(Instant now);
+  /// Adds what wakes control for this host's link, after both found nothing to do.
+  void add_wake_ups(hal::WakeUps& to);
   /// Closes the connection; the farewell with the reason is still sent.
   void end(const Error& why, Instant now);
   /// Call on a hello: resets the idle time.

@@ -29,6 +29,7 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
 Control::~Control() = default;
 
 bool Control::step(Instant now) {
+  now_ = now;
   operation_.begin_step(now);
   bool busy = false;
   if (!operation_.asked_to_end()) {
@@ -48,6 +49,12 @@ bool Control::step(Instant now) {
   operation_.end_step(Publisher::lossless_wanted(clients_), now);
   end(now);
   return busy;
+}
+
+void Control::add_wake_ups(hal::WakeUps& to) const {
+  to.at(now_ + operation_.step_every());
+  if (!operation_.asked_to_end()) admission_.add_wake_ups(clients_, to);
+  for (const auto& client : clients_) client->add_wake_ups(to);
 }
 
 void Control::end(Instant now) {

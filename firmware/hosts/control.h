@@ -39,6 +39,10 @@ class Control {
   /// True when it did something.
   bool step(Instant now);
 
+  /// Adds what wakes the thread, after step() returned false: hosts and their links, and the operation's deadlines. Other
+  /// stages wake it too, by a bell.
+  void add_wake_ups(hal::WakeUps& to) const;
+
   /// Sentences for the log since the last call: connections of hosts, changes of the state.
   std::vector<std::string> take_news() { return operation_.news().take(); }
   const Health& health() const { return operation_.health(); }
@@ -98,6 +102,7 @@ class Control {
   Operation operation_;
   Admission admission_;
   const Instant started_;
+  Instant now_;  ///< time of the newest step
 
   Clients clients_;
   std::size_t first_served_ = 0;  ///< index of the client that is served first; rises by one each step

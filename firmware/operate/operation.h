@@ -49,10 +49,14 @@ class Operation {
   Operation(const RigConfig& config, const Stages& stages, hal::WatchdogPort* watchdog, const PanelPins& panel,
             Instant now);
 
+  static constexpr Duration kStepEvery = Duration::milliseconds(20);
+
   /// First call of a step, before commands: reads the stages' newest reports and restores stored settings.
   void begin_step(Instant now);
   /// Call after the commands of a step. Returns the answers that arrived since the last call.
   std::vector<Answer> take_answers(Instant now);
+  /// The longest time between two steps.
+  Duration step_every() const { return panel_.present() ? Panel::kStepEvery : kStepEvery; }
   /// Last call of a step. `lossless`: a client pulls without loss, so no raymap may be shed.
   void end_step(bool lossless, Instant now);
 

@@ -58,7 +58,10 @@ class Panel {
         status_{pins.status, "status lamp", false, {}},
         tally_{pins.tally, "tally lamp", false, {}} {}
 
-  /// Call at least every 10 ms. Returns at most one action of the button per call.
+  /// How often step() must be called while the rig has a button or a lamp.
+  static constexpr Duration kStepEvery = Duration::milliseconds(10);
+  bool present() const { return button_ != nullptr || status_.pin != nullptr || tally_.pin != nullptr; }
+  /// Returns at most one action of the button per call.
   std::optional<PanelAction> step(const PanelView& view, Instant now);
   std::optional<std::string> take_problem();
 

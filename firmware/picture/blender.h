@@ -70,6 +70,11 @@ class Blender {
     std::atomic<std::uint64_t> without_buffer{0};       ///< sets: clients still held every buffer
     std::atomic<std::uint64_t> unfit_frames{0};         ///< frames whose size or format the calibration is not for
     std::atomic<std::uint64_t> adopted{0};              ///< calibrations put in force
+
+    /// Rises whenever a set is released.
+    std::uint64_t finished() const {
+      return blended.load() + without_calibration.load() + shed.load() + without_buffer.load();
+    }
   };
   const Counts& counts() const { return counts_; }
   /// Frames of one head that could not be decoded; in those sets the head counts as missing.

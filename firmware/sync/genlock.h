@@ -129,6 +129,10 @@ class Genlock {
   /// The next pulse, for the set clock; nothing if there is none. Call it until it returns nothing, then step().
   std::optional<hal::TriggerEdge> take_edge(Instant now);
   void step(Instant now);
+  /// Adds what wakes capture for the next pulse, after take_edge() found none.
+  void add_wake_ups(hal::WakeUps& to) const {
+    if (port_ != nullptr && running() && !aligned_) port_->add_wake_ups(to);
+  }
   /// Reports a closed set; `unresponsive` are heads that did not carry out a nudge.
   void on_set(const FrameSet& set, const Skews& skews, bool every_present_head, Instant now, HeadMask unresponsive = 0);
 

@@ -59,6 +59,10 @@ class ReplayTrigger final : public TriggerPort {
     return std::optional<TriggerEdge>{edge};
   }
 
+  void add_wake_ups(WakeUps& to) const override {
+    if (running()) to.at(started_ + rate_.start_of(next_));
+  }
+
   void step() {
     if (!running_ || safe_.load()) return;
     const std::uint64_t due = rate_.first_after(clock_.now() - started_);
@@ -166,6 +170,11 @@ class Deck::State::Head final : public HeadPort {
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': pictures cannot be moved in time");
   }
   Result<std::optional<FrameView>> take_frame() override;
+  void add_wake_ups(WakeUps& to) const override {
+    if (!streaming_) return;
+    if (follows_pulses()) deck_.trigger.add_wake_ups(to);
+    else to.at(Instant{} + deck_.options.rate.start_of(next_free_));
+  }
   void release(BufferSlot slot) override {
     if (slot < buffers_.size() && buffers_[slot].lent) buffers_[slot] = {};
   }
@@ -183,6 +192,9 @@ class Deck::State::Head final : public HeadPort {
     if (same) return {};
     return fail(Errc::kBadValue, "head '" + identity_.path + "': the " + what +
                                      " of pictures is what it was when they were taken; leave it out");
+  }
+  bool follows_pulses() const {
+    return mode_ == TriggerMode::kExternal || (mode_ == TriggerMode::kWired && deck_.trigger.running());
   }
   std::uint64_t first_after(Instant now) const { return deck_.options.rate.first_after(now - Instant{}); }
   void skip_to(std::uint64_t& next, std::uint64_t oldest);
@@ -207,7 +219,7 @@ class Deck::State::Head final : public HeadPort {
 };
 
 void Deck::State::Head::step() {
-  if (mode_ == TriggerMode::kExternal || (mode_ == TriggerMode::kWired && deck_.trigger.running())) {
+  if (follows_pulses()) {
     deck_.trigger.step();
     next_free_ = first_after(deck_.clock.now());
     skip_to(next_pulse_, deck_.trigger.oldest());

@@ -179,6 +179,21 @@ void SimHead::step(Instant now) {
   deliver_until(now);
 }
 
+std::optional<Instant> SimHead::next_arrival() const {
+  if (!streaming_) return std::nullopt;
+  if (!exposed_.empty()) return exposed_.front().received;
+  std::optional<Instant> begin;
+  if (mode_ != TriggerMode::kExternal) begin = free_run_begin();
+  if (mode_ != TriggerMode::kFreeRun) {
+    if (const auto pulse = trigger_.next_pulse()) begin = std::min(begin.value_or(*pulse), *pulse);
+  }
+  if (!begin) return std::nullopt;
+  Duration exposure = in_effect_.exposure.duration();
+  for (const Pending& change : changes_) exposure = std::min(exposure, change.settings.exposure.duration());
+  const Duration second_field = options_.fields == Fields::kProgressive ? Duration() : options_.rate.period() / 2;
+  return *begin + second_field + exposure + options_.readout;
+}
+
 /// Exposes by the head's own clock.
 void SimHead::run_free_until(Instant now) {
   std::uint64_t done = 0;

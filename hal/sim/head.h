@@ -154,6 +154,8 @@ class SimHead final : public PulseSink {
   Status nudge(Duration by);
   void change(const HeadSettings& wanted);
   void step(Instant now);
+  /// When the next frame can arrive at the earliest.
+  std::optional<Instant> next_arrival() const;
   void run_free_until(Instant now);
   bool skip_to(Instant now);
   void lose_unseen(std::uint64_t frames);

@@ -47,6 +47,9 @@ class SimHead::Port final : public HeadPort {
     return head_->nudge(by);
   }
   Result<std::optional<FrameView>> take_frame() override;
+  void add_wake_ups(WakeUps& to) const override {
+    if (const auto next = head_ != nullptr ? head_->next_arrival() : std::nullopt) to.at(*next);
+  }
   void release(BufferSlot slot) override {
     if (slot < buffers_.size() && buffers_[slot].state == Buffer::State::kLent) {
       buffers_[slot].state = Buffer::State::kFree;

@@ -36,6 +36,13 @@ Result<std::size_t> SimLink::read(std::span<std::uint8_t> into) {
   return n;
 }
 
+/// At once while it can go on. Nothing else can be known beforehand: the same thread runs the peer.
+void SimLink::add_wake_ups(WakeUps& to, bool to_read, bool to_write) const {
+  const bool something = in_->reset || (!in_->stalled && (!in_->bytes.empty() || in_->writer_gone));
+  const bool room = out_->reset || out_->reader_gone || out_->bytes.size() < out_->capacity;
+  if ((to_read && something) || (to_write && room)) to.at(Instant());
+}
+
 Result<std::size_t> SimLink::write(std::span<const std::uint8_t> from) {
   if (out_->reset) return fail(Errc::kLinkClosed, peer_ + ": the link was reset");
   if (out_->reader_gone) return fail(Errc::kLinkClosed, peer_ + ": the other end closed the link");

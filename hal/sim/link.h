@@ -40,6 +40,7 @@ class SimLink final : public LinkPort {
   // What the program uses.
   Result<std::size_t> read(std::span<std::uint8_t> into) override;
   Result<std::size_t> write(std::span<const std::uint8_t> from) override;
+  void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const override;
   const std::string& peer() const override { return peer_; }
   std::optional<PeerIdentity> identity() const override { return identity_; }
 
@@ -64,6 +65,10 @@ std::pair<std::unique_ptr<SimLink>, std::unique_ptr<SimLink>> make_link_pair(std
 class SimLinkListener final : public LinkListenerPort {
  public:
   Result<std::unique_ptr<LinkPort>> accept() override;
+  /// At once while a peer waits. Nothing else can be known beforehand: the same thread runs the peers.
+  void add_wake_ups(WakeUps& to) const override {
+    if (!knocking_.empty()) to.at(Instant());
+  }
 
   /// Returns the host's end of a new link; the listener will accept the other end, whose peer is this process.
   std::unique_ptr<SimLink> connect(PeerIdentity host = {1000, 4711});

@@ -44,6 +44,9 @@ class SimTrigger final : public TriggerPort {
   Status start(const TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<TriggerEdge>> take_edge() override;
+  void add_wake_ups(WakeUps& to) const override {
+    if (const auto next = next_pulse()) to.at(*next);
+  }
   void make_safe() noexcept override { safe_.store(true); }
 
   // What the test uses.
@@ -55,6 +58,8 @@ class SimTrigger final : public TriggerPort {
 
   // What the rig uses.
   void connect(HeadIndex head, PulseSink* sink) { sinks_[head] = sink; }
+  /// Nothing while it does not run.
+  std::optional<Instant> next_pulse() const { return running() && !gone_ ? std::optional(next_at_) : std::nullopt; }
   /// Sends every pulse due up to `now`; of those between the oldest and the newest kEdgesKept it sends only the count.
   void step(Instant now);
 

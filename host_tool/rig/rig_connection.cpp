@@ -1,14 +1,13 @@
 #include "host_tool/rig/rig_connection.h"
 
 #include <fmt/format.h>
-#include <poll.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <utility>
 
 #include "hal/linux/link/socket_link.h"
+#include "hal/linux/link/wait.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/rig_input.h"
@@ -18,6 +17,7 @@ namespace nodal::host {
 namespace {
 
 constexpr Duration kLookEvery = Duration::seconds(1);
+constexpr Duration kLookForCtrlCEvery = Duration::milliseconds(250);
 constexpr std::string_view kSoftware = "nodal " NODAL_VERSION;
 
 Duration now() {
@@ -39,12 +39,10 @@ tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
 }  // namespace
 
 void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
-  const hal::LinkDescriptors descriptors = hal::link_descriptors(link);
-  std::array<pollfd, 2> fds{};
-  fds[0] = {descriptors.read_from, POLLIN, 0};
-  fds[1] = {to_write ? descriptors.write_to : -1, POLLOUT, 0};
-  const std::int64_t ms = std::clamp<std::int64_t>((at_most.ns() + 999'999) / 1'000'000, 0, 250);
-  poll(fds.data(), fds.size(), static_cast<int>(ms));  // EINTR: the caller checks interrupted()
+  hal::WakeUps wake_ups;
+  link.add_wake_ups(wake_ups, true, to_write);
+  hal::wait_for(wake_ups, Instant(),
+                std::min(at_most, kLookForCtrlCEvery));  // a signal: the caller checks interrupted()
 }
 
 Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience) {

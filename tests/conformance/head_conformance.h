@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <ostream>
@@ -24,6 +25,14 @@ class HeadWorld {
   virtual ClockPort& clock() = 0;
   /// Lets time pass: virtual worlds advance their clock, real ones wait.
   virtual void pass(Duration time) = 0;
+  /// Lets time pass until `wake_ups` ends the sleep, at most `at_most`. Returns whether it did. The default is for worlds
+  /// whose ports report times.
+  virtual bool sleep(const WakeUps& wake_ups, Duration at_most) {
+    const Instant now = clock().now();
+    const Instant until = std::min(wake_ups.at().value_or(now + at_most), now + at_most);
+    if (until > now) pass(until - now);
+    return wake_ups.at() && *wake_ups.at() <= clock().now();
+  }
   /// The source of pulses for the head's trigger input; null if there is none.
   virtual TriggerPort* trigger() { return nullptr; }
   /// Unplugs the head; false if this world cannot.

@@ -22,10 +22,6 @@ class LinkWorld {
   virtual std::unique_ptr<LinkPort> connect() = 0;
   /// Destroys the listener; links stay open.
   virtual void drop_listener() = 0;
-  /// Waits until there is something to read, or room to write, if this world needs time for that.
-  virtual void wait_readable(LinkPort& link) = 0;
-  virtual void wait_writable(LinkPort& link) = 0;
-  virtual void wait_knocking() = 0;
   /// The process that calls connect(), as the rig's end must report it; nothing if the kernel does not report it.
   virtual std::optional<PeerIdentity> host_identity() const = 0;
 };

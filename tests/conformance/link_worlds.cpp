@@ -1,5 +1,4 @@
 // The LinkWorlds of all implementations.
-#include <poll.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -25,22 +24,12 @@ class SimWorld final : public LinkWorld {
     return link;
   }
   void drop_listener() override { listener_.reset(); }
-  void wait_readable(LinkPort&) override {}
-  void wait_writable(LinkPort&) override {}
-  void wait_knocking() override {}
   std::optional<PeerIdentity> host_identity() const override { return PeerIdentity{1000, 4711}; }
 
  private:
   std::uint32_t split_;
   std::unique_ptr<sim::SimLinkListener> listener_ = std::make_unique<sim::SimLinkListener>();
 };
-
-constexpr int kPollMs = 2000;
-
-void wait_for(int fd, short what) {
-  pollfd wait{fd, what, 0};
-  ::poll(&wait, 1, kPollMs);
-}
 
 class SocketWorld final : public LinkWorld {
  public:
@@ -63,9 +52,6 @@ class SocketWorld final : public LinkWorld {
     return link ? std::move(*link) : nullptr;
   }
   void drop_listener() override { listener_.reset(); }
-  void wait_readable(LinkPort& link) override { wait_for(link_descriptors(link).read_from, POLLIN); }
-  void wait_writable(LinkPort& link) override { wait_for(link_descriptors(link).write_to, POLLOUT); }
-  void wait_knocking() override { wait_for(listener_descriptor(*listener_), POLLIN); }
   std::optional<PeerIdentity> host_identity() const override { return PeerIdentity{::getuid(), ::getpid()}; }
 
  private:
@@ -85,6 +71,9 @@ class PipeWorld final : public LinkWorld {
       knocking.pop_front();
       return link;
     }
+    void add_wake_ups(WakeUps& to) const override {
+      if (!knocking.empty()) to.at(Instant());
+    }
     std::deque<std::unique_ptr<LinkPort>> knocking;
   };
   LinkListenerPort& listener() override { return *listener_; }
@@ -95,9 +84,6 @@ class PipeWorld final : public LinkWorld {
     return descriptor_link(down[0], up[1], "pipe:rig").value();
   }
   void drop_listener() override { listener_.reset(); }
-  void wait_readable(LinkPort& link) override { wait_for(link_descriptors(link).read_from, POLLIN); }
-  void wait_writable(LinkPort& link) override { wait_for(link_descriptors(link).write_to, POLLOUT); }
-  void wait_knocking() override {}
   std::optional<PeerIdentity> host_identity() const override { return std::nullopt; }
 
  private:

@@ -1,3 +1,5 @@
+#include <poll.h>
+
 #include "hal/linux/v4l2/enumerator.h"
 #include "hal/sim/clock.h"
 #include "head_conformance.h"
@@ -23,6 +25,17 @@ class V4l2World final : public HeadWorld, public HeadEnumerator {
   void pass(Duration time) override {
     enumerator_.settle();
     clock_.advance(time);
+  }
+  bool sleep(const WakeUps& wake_ups, Duration at_most) override {
+    for (const Instant until = clock_.now() + at_most; clock_.now() < until; pass(Duration::microseconds(250))) {
+      enumerator_.settle();
+      for (const WakeUps::Descriptor& each : wake_ups.descriptors()) {
+        pollfd reports{each.number, POLLIN, 0};
+        if (driver_.is_open(each.number) ? driver_.readable(each.number) : ::poll(&reports, 1, 0) > 0) return true;
+      }
+      if (wake_ups.at() && *wake_ups.at() <= clock_.now()) return true;
+    }
+    return false;
   }
   bool unplug() override {
     driver_.unplug();

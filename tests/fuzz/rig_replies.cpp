@@ -32,6 +32,7 @@ class CannedLink final : public hal::LinkPort {
     return n;
   }
   Result<std::size_t> write(std::span<const std::uint8_t> from) override { return from.size(); }
+  void add_wake_ups(hal::WakeUps&, bool, bool) const override {}
   const std::string& peer() const override { return peer_; }
   std::optional<hal::PeerIdentity> identity() const override { return std::nullopt; }
 

@@ -1,4 +1,5 @@
 // The V4L2 head on the kernel's own driver, with the tests that every head must pass.
+#include "hal/linux/link/wait.h"
 #include "tests/conformance/head_conformance.h"
 #include "vivid.h"
 
@@ -15,6 +16,10 @@ class VividWorld final : public HeadWorld, public HeadEnumerator {
   std::string path() override { return hil::vivid_path(device_); }
   ClockPort& clock() override { return clock_; }
   void pass(Duration time) override { hil::wait_for(time); }
+  bool sleep(const WakeUps& wake_ups, Duration at_most) override {
+    const Instant began = clock_.now();
+    return wait_for(wake_ups, began, at_most) || (wake_ups.at() && *wake_ups.at() < began + at_most);
+  }
   /// vivid reconnects when its last descriptor is closed.
   bool unplug() override {
     hil::set_vivid(device_, hil::kDisconnect, 1);

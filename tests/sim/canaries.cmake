@@ -52,7 +52,7 @@ canary(creeping_head_unnoticed firmware/sync/genlock.cpp
 canary(jumping_head_unnoticed firmware/sync/genlock.cpp
   "return raw.width() <= kSafeLimit && estimates_in_step" "return estimates_in_step")
 canary(set_waits_for_ever firmware/capture/capture_sets.cpp
-  "if (now < deadline) break\;" "if (now < deadline + Duration::seconds(10)) break\;")
+  "if (now < due(open_.front())) break\;" "if (now < due(open_.front()) + Duration::seconds(10)) break\;")
 canary(head_not_looked_for firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
 canary(calibration_not_synced firmware/storage/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")

@@ -47,6 +47,7 @@ class Head::Port final : public hal::HeadPort {
     ++head_->counts_.taken;
     return std::optional<hal::FrameView>{head_->view(slot)};
   }
+  void add_wake_ups(hal::WakeUps&) const override {}  // the swarm's events decide when the rig steps
   void release(hal::BufferSlot slot) override {
     if (!head_ || slot >= head_->buffers_.size()) return;
     Buffer& buffer = head_->buffers_[slot];

@@ -30,7 +30,8 @@ class Trigger final : public hal::TriggerPort {
   Status start(const hal::TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<hal::TriggerEdge>> take_edge() override;
-  void make_safe() noexcept override {}  // the swarm has one thread, so nothing can hang
+  void add_wake_ups(hal::WakeUps&) const override {}  // the swarm's events decide when the rig steps
+  void make_safe() noexcept override {}               // the swarm has one thread, so nothing can hang
 
   // What the swarm controls.
   void lose(int pulses) { lose_ += pulses; }             ///< not sent; their numbers are a gap

@@ -72,6 +72,18 @@ int V4l2Driver::mappings() const {
   return mappings_;
 }
 
+bool V4l2Driver::is_open(int fd) const {
+  const std::lock_guard lock(mutex_);
+  return open_.count(fd) != 0;
+}
+
+bool V4l2Driver::readable(int fd) {
+  const std::lock_guard lock(mutex_);
+  if (open_.at(fd) || !streaming_) return true;
+  expose();
+  return !done_.empty();
+}
+
 int V4l2Driver::open(const std::string& node) {
   const std::lock_guard lock(mutex_);
   if (node != "/dev/video7" || !there_) return -ENOENT;

@@ -56,6 +56,9 @@ class V4l2Driver final : public hal::v4l2::System {
   int calls(unsigned long request) const;
   std::int32_t control(std::uint32_t id) const;
   int open_descriptors() const;
+  bool is_open(int fd) const;
+  /// What poll() says: a frame is due, or there is an error to read.
+  bool readable(int fd);
   int mappings() const;
 
   // What the port uses.

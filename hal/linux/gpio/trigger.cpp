@@ -188,6 +188,13 @@ void GpioTrigger::stop() {
   post(std::move(none));
 }
 
+void GpioTrigger::add_wake_ups(WakeUps& to) const {
+  if (!running_) return;
+  for (const Line* line : {following_ ? input_.get() : read_back_line_.get()}) {
+    if (line != nullptr) to.on({line->descriptor(), true, false});
+  }
+}
+
 Result<std::optional<TriggerEdge>> GpioTrigger::take_edge() {
   if (safe_.load()) return fail(there().error());
   if (!running_) return std::optional<TriggerEdge>{};

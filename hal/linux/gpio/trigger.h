@@ -49,6 +49,8 @@ class GpioTrigger final : public TriggerPort {
   Status start(const TriggerSettings& settings) override;
   void stop() override;
   Result<std::optional<TriggerEdge>> take_edge() override;
+  /// The input lines. Pulses that the thread sends wait in its log for the frames that they expose.
+  void add_wake_ups(WakeUps& to) const override;
   TriggerCounts counts() const override;
   void make_safe() noexcept override;
 

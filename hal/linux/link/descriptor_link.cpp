@@ -115,17 +115,18 @@ Result<std::size_t> DescriptorLink::write(std::span<const std::uint8_t> from) {
   }
 }
 
+void DescriptorLink::add_wake_ups(WakeUps& to, bool to_read, bool to_write) const {
+  if (read_.get() == write_) return to.on({write_, to_read, to_write});
+  to.on({read_.get(), to_read, false});
+  to.on({write_, false, to_write});
+}
+
 Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer) {
   for (const int fd : {read_from, write_to}) {
     if (fcntl(fd, F_GETFD) >= 0) continue;
     return system_error(Errc::kBadValue, peer + ": descriptor " + std::to_string(fd), errno);
   }
   return std::make_unique<DescriptorLink>(Descriptor(read_from), write_to, std::move(peer));
-}
-
-LinkDescriptors link_descriptors(const LinkPort& link) {
-  const auto* known = dynamic_cast<const DescriptorLink*>(&link);
-  return known != nullptr ? known->descriptors() : LinkDescriptors{};
 }
 
 }  // namespace nodal::hal

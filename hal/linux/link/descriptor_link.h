@@ -43,9 +43,9 @@ class DescriptorLink : public LinkPort {
 
   Result<std::size_t> read(std::span<std::uint8_t> into) override;
   Result<std::size_t> write(std::span<const std::uint8_t> from) override;
+  void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const override;
   const std::string& peer() const override { return peer_; }
   std::optional<PeerIdentity> identity() const override { return identity_; }
-  LinkDescriptors descriptors() const { return {read_.get(), write_}; }
 
  protected:
   /// The reason why the other end closed, if known.

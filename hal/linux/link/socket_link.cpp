@@ -84,7 +84,7 @@ class SocketListener final : public LinkListenerPort {
   }
 
   const std::string& address() const { return address_; }
-  int descriptor() const { return socket_.get(); }
+  void add_wake_ups(WakeUps& to) const override { to.on({socket_.get(), true, false}); }
 
  private:
   /// The kernel records the process when the peer connects: unix(7), SO_PEERCRED.
@@ -214,11 +214,6 @@ const std::string& listener_address(const LinkListenerPort& listener) {
   static const std::string kNone;
   const auto* known = dynamic_cast<const SocketListener*>(&listener);
   return known != nullptr ? known->address() : kNone;
-}
-
-int listener_descriptor(const LinkListenerPort& listener) {
-  const auto* known = dynamic_cast<const SocketListener*>(&listener);
-  return known != nullptr ? known->descriptor() : -1;
 }
 
 }  // namespace nodal::hal

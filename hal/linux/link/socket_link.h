@@ -41,14 +41,4 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
 /// same.
 Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer);
 
-/// For a thread that waits for the link with poll(): the descriptors to read from and write to (the same one for a
-/// socket). All I/O still uses LinkPort's calls.
-struct LinkDescriptors {
-  int read_from = -1;
-  int write_to = -1;
-};
-/// The descriptors of a link made by this folder; none for any other link.
-LinkDescriptors link_descriptors(const LinkPort& link);
-int listener_descriptor(const LinkListenerPort& listener);
-
 }  // namespace nodal::hal

@@ -17,6 +17,7 @@ constexpr Duration kSignalEvery = Duration::milliseconds(500);
 void report(Channel& channel, Channel::Report&& report) {
   const std::lock_guard lock(channel.mutex);
   channel.reports.push_back(std::move(report));
+  if (channel.reported >= 0) ::eventfd_write(channel.reported, 1);
 }
 
 /// Applies the newest requested settings, and reads back the device's values.
@@ -164,6 +165,8 @@ void V4l2Head::take_reports() {
   std::vector<Channel::Report> reports;
   {
     const std::lock_guard lock(channel_->mutex);
+    eventfd_t counted = 0;
+    if (!channel_->reports.empty() && channel_->reported >= 0) ::eventfd_read(channel_->reported, &counted);
     reports.swap(channel_->reports);
   }
   for (Channel::Report& each : reports) {
@@ -250,6 +253,15 @@ Result<std::optional<FrameView>> V4l2Head::take_frame() {
   }
   if (state_ == State::kFailed) return fail(*final_);
   return std::optional<FrameView>{};
+}
+
+/// Without descriptors for reports the caller looks for them at its own interval.
+void V4l2Head::add_wake_ups(WakeUps& to) const {
+  if (state_ == State::kStopped || state_ == State::kFailed) return;
+  to.on({channel_->reported, true, false});
+  if (state_ != State::kStreaming) return;  // poll() reports an error while the device does not stream
+  if (!signal_asked_) to.at(next_signal_);
+  to.on({channel_->device->fd(), true, false});
 }
 
 FrameView V4l2Head::stamped(const Stream::Frame& frame, Instant now) {

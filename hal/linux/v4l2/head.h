@@ -1,6 +1,9 @@
 // A head on a V4L2 capture device.
 #pragma once
 
+#include <sys/eventfd.h>
+#include <unistd.h>
+
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -30,7 +33,13 @@ struct Channel {
         controls(std::move(found)),
         settings(now),
         share(std::move(bandwidth)),
-        stream(*device, granted) {}
+        stream(*device, granted),
+        reported(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
+  ~Channel() {
+    if (reported >= 0) ::close(reported);
+  }
+  Channel(const Channel&) = delete;
+  Channel& operator=(const Channel&) = delete;
 
   const std::unique_ptr<Device> device;
   const HeadRequest request;
@@ -50,6 +59,7 @@ struct Channel {
     HeadSettings settings;   ///< kControls
     bool no_signal = false;  ///< kSignal
   };
+  const int reported;            ///< an eventfd, readable while there are reports; -1 if the system refused it
   std::mutex mutex;              ///< protects the following members
   std::vector<Report> reports;   ///< from the worker to the head
   ControlChange wanted;          ///< from the head to the worker: settings to apply, newer values replace older ones
@@ -85,6 +95,7 @@ class V4l2Head final : public HeadPort {
   Status set_gamma(Gamma gamma) override;
   Status nudge(Duration by) override;
   Result<std::optional<FrameView>> take_frame() override;
+  void add_wake_ups(WakeUps& to) const override;
   void release(BufferSlot slot) override;
   HeadRecoveries recoveries() const override { return recoveries_; }
 

@@ -1,8 +1,8 @@
 #include "hal/linux/link/socket_link.h"
+#include "hal/linux/link/wait.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <poll.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/file.h>
@@ -54,8 +54,9 @@ std::string read_text(LinkPort& link, std::size_t n, std::string* error = nullpt
     }
     text.append(reinterpret_cast<const char*>(part), *got);
     if (*got > 0) continue;
-    pollfd wait{link_descriptors(link).read_from, POLLIN, 0};
-    if (::poll(&wait, 1, 5000) <= 0) break;
+    WakeUps wake_ups;
+    link.add_wake_ups(wake_ups, true, false);
+    if (!wait_for(wake_ups, Instant(), Duration::seconds(5))) break;
   }
   return text;
 }
