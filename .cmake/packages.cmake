@@ -29,6 +29,7 @@ nodal_pkgconfig_package(seccomp libseccomp)
 nodal_pkgconfig_package(zlib zlib)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
 nodal_pkgconfig_package(gpiod libgpiod>=1.6 libgpiod<2)
+nodal_pkgconfig_package(usb libusb-1.0)
 # Debian's yaml-cpp development files can be installed for one architecture only: their headers serve all architectures,
 # and a cross build links the library file directly.
 find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 REQUIRED)

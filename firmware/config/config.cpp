@@ -163,6 +163,7 @@ void read_links(TomlReader reader, LinksConfig& links) {
   if (!links.view_path.empty() && links.view_path == links.unix_path) {
     reader.refuse("view", "is the path of the control socket; give it one of its own");
   }
+  links.usb_folder = reader.text("usb", "");
   if (reader.has("tcp_port")) {
     reader.refuse("tcp_port",
                   "is no longer supported, because any user of the machine could connect; remove it and "
@@ -272,7 +273,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
       config.rate, config.trigger);
   read_links({section("links"),
               "links",
-              {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "tcp_port"},
+              {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "usb", "tcp_port"},
               error},
              config.links);
   read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);

@@ -145,6 +145,7 @@ struct LinksConfig {
   SocketFile unix_file;
   std::string view_path;  ///< view only; empty: no such socket
   SocketFile view_file;
+  std::string usb_folder;  ///< FunctionFS folder of the USB cable, control; empty: no cable
 };
 
 /// [panel]: the ports of the rig's button and lamps; empty: not there.

@@ -13,6 +13,7 @@
 #include "firmware/daemon/panel_ports.h"
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
+#include "hal/linux/cable/cable.h"
 #include "hal/linux/link/socket_link.h"
 #include "hal/linux/v4l2/enumerator.h"
 #include "hal/linux/watchdog.h"
@@ -337,7 +338,8 @@ Status BoardPorts::open_store(const std::filesystem::path& folder) {
   return {};
 }
 
-Status BoardPorts::listen(const firmware::LinksConfig& links) {
+Status BoardPorts::listen(const firmware::RigConfig& config) {
+  const firmware::LinksConfig& links = config.links;
   const auto open = [&](const std::string& path, const firmware::SocketFile& file, firmware::Access access) -> Status {
     if (path.empty()) return {};
     auto listener = hal::listen_link("unix:" + path, {file.mode, file.group});
@@ -346,7 +348,12 @@ Status BoardPorts::listen(const firmware::LinksConfig& links) {
     return {};
   };
   if (Status control = open(links.unix_path, links.unix_file, firmware::Access::kControl); !control) return control;
-  return open(links.view_path, links.view_file, firmware::Access::kView);
+  if (Status view = open(links.view_path, links.view_file, firmware::Access::kView); !view) return view;
+  if (links.usb_folder.empty()) return {};
+  auto cable = hal::cable::listen_cable(links.usb_folder, config.name);
+  if (!cable) return fail(cable.error());
+  state_->listeners.push_back({std::move(*cable), firmware::Access::kControl});
+  return {};
 }
 
 Status BoardPorts::check_links(const firmware::LinksConfig& links) const {

@@ -38,7 +38,7 @@ class BoardPorts {
   void prepare();
   /// Opens the store and the sockets.
   Status open_store(const std::filesystem::path& folder);
-  Status listen(const firmware::LinksConfig& links);
+  Status listen(const firmware::RigConfig& config);
 
   firmware::RigPorts ports();
   /// Sets the trigger's line and the panel's lamps to their safe levels permanently. Any thread, also while others hang.

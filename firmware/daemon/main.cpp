@@ -168,7 +168,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
   if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
-  if (const Status listening = (*ports)->listen(config.links); !listening) {
+  if (const Status listening = (*ports)->listen(config); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
   for (const Error& problem : (*ports)->claim_lines(config)) {
@@ -203,8 +203,8 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);
-    for (std::string* socket : {&config.links.unix_path, &config.links.view_path}) {
-      if (!socket->empty()) *socket = (base / *socket).string();  // relative to rig.toml's folder
+    for (std::string* path : {&config.links.unix_path, &config.links.view_path, &config.links.usb_folder}) {
+      if (!path->empty()) *path = (base / *path).string();  // relative to rig.toml's folder
     }
   }
   if (options.bridge) {

@@ -120,7 +120,7 @@ CommandLine::CommandLine(Console& console)
   app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Print the version and exit");
   app_.require_subcommand(1);
   app_.footer(footer());
-  app_.add_option("--rig", context_.rig, "Address of the rig: unix:PATH or ssh://[USER@]HOST[:PORT]")
+  app_.add_option("--rig", context_.rig, "Address of the rig: unix:PATH, usb:[SERIAL] or ssh://[USER@]HOST[:PORT]")
       ->type_name("ADDRESS")
       ->check(checked_by([](const std::string& text) { return parse_rig_address(text, "ssh"); }));
   app_.add_option("--timeout", context_.timeout, "Longest time for an answer of the rig (10s when not given)")

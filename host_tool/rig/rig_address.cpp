@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kLongestSocketPath = 107;  // sockaddr_un's sun_path without its final zero
 
 tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
-  return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH or "
+  return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH, usb:[SERIAL] or "
                                            "ssh://[USER@]HOST[:PORT]",
                                            text, why));
 }
@@ -77,6 +77,7 @@ Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh
   if (text.starts_with("tcp:")) {
     return bad(text, "TCP is not served, since any user of the machine could connect; use the Unix socket or ssh://");
   }
+  if (text.starts_with("usb:")) return RigAddress{std::string(text), {}, std::string(text)};
   if (text.starts_with("ssh://")) return parse_ssh(text, after("ssh://"), ssh_program);
   return bad(text, text.empty() ? "it is empty" : "this kind of link does not exist");
 }

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <utility>
 
+#include "hal/linux/cable/host/cable_link.h"
 #include "hal/linux/link/socket_link.h"
 #include "hal/linux/link/wait.h"
 #include "host_tool/console/interrupt.h"
@@ -27,6 +28,13 @@ Duration now() {
 
 tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by Ctrl-C"); }
 
+Result<std::unique_ptr<hal::LinkPort>> connect(const RigAddress& address) {
+  constexpr std::string_view kUsb = "usb:";
+  if (!address.command.empty()) return hal::spawn_link(address.command);
+  if (address.link.starts_with(kUsb)) return hal::cable::connect_cable(address.link.substr(kUsb.size()));
+  return hal::connect_link(address.link);
+}
+
 /// The link's error, and how to reach a rig in another way.
 tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
   if (address.command.empty()) {
@@ -46,8 +54,7 @@ void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
 }
 
 Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience) {
-  Result<std::unique_ptr<hal::LinkPort>> link =
-      address.command.empty() ? hal::connect_link(address.link) : hal::spawn_link(address.command);
+  Result<std::unique_ptr<hal::LinkPort>> link = connect(address);
   if (!link) return no_rig(address, link.error());
   auto connection = over(std::move(*link), address.text, patience, wait_by_poll);
   if (!connection && connection.error().code == Errc::kLinkClosed) {

@@ -1,0 +1,58 @@
+#include <memory>
+#include <utility>
+
+#include "hal/linux/cable/cable.h"
+#include "hal/linux/cable/function_fs.h"
+#include "hal/linux/link/polled_link.h"
+
+namespace nodal::hal::cable {
+namespace {
+
+class CableLink final : public PolledLink {
+ public:
+  CableLink(std::shared_ptr<Cable> cable, std::uint64_t session) : cable_(std::move(cable)), session_(session) {}
+  ~CableLink() override { cable_->close(session_); }
+  CableLink(const CableLink&) = delete;
+  CableLink& operator=(const CableLink&) = delete;
+
+  Result<std::size_t> read(std::span<std::uint8_t> into) override { return cable_->read(session_, into); }
+  Result<std::size_t> write(std::span<const std::uint8_t> from) override { return cable_->write(session_, from); }
+  const std::string& peer() const override { return cable_->name(); }
+  std::optional<PeerIdentity> identity() const override { return std::nullopt; }
+  LinkDescriptors descriptors() const override { return {cable_->descriptor(), -1}; }
+
+ private:
+  std::shared_ptr<Cable> cable_;
+  std::uint64_t session_;
+};
+
+class CableListener final : public PolledListener {
+ public:
+  explicit CableListener(std::shared_ptr<Cable> cable) : cable_(std::move(cable)) {}
+
+  Result<std::unique_ptr<LinkPort>> accept() override {
+    const auto session = cable_->take_session();
+    if (!session) return fail(session.error());
+    if (!*session) return nullptr;
+    return std::make_unique<CableLink>(cable_, **session);
+  }
+  const std::string& address() const override { return cable_->name(); }
+  int descriptor() const override { return cable_->descriptor(); }
+
+ private:
+  std::shared_ptr<Cable> cable_;
+};
+
+}  // namespace
+
+std::unique_ptr<LinkListenerPort> listen_over(std::unique_ptr<UsbFunction> function, const std::string& name) {
+  return std::make_unique<CableListener>(std::make_shared<Cable>(std::move(function), name));
+}
+
+Result<std::unique_ptr<LinkListenerPort>> listen_cable(const std::string& folder, const std::string& rig) {
+  auto function = open_function(folder, rig);
+  if (!function) return fail(function.error());
+  return listen_over(std::move(*function), "usb:" + folder);
+}
+
+}  // namespace nodal::hal::cable
