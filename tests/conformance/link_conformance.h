@@ -24,6 +24,8 @@ class LinkWorld {
   virtual void drop_listener() = 0;
   /// The process that calls connect(), as the rig's end must report it; nothing if the kernel does not report it.
   virtual std::optional<PeerIdentity> host_identity() const = 0;
+  /// False for a USB cable, whose second host is refused; its own tests show that.
+  virtual bool carries_several_hosts() const { return true; }
 };
 
 struct LinkWorldKind {

@@ -58,7 +58,9 @@ Result<std::size_t> Cable::read(std::uint64_t session, std::span<std::uint8_t> i
 Result<std::size_t> Cable::write(std::uint64_t session, std::span<const std::uint8_t> from) {
   if (from.empty()) return 0;
   pump();
-  if (session != session_ || over()) return closed(session);
+  if (session != session_) return closed(session);
+  received_.advance();
+  if (over()) return closed(session);
   std::size_t n = 0;
   while (n < from.size()) {
     const std::size_t taken = queue_record(from.subspan(n));

@@ -29,7 +29,7 @@ usb_endpoint_descriptor_no_audio bulk(std::uint8_t address, std::uint16_t packet
 
 /// Interface, from-host endpoint (the file ep1), to-host endpoint (ep2).
 void put_interface(std::vector<std::uint8_t>& bytes, std::uint16_t packet, bool companions) {
-  usb_interface_descriptor interface{};
+  usb_interface_descriptor interface {};
   interface.bLength = sizeof(interface);
   interface.bDescriptorType = USB_DT_INTERFACE;
   interface.bNumEndpoints = 2;

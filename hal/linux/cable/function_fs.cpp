@@ -7,6 +7,7 @@
 #include <poll.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
+#include <sys/file.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -30,9 +31,9 @@ FunctionEvent translate(const usb_functionfs_event& event) {
     case FUNCTIONFS_UNBIND: return {Kind::kDisabled, {}};
     case FUNCTIONFS_SETUP: {
       const usb_ctrlrequest& setup = event.u.setup;
-      return {Kind::kSetup,
-              {setup.bRequestType, setup.bRequest, le16toh(setup.wValue), le16toh(setup.wIndex),
-               le16toh(setup.wLength)}};
+      return {
+          Kind::kSetup,
+          {setup.bRequestType, setup.bRequest, le16toh(setup.wValue), le16toh(setup.wIndex), le16toh(setup.wLength)}};
     }
     default: return {};  // FUNCTIONFS_BIND, _SUSPEND, _RESUME
   }
@@ -185,14 +186,17 @@ Result<std::unique_ptr<UsbFunction>> open_function(const std::string& folder, co
   const std::string path = folder + "/ep0";
   const int fd = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0 && errno == ENOENT) {
-    return fail(Errc::kNotFound, path + ": no USB gadget is set up there; `systemctl enable --now nodal-cable` does it");
+    return fail(Errc::kNotFound,
+                path + ": no USB gadget is set up there; `systemctl enable --now nodal-cable` does it");
   }
-  if (fd < 0 && errno == EBUSY) return fail(Errc::kBusy, path + ": another program serves the cable already");
   if (fd < 0) return system_error(Errc::kIo, path, errno);
   const auto ep0 = shared_descriptor(fd);
+  // The kernel takes what a second program writes for an answer to a host.
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    return fail(Errc::kBusy, path + ": another program serves the cable already; is another nodald running?");
+  }
   for (const auto& bytes : {function_descriptors(), function_strings(rig)}) {
     if (::write(fd, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size())) continue;
-    if (errno == EBUSY) return fail(Errc::kBusy, path + ": another program serves the cable already");
     return system_error(Errc::kIo, path + ": writing the USB descriptors", errno);
   }
   auto function = std::make_unique<FunctionFs>(folder, ep0);

@@ -31,11 +31,11 @@ void ReceiveRing::received(std::size_t slot, std::span<const std::uint8_t> bytes
   --queued_;
 }
 
-std::span<const std::uint8_t> ReceiveRing::next_bytes(std::size_t most) {
+void ReceiveRing::advance() {
   std::size_t empty = 0;  // slots in a row without bytes, all that remain of a ring that was stopped
   while (payload_.empty()) {
     Slot& slot = slots_[next_];
-    if (slot.queued || violation_ || empty == kTransfers) return {};
+    if (slot.queued || violation_ || empty == kTransfers) return;
     if (slot.bytes.empty()) {
       queue(next_);
       next_ = (next_ + 1) % kTransfers;
@@ -46,10 +46,14 @@ std::span<const std::uint8_t> ReceiveRing::next_bytes(std::size_t most) {
     const auto next = reader_.next(slot.bytes);
     if (!next) {
       violation_ = next.error();
-      return {};
+      return;
     }
     payload_ = *next;
   }
+}
+
+std::span<const std::uint8_t> ReceiveRing::next_bytes(std::size_t most) {
+  advance();
   const auto taken = payload_.first(std::min(most, payload_.size()));
   payload_ = payload_.subspan(taken.size());
   return taken;

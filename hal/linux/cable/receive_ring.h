@@ -30,6 +30,8 @@ class ReceiveRing {
   /// No slot is queued any more.
   void stop() { stopped_ = true; }
 
+  /// Reads headers up to the next byte of the stream, so that ended() and violation() are true to what has arrived.
+  void advance();
   /// The next bytes of the stream, at most `most`; empty if there are none now. Valid until the next call.
   std::span<const std::uint8_t> next_bytes(std::size_t most);
   /// Whether the peer has ended the session and all its bytes were read.

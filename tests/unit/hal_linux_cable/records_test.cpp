@@ -49,8 +49,8 @@ TEST(Records, OfEverySize_EndWithAShortPacketOrFillTheBuffer) {
   const Bytes bytes = numbered(kMostPayload + 100);
   for (std::size_t n = 0; n <= bytes.size(); ++n) {
     Bytes into(kTransferBytes);
-    const WrittenRecord written =
-        write_record(1, std::span(bytes).first(n), std::span<std::uint8_t, kTransferBytes>(into.data(), kTransferBytes));
+    const WrittenRecord written = write_record(1, std::span(bytes).first(n),
+                                               std::span<std::uint8_t, kTransferBytes>(into.data(), kTransferBytes));
     ASSERT_EQ(written.payload, std::min(n, kMostPayload));
     ASSERT_LE(written.transfer, kTransferBytes);
     ASSERT_TRUE(written.transfer == kTransferBytes || written.transfer % 64 != 0) << n;

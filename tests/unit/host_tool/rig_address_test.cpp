@@ -13,6 +13,12 @@ TEST(RigAddress, UnixPaths_GoToTheLinkAsTheyAre) {
   EXPECT_EQ(parse_rig_address("unix:here.sock", "ssh")->link, "unix:here.sock");
 }
 
+TEST(RigAddress, Usb_GoesToTheLinkWithItsSerialOrWithout) {
+  EXPECT_EQ(parse_rig_address("usb:", "ssh")->link, "usb:");
+  EXPECT_EQ(parse_rig_address("usb:RIG7", "ssh")->link, "usb:RIG7");
+  EXPECT_TRUE(parse_rig_address("usb:RIG7", "ssh")->command.empty());
+}
+
 TEST(RigAddress, SshInAllItsForms_BecomesTheCommandThatBridges) {
   EXPECT_EQ(parse_rig_address("ssh://rig.local", "ssh")->command,
             (Words{"ssh", "-T", "rig.local", "nodald", "--bridge"}));

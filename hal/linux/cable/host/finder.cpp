@@ -133,8 +133,8 @@ Result<Found> choose(const std::vector<Found>& rigs, std::string_view serial) {
                 "no rig with serial '" + std::string(serial) + "' is plugged in; plugged in: " + list(rigs));
   }
   if (fitting.size() > 1) {
-    return fail(Errc::kUnreachable, std::to_string(fitting.size()) +
-                                        " rigs are plugged in; name the serial of one: " + list(fitting));
+    return fail(Errc::kUnreachable,
+                std::to_string(fitting.size()) + " rigs are plugged in; name the serial of one: " + list(fitting));
   }
   return fitting[0];
 }

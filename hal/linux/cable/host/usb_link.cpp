@@ -88,6 +88,7 @@ class UsbLink final : public PolledLink {
   Result<std::size_t> write(std::span<const std::uint8_t> from) override {
     if (from.empty()) return 0;
     handle_events(0);
+    received_.advance();
     if (over()) return closed();
     std::size_t n = 0;
     while (n < from.size()) {
