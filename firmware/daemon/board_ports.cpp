@@ -222,6 +222,7 @@ struct BoardPorts::State {
   struct OpenListener {
     std::unique_ptr<hal::LinkListenerPort> port;
     firmware::Access access;
+    std::string address;
   };
   std::vector<OpenListener> listeners;
   hal::linux_os::LinuxWatchdog watchdog;
@@ -344,7 +345,8 @@ Status BoardPorts::listen(const firmware::RigConfig& config) {
     if (path.empty()) return {};
     auto listener = hal::listen_link("unix:" + path, {file.mode, file.group});
     if (!listener) return fail(listener.error());
-    state_->listeners.push_back({std::move(*listener), access});
+    std::string address = hal::listener_address(**listener);
+    state_->listeners.push_back({std::move(*listener), access, std::move(address)});
     return {};
   };
   if (Status control = open(links.unix_path, links.unix_file, firmware::Access::kControl); !control) return control;
@@ -352,7 +354,7 @@ Status BoardPorts::listen(const firmware::RigConfig& config) {
   if (links.usb_folder.empty()) return {};
   auto cable = hal::cable::listen_cable(links.usb_folder, config.name);
   if (!cable) return fail(cable.error());
-  state_->listeners.push_back({std::move(*cable), firmware::Access::kControl});
+  state_->listeners.push_back({std::move(*cable), firmware::Access::kControl, "usb:" + links.usb_folder});
   return {};
 }
 
@@ -369,7 +371,7 @@ firmware::RigPorts BoardPorts::ports() {
   firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,        *state_->disk,   {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock, &state_->scanner};
   if (state_->lines) state_->lines->add_to(ports.panel);
-  for (const auto& [port, access] : state_->listeners) ports.listeners.push_back({port.get(), access});
+  for (const auto& each : state_->listeners) ports.listeners.push_back({each.port.get(), each.access});
   return ports;
 }
 
@@ -389,8 +391,8 @@ bool BoardPorts::advance(Duration by) {
 
 std::vector<std::string> BoardPorts::addresses() const {
   std::vector<std::string> all;
-  for (const auto& [port, access] : state_->listeners) {
-    all.push_back(hal::listener_address(*port) + (access == firmware::Access::kView ? " (view only)" : ""));
+  for (const auto& [port, access, address] : state_->listeners) {
+    all.push_back(address + (access == firmware::Access::kView ? " (view only)" : ""));
   }
   return all;
 }

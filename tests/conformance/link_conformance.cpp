@@ -169,14 +169,21 @@ TEST_P(LinkConformance, WakeUps_EndASleepWhenTheCallCanGoOnAndNotBefore) {
   EXPECT_FALSE(wait_for_link(*pair.rig, true, false, kShort)) << "what was to read is read";
 
   const auto bytes = numbered_bytes(1U << 20);
+  std::size_t written = 0;
   while (const auto n = pair.host->write(bytes)) {
     if (*n == 0) break;
+    written += *n;
   }
   EXPECT_FALSE(wait_for_link(*pair.host, false, true, kShort)) << "there is no room to write";
   EXPECT_TRUE(wait_for_link(*pair.rig, true, false));
 
-  auto second = pair.world->connect();
-  EXPECT_TRUE(wait_for_peer(pair.world->listener()));
+  std::unique_ptr<LinkPort> second;
+  if (pair.world->carries_several_hosts()) {
+    second = pair.world->connect();
+    EXPECT_TRUE(wait_for_peer(pair.world->listener()));
+  } else {
+    read_bytes(*pair.rig, written);  // a cable keeps nothing for a host that has closed it
+  }
   pair.host.reset();
   std::vector<std::uint8_t> rest;
   EXPECT_EQ(read_to_end(*pair.rig, rest), Errc::kLinkClosed);

@@ -1,8 +1,6 @@
 // How much of what the bus carries reaches the cable's user, beside a plain loop of USB transfers. In the guest's virtual
 // time computation takes none: this shows transfers that wait for each other, not the processor's work.
 #include <gtest/gtest.h>
-#include <poll.h>
-
 #include <chrono>
 #include <fstream>
 #include <future>
@@ -12,7 +10,7 @@
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/cable/function_fs.h"
 #include "hal/linux/cable/host/device.h"
-#include "hal/linux/link/socket_link.h"
+#include "hal/linux/link/wait.h"
 
 namespace nodal::hil {
 namespace {
@@ -55,9 +53,10 @@ double plain_loop() {
   return rate;
 }
 
-void wait_for_link(const LinkPort& link) {
-  pollfd wait{hal::link_descriptors(link).read_from, POLLIN, 0};
-  ::poll(&wait, 1, 1000);
+void wait_for_link(const LinkPort& link, bool to_write) {
+  hal::WakeUps wake_ups;
+  link.add_wake_ups(wake_ups, !to_write, to_write);
+  hal::wait_for(wake_ups, Instant(), Duration::seconds(1));
 }
 
 double through(LinkPort& from, LinkPort& to) {
@@ -68,7 +67,7 @@ double through(LinkPort& from, LinkPort& to) {
       const auto n = from.write(std::span(bytes).first(std::min(bytes.size(), kBytes - sent)));
       ASSERT_TRUE(n) << n.error().text();
       sent += *n;
-      if (*n == 0) wait_for_link(from);
+      if (*n == 0) wait_for_link(from, true);
     }
   });
   std::vector<std::uint8_t> bytes(65536);
@@ -79,7 +78,7 @@ double through(LinkPort& from, LinkPort& to) {
       break;
     }
     got += *n;
-    if (*n == 0) wait_for_link(to);
+    if (*n == 0) wait_for_link(to, false);
   }
   const double rate = megabytes_a_second(begun);
   sender.join();

@@ -94,8 +94,9 @@ class CableRig : public testing::Test {
   static std::unique_ptr<Process> puller(const std::string& rig) {
     const std::string file = kScratch + "/live.raw";
     std::filesystem::remove(file);
-    auto host = std::make_unique<Process>(std::vector<std::string>{
-        NODAL_BIN_DIR "/nodal", "--rig", rig, "--json", "raymap", "pull", "--continuous", "--format", "raw", "--out", file});
+    auto host =
+        std::make_unique<Process>(std::vector<std::string>{NODAL_BIN_DIR "/nodal", "--rig", rig, "--json", "raymap",
+                                                           "pull", "--continuous", "--format", "raw", "--out", file});
     EXPECT_TRUE(test::wait_until([&] {
       const std::string said = host->said();
       return std::count(said.begin(), said.end(), '\n') >= 3;

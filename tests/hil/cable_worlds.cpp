@@ -1,6 +1,4 @@
 // The two ends of the cable, nodald's and nodal's, with the tests that every link must pass.
-#include <poll.h>
-
 #include <deque>
 #include <future>
 #include <thread>
@@ -8,18 +6,11 @@
 #include "cable_gadget.h"
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/cable/host/cable_link.h"
-#include "hal/linux/link/socket_link.h"
+#include "hal/linux/link/wait.h"
 #include "tests/conformance/link_conformance.h"
 
 namespace nodal::hal {
 namespace {
-
-constexpr int kPollMs = 2000;
-
-void poll_for(int fd, int at_most_ms) {
-  pollfd wait{fd, POLLIN, 0};
-  ::poll(&wait, 1, at_most_ms);
-}
 
 /// The guest's clock stands during computation, so a test that calls without waiting would never see a transfer end.
 class SlowLink final : public LinkPort {
@@ -28,12 +19,17 @@ class SlowLink final : public LinkPort {
   Result<std::size_t> read(std::span<std::uint8_t> into) override { return link_->read(into); }
   Result<std::size_t> write(std::span<const std::uint8_t> from) override {
     const auto n = link_->write(from);
-    if (n && *n == 0) poll_for(link_descriptors(*link_).read_from, 1);
-    return n;
+    if (!n || *n > 0 || from.empty()) return n;
+    WakeUps wake_ups;
+    link_->add_wake_ups(wake_ups, false, true);
+    wait_for(wake_ups, Instant(), Duration::milliseconds(20));
+    return link_->write(from);
   }
   const std::string& peer() const override { return link_->peer(); }
   std::optional<PeerIdentity> identity() const override { return link_->identity(); }
-  LinkPort& inner() { return *link_; }
+  void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const override {
+    link_->add_wake_ups(to, to_read, to_write);
+  }
 
  private:
   std::unique_ptr<LinkPort> link_;
@@ -68,13 +64,9 @@ class CableWorld final : public LinkWorld, public LinkListenerPort {
     return link ? std::make_unique<SlowLink>(std::move(*link)) : nullptr;
   }
   void drop_listener() override { listener_.reset(); }
-  void wait_readable(LinkPort& link) override {
-    auto* host = dynamic_cast<SlowLink*>(&link);
-    poll_for(link_descriptors(host != nullptr ? host->inner() : link).read_from, kPollMs);
-  }
-  void wait_writable(LinkPort& link) override { wait_readable(link); }
-  void wait_knocking() override {
-    if (accepted_.empty()) poll_for(listener_descriptor(*listener_), kPollMs);
+  void add_wake_ups(WakeUps& to) const override {
+    if (!accepted_.empty()) to.at(Instant());
+    listener_->add_wake_ups(to);
   }
   std::optional<PeerIdentity> host_identity() const override { return std::nullopt; }
   bool carries_several_hosts() const override { return false; }

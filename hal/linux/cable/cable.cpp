@@ -70,6 +70,18 @@ Result<std::size_t> Cable::write(std::uint64_t session, std::span<const std::uin
   return n;
 }
 
+void Cable::add_wake_ups(std::uint64_t session, WakeUps& to, bool to_read, bool to_write) const {
+  const bool ended = session != session_ || over();
+  if ((to_read && (ended || received_.ready())) || (to_write && (ended || writes_queued_ < kTransfers)))
+    to.at(Instant());
+  to.on({function_->descriptor(), to_read || to_write, false});
+}
+
+void Cable::add_wake_ups(WakeUps& to) const {
+  if (!handed_out_) to.at(Instant());
+  to.on({function_->descriptor(), true, false});
+}
+
 void Cable::close(std::uint64_t session) {
   if (session != session_ || abandoned_) return;
   abandoned_ = true;

@@ -41,8 +41,11 @@ class Cable {
   /// Nobody holds the session's link any more: the host is told, after the bytes written before.
   void close(std::uint64_t session);
 
+  /// As LinkPort's and LinkListenerPort's.
+  void add_wake_ups(std::uint64_t session, WakeUps& to, bool to_read, bool to_write) const;
+  void add_wake_ups(WakeUps& to) const;
+
   const std::string& name() const { return name_; }
-  int descriptor() const { return function_->descriptor(); }
 
   static constexpr Duration kFarewell = Duration::milliseconds(200);
   static constexpr int kEventsAPump = 16;  ///< leaves time for other work when a host sends requests without a pause

@@ -3,12 +3,11 @@
 
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/cable/function_fs.h"
-#include "hal/linux/link/polled_link.h"
 
 namespace nodal::hal::cable {
 namespace {
 
-class CableLink final : public PolledLink {
+class CableLink final : public LinkPort {
  public:
   CableLink(std::shared_ptr<Cable> cable, std::uint64_t session) : cable_(std::move(cable)), session_(session) {}
   ~CableLink() override { cable_->close(session_); }
@@ -19,14 +18,16 @@ class CableLink final : public PolledLink {
   Result<std::size_t> write(std::span<const std::uint8_t> from) override { return cable_->write(session_, from); }
   const std::string& peer() const override { return cable_->name(); }
   std::optional<PeerIdentity> identity() const override { return std::nullopt; }
-  LinkDescriptors descriptors() const override { return {cable_->descriptor(), -1}; }
+  void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const override {
+    cable_->add_wake_ups(session_, to, to_read, to_write);
+  }
 
  private:
   std::shared_ptr<Cable> cable_;
   std::uint64_t session_;
 };
 
-class CableListener final : public PolledListener {
+class CableListener final : public LinkListenerPort {
  public:
   explicit CableListener(std::shared_ptr<Cable> cable) : cable_(std::move(cable)) {}
 
@@ -36,8 +37,7 @@ class CableListener final : public PolledListener {
     if (!*session) return nullptr;
     return std::make_unique<CableLink>(cable_, **session);
   }
-  const std::string& address() const override { return cable_->name(); }
-  int descriptor() const override { return cable_->descriptor(); }
+  void add_wake_ups(WakeUps& to) const override { cable_->add_wake_ups(to); }
 
  private:
   std::shared_ptr<Cable> cable_;

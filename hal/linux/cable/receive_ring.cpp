@@ -31,6 +31,10 @@ void ReceiveRing::received(std::size_t slot, std::span<const std::uint8_t> bytes
   --queued_;
 }
 
+bool ReceiveRing::ready() const {
+  return !payload_.empty() || std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return !s.bytes.empty(); });
+}
+
 void ReceiveRing::advance() {
   std::size_t empty = 0;  // slots in a row without bytes, all that remain of a ring that was stopped
   while (payload_.empty()) {

@@ -39,6 +39,8 @@ class ReceiveRing {
   /// A record that breaks the rules; nothing after it is read.
   const std::optional<Error>& violation() const { return violation_; }
   std::size_t queued() const { return queued_; }
+  /// Whether next_bytes() has something to read or to report now.
+  bool ready() const;
 
  private:
   struct Slot {

@@ -13,7 +13,6 @@
 #include "hal/linux/cable/receive_ring.h"
 #include "hal/linux/cable/records.h"
 #include "hal/linux/link/descriptor_link.h"
-#include "hal/linux/link/polled_link.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -30,7 +29,7 @@ std::string reason(libusb_transfer_status status) {
   }
 }
 
-class UsbLink final : public PolledLink {
+class UsbLink final : public LinkPort {
  public:
   UsbLink(OpenDevice device, std::uint16_t session)
       : device_(std::move(device)),
@@ -101,7 +100,12 @@ class UsbLink final : public PolledLink {
 
   const std::string& peer() const override { return device_.text; }
   std::optional<PeerIdentity> identity() const override { return std::nullopt; }
-  LinkDescriptors descriptors() const override { return {poll_.get(), -1}; }
+  void add_wake_ups(WakeUps& to, bool to_read, bool to_write) const override {
+    if ((to_read && (over() || received_.ready())) || (to_write && (over() || writes_queued_ < kTransfers))) {
+      to.at(Instant());
+    }
+    to.on({poll_.get(), to_read || to_write, false});
+  }
 
  private:
   struct Slot {
