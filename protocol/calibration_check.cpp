@@ -243,6 +243,35 @@ Status check_gain(const std::array<double, 3>& gain) {
   return {};
 }
 
+Status check_position(const std::array<double, 3>& position) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::string field = "position[" + std::to_string(k) + "]";
+    if (Status s = in_range(field, position[k], -kFarthestPosition, kFarthestPosition); !s) {
+      return fail(s.error().code, s.error().message + " m from the rig's nodal point");
+    }
+  }
+  return {};
+}
+
+/// Every head must be inside the sphere on which the pictures meet, and not close to it.
+Status check_distance(const Calibration& calibration) {
+  if (calibration.distance == 0) return {};
+  if (!(calibration.distance > 0 && calibration.distance <= kLongestDistance)) {
+    return fail(Errc::kBadValue, "distance is " + number(calibration.distance) + " m; it must be above 0, up to " +
+                                     number(kLongestDistance) + "; leave it out for infinity");
+  }
+  const double farthest = farthest_position(calibration);
+  if (farthest == 0) {
+    return fail(Errc::kBadValue, "distance is " + number(calibration.distance) +
+                                     " m, but no head has a position, so it would change nothing; add each head's "
+                                     "position, or leave distance out");
+  }
+  if (calibration.distance >= farthest * kLeastDistancePerPosition) return {};
+  return fail(Errc::kBadValue, "distance is " + number(calibration.distance) + " m, and the farthest head is " +
+                                   number(farthest) + " m from the rig's nodal point; it must be at least " +
+                                   number(farthest * kLeastDistancePerPosition) + " m");
+}
+
 /// The same rule as for names in rig.toml, so that the two can match.
 bool is_name(std::string_view text) {
   const auto plain = [](char c) {
@@ -258,6 +287,7 @@ Status check_fields(const HeadCalibration& head) {
   if (Status s = check_lens(head.lens, head.max_angle); !s) return s;
   if (Status s = check_lens_covers_region(head); !s) return s;
   if (Status s = check_rotation(head.R_head_rig); !s) return s;
+  if (Status s = check_position(head.position); !s) return s;
   if (Status s = check_response(head.response); !s) return s;
   if (Status s = check_vignetting(head); !s) return s;
   return check_gain(head.gain);
@@ -318,7 +348,15 @@ Status check_calibration(const Calibration& calibration) {
       }
     }
   }
-  return {};
+  return check_distance(calibration);
+}
+
+double farthest_position(const Calibration& calibration) {
+  double farthest = 0;
+  for (const HeadCalibration& head : calibration.heads) {
+    farthest = std::max(farthest, std::hypot(head.position[0], head.position[1], head.position[2]));
+  }
+  return farthest;
 }
 
 }  // namespace nodal

@@ -261,6 +261,7 @@ HeadCalibration parse_head(Fields fields) {
   head.lens = parse_lens(fields.object("lens"));
   head.max_angle = fields.number("max_angle");
   head.R_head_rig = orthonormal(fields.matrix("R_head_rig"));
+  if (fields.has("position")) head.position = fixed<3>(fields.numbers("position", 3));
   head.region = parse_region(fields.object("region"));
   head.response = parse_response(fields.object("response"));
   head.vignetting = parse_vignetting(fields.object("vignetting"));
@@ -304,6 +305,12 @@ Result<Calibration> parse_calibration(std::string_view text) {
   fields.whole("nodal_calibration");
   calibration.name = fields.text("name");
   calibration.comment = fields.text("comment");
+  if (fields.has("distance")) {
+    calibration.distance = fields.number("distance");
+    if (!error && !(calibration.distance > 0)) {
+      fields.refuse(Errc::kBadValue, "distance must be above 0 m; leave it out for infinity");
+    }
+  }
   if (const json* heads = fields.array("heads")) {
     if (heads->size() > kMaxCalibratedHeads) {
       return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) +

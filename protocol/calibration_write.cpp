@@ -55,6 +55,15 @@ Json response_fields(const Response& response) {
   return Json::object();
 }
 
+bool placed(const HeadCalibration& head) { return head.position != std::array<double, 3>{}; }
+
+/// Older readers refuse fields that they do not know; what has none of them keeps the version, and so its id.
+int version_of(const Calibration& calibration) {
+  const auto masked = [](const HeadCalibration& head) { return !head.region.masks.empty(); };
+  if (calibration.distance > 0 || std::ranges::any_of(calibration.heads, placed)) return 3;
+  return std::ranges::any_of(calibration.heads, masked) ? 2 : 1;
+}
+
 Json head_fields(const HeadCalibration& head) {
   Json fields;
   fields["name"] = head.name;
@@ -69,6 +78,7 @@ Json head_fields(const HeadCalibration& head) {
     rows.push_back(Json::array({head.R_head_rig[i], head.R_head_rig[i + 1], head.R_head_rig[i + 2]}));
   }
   fields["R_head_rig"] = rows;
+  if (placed(head)) fields["position"] = head.position;
   fields["region"] = region_fields(head.region);
   fields["response"] = response_fields(head.response);
   const Vignetting& v = head.vignetting;
@@ -80,13 +90,11 @@ Json head_fields(const HeadCalibration& head) {
 Json document(const Calibration& calibration) {
   Json heads = Json::array();
   for (const HeadCalibration& head : calibration.heads) heads.push_back(head_fields(head));
-  const bool masked =
-      std::ranges::any_of(calibration.heads, [](const HeadCalibration& head) { return !head.region.masks.empty(); });
   Json fields;
-  // Readers of version 1 refuse masks; what has none keeps the version, and so its id.
-  fields["nodal_calibration"] = masked ? kCalibrationVersion : 1;
+  fields["nodal_calibration"] = version_of(calibration);
   fields["name"] = calibration.name;
   fields["comment"] = calibration.comment;
+  if (calibration.distance > 0) fields["distance"] = calibration.distance;
   fields["heads"] = std::move(heads);
   return fields;
 }

@@ -46,6 +46,7 @@ using Choices = std::map<std::string, Value>;
 // With "light" all geometry is held; the value here has no effect.
 const Choices<registration::Free> kFree{{"light", registration::Free::kRotations},
                                         {"rotations", registration::Free::kRotations},
+                                        {"distance", registration::Free::kRotations},
                                         {"focals", registration::Free::kFocals},
                                         {"lens", registration::Free::kLens}};
 const Choices<registration::Norm> kNorm{{"sum", registration::Norm::kSum}, {"max", registration::Norm::kMax}};
@@ -164,12 +165,24 @@ Json to_json(const Report& report) {
                      {"objective", step.objective},
                      {"turned_deg", step.turned_deg}});
   }
-  return {{"objective_before", report.objective_before},
+  return {{"distance", report.calibration.distance > 0 ? Json(report.calibration.distance) : Json(nullptr)},
+          {"sigma_nearness", report.sigma_nearness},
+          {"objective_before", report.objective_before},
           {"objective_after", report.objective_after},
           {"heads", heads},
           {"pairs", pairs},
           {"steps", steps},
           {"warnings", report.warnings}};
+}
+
+/// The distance, and how far it may be off: parallax determines 1 / distance.
+std::string distance_line(const Report& report) {
+  const double nearness = report.calibration.distance > 0 ? 1 / report.calibration.distance : 0;
+  const double least = nearness - 2 * report.sigma_nearness, most = nearness + 2 * report.sigma_nearness;
+  if (nearness == 0 || least <= 0) {
+    return fmt::format("the pictures meet beyond {:.2f} m, or at infinity", 1 / most);
+  }
+  return fmt::format("the pictures meet at {:.2f} m ({:.2f} to {:.2f} m)", 1 / nearness, 1 / most, 1 / least);
 }
 
 void tell(Console& console, const Report& report, bool focals, const std::string& out, double seconds) {
@@ -190,6 +203,7 @@ void tell(Console& console, const Report& report, bool focals, const std::string
     table.row(row);
   }
   for (const std::string& line : table.lines()) console.line(line);
+  if (report.sigma_nearness > 0) console.line(distance_line(report));
   console.line(fmt::format("the heads differ by {:.2f} levels where they overlap, {:.2f} before ({:.1f} s)",
                            std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
   for (const std::string& warning : report.warnings) console.warning(warning);
@@ -218,6 +232,7 @@ Status run(Context& context, const Args& args) {
   Options options = args.options;
   options.free = kFree.at(args.free);
   options.geometry = args.free != "light";
+  options.distance = args.free == "distance";
   options.norm = kNorm.at(args.norm);
   options.colour = kColour.at(args.colour);
   options.vignetting = kVignetting.at(args.vignetting);
@@ -289,9 +304,9 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("FILE");
   command
       ->add_option("--free", args->free,
-                   "What is sought: rotations (when not given); focals, too; the whole lens, too; or "
-                   "light alone, with the heads where they are")
-      ->type_name("light|rotations|focals|lens")
+                   "What is sought: rotations (when not given); focals, too; the whole lens, too; the distance where "
+                   "pictures of heads with positions meet, too; or light alone, with the heads where they are")
+      ->type_name("light|rotations|focals|lens|distance")
       ->check(one_of(kFree));
   command
       ->add_option("--vignetting", args->vignetting,

@@ -33,6 +33,7 @@ struct Args {
   double seam_width_deg = table::TableOptions().seam_width_deg;
   double feather = table::TableOptions().feather;
   int threads = 0;
+  double distance = 0;  ///< 0: the calibration's
 };
 
 table::TableOptions table_options(const Args& args) {
@@ -147,6 +148,10 @@ Result<Job> make_job(Console& console, const Args& args) {
     Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
     if (!input) return fail(input.error());
     job.input = std::move(*input);
+  }
+  if (args.distance > 0) {
+    job.input.calibration.distance = args.distance;
+    if (const Status good = check_calibration(job.input.calibration); !good) return fail(good.error().in("--distance"));
   }
   if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
   const Result<double> resolution = offline::resolution_of(job.input.calibration);
@@ -296,6 +301,11 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  command
+      ->add_option("--distance", args->distance,
+                   "Metres to where the pictures meet; needs a calibration in which heads have positions")
+      ->type_name("M")
+      ->check(number_between(0.01, kLongestDistance));
   add_nominal_options(*command, args->nominal);
   line.on(command, [args](Context& context) { return run(context, *args); });
 }

@@ -7,19 +7,33 @@
 
 namespace nodal::geometry {
 
-Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig)
+Eigen::Vector3d offset_of(const HeadCalibration& head, double distance) {
+  if (distance == 0) return Eigen::Vector3d::Zero();
+  return Eigen::Vector3d(head.position[0], head.position[1], head.position[2]) / distance;
+}
+
+Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig, const Eigen::Vector3d& offset)
     : calibration_(std::move(calibration)),
       lens_(std::move(lens)),
       masks_(calibration_.region),
-      R_head_rig_(R_head_rig) {}
+      R_head_rig_(R_head_rig),
+      offset_(offset) {}
 
-Result<Head> Head::make(const HeadCalibration& calibration) {
+Result<Head> Head::make(const HeadCalibration& calibration, double distance) {
   if (Status checked = check_head(calibration); !checked) return fail(checked.error());
   Result<Lens> lens = Lens::make(calibration.lens, calibration.max_angle);
   if (!lens) return fail(lens.error().in("head '" + calibration.name + "'"));
   Result<Eigen::Matrix3d> R = nearest_rotation(matrix_of(calibration.R_head_rig));
   if (!R) return fail(R.error().in("head '" + calibration.name + "': R_head_rig"));
-  return Head(calibration, std::move(*lens), *R);
+  return Head(calibration, std::move(*lens), *R, offset_of(calibration, distance));
+}
+
+/// offset + t direction is on the unit sphere, t > 0: the offset is inside it.
+Eigen::Vector3d Head::seen_from_rig(const Eigen::Vector3d& direction) const {
+  if (offset_.isZero(0)) return direction;
+  const double along = offset_.dot(direction);
+  const double t = std::sqrt(along * along + 1 - offset_.squaredNorm()) - along;
+  return offset_ + t * direction;
 }
 
 Ray Head::axis() const { return R_head_rig_.transpose() * Ray(); }
@@ -29,7 +43,7 @@ Eigen::Vector2d Head::from_center(Pixel pixel) const {
 }
 
 std::optional<Pixel> Head::project(const Ray& rig_ray) const {
-  const Eigen::Vector3d d = R_head_rig_ * rig_ray.direction();
+  const Eigen::Vector3d d = R_head_rig_ * seen_from_here(rig_ray.direction());
   const double s = std::hypot(d.x(), d.y());
   const std::optional<double> r = lens_.radius(std::atan2(s, d.z()));
   if (!r) return std::nullopt;
@@ -39,7 +53,7 @@ std::optional<Pixel> Head::project(const Ray& rig_ray) const {
 }
 
 std::optional<Projection> Head::project_with_jacobian(const Ray& rig_ray) const {
-  const Eigen::Vector3d d = R_head_rig_ * rig_ray.direction();
+  const Eigen::Vector3d d = R_head_rig_ * seen_from_here(rig_ray.direction());
   const double s = std::hypot(d.x(), d.y());
   const double a = std::atan2(s, d.z());
   const std::optional<double> r = lens_.radius(a);
@@ -61,7 +75,12 @@ std::optional<Projection> Head::project_with_jacobian(const Ray& rig_ray) const 
   }
   J.row(1) *= calibration_.aspect;
   const Pixel pixel{calibration_.center_x + q * d.x(), calibration_.center_y + calibration_.aspect * q * d.y()};
-  return Projection{pixel, J * R_head_rig_};
+  if (offset_.isZero(0)) return Projection{pixel, J * R_head_rig_};
+  // The direction's derivative by the ray: its part across the direction, over the distance.
+  const Eigen::Vector3d towards = R_head_rig_.transpose() * d;
+  const double per_distance = 1 / (rig_ray.direction() - offset_).norm();
+  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - towards * towards.transpose();
+  return Projection{pixel, per_distance * J * R_head_rig_ * across};
 }
 
 std::optional<Ray> Head::unproject(Pixel pixel) const {
@@ -71,7 +90,7 @@ std::optional<Ray> Head::unproject(Pixel pixel) const {
   if (!a) return std::nullopt;
   Eigen::Vector3d d(0, 0, 1);
   if (r > 0) d = {std::sin(*a) * p.x() / r, std::sin(*a) * p.y() / r, std::cos(*a)};
-  return Ray::towards(R_head_rig_.transpose() * d);
+  return Ray::towards(seen_from_rig(R_head_rig_.transpose() * d));
 }
 
 double Head::distance_to_edge(Pixel pixel) const {
@@ -117,7 +136,7 @@ Result<std::vector<Head>> make_heads(const Calibration& calibration) {
   if (Status checked = check_calibration(calibration); !checked) return fail(checked.error());
   std::vector<Head> heads;
   for (const HeadCalibration& head : calibration.heads) {
-    Result<Head> made = Head::make(head);
+    Result<Head> made = Head::make(head, calibration.distance);
     if (!made) return fail(made.error());
     heads.push_back(std::move(*made));
   }

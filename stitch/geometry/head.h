@@ -23,13 +23,16 @@ struct Projection {
 
 /// One camera C_i: lens, orientation, region, radiometry. With (x, y, z) a ray in the head's frame, a its angle from
 /// the axis and psi its direction around the axis:  u = c_x + r(a) cos psi,  v = c_y + a_y r(a) sin psi.
+/// If the calibration has a distance, rays of the rig end on the sphere of that radius, and the head sees their ends from
+/// its own position.
 ///
 /// Threading: immutable after make(); any thread.
 /// Ownership: a value; it does not refer to the calibration.
 class Head {
  public:
+  /// `distance`: Calibration::distance, m; 0: infinity.
   /// Errors: those of check_head.
-  static Result<Head> make(const HeadCalibration& calibration);
+  static Result<Head> make(const HeadCalibration& calibration, double distance = 0);
 
   const std::string& name() const { return calibration_.name; }
   int width() const { return calibration_.width; }
@@ -37,7 +40,15 @@ class Head {
   const HeadCalibration& calibration() const { return calibration_; }
   const Lens& lens() const { return lens_; }
   const Eigen::Matrix3d& R_head_rig() const { return R_head_rig_; }
-  /// The head's optical axis in the rig.
+  /// The head's position divided by the distance, in the rig frame; 0 at infinity.
+  const Eigen::Vector3d& offset() const { return offset_; }
+  /// The direction, from the head, of the end of a ray of the rig (a unit vector); a unit vector in the rig frame.
+  Eigen::Vector3d seen_from_here(const Eigen::Vector3d& rig_ray) const {
+    return offset_.isZero(0) ? rig_ray : Eigen::Vector3d((rig_ray - offset_).normalized());
+  }
+  /// The reverse: the ray of the rig whose end the head sees in a direction.
+  Eigen::Vector3d seen_from_rig(const Eigen::Vector3d& direction) const;
+  /// The direction of the head's optical axis in the rig.
   Ray axis() const;
 
   /// The pixel of a ray of the rig; nothing beyond the lens's max_angle. The pixel may be outside the picture or the
@@ -62,7 +73,7 @@ class Head {
   double vignetting(Pixel pixel) const;
 
  private:
-  Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig);
+  Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head_rig, const Eigen::Vector3d& offset);
   /// The vector from the lens's centre, with the aspect divided out.
   Eigen::Vector2d from_center(Pixel pixel) const;
 
@@ -70,7 +81,11 @@ class Head {
   Lens lens_;
   Masks masks_;
   Eigen::Matrix3d R_head_rig_;
+  Eigen::Vector3d offset_;
 };
+
+/// HeadCalibration::position divided by Calibration::distance; 0 at infinity.
+Eigen::Vector3d offset_of(const HeadCalibration& head, double distance);
 
 /// Every head of a rig, in the document's order.
 Result<std::vector<Head>> make_heads(const Calibration& calibration);

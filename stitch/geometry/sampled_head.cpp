@@ -22,7 +22,7 @@ std::vector<RayPixel> sample_head(const Head& head) {
       const Pixel pixel{region.left + width * i / columns, region.top + height * j / rows};
       if (!head.contains(pixel)) continue;
       const auto ray = head.unproject(pixel);
-      if (ray) samples.push_back({head.R_head_rig() * ray->direction(), pixel});
+      if (ray) samples.push_back({head.R_head_rig() * head.seen_from_here(ray->direction()), pixel});
     }
   }
   return samples;

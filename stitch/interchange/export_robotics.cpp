@@ -82,6 +82,10 @@ std::string matrix_text(const std::string& name, int rows, int columns, const st
          "\n   dt: d\n   data: [" + data + " ]\n";
 }
 
+Eigen::Vector3d position_of(const HeadCalibration& head) {
+  return {head.position[0], head.position[1], head.position[2]};
+}
+
 /// Converts a direction of the rig (x right, y down, z forward) to a world with x forward, y left, z up.
 std::vector<double> to_world(const Eigen::Vector3d& v) { return {v.z(), -v.x(), -v.y()}; }
 
@@ -101,7 +105,7 @@ Status export_surround360(const Calibration& calibration, std::vector<SampledHea
     cameras.push_back({{"id", c.name},
                        {"type", fit->basis == RadialBasis::kTangent ? "RECTILINEAR" : "FTHETA"},
                        {"version", 1},
-                       {"origin", {0.0, 0.0, 0.0}},
+                       {"origin", to_world(position_of(c))},
                        {"right", to_world(R.row(0))},
                        {"up", to_world(-R.row(1))},
                        {"forward", to_world(R.row(2))},
@@ -112,8 +116,9 @@ Status export_surround360(const Calibration& calibration, std::vector<SampledHea
                        {"fov", head.farthest_angle}});
   }
   tell_radiometry(calibration, false, result);
-  result.notes.emplace_back(
-      "All cameras are written at the rig's middle (origin 0): Nodal's heads share one nodal point.");
+  result.notes.emplace_back(farthest_position(calibration) > 0
+                                ? "Origins are in metres."
+                                : "All cameras are written at the rig's middle (origin 0).");
   result.files.push_back({"", Json{{"cameras", cameras}}.dump(2) + "\n"});
   return {};
 }
@@ -174,7 +179,10 @@ Status export_kalibr(const Calibration& calibration, std::vector<SampledHead>& h
     text += "cam" + std::to_string(n) + ":\n";
     if (n > 0) {
       text += "  T_cn_cnm1:\n";
-      for (Eigen::Index i = 0; i < 3; ++i) text += "  - " + list({step(i, 0), step(i, 1), step(i, 2), 0}) + "\n";
+      const Eigen::Vector3d shift = R * (position_of(calibration.heads[n - 1]) - position_of(c));
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        text += "  - " + list({step(i, 0), step(i, 1), step(i, 2), shift[i]}) + "\n";
+      }
       text += "  - [0, 0, 0, 1]\n";
     }
     text += "  camera_model: pinhole\n  distortion_model: " + std::string(pinhole ? "radtan" : "equidistant") +

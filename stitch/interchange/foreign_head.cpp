@@ -24,6 +24,20 @@ Result<int> picture_side(const Result<double>& value, const std::string& field) 
   return static_cast<int>(*value);
 }
 
+void set_positions(std::span<const Eigen::Vector3d> positions, const std::string& how, ImportResult& result) {
+  constexpr double kRounding = 1e-6;  // m
+  double farthest = 0;
+  for (const Eigen::Vector3d& position : positions) farthest = std::max(farthest, position.norm());
+  if (!(farthest > kRounding)) return;
+  for (std::size_t h = 0; h < positions.size(); ++h) {
+    result.calibration.heads[h].position = {positions[h].x(), positions[h].y(), positions[h].z()};
+  }
+  result.notes.push_back(
+      "The cameras are up to " + short_number(farthest) + " m from the rig's nodal point (" + how +
+      "). Without a distance they meet at infinity, and near things double at the seams: "
+      "`nodal register --free distance` finds one in pictures, `nodal stitch --distance` takes one.");
+}
+
 HeadCalibration blank_head(const std::string& name, int width, int height) {
   HeadCalibration head;
   head.name = name;

@@ -2,12 +2,15 @@
 // region, and its max_angle.
 #pragma once
 
+#include <Eigen/Core>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/interchange/head_fit.h"
+#include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 
@@ -24,6 +27,10 @@ void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadC
 /// Adds a note with the residual of a fitted lens, unless it is negligible.
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
+
+/// Sets the heads' positions (m, in the rig's frame), with a note that also says `how` they were found. Rounding errors
+/// are no positions.
+void set_positions(std::span<const Eigen::Vector3d> positions, const std::string& how, ImportResult& result);
 
 /// A picture's width or height from a field's value; `field` is its name in errors.
 /// Errors: those of `value`; kBadValue outside 1..32768.

@@ -101,20 +101,24 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
                                       *model + "' here; there are radtan, equidistant, fov and none");
 }
 
-/// The rotation of T_cn_cnm1; `shift` becomes the largest distance of a camera from the first.
-Result<Eigen::Matrix3d> read_step(const YamlFields& camera, double& shift) {
-  if (!camera.has("T_cn_cnm1")) return Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+/// T_cn_cnm1: from the previous camera's frame to this one's.
+struct Step {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();  ///< m
+};
+
+Result<Step> read_step(const YamlFields& camera) {
+  if (!camera.has("T_cn_cnm1")) return Step{};
   const Result<std::vector<double>> T = camera.matrix("T_cn_cnm1", 4, 4);
   if (!T) return fail(T.error());
   Eigen::Matrix3d R;
   for (Eigen::Index i = 0; i < 3; ++i) {
     for (Eigen::Index k = 0; k < 3; ++k) R(i, k) = (*T)[static_cast<std::size_t>(4 * i + k)];
   }
-  shift = std::max(shift, std::hypot((*T)[3], (*T)[7], (*T)[11]));
   constexpr double kWritten = 1e-4;
   const Result<Eigen::Matrix3d> rotation = geometry::nearest_rotation(R, kWritten);
   if (!rotation) return fail(rotation.error().in(camera.where() + ": T_cn_cnm1"));
-  return *rotation;
+  return Step{*rotation, {(*T)[3], (*T)[7], (*T)[11]}};
 }
 
 /// The camera's name from its topic (/NAME/image_raw); without a topic, its number in the chain.
@@ -138,7 +142,8 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Kalibr camera chain.";
   Eigen::Matrix3d R_head_rig = Eigen::Matrix3d::Identity();
-  double shift = 0;
+  std::vector<Eigen::Vector3d> positions;  // in the first camera's frame
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
     const std::string camera_name = "cam" + std::to_string(n);
     const YamlFields camera(chain.at(camera_name), camera_name);
@@ -150,9 +155,12 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
     }
     HeadCalibration head = blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]),
                                       static_cast<int>((*resolution)[1]));
-    const Result<Eigen::Matrix3d> step = read_step(camera, shift);
+    const Result<Step> step = read_step(camera);
     if (!step) return fail(step.error());
-    R_head_rig = *step * R_head_rig;
+    R_head_rig = step->R * R_head_rig;
+    const Eigen::Vector3d before = positions.empty() ? Eigen::Vector3d::Zero() : positions.back();
+    positions.emplace_back(before - R_head_rig.transpose() * step->shift);
+    middle += positions.back();
     head.R_head_rig = geometry::rows_of(*geometry::nearest_rotation(R_head_rig));
     if (Status s = set_lens(camera, head, result.notes); !s) return fail(s.error());
     if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
@@ -163,10 +171,9 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
     return fail(Errc::kMissingField, "there is no 'cam0' in it: it is not a Kalibr camera chain");
   }
   if (Status s = check_head_count(result.calibration.heads.size()); !s) return fail(s.error());
-  if (shift > 0) {
-    result.notes.push_back("Neighbours in the chain stand up to " + short_number(shift) +
-                           " m apart; here all heads share one nodal point.");
-  }
+  middle /= static_cast<double>(positions.size());
+  for (Eigen::Vector3d& position : positions) position -= middle;
+  set_positions(positions, "the rig's nodal point is the cameras' mean", result);
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

@@ -17,6 +17,8 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
+constexpr double kWidestRigInMetres = 2;
+
 /// Converts a direction of that world to the rig's axes: x right, y down, z forward.
 Eigen::Vector3d to_rig(const std::vector<double>& v) { return {-v[1], -v[2], v[0]}; }
 
@@ -139,7 +141,7 @@ Result<ImportResult> import_surround360(std::string_view text, std::string_view 
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Surround360 rig.";
-  double farthest = 0;
+  std::vector<Eigen::Vector3d> origins;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     Result<HeadCalibration> head = read_camera(cameras[i], i, result);
     if (!head) return fail(head.error());
@@ -147,13 +149,14 @@ Result<ImportResult> import_surround360(std::string_view text, std::string_view 
     result.images.emplace_back();
     const JsonFields camera(cameras[i], "camera");
     const Result<std::vector<double>> origin = camera.numbers("origin", 3, 3);
-    if (origin) farthest = std::max(farthest, std::hypot((*origin)[0], (*origin)[1], (*origin)[2]));
+    origins.push_back(origin ? to_rig(*origin) : Eigen::Vector3d::Zero());
   }
-  if (farthest > 0) {
-    result.notes.push_back("The cameras stand up to " + short_number(farthest) +
-                           " (of the file's units) from the rig's middle; here all heads share one nodal point, so "
-                           "near things will not meet at the seams.");
-  }
+  double farthest = 0;
+  for (const Eigen::Vector3d& origin : origins) farthest = std::max(farthest, origin.norm());
+  // The format has no unit: Facebook's cameras are written in centimetres, later rigs in metres.
+  const bool centimetres = farthest > kWidestRigInMetres;
+  for (Eigen::Vector3d& origin : origins) origin *= centimetres ? 0.01 : 1;
+  set_positions(origins, "the file's unit is taken for " + std::string(centimetres ? "centimetres" : "metres"), result);
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

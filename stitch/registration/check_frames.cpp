@@ -107,6 +107,13 @@ std::string lens_misfit(bool focals, double promised) {
          (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
+std::string near_things(double meters, double assumed) {
+  char text[160];
+  std::snprintf(text, sizeof text, "the pictures agree better if they meet at about %.1f m than at %s; ", meters,
+                assumed > 0 ? "the calibration's distance" : "infinity");
+  return text + std::string("near things double at the seams: run again with --free distance");
+}
+
 std::string wrong_lenses(bool focals) {
   return std::string("the calibration's lenses do not fit these pictures, so only some heads can be placed; ") +
          (focals ? "estimate the focal lengths, too"

@@ -29,6 +29,8 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 /// share of the differences that other lenses would remove.
 std::string lens_misfit(bool focals, double promised);
 std::string wrong_lenses(bool focals);
+/// `assumed`: Calibration::distance.
+std::string near_things(double meters, double assumed);
 /// The message for wrong focal lengths: their errors in percent (rms and mean), and by how many levels the heads differ
 /// if they are held and if they are estimated.
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought);

@@ -20,9 +20,22 @@ constexpr double kSameObjective =
     1.001;                            // a step that raises the objective by less than this factor may still be accepted
 constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are rounding errors
 
+/// Keeps the distance between infinity and the nearest one that a calibration may have.
+void bound_nearness(const Parameters& parameters, const std::vector<HeadState>& heads,
+                    std::vector<solve::Bound>& bounds) {
+  const int slot = parameters.slots().front().nearness;
+  if (slot < 0) return;
+  double farthest = 0;
+  for (const HeadState& head : heads) farthest = std::max(farthest, head.position.norm());
+  const Eigen::VectorXd row = parameters.basis().row(slot).transpose();
+  bounds.push_back({row, std::max(0.0, 1 / (farthest * kLeastDistancePerPosition) - heads.front().nearness)});
+  bounds.push_back({-row, heads.front().nearness});
+}
+
 /// Bounds on a step that keep every head's fall-off plausible at a few radii.
 std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vector<HeadState>& heads) {
   std::vector<solve::Bound> bounds;
+  bound_nearness(parameters, heads, bounds);
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const int slot = parameters.slots()[h].vignetting;
     // Not for a head that starts outside these bounds.

@@ -83,7 +83,7 @@ Result<DriftReport> measure_drift(const Calibration& calibration, const std::vec
   if (!found) return fail(found.error());
   DriftReport report;
   for (std::size_t h = 0; h < calibration.heads.size(); ++h) {
-    const Result<HeadState> state = HeadState::from(calibration.heads[h]);
+    const Result<HeadState> state = HeadState::from(calibration.heads[h], calibration.distance);
     if (!state) return fail(state.error());
     report.heads.push_back(drift_of(calibration.heads[h], found->calibration.heads[h], found->heads[h],
                                     options.tolerance_px, focal_of(state->lens)));

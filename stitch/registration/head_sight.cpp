@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace nodal::registration {
 
@@ -11,8 +12,12 @@ HeadSight sight_of(const HeadState& head, const RadialTable& table, double used_
   const Eigen::Matrix3d R = head.q_head_rig.toRotationMatrix();
   for (int k = 0; k < 9; ++k) sight.R[k] = static_cast<float>(R(k / 3, k % 3));
   for (int k = 0; k < 3; ++k) sight.axis[k] = static_cast<float>(R(2, k));
-  sight.cos_reach = static_cast<float>(std::cos(used_angle));
-  sight.sin_reach = static_cast<float>(std::sin(used_angle));
+  const Eigen::Vector3d position = R * head.position;
+  for (int k = 0; k < 3; ++k) sight.position[k] = static_cast<float>(position[k]);
+  sight.nearness = static_cast<float>(head.nearness);
+  const double reach = std::min(used_angle + head.parallax(), std::numbers::pi);
+  sight.cos_reach = static_cast<float>(std::cos(reach));
+  sight.sin_reach = static_cast<float>(std::sin(reach));
   sight.table = &table;
   sight.center_x = static_cast<float>(head.center_x);
   sight.center_y = static_cast<float>(head.center_y);

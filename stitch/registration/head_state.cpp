@@ -22,6 +22,7 @@ Slots slots_of(const Sought& sought, int radials) {
     slots.radial = take(radials);
     slots.radials = radials;
   }
+  if (sought.nearness) slots.nearness = take(1);
   if (sought.gain) {
     slots.gain = take(sought.channels);
     slots.gains = sought.channels;
@@ -57,8 +58,10 @@ Result<double> HeadState::used_angle() const {
   return made->angle(farthest_radius(region, center_x, center_y, aspect)).value_or(made->max_angle());
 }
 
-Result<HeadState> HeadState::from(const HeadCalibration& head) {
+Result<HeadState> HeadState::from(const HeadCalibration& head, double distance) {
   HeadState state;
+  state.position = {head.position[0], head.position[1], head.position[2]};
+  if (distance > 0) state.nearness = 1 / distance;
   state.q_head_rig = Eigen::Quaterniond(geometry::matrix_of(head.R_head_rig)).normalized();
   state.lens = head.lens;
   state.center_x = head.center_x;
@@ -129,6 +132,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
     next.center_x += step[slots.center];
     next.center_y += step[slots.center + 1];
   }
+  if (slots.nearness >= 0) next.nearness = std::max(0.0, head.nearness + step[slots.nearness]);
   for (int c = 0; c < 3 && slots.gain >= 0; ++c) {
     next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];
   }

@@ -3,7 +3,9 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -24,7 +26,8 @@ struct Slots {
   int center = -1;    ///< two, px
   int radial = -1;
   int radials = 0;
-  int gain = -1;  ///< log, one per channel
+  int nearness = -1;  ///< shared by all heads, 1/m
+  int gain = -1;      ///< log, one per channel
   int gains = 0;
   int vignetting = -1;  ///< kVignettingTerms
   int count = 0;
@@ -32,7 +35,7 @@ struct Slots {
 
 /// The parameters that are currently estimated.
 struct Sought {
-  bool rotation = true, focal = false, lens = false, gain = true, vignetting = true;
+  bool rotation = true, focal = false, lens = false, nearness = false, gain = true, vignetting = true;
   int channels = 1;
 };
 Slots slots_of(const Sought& sought, int radials);
@@ -42,10 +45,12 @@ struct HeadState {
   Eigen::Quaterniond q_head_rig{1, 0, 0, 0};
   LensModel lens;
   double center_x = 0, center_y = 0;
+  double nearness = 0;  ///< 1 / Calibration::distance, 1/m; equal for all heads
   std::array<double, 3> log_gain{};
   std::array<double, 3> vignetting{};
 
   // Constant.
+  Eigen::Vector3d position{0, 0, 0};  ///< m, in the rig frame
   double aspect = 1;
   double max_angle = 0;                       ///< the calibration's; 0: none
   double vignetting_x = 0, vignetting_y = 0;  ///< from the lens's centre
@@ -54,12 +59,14 @@ struct HeadState {
   std::shared_ptr<const MaskField> masks;  ///< null if nothing is masked
   double edge_radius = 1, edge_angle = 1;  ///< of the region's farthest point, at the start
 
-  /// Errors: kLensDomain.
-  static Result<HeadState> from(const HeadCalibration& head);
+  /// `distance`: Calibration::distance. Errors: kLensDomain.
+  static Result<HeadState> from(const HeadCalibration& head, double distance = 0);
   /// The prior with this head's state.
   HeadCalibration into(HeadCalibration prior) const;
   /// The largest angle that is used of the lens: the region's farthest point or the lens's limit, rad.
   Result<double> used_angle() const;
+  /// The angle by which the head's own position moves rays at most, rad.
+  double parallax() const { return std::asin(std::min(1.0, position.norm() * nearness)); }
 };
 
 /// Bounds on the relative light at s = (radius / the fall-off's radius)^2. Lenses do not brighten their rims, and

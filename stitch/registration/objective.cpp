@@ -188,7 +188,7 @@ std::vector<Cone> cones_of(const std::vector<HeadState>& heads, double slack) {
   std::vector<Cone> cones;
   for (const HeadState& head : heads) {
     const Eigen::Vector3d axis = head.q_head_rig.conjugate() * Eigen::Vector3d::UnitZ();
-    cones.push_back({axis, head.used_angle().value_or(std::numbers::pi) + slack});
+    cones.push_back({axis, head.used_angle().value_or(std::numbers::pi) + head.parallax() + slack});
   }
   return cones;
 }

@@ -119,9 +119,12 @@ Certainty certainty_of(const Normal& normal, const Parameters& parameters, doubl
     estimates.emplace_back(inverse * (unbiased * parts * parts.transpose()) * inverse.transpose());
   }
   const std::size_t heads = parameters.slots().size();
-  Certainty certainty{std::vector<double>(heads), std::vector<double>(heads)};
+  Certainty certainty{std::vector<double>(heads), std::vector<double>(heads), 0};
   for (const Eigen::MatrixXd& covariance : estimates) {
     Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
+    if (const int slot = parameters.slots().front().nearness; slot >= 0) {
+      certainty.nearness = std::max(certainty.nearness, std::sqrt(std::max(0.0, all(slot, slot))));
+    }
     if (gauge.size() > 0) all = gauge * all * gauge.transpose();
     for (std::size_t h = 0; h < heads; ++h) {
       const Slots& slots = parameters.slots()[h];

@@ -43,6 +43,7 @@ inline constexpr double kDullRms = 0.5;
 struct Certainty {
   std::vector<double> rotation_rad;  ///< about the worst axis, relative to the gauge
   std::vector<double> log_focal;     ///< 0 if not estimated
+  double nearness = 0;               ///< 1/m; 0 if not estimated
 };
 /// `gauge`: the gauge's effect on small changes of the heads' parameters (gauge.h); empty if the parameters contain it.
 Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,

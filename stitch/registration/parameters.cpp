@@ -75,6 +75,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
   };
   const auto focal = [](const Slots& slots) { return slots.focal; };
   const auto radial = [](const Slots& slots) { return slots.radial; };
+  const auto nearness = [](const Slots& slots) { return slots.nearness; };
   const auto gain = [](const Slots& slots) { return slots.gain; };
   const auto vignetting = [](const Slots& slots) { return slots.vignetting; };
   for (int h = 0; h < n; ++h) {
@@ -92,6 +93,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
     add_shared(basis, rows(focal, 0, held.geometry));
     for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, held.geometry));
   }
+  add_shared(basis, rows(nearness, 0, std::vector<bool>(heads.size(), false)));
   for (int c = 0; c < slots_.front().gains; ++c) {
     const std::vector<int> all = rows(gain, c, held.light);
     if (held.free_gains) {

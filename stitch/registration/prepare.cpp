@@ -16,7 +16,7 @@ Result<Prepared> prepare(const Calibration& calibration, const std::vector<Frame
   if (Status fits = check_frames(calibration, frame_sets); !fits) return fail(fits.error());
   Prepared ready;
   for (const HeadCalibration& head : calibration.heads) {
-    Result<HeadState> state = HeadState::from(head);
+    Result<HeadState> state = HeadState::from(head, calibration.distance);
     if (!state) return fail(state.error());
     ready.heads.push_back(std::move(*state));
   }

@@ -55,8 +55,16 @@ std::optional<std::string> mistake_of(const Calibration& prior, const std::vecto
 
 }  // namespace
 
-Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
-                              const Options& options) {
+Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets, const Options& asked) {
+  Options options = asked;
+  options.distance = options.distance && options.geometry;
+  if (options.distance && farthest_position(prior) == 0) {
+    return fail(Errc::kBadValue,
+                "a distance is estimated from where heads are, and no head of the calibration has a position; add "
+                "`position` to its heads (CALIBRATION.md), or import a project that has them");
+  }
+  // Positions are given in the rig's frame, so the rig as a whole cannot be turned afterwards.
+  if (options.distance || prior.distance > 0) options.gauge = Gauge::kFirstHead;
   for (std::vector<LeftOut> left_out;;) {
     Run run(prior, options);
     for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);

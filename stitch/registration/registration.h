@@ -37,6 +37,7 @@ enum class Gauge : std::uint8_t {
   kMean,       ///< the heads' turns have mean zero
   kMost,       ///< the heads' turns have geometric median zero: heads that moved do not affect heads that did not
 };
+// With a distance, kFirstHead is used whatever is asked for.
 
 /// One accepted step of the descent.
 struct Step {
@@ -51,6 +52,8 @@ struct Options {
   Free free = Free::kRotations;
   /// False: rotations and lenses are fixed, and `free` has no effect; only gains and fall-off are estimated.
   bool geometry = true;
+  /// Estimates Calibration::distance, too: where the pictures of heads with positions meet.
+  bool distance = false;
   Norm norm = Norm::kSum;
   Colour colour = Colour::kLuminance;
   bool gains = true;
@@ -92,7 +95,9 @@ struct PairReport {
 };
 
 struct Report {
-  Calibration calibration;                           ///< the prior with the estimated parameters; checked
+  Calibration calibration;  ///< the prior with the estimated parameters; checked
+  /// With Options::distance: the standard deviation of 1 / calibration.distance, 1/m.
+  double sigma_nearness = 0;
   double objective_before = 0, objective_after = 0;  ///< on the finest raymap, 8-bit levels squared
   std::vector<HeadReport> heads;
   std::vector<PairReport> pairs;  ///< all pairs that overlap

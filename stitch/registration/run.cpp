@@ -22,6 +22,7 @@ constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of t
 constexpr double kLeastPairAgreement = 0.2;
 constexpr double kClearAgreement = 0.4;    // of a head with all others, on one level
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
+constexpr double kParallax = 0.1;          // share of the objective; below 0.01 where pictures meet
 constexpr double kLensMisfit = 0.15;  // share of the objective; 0.001 for right lenses, up to 0.05 with noise and blur
 
 }  // namespace
@@ -93,6 +94,7 @@ Sought Run::sought_of(const LevelPlan& plan) const {
   sought.rotation = options_.geometry;
   sought.focal = plan.focal && options_.geometry;
   sought.lens = plan.lens && options_.geometry;
+  sought.nearness = options_.distance && options_.geometry;
   sought.gain = options_.gains;
   sought.vignetting = options_.vignetting != VignettingModel::kFixed;
   sought.channels = channels();
@@ -247,10 +249,19 @@ Status Run::light_unplaced_heads() {
   return {};
 }
 
-// Fixed lenses must fit the pictures: wrong ones are compensated by wrong rotations.
+// Fixed lenses must fit the pictures: wrong ones are compensated by wrong rotations. Near things look like wrong lenses, so
+// they are looked for first.
 Status Run::check_lenses(Objective& objective) {
   if (options_.free == Free::kLens || !options_.geometry) return {};
   const Sought sought = sought_of(plans_.back());
+  if (!options_.distance) {
+    const Result<Parallax> parallax = parallax_in(objective, heads_, sought, held(plans_.back()));
+    if (!parallax) return fail(parallax.error());
+    if (parallax->share > kParallax && parallax->nearness > 0) {
+      report_.warnings.push_back(near_things(1 / parallax->nearness, prior_.distance));
+      return {};
+    }
+  }
   const Result<double> by_lens = promised_by(objective, heads_, sought, held(plans_.back()), Free::kLens);
   if (!by_lens) return fail(by_lens.error());
   if (*by_lens < kLensMisfit) return {};
@@ -288,6 +299,11 @@ Result<Report> Run::report() {
   (*level)->objective().set_used(used());
   if (Status fit = check_lenses((*level)->objective()); !fit) return fail(fit.error());
   report_.calibration = prior_;
+  if (options_.distance) {
+    const double nearness = heads_.front().nearness;
+    report_.calibration.distance = nearness > 1 / kLongestDistance ? 1 / nearness : 0;
+    report_.sigma_nearness = certainty.nearness;
+  }
   const int n = static_cast<int>(heads_.size());
   for (int h = 0; h < n; ++h) {
     const auto i = static_cast<std::size_t>(h);

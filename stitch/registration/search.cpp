@@ -115,6 +115,7 @@ class Correlator {
         sight_(sight_of(into, picture.table, picture.angle, {picture.plane.ref()}, picture.scale, 0)),
         seen_(std::make_unique<TileHead>()) {
     sight_.channels = {0};
+    sight_.nearness = 0;  // the rays are another head's, not the rig's
     for (float& gain : sight_.gain) gain = 1;
     for (float& term : sight_.vignetting) term = 0;
   }

@@ -28,6 +28,20 @@ struct Four {
   const float* __restrict d;
 };
 
+// From the rays' ends as seen from the rig's nodal point to the directions from the head.
+NODAL_INLINE void leave_nodal_point(const HeadSight& head, TileHead& __restrict out) {
+  const float px = head.position[0] * head.nearness, py = head.position[1] * head.nearness,
+              pz = head.position[2] * head.nearness;
+  for (int i = 0; i < kTile; ++i) {
+    const float x = out.x[i] - px, y = out.y[i] - py, z = out.z[i] - pz;
+    const float per_range = 1 / std::sqrt(x * x + y * y + z * z);
+    out.per_range[i] = per_range;
+    out.x[i] = x * per_range;
+    out.y[i] = y * per_range;
+    out.z[i] = z * per_range;
+  }
+}
+
 // Computes the rays in the head's frame, and their positions in the radial table.
 NODAL_INLINE void turn(const HeadSight& head, const Tile& __restrict tile, float* __restrict t,
                        TileHead& __restrict out) {
@@ -40,6 +54,7 @@ NODAL_INLINE void turn(const HeadSight& head, const Tile& __restrict tile, float
     out.y[i] = r3 * x + r4 * y + r5 * z;
     out.z[i] = r6 * x + r7 * y + r8 * z;
   }
+  if (head.nearness > 0) leave_nodal_point(head, out);
   for (int i = 0; i < kTile; ++i) {
     const float t2 = 0.5F - 0.5F * out.z[i];
     t[i] = std::sqrt(t2 > 1e-12F ? t2 : 1e-12F);
@@ -152,6 +167,20 @@ NODAL_INLINE void by_rotation(const TileHead& in, const float* __restrict gu, co
   }
 }
 
+// With nearness the direction moves against the head's position, as far as that is across it.
+NODAL_INLINE void by_nearness(const HeadSight& head, const TileHead& in, const float* __restrict gu,
+                              const float* __restrict gv, float* __restrict j) {
+  const float px = head.position[0], py = head.position[1], pz = head.position[2];
+  const bool finite = head.nearness > 0;
+  for (int i = 0; i < kTile; ++i) {
+    const float x = in.x[i], y = in.y[i], z = in.z[i];
+    const float a = gu[i] * in.q[i], b = gv[i] * in.q[i], c = in.dq_dz[i] * (gu[i] * x + gv[i] * y);
+    const float along = px * x + py * y + pz * z;
+    const float change = a * (px - along * x) + b * (py - along * y) + c * (pz - along * z);
+    j[i] = finite ? -change * in.per_range[i] : -change;
+  }
+}
+
 NODAL_INLINE void by_geometry(const HeadSight& head, const Slots& slots, const TileHead& in, const float* gu,
                               const float* gv, RowsOut J) {
   if (slots.rotation >= 0) {
@@ -165,6 +194,7 @@ NODAL_INLINE void by_geometry(const HeadSight& head, const Slots& slots, const T
       j[i] = (left + in.fraction[i] * (right - left)) * (gu[i] * in.x[i] + gv[i] * in.y[i]);
     }
   }
+  if (slots.nearness >= 0) by_nearness(head, in, gu, gv, J[slots.nearness]);
   if (slots.center >= 0) {
     // The fall-off moves with the centre, so its part of the gradient is subtracted again.
     const float per_aspect = 1 / head.aspect;

@@ -26,7 +26,9 @@ struct PlaneRef {
 
 /// One head as the kernel reads it, for one state and one level.
 struct HeadSight {
-  float R[9];  ///< rig to head
+  float R[9];                     ///< rig to head
+  float position[3] = {0, 0, 0};  ///< m, in the head's frame
+  float nearness = 0;             ///< 1/m
   const RadialTable* table = nullptr;
   float center_x, center_y, aspect;
   float left, top, right, bottom;  ///< of the region, reduced so that every tap is inside
@@ -45,7 +47,8 @@ struct HeadSight {
 
 /// One head on one tile: the kernel's working memory, reused for every tile.
 struct alignas(64) TileHead {
-  float x[kTile], y[kTile], z[kTile];  ///< the rays in the head's frame
+  float x[kTile], y[kTile], z[kTile];  ///< the rays as the head sees their ends, in its frame
+  float per_range[kTile];              ///< distance over the range from the head; only at a finite distance
   float fraction[kTile];
   float q[kTile], dq_dz[kTile];
   float u[kTile], v[kTile];  ///< full-size px

@@ -264,9 +264,10 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
   std::size_t count = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const RaySampler::Optics& optics = rig_.optics()[h];
-    const double ahead = optics.axis.dot(ray.direction());  // the cosine with the head's axis
+    const Eigen::Vector3d d = heads[h].seen_from_here(ray.direction());
+    const double ahead = optics.axis.dot(d);  // the cosine with the head's axis
     if (ahead < optics.cos_reach) continue;
-    const Eigen::Vector3d in_head(optics.right.dot(ray.direction()), optics.down.dot(ray.direction()), ahead);
+    const Eigen::Vector3d in_head(optics.right.dot(d), optics.down.dot(d), ahead);
     const std::optional<HeadSight> seen = see(heads[h], optics.lens, in_head, optics.depth_per_px);
     if (!seen || seen->inside < kEdge) continue;
     const double weight = seen->density * fade(*seen, seams, optics.depth_per_px);
@@ -303,10 +304,10 @@ void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) 
     SeamCandidate& candidate = candidates[k];
     candidate.score = std::sqrt(sights[k].weight);
     for (std::size_t way = 0; way < 2; ++way) {
-      const Eigen::Vector3d d = ray.direction() + kStep * tangents[way];
+      const geometry::Head& head = rig_.heads()[sights[k].head];
+      const Eigen::Vector3d d = head.seen_from_here(ray.direction() + kStep * tangents[way]);
       const std::optional<HeadSight> seen =
-          see(rig_.heads()[sights[k].head], optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)},
-              optics.depth_per_px);
+          see(head, optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)}, optics.depth_per_px);
       const double moved = seen ? std::sqrt(seen->density * fade(*seen, true, optics.depth_per_px)) : 0.0;
       candidate.slope[static_cast<Eigen::Index>(way)] = (moved - candidate.score) / kStep;
     }
@@ -376,7 +377,7 @@ std::optional<Eigen::Vector3d> RowSampler::unproject(HeadIndex head, geometry::P
   const double across = r > 0 ? std::sin(*a) / r : 0;
   const Eigen::Vector3d d(across * x, across * y, std::cos(*a));
   const Eigen::Matrix3d& R = h.R_head_rig();
-  return Eigen::Vector3d(R.col(0).dot(d), R.col(1).dot(d), R.col(2).dot(d));
+  return h.seen_from_rig(Eigen::Vector3d(R.col(0).dot(d), R.col(1).dot(d), R.col(2).dot(d)));
 }
 
 }  // namespace nodal::table

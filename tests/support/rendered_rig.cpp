@@ -38,6 +38,42 @@ void add_equidistant(Calibration& rig, int side, double view_deg, const Eigen::V
   rig.heads.push_back(head);
 }
 
+/// A room seen from one point in it.
+class RoomFrom final : public hal::sim::Scene {
+ public:
+  RoomFrom(const Room& room, const Eigen::Vector3d& eye, hal::sim::ScenePtr walls)
+      : room_(room), eye_(eye), walls_(std::move(walls)) {}
+  hal::sim::Light light(const hal::sim::Direction& from, double footprint_rad) const override {
+    const Eigen::Vector3d d(from.x, from.y, from.z);
+    double away = 0;
+    if (room_.shape == Room::Shape::kBall) {  // |eye + away d| = size
+      const double b = eye_.dot(d);
+      away = -b + std::sqrt(b * b - eye_.squaredNorm() + room_.size * room_.size);
+    } else {
+      away = 1e9;
+      for (int k = 0; k < 3; ++k) {
+        if (d[k] != 0) away = std::min(away, ((d[k] > 0 ? room_.size : -room_.size) - eye_[k]) / d[k]);
+      }
+    }
+    Eigen::Vector3d wall = (eye_ + away * d).normalized();
+    for (const Room::Column& column : room_.columns) {
+      const Eigen::Vector2d apart(eye_.x() - column.x, eye_.z() - column.z), way(d.x(), d.z());
+      const double a = way.squaredNorm(), b = apart.dot(way);
+      const double root = b * b - a * (apart.squaredNorm() - column.radius * column.radius);
+      if (a < 1e-12 || root < 0 || (-b - std::sqrt(root)) / a <= 0 || (-b - std::sqrt(root)) / a >= away) continue;
+      away = (-b - std::sqrt(root)) / a;
+      const Eigen::Vector3d at = eye_ + away * d;  // its pattern: the walls' by the direction from its own axis
+      wall = Eigen::Vector3d(at.x() - column.x, at.y() / 4, at.z() - column.z).normalized();
+    }
+    return walls_->light({wall.x(), wall.y(), wall.z()}, footprint_rad);
+  }
+
+ private:
+  const Room room_;
+  const Eigen::Vector3d eye_;
+  const hal::sim::ScenePtr walls_;
+};
+
 }  // namespace
 
 std::vector<ImageView> RenderedRig::frames() const {
@@ -48,7 +84,10 @@ std::vector<ImageView> RenderedRig::frames() const {
   return views;
 }
 
-RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options) {
+namespace {
+
+template <class SceneOf>
+RenderedRig render(const Calibration& truth, const RenderOptions& options, SceneOf&& scene_of) {
   RenderedRig rig{truth, options.format, {}};
   hal::sim::HeadOptions head_options;
   head_options.pixels = options.format;
@@ -56,10 +95,35 @@ RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene
   head_options.noise.levels = options.noise_levels;
   std::uint64_t seed = options.seed * 1000;
   for (const HeadCalibration& head : truth.heads) {
-    hal::sim::Sensor sensor(head, hal::sim::sensor_options(head_options), scene, ++seed);
+    hal::sim::Sensor sensor(head, hal::sim::sensor_options(head_options), scene_of(head), ++seed);
     std::vector<std::uint8_t> picture(packed_size(options.format, head.width, head.height));
     sensor.render(head_options.settings, Instant::from_ns(1'000'000'000), 0, picture, 0);
     rig.bytes.push_back(std::move(picture));
+  }
+  return rig;
+}
+
+}  // namespace
+
+RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options) {
+  return render(truth, options, [&](const HeadCalibration&) { return scene; });
+}
+
+RenderedRig render_rig_in(const Room& room, const Calibration& truth, const hal::sim::ScenePtr& scene,
+                          const RenderOptions& options) {
+  return render(truth, options,
+                [&](const HeadCalibration& head) { return what_a_rig_sees(room, head.position, scene); });
+}
+
+hal::sim::ScenePtr what_a_rig_sees(const Room& room, const std::array<double, 3>& from,
+                                   const hal::sim::ScenePtr& walls) {
+  return std::make_shared<RoomFrom>(room, Eigen::Vector3d(from[0], from[1], from[2]), walls);
+}
+
+Calibration spread_out(Calibration rig, double forward) {
+  for (HeadCalibration& head : rig.heads) {
+    const Eigen::Vector3d at = forward * rotation_of(head).row(2).transpose();
+    head.position = {at.x(), at.y(), at.z()};
   }
   return rig;
 }

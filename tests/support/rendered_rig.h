@@ -1,6 +1,7 @@
 // Rigs with pictures of a known scene, rendered by the simulator; it shares no projection code with the stitcher.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -26,6 +27,28 @@ struct RenderOptions {
   int supersampling = 3;
 };
 RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options = {});
+
+/// A room about the rig's nodal point: a ball of this radius, or a box with this distance to its walls, m. Its walls look
+/// from the nodal point as `scene` does without its movers, and each head sees them from its own position. The picture
+/// that a rig at one point would take is therefore `scene`.
+struct Room {
+  enum class Shape { kBall, kBox } shape = Shape::kBall;
+  double size = 2;
+  /// Patterned columns from floor to ceiling, nearer than the walls. With any, the picture of a rig at one point is
+  /// what_a_rig_sees() from there.
+  struct Column {
+    double x = 0, z = 0, radius = 0.25;  ///< m
+  };
+  std::vector<Column> columns{};
+};
+/// The room as it looks from a point, m.
+hal::sim::ScenePtr what_a_rig_sees(const Room& room, const std::array<double, 3>& from,
+                                   const hal::sim::ScenePtr& walls);
+RenderedRig render_rig_in(const Room& room, const Calibration& truth, const hal::sim::ScenePtr& scene,
+                          const RenderOptions& options = {});
+
+/// Moves every head forward along its axis, m.
+Calibration spread_out(Calibration rig, double forward);
 
 /// Six equidistant fisheyes of `side` x `side` pixels with a field of `view_deg`, one along each axis of the rig.
 Calibration six_fisheyes(int side, double view_deg = 130);

@@ -169,6 +169,30 @@ TEST(Export, HeadsNames_ComeBackFromKalibrAndSurround360) {
   }
 }
 
+TEST(Export, PositionsOfHeads_ComeBackFromKalibrAndSurround360) {
+  Calibration rig = rig_of(kPlain);
+  rig.heads[0].position = {0.1, -0.02, 0.03};
+  rig.heads[1].position = {-0.07, 0.05, 0.2};
+  const auto vector = [](const HeadCalibration& head) {
+    return Eigen::Vector3d(head.position[0], head.position[1], head.position[2]);
+  };
+  const auto rotation = [](const HeadCalibration& head) { return geometry::matrix_of(head.R_head_rig); };
+  for (const ExportFormat format : {ExportFormat::kKalibr, ExportFormat::kSurround360}) {
+    const auto exported = export_calibration(rig, format);
+    ASSERT_TRUE(exported) << exported.error().text();
+    const auto back = import_project(exported->files[0].text, "rig");
+    ASSERT_TRUE(back) << back.error().text();
+    const auto& heads = back->calibration.heads;
+    // A chain has its own rig frame, but each head sees the other in the same place.
+    const Eigen::Vector3d was = rotation(rig.heads[0]) * (vector(rig.heads[1]) - vector(rig.heads[0]));
+    const Eigen::Vector3d is = rotation(heads[0]) * (vector(heads[1]) - vector(heads[0]));
+    EXPECT_LT((was - is).norm(), 1e-6) << static_cast<int>(format);
+    const Eigen::Vector3d first =
+        format == ExportFormat::kKalibr ? Eigen::Vector3d(-vector(heads[1])) : vector(rig.heads[0]);
+    EXPECT_LT((vector(heads[0]) - first).norm(), 1e-6);
+  }
+}
+
 TEST(Export, UnknownFormat_IsRefusedWithThoseThereAre) {
   const auto refused = export_format_named("pdf");
   ASSERT_FALSE(refused);

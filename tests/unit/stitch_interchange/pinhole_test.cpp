@@ -189,7 +189,13 @@ TEST(ImportKalibr, ChainOfThree_MultipliesItsRotations) {
   EXPECT_LT((heads[1].axis().direction() - Vector3d(1, 0, 0)).norm(), 1e-9);
   EXPECT_LT((heads[2].axis().direction() - Vector3d(0, -1, 0)).norm(), 1e-9);
   EXPECT_NEAR(import->calibration.heads[0].center_x, 320, 1e-12);
-  EXPECT_NE(import->notes.at(0).find("0.1 m apart"), std::string::npos);
+  // x1 = R x0 + (0.1, 0, 0): the second camera is 0.1 m in front of the first, and the third with it.
+  const std::array<double, 3> z{-0.2 / 3, 0.1 / 3, 0.1 / 3};
+  for (std::size_t h = 0; h < 3; ++h) {
+    const auto& at = import->calibration.heads[h].position;
+    EXPECT_LT((Vector3d(at[0], at[1], at[2]) - Vector3d(0, 0, z[h])).norm(), 1e-12) << h;
+  }
+  EXPECT_NE(import->notes.at(0).find("0.06667 m from the rig's nodal point"), std::string::npos) << import->notes.at(0);
 }
 
 TEST(ImportKalibr, OmniEucmAndDoubleSphere_AreFittedToTheirFormulas) {

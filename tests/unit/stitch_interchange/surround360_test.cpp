@@ -37,7 +37,8 @@ Vector2d their_pixel(const json& camera, const Vector3d& world) {
 }
 
 /// The largest distance between their pixels and ours, where our heads see; world axes are converted.
-double worst(const json& rig, const Calibration& calibration) {
+/// `unit`: m of one of the file's; with a distance, what is seen lies there.
+double worst(const json& rig, const Calibration& calibration, double unit = 0) {
   const auto heads = *geometry::make_heads(calibration);
   double most = 0;
   int seen = 0;
@@ -47,7 +48,10 @@ double worst(const json& rig, const Calibration& calibration) {
       const Vector3d world(s * std::cos(a), s * std::sin(a), z);
       const auto ours = heads[i].project(geometry::Ray::towards(-world.y(), -world.z(), world.x()));
       if (!ours || !heads[i].contains(*ours)) continue;
-      const Vector2d theirs = their_pixel(rig["cameras"][i], world);
+      const json& camera = rig["cameras"][i];
+      const bool near = calibration.distance > 0;
+      const Vector2d theirs =
+          their_pixel(camera, near ? Vector3d(calibration.distance * world - unit * vector(camera["origin"])) : world);
       most = std::max(most, (theirs - Vector2d(ours->x, ours->y)).norm());
       ++seen;
     }
@@ -64,6 +68,10 @@ TEST(ImportSurround360, RigOfSixteenFisheyes_SeesWhatItsOwnCodeSees) {
   // Their axes are rounded: to a hundredth of an arc second.
   EXPECT_LT(worst(json::parse(text), import->calibration), 1e-4);
   EXPECT_NE(import->notes.at(0).find("nodal point"), std::string::npos);
+  EXPECT_NE(import->notes.at(0).find("metres"), std::string::npos);
+  Calibration near = import->calibration;
+  near.distance = 1.5;
+  EXPECT_LT(worst(json::parse(text), near, 1), 1e-4);
 }
 
 TEST(ImportSurround360, RigOfSeventeenCameras_IsImportedAndOneOfMoreThanTheLimitIsRefused) {
@@ -73,6 +81,9 @@ TEST(ImportSurround360, RigOfSeventeenCameras_IsImportedAndOneOfMoreThanTheLimit
   ASSERT_TRUE(import) << import.error().text();
   ASSERT_EQ(import->calibration.heads.size(), 17U);
   EXPECT_LT(worst(rig, import->calibration), 1e-4);
+  Calibration near = import->calibration;
+  near.distance = 0.8;
+  EXPECT_LT(worst(rig, near, 0.01), 1e-4) << "this file is in centimetres";
   for (int i = 0; rig["cameras"].size() < 65; ++i) {
     json more = rig["cameras"][0];
     more["id"] = "more" + std::to_string(i);
