@@ -129,6 +129,8 @@ TEST_F(CableRig, HostsKilledInTheMiddleOfAPull_TheNextGetsNoByteMeantForThem) {
     std::this_thread::sleep_for(std::chrono::microseconds(4300 * i));  // in the middle of another record each time
     host->signal(SIGKILL);
     host->wait();
+    // Every second time, the next raymap fills the rig's transfers before the next host comes.
+    if (i % 2 == 1) std::this_thread::sleep_for(std::chrono::milliseconds(120));
     ASSERT_TRUE(pull(rig.by_cable()) == expected) << i;
   }
   EXPECT_EQ(rig.nodald().complained().find("cable record"), std::string::npos) << rig.nodald().complained();
