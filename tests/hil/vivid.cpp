@@ -44,6 +44,17 @@ hal::v4l2::HeadRequest webcam(PixelFormat pixels) {
   return request;
 }
 
+Result<hal::FrameView> next_frame(hal::HeadPort& head, const hal::ClockPort& clock) {
+  const Instant until = clock.now() + Duration::seconds(2);
+  while (clock.now() < until) {
+    auto frame = head.take_frame();
+    if (!frame) return fail(frame.error());
+    if (*frame) return **frame;
+    wait_for(Duration::milliseconds(1));
+  }
+  return fail(Errc::kTimeout, "no frame in two seconds");
+}
+
 void wait_for(Duration time) { std::this_thread::sleep_for(std::chrono::nanoseconds(time.ns())); }
 
 }  // namespace nodal::hil

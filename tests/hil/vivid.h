@@ -34,6 +34,9 @@ hal::v4l2::HeadRequest ntsc(PixelFormat pixels);
 /// A progressive webcam with 30 frames per second and gain steps of 0.1 dB.
 hal::v4l2::HeadRequest webcam(PixelFormat pixels);
 
+/// A head's next frame, still lent, or its error; kTimeout after 2 s.
+Result<hal::FrameView> next_frame(hal::HeadPort& head, const hal::ClockPort& clock);
+
 /// Waits; in the guest's virtual time if it was booted with it.
 void wait_for(Duration time);
 

@@ -30,16 +30,7 @@ class Vivid : public testing::Test {
     }
     return std::move(*head);
   }
-  Result<FrameView> next(HeadPort& head) {
-    const Instant until = clock_.now() + Duration::seconds(2);
-    while (clock_.now() < until) {
-      auto frame = head.take_frame();
-      if (!frame) return fail(frame.error());
-      if (*frame) return **frame;
-      wait_for(Duration::milliseconds(1));
-    }
-    return fail(Errc::kTimeout, "no frame in two seconds");
-  }
+  Result<FrameView> next(HeadPort& head) const { return next_frame(head, clock_); }
   /// The verdicts of frames, each of which is released at once.
   std::vector<FrameVerdict> verdicts(HeadPort& head, int frames) {
     std::vector<FrameVerdict> all;
