@@ -42,7 +42,7 @@ class Uvc : public testing::Test {
     }
     return head;
   }
-  Result<FrameView> next(HeadPort& head) const { return next_frame(head, clock_); }
+  Result<FrameView> next(HeadPort& head) { return next_frame(head, clock_); }
   /// Frames, each of which is released at once.
   std::vector<FrameView> frames(HeadPort& head, int count) {
     std::vector<FrameView> all;

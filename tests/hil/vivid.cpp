@@ -44,7 +44,7 @@ hal::v4l2::HeadRequest webcam(PixelFormat pixels) {
   return request;
 }
 
-Result<hal::FrameView> next_frame(hal::HeadPort& head, const hal::ClockPort& clock) {
+Result<hal::FrameView> next_frame(hal::HeadPort& head, hal::ClockPort& clock) {
   const Instant until = clock.now() + Duration::seconds(2);
   while (clock.now() < until) {
     auto frame = head.take_frame();

@@ -35,7 +35,7 @@ hal::v4l2::HeadRequest ntsc(PixelFormat pixels);
 hal::v4l2::HeadRequest webcam(PixelFormat pixels);
 
 /// A head's next frame, still lent, or its error; kTimeout after 2 s.
-Result<hal::FrameView> next_frame(hal::HeadPort& head, const hal::ClockPort& clock);
+Result<hal::FrameView> next_frame(hal::HeadPort& head, hal::ClockPort& clock);
 
 /// Waits; in the guest's virtual time if it was booted with it.
 void wait_for(Duration time);

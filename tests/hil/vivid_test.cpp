@@ -30,7 +30,7 @@ class Vivid : public testing::Test {
     }
     return std::move(*head);
   }
-  Result<FrameView> next(HeadPort& head) const { return next_frame(head, clock_); }
+  Result<FrameView> next(HeadPort& head) { return next_frame(head, clock_); }
   /// The verdicts of frames, each of which is released at once.
   std::vector<FrameVerdict> verdicts(HeadPort& head, int frames) {
     std::vector<FrameVerdict> all;
