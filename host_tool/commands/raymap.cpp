@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/film_file.h"
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -107,10 +108,21 @@ class Assembly {
 struct Sink {
   std::string pattern;  ///< "-": standard output
   RaymapFormat format = RaymapFormat::kJpg;
+  std::shared_ptr<FilmFile> film{};  ///< all raymaps in one file; then `format` is kJpg
 };
 
 Result<Sink> make_sink(const Args& args, Console& console) {
   Sink sink;
+  if (args.out.ends_with(".mkv")) {
+    if (!args.format.empty() && args.format != "jpg") {
+      return fail(Errc::kBadValue, "--format " + args.format + ": a film (.mkv) is of JPEGs; leave it out");
+    }
+    auto film = FilmFile::create(args.out);
+    if (!film) return fail(film.error());
+    sink.film = std::move(*film);
+    sink.pattern = args.out;
+    return sink;
+  }
   if (!args.format.empty()) {
     sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
   } else if (!args.out.empty() && args.out != "-") {
@@ -135,6 +147,10 @@ Result<Sink> make_sink(const Args& args, Console& console) {
 
 /// Stores a raymap and returns its file name.
 Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
+  if (sink.film) {
+    if (const Status added = sink.film->add(raymap); !added) return fail(added.error());
+    return sink.pattern;
+  }
   std::vector<std::uint8_t> file;
   std::span<const std::uint8_t> bytes = raymap.bytes;
   if (sink.format == RaymapFormat::kPng || sink.format == RaymapFormat::kTiff) {
@@ -219,6 +235,9 @@ class Pull {
     }
     rig_.stop_stream(stream_);
     console_.finish_progress();
+    if (sink_.film) {
+      if (const Status ended = sink_.film->end(); !ended) return ended;
+    }
     return conclude(args_.seconds.empty() || now_s() < until);
   }
 
@@ -347,6 +366,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
                                   "  nodal raymap pull                            raymap.jpg\n"
                                   "  nodal raymap pull -n 100 --out r-%04d.png\n"
                                   "  nodal raymap pull --continuous --out live.jpg    always the newest\n"
+                                  "  nodal raymap pull --for 10m --lossless --out film.mkv   a film\n"
                                   "  nodal raymap pull --continuous --out - | ffplay -f mjpeg -\n"
                                   "With --json: one document a raymap, and one with the sum at the end.\n");
   auto args = std::make_shared<Args>();
@@ -359,7 +379,8 @@ void add_raymap(CLI::App& app, CommandLine& line) {
                              ->check(checked_by(parse_duration));
   count->excludes(continuous)->excludes(seconds);
   continuous->excludes(seconds);
-  command->add_option("-o,--out", args->out, "File; %06d is replaced by the number, - is standard output")
+  command
+      ->add_option("-o,--out", args->out, "File; %06d is replaced by the number, .mkv is a film, - is standard output")
       ->type_name("PATTERN");
   command
       ->add_option("--format", args->format,

@@ -1,0 +1,92 @@
+#include "host_tool/commands/film_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <span>
+
+#include "protocol/base/version.h"
+#include "protocol/take/matroska_writer.h"
+
+namespace nodal::host {
+
+struct FilmFile::State {
+  std::string name;
+  int fd = -1;
+  std::optional<take::MatroskaWriter> writer;  ///< once the first raymap is there
+  int width = 0, height = 0;
+  std::uint64_t first_ns = 0;
+  std::int64_t newest_ns = 0;
+  std::uint64_t raymaps = 0;
+  bool ended = false;
+
+  Status write(std::span<const std::uint8_t> bytes, std::optional<std::uint64_t> at = std::nullopt) {
+    while (!bytes.empty()) {
+      const ssize_t n = at ? ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(*at))
+                           : ::write(fd, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) {
+        return fail(Errc::kIo,
+                    fmt::format("{}: {}; it plays up to about raymap {}", name, std::strerror(errno), raymaps));
+      }
+      bytes = bytes.subspan(static_cast<std::size_t>(n));
+      if (at) *at += static_cast<std::uint64_t>(n);
+    }
+    return {};
+  }
+};
+
+FilmFile::FilmFile(std::unique_ptr<State> state) : state_(std::move(state)) {}
+
+FilmFile::~FilmFile() {
+  (void)end();
+  ::close(state_->fd);
+}
+
+Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
+  auto state = std::make_unique<State>();
+  state->name = name;
+  state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (state->fd < 0) return fail(Errc::kIo, fmt::format("{}: {}", name, std::strerror(errno)));
+  return std::unique_ptr<FilmFile>(new FilmFile(std::move(state)));
+}
+
+Status FilmFile::add(const ReceivedRaymap& raymap) {
+  State& film = *state_;
+  const wire::RaymapHeader& header = raymap.header;
+  if (!film.writer) {
+    take::VideoTrack track;
+    track.width = film.width = static_cast<int>(header.width());
+    track.height = film.height = static_cast<int>(header.height());
+    track.equirectangular = header.layout() == "equirectangular";
+    track.writer = "nodal " NODAL_VERSION;
+    film.writer.emplace(track);
+    film.first_ns = header.mid_exposure_ns();
+    if (const Status begun = film.write(film.writer->head()); !begun) return begun;
+  }
+  if (static_cast<int>(header.width()) != film.width || static_cast<int>(header.height()) != film.height) {
+    return fail(Errc::kBadFormat, fmt::format("{}: raymap {} has {}x{} pixels, and the film has {}x{}", film.name,
+                                              film.raymaps, header.width(), header.height(), film.width, film.height));
+  }
+  constexpr std::uint64_t kLongestFilm = INT64_MAX / 4;  // 73 years
+  const std::uint64_t now = header.mid_exposure_ns();
+  const std::uint64_t since = now > film.first_ns ? std::min(now - film.first_ns, kLongestFilm) : 0;
+  film.newest_ns = std::max(film.newest_ns, static_cast<std::int64_t>(since));
+  ++film.raymaps;
+  return film.write(film.writer->add(Duration::nanoseconds(film.newest_ns), raymap.bytes));
+}
+
+Status FilmFile::end() {
+  State& film = *state_;
+  if (film.ended || !film.writer) return {};
+  film.ended = true;
+  if (const Status ended = film.write(film.writer->end()); !ended) return ended;
+  return film.write(film.writer->sector(), take::MatroskaWriter::kSectorAt);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,40 @@
+// A film of raymaps, in a file that players open.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "host_tool/commands/picture_file.h"
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// Appends JPEG raymaps to a Matroska file as they come. A film that was not ended, because the program was killed or the disk
+/// became full, plays up to its last quarter of a second.
+///
+/// Threading: thread-bound.
+/// Ownership: owns the open file.
+/// Errors: kIo with the file's name.
+class FilmFile {
+ public:
+  /// Replaces a file of that name.
+  static Result<std::unique_ptr<FilmFile>> create(const std::string& name);
+  /// Ends the film, as end() does.
+  ~FilmFile();
+  FilmFile(const FilmFile&) = delete;
+  FilmFile& operator=(const FilmFile&) = delete;
+
+  /// The first raymap decides the film's size; kBadFormat for another one. Times are the middles of the exposures; one that
+  /// does not rise counts as that of the raymap before it.
+  Status add(const ReceivedRaymap& raymap);
+  /// Writes the index and the duration. Nothing can be added after it.
+  Status end();
+
+ private:
+  struct State;
+  explicit FilmFile(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace nodal::host

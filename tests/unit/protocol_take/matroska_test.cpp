@@ -1,0 +1,274 @@
+// Matroska files: read by a reader written here from RFC 8794 and 9559, and by FFmpeg.
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/take/matroska_writer.h"
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+
+namespace nodal::take {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+struct Element {
+  std::uint64_t id = 0, at = 0, content = 0, size = 0;  ///< positions in the file
+};
+
+/// The element at `at`, if it is complete within `end`; a length of all ones is "to the end".
+std::optional<Element> element_at(const Bytes& file, std::uint64_t at, std::uint64_t end) {
+  const auto number = [&](bool with_marker) -> std::optional<std::uint64_t> {
+    if (at >= end) return std::nullopt;
+    int bytes = 1;
+    while (bytes <= 8 && (file[at] & (0x100 >> bytes)) == 0) ++bytes;
+    if (bytes > 8 || at + static_cast<std::uint64_t>(bytes) > end) return std::nullopt;
+    std::uint64_t value = 0;
+    for (int k = 0; k < bytes; ++k) value = value << 8 | file[at++];
+    const std::uint64_t marker = std::uint64_t{1} << (7 * bytes);
+    if (with_marker) return value;
+    return value - marker == marker - 1 ? UINT64_MAX : value - marker;
+  };
+  Element element;
+  element.at = at;
+  const auto id = number(true);
+  const auto size = id ? number(false) : std::nullopt;
+  if (!size) return std::nullopt;
+  element.id = *id;
+  element.content = at;
+  element.size = *size == UINT64_MAX ? end - at : *size;
+  if (element.size > end - at) return std::nullopt;
+  return element;
+}
+
+std::vector<Element> children(const Bytes& file, const Element& of) {
+  std::vector<Element> all;
+  for (std::uint64_t at = of.content; const auto element = element_at(file, at, of.content + of.size);) {
+    all.push_back(*element);
+    at = element->content + element->size;
+  }
+  return all;
+}
+
+std::uint64_t value_of(const Bytes& file, const Element& element) {
+  std::uint64_t value = 0;
+  for (std::uint64_t k = 0; k < element.size; ++k) value = value << 8 | file[element.content + k];
+  return value;
+}
+
+std::optional<Element> child(const Bytes& file, const Element& of, std::uint64_t id) {
+  for (const Element& each : children(file, of)) {
+    if (each.id == id) return each;
+  }
+  return std::nullopt;
+}
+
+struct Frame {
+  std::uint64_t us = 0;
+  Bytes bytes;
+  friend bool operator==(const Frame&, const Frame&) = default;
+};
+
+constexpr std::uint64_t kSegment = 0x18538067, kCluster = 0x1F43B675;
+
+Element segment_of(const Bytes& file) {
+  const Element ebml = element_at(file, 0, file.size()).value();
+  EXPECT_EQ(ebml.id, 0x1A45DFA3U);
+  const Element segment = element_at(file, ebml.content + ebml.size, file.size()).value();
+  EXPECT_EQ(segment.id, kSegment);
+  return segment;
+}
+
+/// The frames of all complete clusters, each checked by its CRC.
+std::vector<Frame> frames_of(const Bytes& file) {
+  std::vector<Frame> frames;
+  for (const Element& cluster : children(file, segment_of(file))) {
+    if (cluster.id != kCluster) continue;
+    const std::vector<Element> parts = children(file, cluster);
+    EXPECT_EQ(parts.at(0).id, 0xBFU) << "the CRC is the first";
+    const std::uint64_t checked = parts[0].content + 4;
+    const auto crc = static_cast<std::uint32_t>(
+        crc32_z(0, file.data() + checked, static_cast<std::size_t>(cluster.content + cluster.size - checked)));
+    for (int k = 0; k < 4; ++k)
+      EXPECT_EQ(file[parts[0].content + static_cast<std::uint64_t>(k)], crc >> (8 * k) & 0xFF);
+    EXPECT_EQ(parts.at(1).id, 0xE7U);
+    const std::uint64_t begin = value_of(file, parts[1]);
+    for (std::size_t k = 2; k < parts.size(); ++k) {
+      EXPECT_EQ(parts[k].id, 0xA3U);
+      const std::uint8_t* const block = file.data() + parts[k].content;
+      EXPECT_EQ(block[0], 0x81) << "track 1";
+      EXPECT_EQ(block[3], 0x80) << "a key frame";
+      const auto after = static_cast<std::int16_t>(block[1] << 8 | block[2]);
+      EXPECT_GE(after, 0);
+      frames.push_back({(begin + static_cast<std::uint64_t>(after)) * 10, {block + 4, block + parts[k].size}});
+    }
+  }
+  return frames;
+}
+
+VideoTrack track(int width, int height) {
+  VideoTrack track;
+  track.width = width;
+  track.height = height;
+  track.rate = FrameRate{30, 1};
+  track.equirectangular = true;
+  track.writer = "a test";
+  return track;
+}
+
+void append(Bytes& file, const Bytes& more) { file.insert(file.end(), more.begin(), more.end()); }
+
+struct Film {
+  Bytes file;
+  std::vector<Frame> frames;
+};
+
+Film film(const VideoTrack& track, const std::vector<Frame>& frames) {
+  MatroskaWriter writer(track);
+  Film film{writer.head(), frames};
+  for (const Frame& each : frames) {
+    append(film.file, writer.add(Duration::microseconds(static_cast<std::int64_t>(each.us)), each.bytes));
+  }
+  append(film.file, writer.end());
+  std::ranges::copy(writer.sector(), film.file.begin() + MatroskaWriter::kSectorAt);
+  return film;
+}
+
+std::vector<Frame> numbered(int count, std::size_t size, std::uint64_t period_us = 33'330) {
+  std::vector<Frame> frames;
+  for (int i = 0; i < count; ++i) {
+    frames.push_back({static_cast<std::uint64_t>(i) * period_us, Bytes(size + static_cast<std::size_t>(i % 7))});
+    for (std::size_t k = 0; k < frames.back().bytes.size(); ++k) {
+      frames.back().bytes[k] = static_cast<std::uint8_t>(static_cast<std::size_t>(i) * 31 + k);
+    }
+  }
+  return frames;
+}
+
+TEST(Matroska, FramesOfEverySizeAndTime_AreReadAsTheyWereWritten) {
+  for (const std::size_t size : {0U, 1U, 120U, 122U, 123U, 126U, 16'375U, 16'379U, 16'380U, 2'097'145U, 2'097'150U}) {
+    const Film made = film(track(64, 32), numbered(9, size));
+    EXPECT_EQ(frames_of(made.file), made.frames) << size;
+  }
+  const std::vector<Frame> far{{0, {1}}, {0, {2}}, {9'223'372'036'854'770, {3}}, {9'223'372'036'854'770, {4}}};
+  EXPECT_EQ(frames_of(film(track(64, 32), far).file), far) << "292 years, the last times that fit";
+}
+
+TEST(Matroska, Clusters_HaveAQuarterSecondOrFourMebibytesAtMost) {
+  const auto clusters = [](const Film& made) {
+    std::vector<std::pair<std::uint64_t, std::size_t>> all;  // size, blocks
+    for (const Element& each : children(made.file, segment_of(made.file))) {
+      if (each.id == kCluster) all.emplace_back(each.size, children(made.file, each).size() - 2);
+    }
+    return all;
+  };
+  const auto by_time = clusters(film(track(64, 32), numbered(64, 1000)));
+  ASSERT_EQ(by_time.size(), 8U);  // 33.33 ms a frame: the ninth begins 266 ms after the first
+  for (const auto& [size, blocks] : by_time) EXPECT_EQ(blocks, 8U);
+  for (const auto& [size, blocks] : clusters(film(track(64, 32), numbered(9, 1'500'000)))) {
+    EXPECT_LE(size, MatroskaWriter::kLargestCluster + 64);
+    EXPECT_LE(blocks, 2U);
+  }
+  EXPECT_EQ(clusters(film(track(64, 32), numbered(3, 5'000'000))).size(), 3U) << "a large frame has its own";
+}
+
+TEST(Matroska, CutAnywhere_EveryCompleteClusterIsRead) {
+  const Film made = film(track(64, 32), numbered(20, 40));
+  const std::vector<Frame> all = frames_of(made.file);
+  ASSERT_EQ(all.size(), 20U);
+  std::size_t before = 0;
+  for (std::size_t cut = 1024 + 200; cut <= made.file.size(); ++cut) {
+    const std::vector<Frame> some =
+        frames_of({made.file.begin(), made.file.begin() + static_cast<std::ptrdiff_t>(cut)});
+    EXPECT_TRUE(std::equal(some.begin(), some.end(), all.begin())) << cut;
+    EXPECT_GE(some.size(), before);
+    before = some.size();
+  }
+  EXPECT_EQ(before, 20U);
+}
+
+TEST(Matroska, IndexAndSeekHead_PointAtWhatTheyName) {
+  const Film made = film(track(64, 32), numbered(50, 300));
+  const Element segment = segment_of(made.file);
+  const Element seek_head = child(made.file, segment, 0x114D9B74).value();
+  EXPECT_EQ(seek_head.at, MatroskaWriter::kSectorAt);
+  int seeks = 0;
+  for (const Element& seek : children(made.file, seek_head)) {
+    const std::uint64_t id = value_of(made.file, child(made.file, seek, 0x53AB).value());
+    const std::uint64_t at = segment.content + value_of(made.file, child(made.file, seek, 0x53AC).value());
+    EXPECT_EQ(element_at(made.file, at, made.file.size())->id, id);
+    ++seeks;
+  }
+  EXPECT_EQ(seeks, 2);
+  std::size_t cues = 0, clusters = 0;
+  for (const Element& point : children(made.file, child(made.file, segment, 0x1C53BB6B).value())) {
+    const Element where = child(made.file, point, 0xB7).value();
+    const std::uint64_t at = segment.content + value_of(made.file, child(made.file, where, 0xF1).value());
+    const Element cluster = element_at(made.file, at, made.file.size()).value();
+    EXPECT_EQ(cluster.id, kCluster);
+    EXPECT_EQ(value_of(made.file, child(made.file, cluster, 0xE7).value()),
+              value_of(made.file, child(made.file, point, 0xB3).value()));
+    ++cues;
+  }
+  for (const Element& each : children(made.file, segment)) clusters += each.id == kCluster ? 1 : 0;
+  EXPECT_EQ(cues, clusters);
+}
+
+TEST(Matroska, WithoutAFrame_IsAFileToo) { EXPECT_TRUE(frames_of(film(track(64, 32), {}).file).empty()); }
+
+/// FFmpeg's answer, or nothing where it is not installed.
+std::optional<std::string> answer(const std::vector<std::string>& command) {
+  if (test::Process({"sh", "-c", "command -v " + command[0]}).wait().code != 0) return std::nullopt;
+  const test::Finished run = test::Process(command).wait();
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_EQ(run.err, "");
+  return run.out;
+}
+
+TEST(Matroska, FfmpegReadsSizeTimesAndProjection_AndDecodesWhatWasWritten) {
+  const test::TemporaryFolder folder;
+  std::vector<Frame> frames;
+  for (int i = 0; i < 12; ++i) {
+    const auto jpeg = test::jpeg_of(test::smooth_rgb(64, 32, i), 64, 32, test::Sampling::k420);
+    frames.push_back({static_cast<std::uint64_t>(i) * 40'000, {jpeg.begin(), jpeg.end()}});
+    test::write_bytes(folder / ("f" + std::to_string(100 + i) + ".jpg"), frames.back().bytes);
+  }
+  VideoTrack of = track(64, 32);
+  of.rate = FrameRate{25, 1};
+  const Film made = film(of, frames);
+  test::write_bytes(folder / "film.mkv", made.file);
+  const std::string file = (folder / "film.mkv").string();
+  const auto said = answer({"ffprobe", "-v", "warning", "-show_streams", "-show_format", "-show_packets", file});
+  if (!said) GTEST_SKIP() << "ffprobe is not installed";
+  for (const char* words : {"codec_name=mjpeg", "width=64", "height=32", "projection=equirectangular",
+                            "duration=0.480000", "r_frame_rate=25/1", "color_range=pc"}) {
+    EXPECT_NE(said->find(words), std::string::npos) << words << "\n" << *said;
+  }
+  for (int i = 0; i < 12; ++i) {
+    char time[32];
+    std::snprintf(time, sizeof time, "pts_time=%d.%06d", i * 40 / 1000, i * 40'000 % 1'000'000);
+    EXPECT_NE(said->find(time), std::string::npos) << time;
+  }
+  const auto by_film = answer({"ffmpeg", "-v", "warning", "-i", file, "-f", "md5", "-"});
+  const auto by_files = answer({"ffmpeg", "-v", "warning", "-framerate", "25", "-pattern_type", "glob", "-i",
+                                (folder / "f*.jpg").string(), "-f", "md5", "-"});
+  EXPECT_EQ(by_film, by_files);
+  // Cut in the middle of the last cluster, with the sector as it was at first: without duration and index.
+  MatroskaWriter writer(of);
+  Bytes torn = writer.head();
+  for (const Frame& each : frames) {
+    append(torn, writer.add(Duration::microseconds(static_cast<std::int64_t>(each.us)), each.bytes));
+  }
+  test::write_bytes(folder / "torn.mkv", torn);
+  const auto rest = answer({"ffprobe", "-v", "error", "-count_packets", "-show_entries", "stream=nb_read_packets",
+                            "-of", "default=nk=1:nw=1", (folder / "torn.mkv").string()});
+  EXPECT_EQ(rest, "7\n") << "the first cluster: seven frames in a quarter second";
+}
+
+}  // namespace
+}  // namespace nodal::take
