@@ -87,6 +87,40 @@ TEST_F(RegisterCommand, AHeadThatSeesNothing_IsNamedAndKeptAndTheRestIsWritten) 
   }
 }
 
+TEST_F(RegisterCommand, FreeDistanceInARoom_IsToldWrittenAndTakenByStitch) {
+  const Calibration spread = test::spread_out(test::six_fisheyes(kSide), 0.1);
+  const auto scene = hal::sim::town_square_scene(3);
+  write(test::render_rig_in({test::Room::Shape::kBall, 2, {}}, spread, scene, {PixelFormat::kGrey8, 1.0, 5, 3}));
+  const Finished done =
+      run({path("prior.json"), path("frames"), "--free", "distance", "-o", path("found.json"), "--gauge", "mean"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NE(done.out.find("the pictures meet at 2.0"), std::string::npos) << done.out;
+  EXPECT_NEAR(parse_calibration(text_of(path("found.json"))).value().distance, 2, 0.02);
+  // Without it the command says so.
+  const Finished far = run({path("prior.json"), path("frames"), "-o", path("far.json")});
+  ASSERT_EQ(far.code, 0) << far.err;
+  EXPECT_NE(far.err.find("run again with --free distance"), std::string::npos) << far.err;
+
+  const auto stitch = [&](const std::string& distance) {
+    return Process({NODAL_BIN_DIR "/nodal", "stitch", path("far.json"), path("frames"), "-o", path("s.png"), "--width",
+                    "256", "--distance", distance})
+        .wait();
+  };
+  EXPECT_EQ(stitch("2").code, 0);
+  const Finished inside = stitch("0.11");
+  EXPECT_NE(inside.code, 0);
+  EXPECT_NE(inside.err.find("the farthest head is 0.1 m from the rig's nodal point"), std::string::npos) << inside.err;
+  for (const char* bad : {"0", "-1", "nan", "1e9", "two"}) EXPECT_NE(stitch(bad).code, 0) << bad;
+}
+
+TEST_F(RegisterCommand, FreeDistanceWithoutPositions_IsRefusedWithWhatToDo) {
+  write(town());
+  const Finished done = run({path("prior.json"), path("frames"), "--free", "distance", "-o", path("found.json")});
+  EXPECT_NE(done.code, 0);
+  EXPECT_NE(done.err.find("no head of the calibration has a position"), std::string::npos) << done.err;
+  EXPECT_FALSE(std::filesystem::exists(path("found.json")));
+}
+
 TEST_F(RegisterCommand, FramesThatCannotBeRegistered_OneSentenceAndNoFile) {
   struct Trouble {
     const char* says;
