@@ -3,6 +3,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "protocol/base/result.h"
 #include "protocol/take/ebml.h"
@@ -31,6 +32,8 @@ constexpr std::size_t kTracksAt = MatroskaWriter::kSectorAt + MatroskaWriter::kS
 constexpr std::uint64_t kTrack = 1;
 constexpr std::uint64_t kProgressive = 2, kFullRange = 2, kVideoRange = 1, kBt601 = 5, kEquirectangular = 1;
 constexpr std::uint8_t kKeyFrame = 0x80;
+constexpr std::size_t kClusterHead = 12;                // its id and length
+constexpr std::size_t kCheckedFrom = kClusterHead + 6;  // after the CRC
 
 std::size_t begin_segment(Bytes& out) {
   Bytes ebml;
@@ -129,7 +132,7 @@ std::vector<std::uint8_t> MatroskaWriter::add(Duration since_start, std::span<co
   const bool full =
       cluster_.size() + frame.size() > kLargestCluster || ticks - cluster_ticks_ >= kLongestCluster.ns() / kTick.ns();
   if (!cluster_.empty() && full) ready = close_cluster();
-  if (cluster_.empty()) cluster_ticks_ = ticks;
+  if (cluster_.empty()) begin_cluster(ticks);
   if (ticks > newest_ticks_) last_ticks_ = ticks - newest_ticks_;
   newest_ticks_ = ticks;
   put_id(cluster_, kSimpleBlock);
@@ -141,24 +144,29 @@ std::vector<std::uint8_t> MatroskaWriter::add(Duration since_start, std::span<co
   return ready;
 }
 
+/// The length and the CRC are filled in by close_cluster().
+void MatroskaWriter::begin_cluster(std::int64_t ticks) {
+  cluster_ticks_ = ticks;
+  put_id(cluster_, kCluster);
+  put_length(cluster_, 0);
+  put_id(cluster_, kCrc32);
+  put_short_length(cluster_, 4);
+  put_big_endian(cluster_, 0, 4);
+  NODAL_ASSERT(cluster_.size() == kCheckedFrom);
+  put_number(cluster_, kTimestamp, static_cast<std::uint64_t>(ticks));
+}
+
 std::vector<std::uint8_t> MatroskaWriter::close_cluster() {
-  Bytes content;
-  content.reserve(cluster_.size() + 32);
-  put_number(content, kTimestamp, static_cast<std::uint64_t>(cluster_ticks_));
-  content.insert(content.end(), cluster_.begin(), cluster_.end());
-  cluster_.clear();
-  const uLong crc = ::crc32_z(0, content.data(), content.size());
-  Bytes out;
-  out.reserve(content.size() + 32);
-  put_id(out, kCluster);
-  put_length(out, content.size() + 6);
-  put_id(out, kCrc32);
-  put_short_length(out, 4);
-  for (int k = 0; k < 4; ++k) out.push_back(static_cast<std::uint8_t>(crc >> (8 * k)));  // lowest byte first
-  out.insert(out.end(), content.begin(), content.end());
+  Bytes length;
+  put_length(length, cluster_.size() - kClusterHead);
+  std::ranges::copy(length, cluster_.begin() + kClusterHead - 8);
+  const uLong crc = ::crc32_z(0, cluster_.data() + kCheckedFrom, cluster_.size() - kCheckedFrom);
+  for (std::size_t k = 0; k < 4; ++k) {  // lowest byte first
+    cluster_[kCheckedFrom - 4 + k] = static_cast<std::uint8_t>(crc >> (8 * k));
+  }
   cues_.push_back({cluster_ticks_, size_ - segment_start()});
-  size_ += out.size();
-  return out;
+  size_ += cluster_.size();
+  return std::exchange(cluster_, {});
 }
 
 std::vector<std::uint8_t> MatroskaWriter::end() {

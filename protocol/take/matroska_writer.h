@@ -61,11 +61,12 @@ class MatroskaWriter {
   std::array<std::uint8_t, kSector> sector() const;
 
  private:
+  void begin_cluster(std::int64_t ticks);
   std::vector<std::uint8_t> close_cluster();
 
   VideoTrack track_;
   std::uint64_t size_ = 0;             ///< of what was returned to append
-  std::vector<std::uint8_t> cluster_;  ///< the open cluster's blocks
+  std::vector<std::uint8_t> cluster_;  ///< the open cluster; empty: none
   std::int64_t cluster_ticks_ = 0;     ///< time of the open cluster
   std::int64_t newest_ticks_ = 0;
   std::int64_t last_ticks_ = 1;  ///< how long the newest frame is shown: as the one before it
