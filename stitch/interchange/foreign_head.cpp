@@ -28,14 +28,20 @@ void set_positions(std::span<const Eigen::Vector3d> positions, const std::string
   constexpr double kRounding = 1e-6;  // m
   double farthest = 0;
   for (const Eigen::Vector3d& position : positions) farthest = std::max(farthest, position.norm());
-  if (!(farthest > kRounding)) return;
+  if (!(farthest > kRounding)) {
+    result.calibration.distance = 0;
+    return;
+  }
   for (std::size_t h = 0; h < positions.size(); ++h) {
     result.calibration.heads[h].position = {positions[h].x(), positions[h].y(), positions[h].z()};
   }
-  result.notes.push_back(
-      "The cameras are up to " + short_number(farthest) + " m from the rig's nodal point (" + how +
-      "). Without a distance they meet at infinity, and near things double at the seams: "
-      "`nodal register --free distance` finds one in pictures, `nodal stitch --distance` takes one.");
+  const double distance = result.calibration.distance;
+  const std::string meet = distance > 0 ? "The pictures meet at " + short_number(distance) + " m, as in the project"
+                                        : "Without a distance they meet at infinity";
+  result.notes.push_back("The cameras are up to " + short_number(farthest) + " m from the rig's nodal point (" + how +
+                         "). " + meet +
+                         ", and what is much nearer or farther doubles at the seams: `nodal register --free "
+                         "distance` finds a distance in pictures, `nodal stitch --distance` takes one.");
 }
 
 HeadCalibration blank_head(const std::string& name, int width, int height) {

@@ -63,12 +63,12 @@ const nlohmann::json* find_geometry(const JsonFields& input) {
 
 struct Numbers {
   double yaw = 0, pitch = 0, roll = 0, center_x = 0, center_y = 0;
-  double shift = 0;
+  /// m: with its rotation R and the sphere's radius s, the head sees s R ray + translation.
+  Eigen::Vector3d translation{0, 0, 0};
 };
 
 Result<Numbers> read_numbers(const JsonFields& geometry, Lens& lens) {
   Numbers n;
-  double tx = 0, ty = 0, tz = 0;
   const std::array<std::pair<const char*, double*>, 11> fields{{{"yaw", &n.yaw},
                                                                 {"pitch", &n.pitch},
                                                                 {"roll", &n.roll},
@@ -77,15 +77,14 @@ Result<Numbers> read_numbers(const JsonFields& geometry, Lens& lens) {
                                                                 {"distort_a", &lens.a},
                                                                 {"distort_b", &lens.b},
                                                                 {"distort_c", &lens.c},
-                                                                {"translation_x", &tx},
-                                                                {"translation_y", &ty},
-                                                                {"translation_z", &tz}}};
+                                                                {"translation_x", &n.translation.x()},
+                                                                {"translation_y", &n.translation.y()},
+                                                                {"translation_z", &n.translation.z()}}};
   for (const auto& [key, value] : fields) {
     const Result<double> number = geometry.number_or(key, 0);
     if (!number) return fail(number.error());
     *value = *number;
   }
-  n.shift = std::hypot(tx, ty, tz);
   const Result<double> fx = geometry.number("horizontalFocal");
   if (!fx) return fail(fx.error());
   const Result<double> fy = geometry.number_or("verticalFocal", *fx);
@@ -154,7 +153,7 @@ Status set_lens(const Lens& lens, HeadCalibration& head, std::vector<std::string
 }
 
 Result<HeadCalibration> read_input(const nlohmann::json& json, std::size_t index, const Eigen::Matrix3d& R_rig_pano,
-                                   ImportResult& result, double& shift) {
+                                   ImportResult& result, std::vector<Eigen::Vector3d>& positions) {
   const JsonFields input(json, "input " + std::to_string(index));
   const Result<int> width = input.side("width");
   if (!width) return fail(width.error());
@@ -177,7 +176,6 @@ Result<HeadCalibration> read_input(const nlohmann::json& json, std::size_t index
   if (!numbers) return fail(numbers.error());
   lens->meters = input.has("useMeterDistortion") && input["useMeterDistortion"].is_boolean() &&
                  input["useMeterDistortion"].get<bool>();
-  shift = std::max(shift, numbers->shift);
 
   Crop crop{0, static_cast<double>(*width), 0, static_cast<double>(*height)};
   const std::array<std::pair<const char*, double*>, 4> edges{
@@ -200,8 +198,10 @@ Result<HeadCalibration> read_input(const nlohmann::json& json, std::size_t index
   if (lens->circle) {
     head.region.circle = {(crop.left + crop.right) / 2, (crop.top + crop.bottom) / 2, lens->unit};
   }
-  head.R_head_rig =
-      geometry::rows_of(geometry::to_R_head_rig({numbers->yaw, numbers->pitch, numbers->roll}) * R_rig_pano);
+  const Eigen::Matrix3d R_head_rig =
+      geometry::to_R_head_rig({numbers->yaw, numbers->pitch, numbers->roll}) * R_rig_pano;
+  head.R_head_rig = geometry::rows_of(R_head_rig);
+  positions.emplace_back(-(R_head_rig.transpose() * numbers->translation));
   if (Status s = set_lens(*lens, head, result.notes); !s) return fail(s.error());
   const Result<double> ev = input.number_or("ev", 0);
   if (ev && std::abs(*ev) < 20) head.gain.fill(std::exp2(-*ev));
@@ -268,7 +268,7 @@ Result<ImportResult> import_videostitch(std::string_view text, std::string_view 
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a VideoStitch project.";
   const Eigen::Matrix3d R_rig_pano = read_orientation(pano);
-  double shift = 0;
+  std::vector<Eigen::Vector3d> positions;
   bool response = false;
   std::vector<int> head_of;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -276,7 +276,7 @@ Result<ImportResult> import_videostitch(std::string_view text, std::string_view 
     head_of.push_back(-1);
     if (input.has("video_enabled") && input["video_enabled"] == false) continue;  // a microphone
     head_of.back() = static_cast<int>(result.calibration.heads.size());
-    Result<HeadCalibration> head = read_input(inputs[i], i, R_rig_pano, result, shift);
+    Result<HeadCalibration> head = read_input(inputs[i], i, R_rig_pano, result, positions);
     if (!head) return fail(head.error());
     result.calibration.heads.push_back(std::move(*head));
     for (const char* key : {"emor_a", "vign_b", "vign_c", "vign_d"}) {
@@ -292,10 +292,13 @@ Result<ImportResult> import_videostitch(std::string_view text, std::string_view 
   for (HeadCalibration& head : result.calibration.heads) {
     for (double& gain : head.gain) gain *= std::exp(-mean);
   }
-  if (shift > 0) {
-    result.notes.push_back("Its lenses stand up to " + short_number(shift) +
-                           " of the sphere's radius from its middle; here all heads share one nodal point.");
+  double farthest = 0;
+  for (const Eigen::Vector3d& position : positions) farthest = std::max(farthest, position.norm());
+  const Result<double> sphere = pano.number_or("spherescale", 0);
+  if (farthest > 0 && sphere && *sphere >= farthest * kLeastDistancePerPosition && *sphere <= kLongestDistance) {
+    result.calibration.distance = *sphere;
   }
+  set_positions(positions, "the project's translations", result);
   if (response) {
     result.notes.push_back("Its response curve and vignetting (emor_, vign_) belong to each other and are left out.");
   }

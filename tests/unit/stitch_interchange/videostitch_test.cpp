@@ -61,6 +61,25 @@ TEST(ImportVideoStitch, TurnedHead_LooksWhereItsAnglesSay) {
   EXPECT_NEAR(axis.y(), -0.5, 1e-12);  // up
 }
 
+TEST(ImportVideoStitch, TranslatedHead_SeesItsSphereAsTheirFormulaSays) {
+  std::string text = project("rectilinear", R"("horizontalFocal": 600, "yaw": 40, "pitch": -20, "roll": 10,
+                 "translation_x": 0.05, "translation_y": -0.02, "translation_z": -0.1)");
+  const std::string inputs = R"("inputs")";
+  text.replace(text.find(inputs), inputs.size(), R"("spherescale": 1.5, "inputs")");
+  const auto import = import_project(text, "one");
+  ASSERT_TRUE(import) << import.error().text();
+  EXPECT_EQ(import->calibration.distance, 1.5);
+  const geometry::Head head = geometry::make_heads(import->calibration)->front();
+  for (const geometry::Ray& ray : {geometry::Ray::towards(0.6, 0.4, 1), geometry::Ray::towards(0.8, 0, 1)}) {
+    const Eigen::Vector3d p = 1.5 * (head.R_head_rig() * ray.direction()) + Eigen::Vector3d(0.05, -0.02, -0.1);
+    const auto pixel = head.project(ray);
+    ASSERT_TRUE(pixel);
+    EXPECT_NEAR(pixel->x, head.calibration().center_x + 600 * p.x() / p.z(), 1e-6);
+    EXPECT_NEAR(pixel->y, head.calibration().center_y + 600 * p.y() / p.z(), 1e-6);
+  }
+  EXPECT_NE(import->notes.back().find("meet at 1.5 m"), std::string::npos) << import->notes.back();
+}
+
 std::vector<double> point_angles(const ImportResult& import) {
   const auto heads = *geometry::make_heads(import.calibration);
   std::vector<double> angles;
@@ -108,6 +127,14 @@ TEST(ImportVideoStitch, OtherRealProjects_AreRead) {
   ASSERT_EQ(four->calibration.heads.size(), 4u);
   ASSERT_TRUE(four->calibration.heads[0].region.circle);
   EXPECT_NEAR(four->calibration.heads[0].region.circle->radius, 1031, 1e-9);
+  EXPECT_EQ(four->calibration.distance, 3);
+  const auto placed = geometry::make_heads(four->calibration);
+  ASSERT_TRUE(placed);
+  for (const geometry::Head& head : *placed) {
+    const auto& at = head.calibration().position;
+    // This camera has a body of 8 cm with a lens on each side.
+    EXPECT_NEAR(head.axis().direction().dot(Eigen::Vector3d(at[0], at[1], at[2])), 0.0365, 0.001) << head.name();
+  }
   const auto heads = *geometry::make_heads(four->calibration);
   // Four heads a quarter turn apart, like the product.
   EXPECT_NEAR(geometry::angle_between(heads[0].axis(), heads[1].axis()) / kDegree, 143.7, 1);
