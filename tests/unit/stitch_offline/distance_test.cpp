@@ -10,7 +10,7 @@
 namespace nodal::offline {
 namespace {
 
-constexpr int kWidth = 512;
+constexpr int kWidth = 256;
 
 /// dB between a blended raymap and the scene itself, evaluated along each pixel's ray.
 double psnr(const test::RenderedRig& rig, const Calibration& calibration, const hal::sim::ScenePtr& scene) {
@@ -40,7 +40,7 @@ Calibration at(Calibration rig, double distance) {
 TEST(Distance, InABallOfThatRadius_TheRaymapIsAsGoodAsARigAtOnePoint) {
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
   const test::Room ball{test::Room::Shape::kBall, 2};
-  const Calibration one_point = test::six_fisheyes(240);
+  const Calibration one_point = test::six_fisheyes(160);
   const double best = psnr(test::render_rig_in(ball, one_point, town), one_point, town);
   const Calibration spread = test::spread_out(one_point, 0.3);
   const test::RenderedRig rig = test::render_rig_in(ball, spread, town);
@@ -50,7 +50,7 @@ TEST(Distance, InABallOfThatRadius_TheRaymapIsAsGoodAsARigAtOnePoint) {
 
 TEST(Distance, InABox_TheDistanceOfItsWallsIsMuchBetterThanInfinity) {
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
-  const Calibration spread = test::spread_out(test::six_fisheyes(240), 0.3);
+  const Calibration spread = test::spread_out(test::six_fisheyes(160), 0.3);
   const test::RenderedRig rig = test::render_rig_in({test::Room::Shape::kBox, 2}, spread, town);
   // Seams lie where two or three axes are equally far, at 2 sqrt 2 to 2 sqrt 3 m.
   const double infinity = psnr(rig, spread, town), walls = psnr(rig, at(spread, 2.8), town);
