@@ -53,9 +53,10 @@ std::pair<int, int> nearest_inside(const Region& region, int i, int j, int width
   double x = i + 0.5, y = j + 0.5;
   for (int round = 0; round < 3; ++round) {
     if (region.circle) {
-      const double dx = x - region.circle->x, dy = y - region.circle->y, r = std::hypot(dx, dy);
+      const double dx = x - region.circle->x, dy = y - region.circle->y, square = dx * dx + dy * dy;
       const double most = std::max(0.0, region.circle->radius - 1);
-      if (r > most) {
+      if (square > most * most) {
+        const double r = std::sqrt(square);
         x = region.circle->x + dx / r * most;
         y = region.circle->y + dy / r * most;
       }
