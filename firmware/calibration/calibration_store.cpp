@@ -214,8 +214,8 @@ void CalibrationStore::prune() {
     (void)disk_->remove(signed_file(damaged_.front()));
     damaged_.erase(damaged_.begin());
   }
-  for (std::size_t i = entries_.size(); i-- > 0 && entries_.size() > kKept;) {
-    remove(Sha256(entries_[i].id));
+  for (std::size_t i = entries_.size(); i > 0 && entries_.size() > kKept; --i) {
+    remove(Sha256(entries_[i - 1].id));
   }
   (void)disk_->sync_folder(kFolder);  // on failure a removed file may return after a crash; it is then removed again
 }

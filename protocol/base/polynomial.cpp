@@ -29,7 +29,7 @@ void add_root(std::vector<double>& roots, double root) {
 
 double polynomial_value(std::span<const double> c, double x) {
   double value = 0;
-  for (std::size_t k = c.size(); k-- > 0;) value = value * x + c[k];
+  for (std::size_t k = c.size(); k > 0; --k) value = value * x + c[k - 1];
   return value;
 }
 

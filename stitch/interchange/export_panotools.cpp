@@ -23,7 +23,7 @@ struct Panotools {
 Panotools panotools_of(const PolynomialHead& fit, double N) {
   const auto radius = [&](double t) {
     double r = 0;
-    for (std::size_t k = fit.coefficients.size(); k-- > 0;) r = (r + fit.coefficients[k]) * t;
+    for (std::size_t k = fit.coefficients.size(); k > 0; --k) r = (r + fit.coefficients[k - 1]) * t;
     return r;
   };
   double low = 0, high = 1e-3;

@@ -13,7 +13,7 @@ constexpr int kEntries = 4096;
 /// c1 p + c2 p^2 + ...
 double power_sum(const std::vector<double>& coefficients, double p) {
   double sum = 0;
-  for (std::size_t i = coefficients.size(); i-- > 0;) sum = (sum + coefficients[i]) * p;
+  for (std::size_t i = coefficients.size(); i > 0; --i) sum = (sum + coefficients[i - 1]) * p;
   return sum;
 }
 

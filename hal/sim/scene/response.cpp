@@ -14,7 +14,7 @@ double decode(const Response& response, double encoded) {
       return e <= 0.04045 ? e / 12.92 : std::pow((e + 0.055) / 1.055, 2.4);
     case Response::Curve::kPolynomial: {
       double light = 0;
-      for (std::size_t i = response.coefficients.size(); i-- > 0;) light = (light + response.coefficients[i]) * e;
+      for (std::size_t i = response.coefficients.size(); i > 0; --i) light = (light + response.coefficients[i - 1]) * e;
       return light;
     }
   }

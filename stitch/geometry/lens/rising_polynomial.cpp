@@ -22,7 +22,7 @@ double RisingPolynomial::value(double x) const { return std::min(x * polynomial_
 
 double RisingPolynomial::slope(double x) const {
   double slope = 0;
-  for (std::size_t k = c_.size(); k-- > 0;) slope = slope * x + static_cast<double>(k + 1) * c_[k];
+  for (std::size_t k = c_.size(); k > 0; --k) slope = slope * x + static_cast<double>(k) * c_[k - 1];
   return slope;
 }
 
