@@ -23,6 +23,7 @@ struct FilmFile::State {
   std::uint64_t first_ns = 0;
   std::int64_t newest_ns = 0;
   std::uint64_t raymaps = 0;
+  bool created = false;  ///< there was no file of that name
   bool ended = false;
 
   Status write(std::span<const std::uint8_t> bytes, std::optional<std::uint64_t> at = std::nullopt) {
@@ -46,12 +47,15 @@ FilmFile::FilmFile(std::unique_ptr<State> state) : state_(std::move(state)) {}
 FilmFile::~FilmFile() {
   (void)end();
   ::close(state_->fd);
+  if (state_->created && !state_->writer) ::unlink(state_->name.c_str());
 }
 
 Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
   auto state = std::make_unique<State>();
   state->name = name;
-  state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  state->created = state->fd >= 0;
+  if (!state->created) state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
   if (state->fd < 0) return fail(Errc::kIo, fmt::format("{}: {}", name, std::strerror(errno)));
   return std::unique_ptr<FilmFile>(new FilmFile(std::move(state)));
 }
@@ -67,6 +71,9 @@ Status FilmFile::add(const ReceivedRaymap& raymap) {
     track.writer = "nodal " NODAL_VERSION;
     film.writer.emplace(track);
     film.first_ns = header.mid_exposure_ns();
+    if (::ftruncate(film.fd, 0) != 0 && errno != EINVAL) {  // EINVAL: a device or a pipe
+      return fail(Errc::kIo, fmt::format("{}: {}", film.name, std::strerror(errno)));
+    }
     if (const Status begun = film.write(film.writer->head()); !begun) return begun;
   }
   if (static_cast<int>(header.width()) != film.width || static_cast<int>(header.height()) != film.height) {

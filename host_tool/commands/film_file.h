@@ -18,7 +18,7 @@ namespace nodal::host {
 /// Errors: kIo with the file's name.
 class FilmFile {
  public:
-  /// Replaces a file of that name.
+  /// Opens the file. A film of that name is replaced when the first raymap is added, so it is kept if none comes.
   static Result<std::unique_ptr<FilmFile>> create(const std::string& name);
   /// Ends the film, as end() does.
   ~FilmFile();

@@ -59,6 +59,16 @@ TEST_F(FilmTest, Killed_PlaysUpToTheLastQuarterSecond) {
   EXPECT_GT(std::stoi(probed("nb_read_packets")), 1);
 }
 
+TEST_F(FilmTest, WithoutARaymap_KeepsTheFilmThatIsThereAndLeavesNoEmptyOne) {
+  write("film.mkv", "yesterday's film");
+  EXPECT_NE(nodal({"--rig", "unix:" + path("nowhere.sock"), "raymap", "pull", "--out", path("film.mkv")}).code, 0);
+  EXPECT_NE(nodal({"--rig", "unix:" + path("nowhere.sock"), "raymap", "pull", "--out", path("new.mkv")}).code, 0);
+  EXPECT_EQ(read("film.mkv"), "yesterday's film");
+  EXPECT_FALSE(std::filesystem::exists(path("new.mkv")));
+  EXPECT_EQ(nodal({"raymap", "pull", "-n", "3", "--out", path("film.mkv")}).code, 0);
+  EXPECT_EQ(probed("nb_read_packets"), "3\n");
+}
+
 TEST_F(FilmTest, OfAnotherFormatOrWhereNoneCanBe_IsRefusedWithTheReason) {
   const Finished png = nodal({"raymap", "pull", "--format", "png", "--out", path("film.mkv")});
   EXPECT_NE(png.code, 0);
