@@ -52,8 +52,8 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
-  /// Adds what wakes a thread for the next edge, after take_edge() found none. Edges whose times are known only after a
-  /// frame of theirs has arrived need not wake it; they are kept until then.
+  /// Adds what wakes a thread for the next edge, after take_edge() found none. Pulses that the board itself sends need not
+  /// wake it: the port keeps them, and they are taken with the frames that they exposed.
   virtual void add_wake_ups(WakeUps& to) const = 0;
   /// The default is for ports without such losses.
   virtual TriggerCounts counts() const { return {}; }

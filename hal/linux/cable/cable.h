@@ -38,7 +38,7 @@ class Cable {
   /// As LinkPort's. Bytes of a session are lost, unread ones too, when another host opens the cable.
   Result<std::size_t> read(std::uint64_t session, std::span<std::uint8_t> into);
   Result<std::size_t> write(std::uint64_t session, std::span<const std::uint8_t> from);
-  /// Nobody holds the session's link any more: the host is told, after the bytes written before.
+  /// Call it when the session's link is destroyed. The host gets the bytes that were written, then the end of the session.
   void close(std::uint64_t session);
 
   /// As LinkPort's and LinkListenerPort's.
@@ -69,7 +69,7 @@ class Cable {
   std::uint64_t session_ = 0;  ///< counts; its low 16 bits are in the records
   bool handed_out_ = true;
   bool abandoned_ = false;          ///< its link was dropped
-  bool last_record_due_ = false;    ///< the host is still to be told
+  bool last_record_due_ = false;    ///< the record that ends the session is not queued yet
   std::optional<std::string> why_;  ///< the session's end
 
   ReceiveRing received_;

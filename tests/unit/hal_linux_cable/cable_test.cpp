@@ -6,19 +6,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <deque>
-#include <numeric>
 #include <vector>
+
+#include "bytes.h"
 
 namespace nodal::hal::cable {
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
-
-Bytes numbered(std::size_t n) {
-  Bytes bytes(n);
-  std::iota(bytes.begin(), bytes.end(), std::uint8_t{1});
-  return bytes;
-}
 
 struct Transfer {
   std::size_t slot = 0;

@@ -4,22 +4,14 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
-#include <numeric>
 #include <vector>
 
+#include "bytes.h"
 #include "hal/linux/cable/function_fs.h"
 #include "hal/linux/cable/receive_ring.h"
 
 namespace nodal::hal::cable {
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
-
-Bytes numbered(std::size_t n) {
-  Bytes bytes(n);
-  std::iota(bytes.begin(), bytes.end(), std::uint8_t{1});
-  return bytes;
-}
 
 Bytes record(std::uint16_t session, std::span<const std::uint8_t> payload) {
   Bytes bytes(kTransferBytes);

@@ -38,10 +38,11 @@ class UsbLink final : public LinkPort {
 
   ~UsbLink() override {
     const auto until = std::chrono::steady_clock::now() + kFarewell;
-    bool told = false;
-    while (!why_ && !received_.ended() && (!told || writes_queued_ > 0) && std::chrono::steady_clock::now() < until) {
+    bool end_queued = false;
+    while (!why_ && !received_.ended() && (!end_queued || writes_queued_ > 0) &&
+           std::chrono::steady_clock::now() < until) {
       // The last record; without a payload it is queued as soon as a slot is free.
-      if (!told) told = queue_record({}).has_value();
+      if (!end_queued) end_queued = queue_record({}).has_value();
       handle_events(10);
     }
     cancel();
