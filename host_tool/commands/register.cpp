@@ -303,9 +303,11 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
   command
-      ->add_option("--free", args->free,
-                   "What is sought: rotations (when not given); focals, too; the whole lens, too; the distance where "
-                   "pictures of heads with positions meet, too; or light alone, with the heads where they are")
+      ->add_option(
+          "--free", args->free,
+          "What is estimated: rotations (when not given); focals: rotations and focal lengths; lens: rotations\n"
+          "and whole lenses; distance: rotations and how far away the pictures meet, for heads with\n"
+          "positions; light: gains and fall-off only, with the heads where they are")
       ->type_name("light|rotations|focals|lens|distance")
       ->check(one_of(kFree));
   command
