@@ -30,6 +30,7 @@ std::string_view frame_type_name(FrameType type) {
     case FrameType::kCredit: return "credit";
     case FrameType::kStreamStop: return "stream-stop";
     case FrameType::kStreamClose: return "stream-close";
+    case FrameType::kTakeRecord: return "take-record";
   }
   return {};
 }
@@ -39,6 +40,7 @@ std::size_t max_payload_bytes(FrameType type) {
     case FrameType::kRequest: return kMaxRequestBytes;
     case FrameType::kReply: return kMaxReplyBytes;
     case FrameType::kBulk: return kMaxBulkBytes;
+    case FrameType::kTakeRecord: return kMaxTakeRecordBytes;
     default: return frame_type_name(type).empty() ? 0 : kMaxMessageBytes;
   }
 }

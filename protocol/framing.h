@@ -36,6 +36,7 @@ enum class FrameType : std::uint8_t {
   kCredit = 18,       ///< wire::StreamCredit
   kStreamStop = 19,   ///< wire::StreamStop: the receiver wants no more items
   kStreamClose = 20,  ///< wire::StreamClose: the sender has finished the stream
+  kTakeRecord = 64,   ///< a record of a take's evidence; in files only, a session refuses it
 };
 
 /// For example "bulk"; empty for an unknown type.
@@ -51,6 +52,8 @@ inline constexpr std::size_t kMaxListReplyBytes = 384U << 10;
 inline constexpr std::size_t kMaxRequestBytes = 64U << 10;
 /// The limit of every other message. Small, because a message in memory can be tens of times larger than on the wire.
 inline constexpr std::size_t kMaxMessageBytes = 8U << 10;
+/// The limit of a record of evidence: one with 16 heads has less than 4 KiB, one with the hashes of a cluster row less than 8.
+inline constexpr std::size_t kMaxTakeRecordBytes = 64U << 10;
 /// The limit of a bulk frame's payload, including its piece header.
 inline constexpr std::size_t kMaxBulkBytes = 64U << 10;
 

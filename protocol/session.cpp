@@ -143,6 +143,7 @@ Status Session::handle(const WireFrame& frame) {
     case FrameType::kStreamStop: return handle_stream_stop(frame);
     case FrameType::kCredit: return handle_credit(frame);
     case FrameType::kBulk: return handle_bulk(frame);
+    case FrameType::kTakeRecord: break;
     case FrameType::kRequest: {
       auto request = parse<wire::Request>(frame);
       if (!request) return fail(request.error());

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "protocol/base/version.h"
 #include "protocol/take/matroska_writer.h"
@@ -23,8 +24,28 @@ struct FilmFile::State {
   std::uint64_t first_ns = 0;
   std::int64_t newest_ns = 0;
   std::uint64_t raymaps = 0;
+  /// The frames of the next cluster.
+  struct Frame {
+    Duration since_start;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::vector<Frame> open;
+  std::size_t open_bytes = 0;
   bool created = false;  ///< there was no file of that name
   bool ended = false;
+
+  Status write_cluster() {
+    if (open.empty()) return {};
+    std::vector<take::Block> blocks;
+    for (const Frame& each : open) blocks.push_back({each.since_start, each.bytes});
+    Status written;
+    for (const auto& piece : writer->cluster(blocks).pieces) {
+      if (written) written = write(piece);
+    }
+    open.clear();
+    open_bytes = 0;
+    return written;
+  }
 
   Status write(std::span<const std::uint8_t> bytes, std::optional<std::uint64_t> at = std::nullopt) {
     while (!bytes.empty()) {
@@ -85,13 +106,20 @@ Status FilmFile::add(const ReceivedRaymap& raymap) {
   const std::uint64_t since = now > film.first_ns ? std::min(now - film.first_ns, kLongestFilm) : 0;
   film.newest_ns = std::max(film.newest_ns, static_cast<std::int64_t>(since));
   ++film.raymaps;
-  return film.write(film.writer->add(Duration::nanoseconds(film.newest_ns), raymap.bytes));
+  const take::Block next{Duration::nanoseconds(film.newest_ns), raymap.bytes};
+  if (!film.open.empty() && take::MatroskaWriter::cluster_full(film.open_bytes, film.open.front().since_start, next)) {
+    if (const Status written = film.write_cluster(); !written) return written;
+  }
+  film.open.push_back({next.since_start, {raymap.bytes.begin(), raymap.bytes.end()}});
+  film.open_bytes += raymap.bytes.size();
+  return {};
 }
 
 Status FilmFile::end() {
   State& film = *state_;
   if (film.ended || !film.writer) return {};
   film.ended = true;
+  if (const Status written = film.write_cluster(); !written) return written;
   if (const Status ended = film.write(film.writer->end()); !ended) return ended;
   return film.write(film.writer->sector(), take::MatroskaWriter::kSectorAt);
 }

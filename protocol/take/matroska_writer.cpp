@@ -21,16 +21,21 @@ constexpr ElementId kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuration = 
                     kWritingApp = 0x5741;
 constexpr ElementId kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7, kTrackUid = 0x73C5,
                     kTrackType = 0x83, kFlagLacing = 0x9C, kDefaultDuration = 0x23E383, kCodecId = 0x86, kVideo = 0xE0,
-                    kFlagInterlaced = 0x9A, kPixelWidth = 0xB0, kPixelHeight = 0xBA, kColour = 0x55B0,
-                    kMatrixCoefficients = 0x55B1, kRange = 0x55B9, kProjection = 0x7670, kProjectionType = 0x7671,
-                    kProjectionPrivate = 0x7672;
+                    kFlagInterlaced = 0x9A, kFieldOrder = 0x9D, kColourSpace = 0x2EB524, kPixelWidth = 0xB0,
+                    kPixelHeight = 0xBA, kColour = 0x55B0, kMatrixCoefficients = 0x55B1, kRange = 0x55B9,
+                    kProjection = 0x7670, kProjectionType = 0x7671, kProjectionPrivate = 0x7672;
+constexpr ElementId kAttachments = 0x1941A469, kAttachedFile = 0x61A7, kFileName = 0x466E, kFileMediaType = 0x4660,
+                    kFileData = 0x465C, kFileUid = 0x46AE;
 constexpr ElementId kCluster = 0x1F43B675, kTimestamp = 0xE7, kSimpleBlock = 0xA3;
 constexpr ElementId kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3, kCueTrackPositions = 0xB7, kCueTrack = 0xF7,
                     kCueClusterPosition = 0xF1;
 
 constexpr std::size_t kTracksAt = MatroskaWriter::kSectorAt + MatroskaWriter::kSector;
 constexpr std::uint64_t kTrack = 1;
-constexpr std::uint64_t kProgressive = 2, kFullRange = 2, kVideoRange = 1, kBt601 = 5, kEquirectangular = 1;
+constexpr std::uint64_t kProgressive = 2, kInterlaced = 1;
+// Of frames whose rows alternate between the fields.
+constexpr std::uint64_t kTopFirst = 9, kBottomFirst = 14;
+constexpr std::uint64_t kFullRange = 2, kVideoRange = 1, kBt709 = 1, kBt601 = 5, kEquirectangular = 1;
 constexpr std::uint8_t kKeyFrame = 0x80;
 constexpr std::size_t kClusterHead = 12;                // its id and length
 constexpr std::size_t kCheckedFrom = kClusterHead + 6;  // after the CRC
@@ -69,10 +74,16 @@ Bytes info_of(const VideoTrack& track, double duration_ticks) {
 
 Bytes tracks_of(const VideoTrack& track) {
   Bytes colour;
-  put_number(colour, kMatrixCoefficients, kBt601);
-  put_number(colour, kRange, track.full_range ? kFullRange : kVideoRange);
+  put_number(colour, kMatrixCoefficients, track.coding.bt709 ? kBt709 : kBt601);
+  put_number(colour, kRange, track.coding.video_range ? kVideoRange : kFullRange);
   Bytes video;
-  put_number(video, kFlagInterlaced, kProgressive);
+  if (track.fields == Fields::kProgressive) {
+    put_number(video, kFlagInterlaced, kProgressive);
+  } else {
+    put_number(video, kFlagInterlaced, kInterlaced);
+    put_number(video, kFieldOrder, first_field(track.fields) == FieldParity::kTop ? kTopFirst : kBottomFirst);
+  }
+  if (!track.fourcc.empty()) put_text(video, kColourSpace, track.fourcc);
   put_number(video, kPixelWidth, static_cast<std::uint64_t>(track.width));
   put_number(video, kPixelHeight, static_cast<std::uint64_t>(track.height));
   put_element(video, kColour, colour);
@@ -105,11 +116,80 @@ void put_seek(Bytes& out, ElementId id, std::uint64_t position) {
   put_element(out, kSeek, seek);
 }
 
+Bytes attachments_of(const VideoTrack& track) {
+  Bytes files;
+  std::uint64_t uid = 1;
+  for (const Attachment& each : track.attachments) {
+    Bytes file;
+    put_text(file, kFileName, each.name);
+    put_text(file, kFileMediaType, each.media_type);
+    put_text(file, kFileData, each.bytes);
+    put_number(file, kFileUid, uid++);
+    put_element(files, kAttachedFile, file);
+  }
+  Bytes element;
+  if (!files.empty()) put_element(element, kAttachments, files);
+  return element;
+}
+
+std::int64_t ticks_of(Duration since_start) { return since_start.ns() / MatroskaWriter::kTick.ns(); }
+
+std::uint32_t crc_of(std::uint32_t crc, std::span<const std::uint8_t> bytes) {
+  if (bytes.empty()) return crc;  // zlib takes a null pointer for "start again"
+  return static_cast<std::uint32_t>(::crc32_z(crc, bytes.data(), bytes.size()));
+}
+
 }  // namespace
+
+std::string_view fourcc_of(PixelFormat format) {
+  // As FFmpeg knows them: libavcodec/raw.c.
+  switch (format) {
+    case PixelFormat::kGrey8: return "Y800";
+    case PixelFormat::kI420: return "I420";
+    case PixelFormat::kNv12: return "NV12";
+    case PixelFormat::kYuyv: return "YUY2";
+    case PixelFormat::kUyvy: return "UYVY";
+    case PixelFormat::kI422: return "Y42B";
+    case PixelFormat::kRgb24: return "RGB\x18";
+    case PixelFormat::kRggb8:
+      return "\xBA"
+             "RG\x08";
+    case PixelFormat::kGrbg8:
+      return "\xBA"
+             "GR\x08";
+    case PixelFormat::kGbrg8:
+      return "\xBA"
+             "GB\x08";
+    case PixelFormat::kBggr8:
+      return "\xBA"
+             "BG\x08";
+    case PixelFormat::kMjpeg:
+    case PixelFormat::kGrey16:
+    case PixelFormat::kRgb48: return {};
+  }
+  return {};
+}
+
+bool is_whole_cluster(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() < kCheckedFrom) return false;
+  Bytes head;
+  put_id(head, kCluster);
+  put_length(head, bytes.size() - kClusterHead);
+  put_id(head, kCrc32);
+  put_short_length(head, 4);
+  const std::uint32_t crc = crc_of(0, bytes.subspan(kCheckedFrom));
+  for (int k = 0; k < 4; ++k) head.push_back(static_cast<std::uint8_t>(crc >> (8 * k)));
+  return std::ranges::equal(head, bytes.first(kCheckedFrom));
+}
 
 MatroskaWriter::MatroskaWriter(const VideoTrack& track) : track_(track) {
   size_ = head().size();
   if (track.rate) last_ticks_ = std::max<std::int64_t>(1, track.rate->period().ns() / kTick.ns());
+}
+
+bool MatroskaWriter::cluster_full(std::size_t bytes, Duration begin, const Block& next) {
+  return bytes + next.frame.size() > kLargestCluster ||
+         ticks_of(next.since_start) - ticks_of(begin) >= ticks_of(kLongestCluster);
 }
 
 std::vector<std::uint8_t> MatroskaWriter::head() const {
@@ -119,61 +199,81 @@ std::vector<std::uint8_t> MatroskaWriter::head() const {
   const Bytes info = info_of(track_, 0);
   out.insert(out.end(), info.begin(), info.end());
   pad_to(out, kTracksAt);
-  const Bytes tracks = tracks_of(track_);
-  out.insert(out.end(), tracks.begin(), tracks.end());
+  for (const Bytes& part : {tracks_of(track_), attachments_of(track_)}) out.insert(out.end(), part.begin(), part.end());
   return out;
 }
 
-std::vector<std::uint8_t> MatroskaWriter::add(Duration since_start, std::span<const std::uint8_t> frame) {
-  NODAL_ASSERT(cues_at_ == 0 && frame.size() <= kLargestFrame);
-  const std::int64_t ticks = since_start.ns() / kTick.ns();
-  NODAL_ASSERT(ticks >= newest_ticks_);
-  Bytes ready;
-  const bool full =
-      cluster_.size() + frame.size() > kLargestCluster || ticks - cluster_ticks_ >= kLongestCluster.ns() / kTick.ns();
-  if (!cluster_.empty() && full) ready = close_cluster();
-  if (cluster_.empty()) begin_cluster(ticks);
-  if (ticks > newest_ticks_) last_ticks_ = ticks - newest_ticks_;
-  newest_ticks_ = ticks;
-  put_id(cluster_, kSimpleBlock);
-  put_short_length(cluster_, frame.size() + 4);
-  put_short_length(cluster_, kTrack);  // a track's number is coded as lengths are
-  put_big_endian(cluster_, static_cast<std::uint64_t>(ticks - cluster_ticks_), 2);
-  cluster_.push_back(kKeyFrame);
-  cluster_.insert(cluster_.end(), frame.begin(), frame.end());
-  return ready;
-}
-
-/// The length and the CRC are filled in by close_cluster().
-void MatroskaWriter::begin_cluster(std::int64_t ticks) {
-  cluster_ticks_ = ticks;
-  put_id(cluster_, kCluster);
-  put_length(cluster_, 0);
-  put_id(cluster_, kCrc32);
-  put_short_length(cluster_, 4);
-  put_big_endian(cluster_, 0, 4);
-  NODAL_ASSERT(cluster_.size() == kCheckedFrom);
-  put_number(cluster_, kTimestamp, static_cast<std::uint64_t>(ticks));
-}
-
-std::vector<std::uint8_t> MatroskaWriter::close_cluster() {
-  Bytes length;
-  put_length(length, cluster_.size() - kClusterHead);
-  std::ranges::copy(length, cluster_.begin() + kClusterHead - 8);
-  const uLong crc = ::crc32_z(0, cluster_.data() + kCheckedFrom, cluster_.size() - kCheckedFrom);
-  for (std::size_t k = 0; k < 4; ++k) {  // lowest byte first
-    cluster_[kCheckedFrom - 4 + k] = static_cast<std::uint8_t>(crc >> (8 * k));
+MatroskaWriter::Cluster MatroskaWriter::cluster(std::span<const Block> blocks) {
+  NODAL_ASSERT(cues_at_ == 0 && !blocks.empty());
+  const std::int64_t begin = ticks_of(blocks.front().since_start);
+  // The headers first, because pieces of them are handed out only when their memory no longer moves.
+  headers_.clear();
+  put_id(headers_, kCluster);
+  put_length(headers_, 0);  // filled in below, as the CRC is
+  put_id(headers_, kCrc32);
+  put_short_length(headers_, 4);
+  put_big_endian(headers_, 0, 4);
+  NODAL_ASSERT(headers_.size() == kCheckedFrom);
+  put_number(headers_, kTimestamp, static_cast<std::uint64_t>(begin));
+  frames_at_.clear();  // for now: where each frame's header ends
+  std::uint64_t length = 0;
+  std::int64_t before = cues_.empty() ? begin : newest_ticks_;
+  NODAL_ASSERT(begin >= before);
+  for (const Block& block : blocks) {
+    const std::int64_t ticks = ticks_of(block.since_start);
+    NODAL_ASSERT(block.frame.size() <= kLargestFrame && ticks >= before && ticks - begin <= INT16_MAX);
+    if (ticks > before) last_ticks_ = ticks - before;
+    before = ticks;
+    put_id(headers_, kSimpleBlock);
+    put_short_length(headers_, block.frame.size() + 4);
+    put_short_length(headers_, kTrack);  // a track's number is coded as lengths are
+    put_big_endian(headers_, static_cast<std::uint64_t>(ticks - begin), 2);
+    headers_.push_back(kKeyFrame);
+    frames_at_.push_back(headers_.size());
+    length += block.frame.size();
   }
-  cues_.push_back({cluster_ticks_, size_ - segment_start()});
-  size_ += cluster_.size();
-  return std::exchange(cluster_, {});
+  length += headers_.size();
+
+  pieces_.clear();
+  std::size_t from = 0;
+  std::uint64_t at = size_;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const std::size_t to = frames_at_[k];
+    pieces_.push_back(std::span(headers_).subspan(from, to - from));
+    pieces_.push_back(blocks[k].frame);
+    at += to - from;
+    frames_at_[k] = at;
+    at += blocks[k].frame.size();
+    from = to;
+  }
+  std::uint32_t crc = crc_of(0, pieces_[0].subspan(kCheckedFrom));
+  for (std::size_t k = 1; k < pieces_.size(); ++k) crc = crc_of(crc, pieces_[k]);
+  for (std::size_t k = 0; k < 8; ++k) {
+    const std::uint64_t coded = (length - kClusterHead) | std::uint64_t{1} << 56;
+    headers_[kClusterHead - 8 + k] = static_cast<std::uint8_t>(coded >> (56 - 8 * k));
+  }
+  for (std::size_t k = 0; k < 4; ++k) {  // lowest byte first
+    headers_[kCheckedFrom - 4 + k] = static_cast<std::uint8_t>(crc >> (8 * k));
+  }
+  note(begin, before);
+  size_ += length;
+  return {pieces_, frames_at_};
+}
+
+void MatroskaWriter::note(std::int64_t begin, std::int64_t newest) {
+  cues_.push_back({begin, size_ - segment_start()});
+  newest_ticks_ = newest;
+}
+
+void MatroskaWriter::note_cluster(Duration begin, Duration newest, std::uint64_t end) {
+  NODAL_ASSERT(cues_at_ == 0 && end > size_);
+  note(ticks_of(begin), ticks_of(newest));
+  size_ = end;
 }
 
 std::vector<std::uint8_t> MatroskaWriter::end() {
   NODAL_ASSERT(cues_at_ == 0);
-  Bytes out;
-  if (!cluster_.empty()) out = close_cluster();
-  Bytes cues;
+  Bytes out, cues;
   for (const Cue& cue : cues_) {
     Bytes where, point;
     put_number(where, kCueTrack, kTrack);

@@ -7,22 +7,45 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "protocol/base/field.h"
+#include "protocol/base/image.h"
 #include "protocol/base/units.h"
 
 namespace nodal::take {
 
+/// A small file inside the file, such as the calibration.
+struct Attachment {
+  std::string name;
+  std::string media_type;
+  std::string bytes;
+};
+
 /// What a file says about its pictures.
 struct VideoTrack {
   std::string codec = "V_MJPEG";  ///< Matroska's name: every frame can be decoded by itself
-  int width = 0;                  ///< px
+  /// V_UNCOMPRESSED only: the pixel format by its FourCC, such as "YUY2".
+  std::string fourcc{};
+  int width = 0;  ///< px
   int height = 0;
   std::optional<FrameRate> rate{};  ///< nominal, if known; frames have their own times
-  /// Values 0 to 255 by BT.601, as in JPEG.
-  bool full_range = true;
+  Fields fields = Fields::kProgressive;
+  /// How Y U V stand for R G B; as in JPEG if nothing else is said.
+  ColourCoding coding{};
   bool equirectangular = false;  ///< a whole sphere: players with a view of it use it
   std::string writer;            ///< program and version, for people who find the file later
+  std::vector<Attachment> attachments{};
+};
+
+/// The FourCC of V_UNCOMPRESSED; empty for MJPEG, which is a codec of its own, and for 16-bit formats.
+std::string_view fourcc_of(PixelFormat format);
+
+/// One frame of a cluster.
+struct Block {
+  Duration since_start;  ///< of this file's first frame, not before that of the frame before it
+  std::span<const std::uint8_t> frame;
 };
 
 /// Makes the bytes of a file with one video track. They are appended only, except for one sector at the end.
@@ -30,13 +53,12 @@ struct VideoTrack {
 ///   bytes       content
 ///   0           EBML header, head of a segment of unknown size, padding
 ///   kSectorAt   a sector: Info; at the end it is written once more, then with the duration and a SeekHead
-///   1024        Tracks, then clusters of known size with a CRC-32; at the end Cues
+///   1024        Tracks, Attachments, then clusters of known size with a CRC-32; at the end Cues
 ///
-/// So a file that was cut anywhere holds every complete cluster, which is at most kLongestCluster of video or, where frames are
-/// large, kLargestCluster bytes and one frame.
+/// So a file that was cut anywhere holds every complete cluster. Frames are not copied.
 ///
 /// Threading: thread-bound.
-/// Ownership: copies what it is given.
+/// Ownership: what it returns is valid until the next call, and as long as the frames are.
 /// Errors: none; times and sizes are the caller's contract.
 class MatroskaWriter {
  public:
@@ -50,24 +72,34 @@ class MatroskaWriter {
 
   explicit MatroskaWriter(const VideoTrack& track);
 
+  /// Whether a frame belongs in the next cluster: the open one has frames of `bytes` altogether, the first at `begin`.
+  static bool cluster_full(std::size_t bytes, Duration begin, const Block& next);
+
   /// The beginning of the file: append it first.
   std::vector<std::uint8_t> head() const;
-  /// Adds a frame. Returns what to append now: usually nothing, else the cluster before it. `since_start`: of this file's
-  /// first frame, not before the previous frame's; the frame has at most kLargestFrame bytes.
-  std::vector<std::uint8_t> add(Duration since_start, std::span<const std::uint8_t> frame);
-  /// The last cluster and the Cues; append them. No frame can be added after it.
+
+  /// A cluster: pieces to append one after the other, and where in the file each frame will be.
+  struct Cluster {
+    std::span<const std::span<const std::uint8_t>> pieces;
+    std::span<const std::uint64_t> frames_at;
+  };
+  /// At least one frame, as cluster_full() allows them; a frame has at most kLargestFrame bytes.
+  Cluster cluster(std::span<const Block> blocks);
+  /// Goes on in a file that has a cluster already, which an earlier writer made and which ends at `end`.
+  void note_cluster(Duration begin, Duration newest, std::uint64_t end);
+  /// Bytes of the file so far.
+  std::uint64_t size() const { return size_; }
+
+  /// The Cues; append them. No cluster can be added after it.
   std::vector<std::uint8_t> end();
   /// After end(): write this over the sector at kSectorAt.
   std::array<std::uint8_t, kSector> sector() const;
 
  private:
-  void begin_cluster(std::int64_t ticks);
-  std::vector<std::uint8_t> close_cluster();
+  void note(std::int64_t begin, std::int64_t newest);
 
   VideoTrack track_;
-  std::uint64_t size_ = 0;             ///< of what was returned to append
-  std::vector<std::uint8_t> cluster_;  ///< the open cluster; empty: none
-  std::int64_t cluster_ticks_ = 0;     ///< time of the open cluster
+  std::uint64_t size_ = 0;
   std::int64_t newest_ticks_ = 0;
   std::int64_t last_ticks_ = 1;  ///< how long the newest frame is shown: as the one before it
   struct Cue {
@@ -76,6 +108,13 @@ class MatroskaWriter {
   };
   std::vector<Cue> cues_;
   std::uint64_t cues_at_ = 0;
+  // Of the newest cluster.
+  std::vector<std::uint8_t> headers_;
+  std::vector<std::span<const std::uint8_t>> pieces_;
+  std::vector<std::uint64_t> frames_at_;
 };
+
+/// Whether `bytes` are one complete cluster: its id, its length and its CRC-32.
+bool is_whole_cluster(std::span<const std::uint8_t> bytes);
 
 }  // namespace nodal::take

@@ -128,12 +128,39 @@ struct Film {
   std::vector<Frame> frames;
 };
 
+/// Without the index and the sector of the end.
+Bytes torn_film(MatroskaWriter& writer, const std::vector<Frame>& frames) {
+  Bytes file = writer.head();
+  std::vector<Block> blocks;
+  std::size_t bytes = 0;
+  const auto write = [&] {
+    if (blocks.empty()) return;
+    const MatroskaWriter::Cluster cluster = writer.cluster(blocks);
+    Bytes whole;
+    for (const auto& piece : cluster.pieces) whole.insert(whole.end(), piece.begin(), piece.end());
+    EXPECT_TRUE(is_whole_cluster(whole));
+    append(file, whole);
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+      const auto at = file.begin() + static_cast<std::ptrdiff_t>(cluster.frames_at[k]);
+      EXPECT_TRUE(std::ranges::equal(blocks[k].frame, std::span(at, blocks[k].frame.size())));
+    }
+    EXPECT_EQ(file.size(), writer.size());
+    blocks.clear();
+    bytes = 0;
+  };
+  for (const Frame& each : frames) {
+    const Block block{Duration::microseconds(static_cast<std::int64_t>(each.us)), each.bytes};
+    if (!blocks.empty() && MatroskaWriter::cluster_full(bytes, blocks.front().since_start, block)) write();
+    blocks.push_back(block);
+    bytes += each.bytes.size();
+  }
+  write();
+  return file;
+}
+
 Film film(const VideoTrack& track, const std::vector<Frame>& frames) {
   MatroskaWriter writer(track);
-  Film film{writer.head(), frames};
-  for (const Frame& each : frames) {
-    append(film.file, writer.add(Duration::microseconds(static_cast<std::int64_t>(each.us)), each.bytes));
-  }
+  Film film{torn_film(writer, frames), frames};
   append(film.file, writer.end());
   std::ranges::copy(writer.sector(), film.file.begin() + MatroskaWriter::kSectorAt);
   return film;
@@ -219,14 +246,47 @@ TEST(Matroska, IndexAndSeekHead_PointAtWhatTheyName) {
   EXPECT_EQ(cues, clusters);
 }
 
+TEST(Matroska, AChangedByteOrLength_IsNoWholeCluster) {
+  const Film made = film(track(64, 32), numbered(3, 20));
+  const Element cluster = child(made.file, segment_of(made.file), kCluster).value();
+  const Bytes whole(made.file.begin() + static_cast<std::ptrdiff_t>(cluster.at),
+                    made.file.begin() + static_cast<std::ptrdiff_t>(cluster.content + cluster.size));
+  ASSERT_TRUE(is_whole_cluster(whole));
+  for (std::size_t k = 0; k < whole.size(); ++k) {
+    Bytes changed = whole;
+    changed[k] ^= 4;
+    EXPECT_FALSE(is_whole_cluster(changed)) << k;
+    EXPECT_FALSE(is_whole_cluster(std::span(whole).first(k))) << k;
+  }
+}
+
+TEST(Matroska, AFileThatIsContinued_IsFinishedAsOneThatWasNot) {
+  const std::vector<Frame> frames = numbered(30, 300);
+  const Film made = film(track(64, 32), frames);
+  MatroskaWriter writer(track(64, 32)), later(track(64, 32));
+  Bytes file = torn_film(writer, frames);
+  for (const Element& each : children(file, segment_of(file))) {
+    if (each.id != kCluster) continue;
+    const std::uint64_t begin = value_of(file, child(file, each, 0xE7).value()) * 10;
+    const std::size_t blocks = children(file, each).size() - 2;
+    const Duration first = Duration::microseconds(static_cast<std::int64_t>(begin));
+    const Duration newest = first + Duration::microseconds(33'330) * static_cast<std::int64_t>(blocks - 1);
+    later.note_cluster(first, newest, each.content + each.size);
+  }
+  append(file, later.end());
+  std::ranges::copy(later.sector(), file.begin() + MatroskaWriter::kSectorAt);
+  EXPECT_EQ(file, made.file);
+}
+
 TEST(Matroska, WithoutAFrame_IsAFileToo) { EXPECT_TRUE(frames_of(film(track(64, 32), {}).file).empty()); }
 
 /// FFmpeg's answer, or nothing where it is not installed.
-std::optional<std::string> answer(const std::vector<std::string>& command) {
+/// `attached`: FFmpeg says that it has no codec for attachments.
+std::optional<std::string> answer(const std::vector<std::string>& command, bool attached = false) {
   if (test::Process({"sh", "-c", "command -v " + command[0]}).wait().code != 0) return std::nullopt;
   const test::Finished run = test::Process(command).wait();
   EXPECT_EQ(run.code, 0) << run.err;
-  EXPECT_EQ(run.err, "");
+  if (!attached) EXPECT_EQ(run.err, "");
   return run.out;
 }
 
@@ -258,16 +318,53 @@ TEST(Matroska, FfmpegReadsSizeTimesAndProjection_AndDecodesWhatWasWritten) {
   const auto by_files = answer({"ffmpeg", "-v", "warning", "-framerate", "25", "-pattern_type", "glob", "-i",
                                 (folder / "f*.jpg").string(), "-f", "md5", "-"});
   EXPECT_EQ(by_film, by_files);
-  // Cut in the middle of the last cluster, with the sector as it was at first: without duration and index.
+  // Cut after the first cluster, with the sector as it was at first: without duration and index.
   MatroskaWriter writer(of);
-  Bytes torn = writer.head();
-  for (const Frame& each : frames) {
-    append(torn, writer.add(Duration::microseconds(static_cast<std::int64_t>(each.us)), each.bytes));
-  }
+  const Bytes torn = torn_film(writer, {frames.begin(), frames.begin() + 7});
   test::write_bytes(folder / "torn.mkv", torn);
   const auto rest = answer({"ffprobe", "-v", "error", "-count_packets", "-show_entries", "stream=nb_read_packets",
                             "-of", "default=nk=1:nw=1", (folder / "torn.mkv").string()});
   EXPECT_EQ(rest, "7\n") << "the first cluster: seven frames in a quarter second";
+}
+
+TEST(Matroska, FfmpegDecodesRawPicturesOfEveryFormat_ToTheBytesThatWereWritten) {
+  struct Case {
+    PixelFormat format;
+    const char* ffmpeg;
+  };
+  const test::TemporaryFolder folder;
+  for (const Case& each :
+       {Case{PixelFormat::kGrey8, "gray"}, Case{PixelFormat::kI420, "yuv420p"}, Case{PixelFormat::kNv12, "nv12"},
+        Case{PixelFormat::kYuyv, "yuyv422"}, Case{PixelFormat::kUyvy, "uyvy422"}, Case{PixelFormat::kI422, "yuv422p"},
+        Case{PixelFormat::kRgb24, "rgb24"}, Case{PixelFormat::kRggb8, "bayer_rggb8"},
+        Case{PixelFormat::kGrbg8, "bayer_grbg8"}, Case{PixelFormat::kGbrg8, "bayer_gbrg8"},
+        Case{PixelFormat::kBggr8, "bayer_bggr8"}}) {
+    VideoTrack of = track(36, 22);
+    of.codec = "V_UNCOMPRESSED";
+    of.fourcc = fourcc_of(each.format);
+    of.fields = Fields::kBottomFirst;
+    of.coding = {.video_range = true, .bt709 = true};
+    of.attachments = {{"calibration.json", "application/json", "{\"heads\": []}"}};
+    std::vector<Frame> frames = numbered(5, packed_size(each.format, 36, 22));
+    Bytes all;
+    for (Frame& frame : frames) {
+      frame.bytes.resize(packed_size(each.format, 36, 22));
+      append(all, frame.bytes);
+    }
+    test::write_bytes(folder / "raw.mkv", film(of, frames).file);
+    const std::string file = (folder / "raw.mkv").string();
+    const auto said = answer({"ffprobe", "-v", "warning", "-show_streams", file}, true);
+    if (!said) GTEST_SKIP() << "ffprobe is not installed";
+    for (const std::string& words : {std::string("codec_name=rawvideo"), std::string("pix_fmt=") + each.ffmpeg + "\n",
+                                     std::string("color_range=tv"), std::string("color_space=bt709"),
+                                     std::string("field_order=bt"), std::string("TAG:filename=calibration.json")}) {
+      EXPECT_NE(said->find(words), std::string::npos) << words << "\n" << *said;
+    }
+    EXPECT_TRUE(answer({"ffmpeg", "-v", "error", "-y", "-i", file, "-map", "0:v", "-c", "copy", "-f", "rawvideo",
+                        (folder / "raw").string()},
+                       true));
+    EXPECT_EQ(test::read_bytes(folder / "raw"), all) << each.ffmpeg;
+  }
 }
 
 }  // namespace

@@ -1,0 +1,210 @@
+#include "firmware/record/recorder.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "firmware/frame/pack_picture.h"
+#include "protocol/take/matroska_writer.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// Matroska stores times in these steps.
+constexpr Duration kLongestRow = take::MatroskaWriter::kLongestCluster - take::MatroskaWriter::kTick;
+
+std::size_t stored_bytes(const ImageView& picture) {
+  return picture.format == PixelFormat::kMjpeg ? picture.bytes
+                                               : packed_size(picture.format, picture.width, picture.height);
+}
+
+HeadStream stream_of(const ImageView& picture) {
+  return {picture.format, picture.width, picture.height, picture.coding};
+}
+
+}  // namespace
+
+std::string_view placeholder_name(Placeholder reason) {
+  switch (reason) {
+    case Placeholder::kNone: return "";
+    case Placeholder::kMissing: return "missing";
+    case Placeholder::kFormat: return "format";
+  }
+  return "";
+}
+
+Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, Outlet<Raymap>& raymaps_in)
+    : heads_(config.heads.size()),
+      sets_in_(sets_in),
+      raymaps_in_(raymaps_in),
+      orders_(4),
+      rows_(kRows + 1),
+      rows_back_(kRows + 1),
+      ring_(config.takes ? static_cast<std::size_t>(config.takes->buffer_mb) << 20 : 1) {
+  for (std::size_t k = 0; k < kRows; ++k) {
+    spare_.push_back(std::make_unique<TakeRow>());
+    spare_.back()->sets.reserve(TakeRow::kMostSets);
+    spare_.back()->raymaps.reserve(2 * TakeRow::kMostSets);
+  }
+}
+
+bool Recorder::step() {
+  while (auto row = rows_back_.pop()) spare_.push_back(std::move(*row));
+  bool busy = obey();
+  while (SetLoan set = sets_in_.take().value_or(SetLoan())) {
+    if (take_ && !ending_) record(*set);
+    busy = true;
+  }
+  while (auto raymap = raymaps_in_.take()) {
+    if (take_ && !ending_) record(*raymap);
+    busy = true;
+  }
+  if (ending_ && open_row()) {
+    close_row(true);
+    ending_ = false;
+    take_.reset();
+    recording_.store(false, std::memory_order_relaxed);
+    busy = true;
+  }
+  return busy;
+}
+
+bool Recorder::obey() {
+  bool busy = false;
+  while (const auto order = orders_.pop()) {
+    busy = true;
+    if (order->kind == RecordOrder::Kind::kBegin) {
+      take_ = order->take;
+      streams_ = {};
+      missed_ = 0;
+      sets_in_.drop_waiting();
+      raymaps_in_.drop_waiting();
+      sets_in_.set_open(true);
+      raymaps_in_.set_open(true);
+      recording_.store(true, std::memory_order_relaxed);
+    } else if (take_) {
+      sets_in_.set_open(false);
+      raymaps_in_.set_open(false);
+      ending_ = true;
+    }
+  }
+  return busy;
+}
+
+bool Recorder::open_row() {
+  if (row_) return true;
+  if (spare_.empty()) return false;
+  row_ = std::move(spare_.back());
+  spare_.pop_back();
+  row_->take = *take_;
+  row_->streams = streams_;
+  row_->sets.clear();
+  row_->raymaps.clear();
+  row_->last = false;
+  row_bytes_ = {};
+  return true;
+}
+
+void Recorder::close_row(bool last) {
+  row_->last = last;
+  row_->ring_end = ring_.taken();
+  const bool pushed = rows_.push(std::move(row_));
+  NODAL_ASSERT(pushed);  // it has room for all rows
+  row_.reset();
+}
+
+/// Notes the formats of heads that are new, or have changed for long enough.
+bool Recorder::changes_streams(const FrameSet& set) {
+  bool changed = false;
+  for (std::size_t head = 0; head < heads_; ++head) {
+    if (!set.has(head)) continue;
+    const HeadStream stream = stream_of(set.frames[head].image);
+    if (streams_[head] == stream) continue;
+    if (streams_[head] && set.mid_exposure - stream_since_[head] < kFormatStays) continue;
+    streams_[head] = stream;
+    stream_since_[head] = set.mid_exposure;
+    changed = true;
+  }
+  return changed;
+}
+
+void Recorder::record(const FrameSet& set) {
+  const bool changed = changes_streams(set);
+  if (row_ && !row_->sets.empty()) {
+    const Duration since = set.mid_exposure - row_->sets.front().mid_exposure;
+    bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
+    for (std::size_t head = 0; head < heads_; ++head) {
+      if (!set.has(head)) continue;
+      full |= row_bytes_[head] + stored_bytes(set.frames[head].image) > take::MatroskaWriter::kLargestCluster;
+    }
+    if (full) close_row(false);
+  }
+  if (row_ && row_->sets.empty()) row_->streams = streams_;  // it has only raymaps
+  const std::uint64_t before = ring_.taken();
+  if (!open_row()) {
+    ++missed_;
+    counts_.lost_sets.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  RecordedSet& to = row_->sets.emplace_back();
+  if (copy(set, to)) {
+    to.missed = std::exchange(missed_, 0);
+    counts_.sets.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  row_->sets.pop_back();
+  ring_.give_back(before);
+  ++missed_;
+  counts_.lost_sets.fetch_add(1, std::memory_order_relaxed);
+  if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
+}
+
+bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
+  to.number = set.number;
+  to.mid_exposure = set.mid_exposure;
+  to.sync = set.sync;
+  std::uint64_t placeholders = 0;
+  for (std::size_t head = 0; head < heads_; ++head) {
+    RecordedFrame& frame = to.frames[head];
+    frame = {};
+    if (!set.has(head)) {
+      placeholders += streams_[head] ? 1 : 0;
+      continue;
+    }
+    const hal::FrameView& view = set.frames[head];
+    frame.offset = set.sync.offset[head];
+    frame.in_effect = view.in_effect;
+    frame.sequence = view.sequence;
+    const std::size_t bytes = stored_bytes(view.image);
+    if (streams_[head] != stream_of(view.image) || bytes > take::MatroskaWriter::kLargestFrame) {
+      frame.placeholder = Placeholder::kFormat;
+      ++placeholders;
+      continue;
+    }
+    const auto place = ring_.take(bytes);
+    if (!place) return false;
+    if (view.image.format == PixelFormat::kMjpeg) std::memcpy(place->data(), view.image.planes[0].data, bytes);
+    else pack_picture(view.image, place->data());
+    frame.placeholder = Placeholder::kNone;
+    frame.bytes = *place;
+  }
+  for (std::size_t head = 0; head < heads_; ++head) row_bytes_[head] += to.frames[head].bytes.size();
+  counts_.placeholders.fetch_add(placeholders, std::memory_order_relaxed);
+  return true;
+}
+
+void Recorder::record(const Raymap& raymap) {
+  if (!raymap.jpeg) return;
+  const std::vector<std::uint8_t>& jpeg = *raymap.jpeg;
+  const bool room = ring_.used() + jpeg.size() <= ring_.size() / 100 * kRaymapsUpTo && open_row() &&
+                    row_->raymaps.size() < row_->raymaps.capacity();
+  const auto place = room ? ring_.take(jpeg.size()) : std::nullopt;
+  if (!place) {
+    counts_.lost_raymaps.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  std::memcpy(place->data(), jpeg.data(), jpeg.size());
+  row_->raymaps.push_back({raymap.info.set, raymap.info.mid_exposure, *place});
+}
+
+}  // namespace nodal::firmware

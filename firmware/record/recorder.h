@@ -1,0 +1,95 @@
+// The stage that copies the pictures of every set for the disk. It waits for nothing, so sets are released at once.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "firmware/config/config.h"
+#include "firmware/frame/frame_set.h"
+#include "firmware/frame/outlet.h"
+#include "firmware/frame/raymap.h"
+#include "firmware/record/picture_ring.h"
+#include "firmware/record/take_row.h"
+#include "protocol/base/spsc_ring.h"
+
+namespace nodal::firmware {
+
+/// Between TakeKeeper and the recorder: what to record.
+struct RecordOrder {
+  enum class Kind : std::uint8_t { kBegin, kEnd };
+  Kind kind = Kind::kEnd;
+  std::uint64_t take = 0;
+};
+
+/// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk is slow
+/// and the ring fills, it first leaves out raymaps, above kRaymapsUpTo; a set for which there is no room at all is lost for every
+/// head, and counted.
+///
+/// Threading: step() is thread-bound to the recorder. orders(), rows() and rows_back() are SPSC rings with the disk's stage,
+///   which also releases the ring's memory. The counts are for any thread.
+/// Ownership: owns the ring and the rows; holds a set only during a step.
+/// Errors: none; what is not recorded is counted.
+class Recorder {
+ public:
+  Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, Outlet<Raymap>& raymaps_in);
+
+  /// True when it did something.
+  bool step();
+
+  SpscRing<RecordOrder>& orders() { return orders_; }
+  SpscRing<std::unique_ptr<TakeRow>>& rows() { return rows_; }
+  SpscRing<std::unique_ptr<TakeRow>>& rows_back() { return rows_back_; }
+  PictureRing& ring() { return ring_; }
+  /// No order, set or raymap waits, and the open row needs no more time. Any thread.
+  bool recording() const { return recording_.load(std::memory_order_relaxed); }
+
+  struct Counts {
+    std::atomic<std::uint64_t> sets{0};           ///< since nodald started, all takes
+    std::atomic<std::uint64_t> lost_sets{0};      ///< no room in the ring
+    std::atomic<std::uint64_t> lost_raymaps{0};   ///< likewise
+    std::atomic<std::uint64_t> placeholders{0};   ///< frames
+  };
+  const Counts& counts() const { return counts_; }
+
+  static constexpr OutletSpec kSets{"record", OutletPolicy::kLossless, 3, 1};
+  static constexpr OutletSpec kRaymaps{"record", OutletPolicy::kLossless, 4, 1};
+  static constexpr std::size_t kRows = 64;
+  /// Part of the ring, in percent, above which raymaps are left out.
+  static constexpr std::size_t kRaymapsUpTo = 50;
+  /// For so long after a head's first picture, a picture of another format is a placeholder; later it starts a segment.
+  static constexpr Duration kFormatStays = Duration::seconds(1);
+
+ private:
+  bool obey();
+  void record(const FrameSet& set);
+  bool copy(const FrameSet& set, RecordedSet& to);
+  void record(const Raymap& raymap);
+  bool open_row();
+  void close_row(bool last);
+  bool changes_streams(const FrameSet& set);
+
+  const std::size_t heads_;
+  Outlet<SetLoan>& sets_in_;
+  Outlet<Raymap>& raymaps_in_;
+  SpscRing<RecordOrder> orders_;
+  SpscRing<std::unique_ptr<TakeRow>> rows_;
+  SpscRing<std::unique_ptr<TakeRow>> rows_back_;
+  PictureRing ring_;
+  Counts counts_;
+
+  std::optional<std::uint64_t> take_;
+  bool ending_ = false;  ///< the last row waits for a place
+  std::array<std::optional<HeadStream>, kMaxHeads> streams_;
+  std::array<Instant, kMaxHeads> stream_since_;
+  std::vector<std::unique_ptr<TakeRow>> spare_;
+  std::unique_ptr<TakeRow> row_;  ///< open
+  std::array<std::size_t, kMaxHeads> row_bytes_{};
+  std::uint64_t missed_ = 0;  ///< sets since the newest recorded one
+  std::atomic<bool> recording_{false};
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,72 @@
+// What the recorder gives to the disk's stage: the pictures of some sets, in the recorder's memory.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "firmware/frame/frame_set.h"
+#include "hal/head.h"
+#include "protocol/base/field.h"
+#include "protocol/base/image.h"
+
+namespace nodal::firmware {
+
+/// The pictures of one head, as they are stored.
+struct HeadStream {
+  PixelFormat format = PixelFormat::kI420;
+  int width = 0;
+  int height = 0;
+  ColourCoding coding;
+  friend bool operator==(const HeadStream&, const HeadStream&) = default;
+};
+
+/// Why a frame in a file is not a picture of its head.
+enum class Placeholder : std::uint8_t {
+  kNone,     ///< it is a picture
+  kMissing,  ///< the head has no frame in the set; the head's losses say why
+  kFormat,   ///< its size or format differs from that of the segment, which has just begun
+};
+std::string_view placeholder_name(Placeholder reason);
+
+struct RecordedFrame {
+  std::span<const std::uint8_t> bytes;  ///< empty for a placeholder
+  Placeholder placeholder = Placeholder::kMissing;
+  Duration offset;  ///< mid-exposure after the set's
+  hal::HeadSettings in_effect;
+  std::uint32_t sequence = 0;
+};
+
+struct RecordedSet {
+  std::uint64_t number = 0;
+  Instant mid_exposure;
+  std::uint64_t missed = 0;  ///< sets between the one before and this one that are not recorded
+  SyncEvidence sync;
+  std::array<RecordedFrame, kMaxHeads> frames;
+};
+
+struct RecordedRaymap {
+  std::uint64_t set = 0;
+  Instant mid_exposure;
+  std::span<const std::uint8_t> jpeg;
+  int width = 0;
+  int height = 0;
+};
+
+/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets.
+struct TakeRow {
+  static constexpr std::size_t kMostSets = 32;
+
+  std::uint64_t take = 0;
+  /// The same for all of the row's sets. A head without one has not delivered a picture in this take yet.
+  std::array<std::optional<HeadStream>, kMaxHeads> streams;
+  std::vector<RecordedSet> sets;
+  std::vector<RecordedRaymap> raymaps;
+  bool last = false;            ///< the take ends with it; it may be without sets
+  std::uint64_t ring_end = 0;   ///< PictureRing::release() takes it when the row was written
+};
+
+}  // namespace nodal::firmware

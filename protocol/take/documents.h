@@ -1,0 +1,67 @@
+// The two JSON documents of a take: take.json, written before the first set, and manifest, written when it has ended.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/take/digest.h"
+
+namespace nodal::take {
+
+inline constexpr int kTakeVersion = 1;
+inline constexpr std::size_t kMaxTakeJsonBytes = 64 * 1024;
+/// A day of segments of a minute, with 16 heads, is 3 MB.
+inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
+
+/// File names in the folder of a take.
+inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
+                         kCalibrationFile = "calibration.json", kRigFile = "rig.toml";
+
+/// take.json.
+struct TakeDocument {
+  std::uint64_t number = 0;
+  std::string rig;                  ///< its name
+  std::string software;             ///< that recorded it
+  std::int64_t started_utc_ns = 0;  ///< since 1970 by the board's clock; 0: unknown
+  FrameRate rate;
+  std::string mode;                ///< how heads' pictures are stored: "driver", "jpeg"
+  std::string calibration_id;      ///< 64 hexadecimal digits; empty: none was in force
+  std::string layout;              ///< of the raymaps; empty: they are not recorded
+  std::vector<std::string> heads;  ///< names, by index
+};
+
+std::string take_json(const TakeDocument& take);
+/// Errors: those of a JSON document, naming `file` and the field.
+Result<TakeDocument> parse_take_json(std::string_view text, const std::string& file);
+
+/// The manifest: its SHA-256 identifies the take.
+struct Manifest {
+  struct File {
+    std::string name;
+    std::uint64_t bytes = 0;
+    Xxh128 digest{};  ///< digest_of() its pieces
+    friend bool operator==(const File&, const File&) = default;
+  };
+  std::uint64_t number = 0;
+  std::uint64_t sets = 0;
+  std::uint64_t lost_sets = 0;  ///< that the disk was too slow for
+  Duration length;              ///< from the first set to the last
+  std::string ended;            ///< why: "stopped", "disk full", "recovered", ...
+  std::vector<File> files;
+
+  std::uint64_t bytes() const;
+};
+
+std::string manifest_json(const Manifest& manifest);
+/// Errors: as parse_take_json(); kBadValue for the name of a file that no take has, such as "../x".
+Result<Manifest> parse_manifest(std::string_view text, const std::string& file);
+
+/// Whether a take may have a file of this name.
+bool is_take_file(std::string_view name);
+
+}  // namespace nodal::take

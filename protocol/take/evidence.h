@@ -1,0 +1,74 @@
+// The evidence of one segment of a take: which set each frame belongs to, and where it is in its file.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/take/digest.h"
+#include "protocol/take/evidence.pb.h"
+
+namespace nodal::take {
+
+inline constexpr std::uint32_t kEvidenceVersion = 1;
+/// An hour at 120 sets a second with 16 heads would need 1 GiB; segments have a minute.
+inline constexpr std::uint64_t kMaxEvidenceBytes = std::uint64_t{64} << 20;
+/// A file of each head, and that of the raymaps.
+inline constexpr std::size_t kMaxSegmentFiles = 17;
+/// Positions and lengths in files: far more than a segment has, so that sums fit 64 bits.
+inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 40;
+
+/// Turns records into bytes to append.
+class EvidenceWriter {
+ public:
+  /// `next_sequence`: the number of records that the file has already.
+  explicit EvidenceWriter(std::uint32_t next_sequence = 0) : sequence_(next_sequence) {}
+  std::vector<std::uint8_t> encode(const wire::Record& record);
+  std::uint32_t records() const { return sequence_; }
+
+ private:
+  std::uint32_t sequence_;
+};
+
+/// What the evidence of a segment says, checked: every number is in its range, and every frame inside its file.
+struct Segment {
+  wire::Begin begin;
+  std::vector<wire::Set> sets;  ///< only those whose clusters are in the files; index rises by one
+  std::vector<wire::Raymap> raymaps;
+  std::vector<wire::Mark> marks;
+  /// After one cluster of every file.
+  struct Row {
+    std::uint64_t sets = 0;                ///< of `sets`
+    std::uint64_t raymaps = 0;             ///< of `raymaps`
+    std::vector<std::uint64_t> file_ends;  ///< lengths
+    std::uint64_t evidence_end = 0;        ///< in bytes
+    std::uint32_t records = 0;
+  };
+  std::vector<Row> rows;
+  /// Of each file, of its complete pieces before the end. A row has the first file_end / PieceHashes::kPiece of them.
+  std::vector<std::vector<Xxh128>> hashes;
+  std::size_t durable_rows = 0;          ///< a Durable record came after these
+  std::optional<wire::Durable> durable;  ///< the newest
+  std::optional<wire::End> end;
+  std::uint64_t good_bytes = 0;  ///< of the evidence: what comes after is torn
+
+  /// The final hashes of a file's pieces; empty while there is no end.
+  std::vector<Xxh128> hashes_of(std::size_t file) const;
+  std::uint64_t next_set() const { return begin.first_set() + sets.size(); }
+};
+
+/// Reads as much as is whole. `name` is that of the evidence's file, for errors. Errors: kBadFormat for what is not evidence or
+/// contradicts itself, kFutureVersion, kTruncated if not even the first record is whole.
+Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name);
+
+/// "cam0-0003.mkv", "raymap-0003.mkv", "evidence-0003".
+std::string head_file(std::uint32_t head, std::uint32_t segment);
+std::string raymap_file(std::uint32_t segment);
+std::string evidence_file(std::uint32_t segment);
+/// "000042".
+std::string take_folder(std::uint64_t take);
+
+}  // namespace nodal::take
