@@ -170,20 +170,25 @@ std::string_view fourcc_of(PixelFormat format) {
   return {};
 }
 
-bool is_whole_cluster(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() < kCheckedFrom) return false;
+std::size_t whole_cluster(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() < kCheckedFrom) return 0;
+  std::uint64_t length = 0;
+  for (std::size_t k = kClusterHead - 7; k < kClusterHead; ++k) length = length << 8 | bytes[k];
+  if (length < kCheckedFrom - kClusterHead || length > bytes.size() - kClusterHead) return 0;
+  const std::size_t size = kClusterHead + static_cast<std::size_t>(length);
   Bytes head;
   put_id(head, kCluster);
-  put_length(head, bytes.size() - kClusterHead);
+  put_length(head, length);
   put_id(head, kCrc32);
   put_short_length(head, 4);
-  const std::uint32_t crc = crc_of(0, bytes.subspan(kCheckedFrom));
+  const std::uint32_t crc = crc_of(0, bytes.first(size).subspan(kCheckedFrom));
   for (int k = 0; k < 4; ++k) head.push_back(static_cast<std::uint8_t>(crc >> (8 * k)));
-  return std::ranges::equal(head, bytes.first(kCheckedFrom));
+  return std::ranges::equal(head, bytes.first(kCheckedFrom)) ? size : 0;
 }
 
-MatroskaWriter::MatroskaWriter(const VideoTrack& track) : track_(track) {
-  size_ = head().size();
+MatroskaWriter::MatroskaWriter(const VideoTrack& track) : MatroskaWriter(track, 0) { size_ = head().size(); }
+
+MatroskaWriter::MatroskaWriter(const VideoTrack& track, std::uint64_t head_bytes) : track_(track), size_(head_bytes) {
   if (track.rate) last_ticks_ = std::max<std::int64_t>(1, track.rate->period().ns() / kTick.ns());
 }
 

@@ -71,6 +71,8 @@ class MatroskaWriter {
   static constexpr Duration kTick = Duration::microseconds(10);
 
   explicit MatroskaWriter(const VideoTrack& track);
+  /// Goes on in a file whose head() has this many bytes.
+  MatroskaWriter(const VideoTrack& track, std::uint64_t head_bytes);
 
   /// Whether a frame belongs in the next cluster: the open one has frames of `bytes` altogether, the first at `begin`.
   static bool cluster_full(std::size_t bytes, Duration begin, const Block& next);
@@ -114,7 +116,7 @@ class MatroskaWriter {
   std::vector<std::uint64_t> frames_at_;
 };
 
-/// Whether `bytes` are one complete cluster: its id, its length and its CRC-32.
-bool is_whole_cluster(std::span<const std::uint8_t> bytes);
+/// The length of the complete cluster that `bytes` begin with: its id, its length and its CRC-32 are right. 0: there is none.
+std::size_t whole_cluster(std::span<const std::uint8_t> bytes);
 
 }  // namespace nodal::take
