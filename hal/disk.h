@@ -16,7 +16,7 @@ using FileHandle = std::uint32_t;
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: handles are closed by close() or with the port.
-/// Errors: kNotFound, kExists, kDiskFull, kIo; each names the file. kWrongState for a handle that is not open.
+/// Errors: kNotFound, kExists, kDiskFull, kIo, kDeviceGone; each names the file. kWrongState for a handle that is not open.
 class DiskPort {
  public:
   virtual ~DiskPort() = default;
@@ -31,7 +31,18 @@ class DiskPort {
   virtual Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) = 0;
   /// Writes all bytes, or fails; after kDiskFull a part may be written. kWrongState for a handle of open_read().
   virtual Status write(FileHandle file, std::span<const std::uint8_t> bytes) = 0;
+  /// Appends the pieces one after the other, as one write() of all of them.
+  virtual Status write_pieces(FileHandle file, std::span<const std::span<const std::uint8_t>> pieces) = 0;
+  /// Replaces bytes that the file has. kBadValue if it has not all of them, or if they are not within one kSector: a power
+  /// failure leaves a sector's old bytes or its new ones. Appending goes on at the file's end.
+  virtual Status overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) = 0;
+  /// Shortens a file that is open for appending. kBadValue if it is shorter than `size`.
+  virtual Status truncate(FileHandle file, std::uint64_t size) = 0;
+  /// Asks the disk to begin writing what was appended, without waiting for it: less is left for sync().
+  virtual void start_write_out(FileHandle file) = 0;
   virtual Status sync(FileHandle file) = 0;
+  /// Makes every change of every file and folder durable. After an error it is unknown what is durable.
+  virtual Status sync_all() = 0;
   virtual void close(FileHandle file) = 0;
 
   virtual Result<std::vector<std::uint8_t>> read(const std::string& name, std::uint64_t limit_bytes) = 0;
@@ -45,6 +56,9 @@ class DiskPort {
   /// Names of the direct entries, sorted.
   virtual Result<std::vector<std::string>> list(const std::string& folder) = 0;
   virtual Result<std::uint64_t> free_bytes() = 0;
+  virtual Result<std::uint64_t> total_bytes() = 0;
+
+  static constexpr std::uint64_t kSector = 512;
 };
 
 }  // namespace nodal::hal

@@ -6,13 +6,17 @@
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <sys/syscall.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <limits>
+
+#include "hal/file_name.h"
 
 namespace nodal::hal::linux_os {
 
@@ -39,20 +43,8 @@ class Descriptor {
   int fd_;
 };
 
-bool well_formed(const std::string& name) {
-  if (name.empty() || name.front() == '/' || name.back() == '/' || name.find('\0') != std::string::npos) return false;
-  std::size_t from = 0;
-  while (from <= name.size()) {
-    const std::size_t slash = std::min(name.find('/', from), name.size());
-    const std::string_view part(name.data() + from, slash - from);
-    if (part.empty() || part == "." || part == "..") return false;
-    from = slash + 1;
-  }
-  return true;
-}
-
 Status check(const std::string& name) {
-  if (well_formed(name)) return {};
+  if (is_file_name(name)) return {};
   return fail(Errc::kBadValue, "file '" + name + "': a name is parts with '/' between, never '..', '.' or empty ones");
 }
 
@@ -110,6 +102,9 @@ Error LinuxDisk::failure(const char* what, const std::string& name, int error) c
     case EDQUOT: return {Errc::kDiskFull, path + "the disk is full; make room and try again"};
     case EEXIST:
     case ENOTEMPTY: return {Errc::kExists, path + what + " failed: " + std::strerror(error)};
+    case ENODEV:
+    case ENXIO: return {Errc::kDeviceGone, path + what + " failed: the disk is gone"};
+    case EROFS: return {Errc::kIo, path + what + " failed: the disk is read-only"};
     case EXDEV:
     case ELOOP: return {Errc::kBadValue, path + "leads outside of its folder"};
     default: return {Errc::kIo, path + what + " failed: " + std::strerror(error)};
@@ -122,12 +117,18 @@ Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
   if (fd < 0)
     return fail(errno == EISDIR ? Error{Errc::kExists, "file '" + name + "': is a folder"}
                                 : failure("opening it", name, errno));
+  struct stat about {};
+  if (::fstat(fd, &about) < 0) {
+    const int error = errno;
+    ::close(fd);
+    return fail(failure("opening it", name, error));
+  }
   const FileHandle handle = next_++;
-  files_[handle] = {fd, name, (flags & O_ACCMODE) == O_RDONLY};
+  files_[handle] = {fd, name, (flags & O_ACCMODE) == O_RDONLY, static_cast<std::uint64_t>(about.st_size)};
   return handle;
 }
 
-Result<const LinuxDisk::File*> LinuxDisk::file_of(FileHandle handle, bool to_read) const {
+Result<LinuxDisk::File*> LinuxDisk::file_of(FileHandle handle, bool to_read) {
   const auto file = files_.find(handle);
   if (file == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(handle) + ": is not open");
   if (file->second.to_read != to_read) {
@@ -137,11 +138,9 @@ Result<const LinuxDisk::File*> LinuxDisk::file_of(FileHandle handle, bool to_rea
   return &file->second;
 }
 
-Result<FileHandle> LinuxDisk::create(const std::string& name) {
-  return open_file(name, O_WRONLY | O_CREAT | O_TRUNC | O_APPEND);
-}
+Result<FileHandle> LinuxDisk::create(const std::string& name) { return open_file(name, O_WRONLY | O_CREAT | O_TRUNC); }
 
-Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open_file(name, O_WRONLY | O_APPEND); }
+Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open_file(name, O_WRONLY); }
 
 Result<FileHandle> LinuxDisk::open_read(const std::string& name) {
   // Non-blocking: opening a FIFO would wait for its other end.
@@ -176,14 +175,75 @@ Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, 
 }
 
 Status LinuxDisk::write(FileHandle handle, std::span<const std::uint8_t> bytes) {
+  return write_pieces(handle, std::span(&bytes, 1));
+}
+
+Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<const std::uint8_t>> pieces) {
   const auto file = file_of(handle, false);
   if (!file) return fail(file.error());
-  while (!bytes.empty()) {
-    const ssize_t put =
-        again_when_interrupted([&] { return ::write((*file)->descriptor, bytes.data(), bytes.size()); });
+  constexpr std::size_t kMostPieces = 64;  // of one call; the system's limit is 1024
+  std::array<iovec, kMostPieces> parts{};
+  std::size_t done = 0;  // bytes of pieces.front()
+  while (!pieces.empty()) {
+    std::size_t count = 0;
+    for (; count < std::min(pieces.size(), kMostPieces); ++count) {
+      const auto rest = pieces[count].subspan(count == 0 ? done : 0);
+      parts[count] = {const_cast<std::uint8_t*>(rest.data()), rest.size()};
+    }
+    // O_APPEND is not used, because with it pwrite() appends too. Appending is at the known end.
+    const ssize_t put = again_when_interrupted([&] {
+      return ::pwritev((*file)->descriptor, parts.data(), static_cast<int>(count), static_cast<off_t>((*file)->end));
+    });
     if (put < 0) return fail(failure("writing it", (*file)->name, errno));
+    (*file)->end += static_cast<std::uint64_t>(put);
+    done += static_cast<std::size_t>(put);
+    while (!pieces.empty() && done >= pieces.front().size()) {
+      done -= pieces.front().size();
+      pieces = pieces.subspan(1);
+    }
+  }
+  return {};
+}
+
+Status LinuxDisk::overwrite(FileHandle handle, std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+  const auto file = file_of(handle, false);
+  if (!file) return fail(file.error());
+  if (bytes.empty()) return {};
+  if (offset > (*file)->end || bytes.size() > (*file)->end - offset ||
+      offset / kSector != (offset + bytes.size() - 1) / kSector) {
+    return fail(Errc::kBadValue, "file '" + path_ + "/" + (*file)->name + "': only bytes of one sector are replaced");
+  }
+  while (!bytes.empty()) {
+    const ssize_t put = again_when_interrupted(
+        [&] { return ::pwrite((*file)->descriptor, bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
+    if (put < 0) return fail(failure("writing it", (*file)->name, errno));
+    offset += static_cast<std::uint64_t>(put);
     bytes = bytes.subspan(static_cast<std::size_t>(put));
   }
+  return {};
+}
+
+Status LinuxDisk::truncate(FileHandle handle, std::uint64_t size) {
+  const auto file = file_of(handle, false);
+  if (!file) return fail(file.error());
+  if (size > (*file)->end) {
+    return fail(Errc::kBadValue, "file '" + path_ + "/" + (*file)->name + "': is shorter than " + std::to_string(size));
+  }
+  if (again_when_interrupted([&] { return ::ftruncate((*file)->descriptor, static_cast<off_t>(size)); }) < 0) {
+    return fail(failure("shortening it", (*file)->name, errno));
+  }
+  (*file)->end = size;
+  return {};
+}
+
+void LinuxDisk::start_write_out(FileHandle handle) {
+  if (const auto file = file_of(handle, false)) {
+    (void)::sync_file_range((*file)->descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
+  }
+}
+
+Status LinuxDisk::sync_all() {
+  if (again_when_interrupted([&] { return ::syncfs(root_); }) < 0) return fail(failure("syncing all", "", errno));
   return {};
 }
 
@@ -324,6 +384,12 @@ Result<std::uint64_t> LinuxDisk::free_bytes() {
   struct statvfs about {};
   if (::fstatvfs(root_, &about) < 0) return fail(failure("asking for free room", "", errno));
   return static_cast<std::uint64_t>(about.f_bavail) * about.f_frsize;
+}
+
+Result<std::uint64_t> LinuxDisk::total_bytes() {
+  struct statvfs about {};
+  if (::fstatvfs(root_, &about) < 0) return fail(failure("asking for its size", "", errno));
+  return static_cast<std::uint64_t>(about.f_blocks) * about.f_frsize;
 }
 
 }  // namespace nodal::hal::linux_os

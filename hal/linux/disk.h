@@ -26,7 +26,12 @@ class LinuxDisk final : public DiskPort {
   Result<FileHandle> open_read(const std::string& name) override;
   Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) override;
   Status write(FileHandle file, std::span<const std::uint8_t> bytes) override;
+  Status write_pieces(FileHandle file, std::span<const std::span<const std::uint8_t>> pieces) override;
+  Status overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) override;
+  Status truncate(FileHandle file, std::uint64_t size) override;
+  void start_write_out(FileHandle file) override;
   Status sync(FileHandle file) override;
+  Status sync_all() override;
   void close(FileHandle file) override;
   Result<std::vector<std::uint8_t>> read(const std::string& name, std::uint64_t limit_bytes) override;
   Result<std::uint64_t> size(const std::string& name) override;
@@ -36,18 +41,20 @@ class LinuxDisk final : public DiskPort {
   Status sync_folder(const std::string& name) override;
   Result<std::vector<std::string>> list(const std::string& folder) override;
   Result<std::uint64_t> free_bytes() override;
+  Result<std::uint64_t> total_bytes() override;
 
  private:
   struct File {
     int descriptor = -1;
     std::string name;
-    bool to_read = false;  ///< opened for reading, else for appending
+    bool to_read = false;   ///< opened for reading, else for appending
+    std::uint64_t end = 0;  ///< where the next byte is appended
   };
   LinuxDisk(int root, std::string path) : root_(root), path_(std::move(path)) {}
   /// Opens a descriptor beneath the root; -1 with errno on failure.
   int open_beneath(const std::string& name, int flags) const;
   Result<FileHandle> open_file(const std::string& name, int flags);
-  Result<const File*> file_of(FileHandle handle, bool to_read) const;
+  Result<File*> file_of(FileHandle handle, bool to_read);
   Error failure(const char* what, const std::string& name, int error) const;
 
   const int root_;

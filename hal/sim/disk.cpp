@@ -1,36 +1,15 @@
 #include "hal/sim/disk.h"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "hal/file_name.h"
+#include "hal/sim/disk_inode.h"
 
 namespace nodal::hal::sim {
 
-/// The object that a name refers to: a folder, or a file's bytes, of which the first `synced` are durable.
-struct SimDisk::Inode {
-  bool folder = false;
-  std::vector<std::uint8_t> bytes;
-  std::size_t synced = 0;
-};
-
 namespace {
-
-constexpr std::size_t kSector = 512;
-
-bool well_formed(const std::string& name) {
-  if (name.empty() || name.front() == '/' || name.back() == '/' || name.find('\0') != std::string::npos) return false;
-  std::size_t from = 0;
-  while (from <= name.size()) {
-    const std::size_t slash = std::min(name.find('/', from), name.size());
-    const std::string part = name.substr(from, slash - from);
-    if (part.empty() || part == "." || part == "..") return false;
-    from = slash + 1;
-  }
-  return true;
-}
-
-std::string parent_of(const std::string& name) {
-  const std::size_t slash = name.rfind('/');
-  return slash == std::string::npos ? "" : name.substr(0, slash);
-}
 
 bool inside(const std::string& name, const std::string& folder) {
   return name.size() > folder.size() && name.compare(0, folder.size(), folder) == 0 && name[folder.size()] == '/';
@@ -40,6 +19,7 @@ Error bad_name(const std::string& name) {
   return {Errc::kBadValue, "file '" + name + "': a name is parts with '/' between, never '..', '.' or empty ones"};
 }
 Error not_there(const std::string& name) { return {Errc::kNotFound, "file '" + name + "': is not there"}; }
+Error disk_gone(const std::string& name) { return {Errc::kDeviceGone, "file '" + name + "': the disk is gone"}; }
 Error no_power(const std::string& name) { return {Errc::kIo, "file '" + name + "': the disk lost its power"}; }
 
 }  // namespace
@@ -50,6 +30,7 @@ SimDisk::~SimDisk() = default;
 /// Counts an operation that changes the disk, and applies the fault that a test has planned for it.
 Status SimDisk::begin(const char* what, const std::string& name) {
   if (dead_) return fail(no_power(name));
+  if (gone_) return fail(disk_gone(name));
   const std::uint64_t operation = operations_++;
   if (slow_clock_ != nullptr) slow_clock_->advance(slow_by_);
   dying_ = operation == die_at_;
@@ -61,7 +42,7 @@ Status SimDisk::begin(const char* what, const std::string& name) {
 }
 
 Status SimDisk::check_parent(const std::string& name) const {
-  if (!well_formed(name)) return fail(bad_name(name));
+  if (!is_file_name(name)) return fail(bad_name(name));
   const std::string parent = parent_of(name);
   if (parent.empty()) return {};
   const auto found = tree_.find(parent);
@@ -132,7 +113,7 @@ Result<FileHandle> SimDisk::create(const std::string& name) {
 
 Result<FileHandle> SimDisk::open_append(const std::string& name) {
   if (auto begun = begin("opening it", name); !begun) return fail(begun.error());
-  if (!well_formed(name)) return fail(bad_name(name));
+  if (!is_file_name(name)) return fail(bad_name(name));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");
@@ -150,6 +131,7 @@ Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std:
   const auto handle = handle_of(file, true);
   if (!handle) return fail(handle.error());
   if (dead_) return fail(no_power((*handle)->name));
+  if (gone_) return fail(disk_gone((*handle)->name));
   const std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
   if (offset >= data.size()) return 0;
   const std::size_t count = std::min<std::uint64_t>(bytes.size(), data.size() - offset);
@@ -158,32 +140,111 @@ Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std:
 }
 
 Status SimDisk::write(FileHandle file, std::span<const std::uint8_t> bytes) {
+  return write_pieces(file, std::span(&bytes, 1));
+}
+
+Status SimDisk::write_pieces(FileHandle file, std::span<const std::span<const std::uint8_t>> pieces) {
   const auto handle = handle_of(file, false);
   if (!handle) return fail(handle.error());
   const std::string& name = (*handle)->name;
   if (auto begun = begin("writing it", name); !begun) return begun;
   std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
-  if (dying_) {
-    const auto part = static_cast<std::ptrdiff_t>(random_.below(bytes.size() + 1));
-    data.insert(data.end(), bytes.begin(), bytes.begin() + part);
-    return fail(no_power(name));
-  }
+  std::size_t bytes = 0;
+  for (const auto& piece : pieces) bytes += piece.size();
   const std::uint64_t in_use = used();
   const std::uint64_t room = capacity_ > in_use ? capacity_ - in_use : 0;
-  const auto fits = static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(room, bytes.size()));
-  data.insert(data.end(), bytes.begin(), bytes.begin() + fits);
-  if (static_cast<std::size_t>(fits) < bytes.size()) {
-    return fail(Errc::kDiskFull, "file '" + name + "': the disk is full; make room and try again");
+  std::size_t fits = dying_ ? static_cast<std::size_t>(random_.below(bytes + 1))
+                            : static_cast<std::size_t>(std::min<std::uint64_t>(room, bytes));
+  if (speed_ != 0)
+    slow_clock_->advance(Duration::nanoseconds(static_cast<std::int64_t>(bytes * 1'000'000'000 / speed_)));
+  const bool all = fits == bytes;
+  for (const auto& piece : pieces) {
+    const std::size_t part = std::min(fits, piece.size());
+    data.insert(data.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(part));
+    fits -= part;
   }
+  if (dying_) return fail(no_power(name));
+  if (!all) return fail(Errc::kDiskFull, "file '" + name + "': the disk is full; make room and try again");
   return {};
+}
+
+Status SimDisk::overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+  const auto handle = handle_of(file, false);
+  if (!handle) return fail(handle.error());
+  if (auto begun = begin("writing it", (*handle)->name); !begun) return begun;
+  Inode& inode = *(*handle)->inode;
+  if (bytes.empty()) return {};
+  if (offset > inode.bytes.size() || bytes.size() > inode.bytes.size() - offset ||
+      offset / kSector != (offset + bytes.size() - 1) / kSector) {
+    return fail(Errc::kBadValue, "file '" + (*handle)->name + "': only bytes of one sector are replaced");
+  }
+  if (dying_ && random_.below(2) == 0) return fail(no_power((*handle)->name));
+  const auto at = inode.bytes.begin() + static_cast<std::ptrdiff_t>(offset);
+  inode.replaced.emplace_back(offset, std::vector(at, at + static_cast<std::ptrdiff_t>(bytes.size())));
+  std::ranges::copy(bytes, at);
+  if (dying_) return fail(no_power((*handle)->name));
+  return {};
+}
+
+Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
+  const auto handle = handle_of(file, false);
+  if (!handle) return fail(handle.error());
+  if (auto begun = begin("shortening it", (*handle)->name); !begun) return begun;
+  Inode& inode = *(*handle)->inode;
+  if (size > inode.bytes.size()) {
+    return fail(Errc::kBadValue, "file '" + (*handle)->name + "': is shorter than " + std::to_string(size));
+  }
+  if (dying_ && random_.below(2) == 0) return fail(no_power((*handle)->name));
+  if (size < inode.synced) {
+    if (!inode.before_cut)
+      inode.before_cut.emplace(inode.bytes.begin(), inode.bytes.begin() + static_cast<std::ptrdiff_t>(inode.synced));
+    inode.synced = size;
+  }
+  inode.bytes.resize(size);
+  std::erase_if(inode.replaced, [&](const auto& each) { return each.first + each.second.size() > size; });
+  if (dying_) return fail(no_power((*handle)->name));
+  return {};
+}
+
+void SimDisk::start_write_out(FileHandle) {}
+
+void SimDisk::make_durable(Inode& inode) {
+  if (inode.lost) return;
+  inode.synced = inode.bytes.size();
+  inode.replaced.clear();
+  inode.before_cut.reset();
 }
 
 Status SimDisk::sync(FileHandle file) {
   const auto found = handles_.find(file);
   if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
-  if (auto begun = begin("syncing it", found->second.name); !begun) return begun;
-  if (!dying_ || random_.below(2) == 1) found->second.inode->synced = found->second.inode->bytes.size();
-  if (dying_) return fail(no_power(found->second.name));
+  const std::string& name = found->second.name;
+  if (auto begun = begin("syncing it", name); !begun) return begun;
+  Inode& inode = *found->second.inode;
+  if (failing_syncs_ > 0) {
+    --failing_syncs_;
+    inode.lost = true;
+    return fail(Errc::kIo, "file '" + name + "': syncing it failed: the disk reports an error");
+  }
+  if (!lies_ && (!dying_ || random_.below(2) == 1)) make_durable(inode);
+  if (dying_) return fail(no_power(name));
+  return {};
+}
+
+Status SimDisk::sync_all() {
+  if (auto begun = begin("syncing all", ""); !begun) return begun;
+  const bool failing = failing_syncs_ > 0;
+  if (failing) --failing_syncs_;
+  for (const auto& [name, inode] : tree_) {
+    if (failing) inode->lost = inode->lost || inode->synced != inode->bytes.size();
+    else if (!lies_ && (!dying_ || random_.below(2) == 1)) make_durable(*inode);
+  }
+  if (failing) return fail(Errc::kIo, "file '': syncing all failed: the disk reports an error");
+  for (std::size_t k = 0; k < unsynced_.size() && !lies_;) {
+    if (!dying_ || random_.below(2) == 1) make_last(k);
+    else ++k;
+  }
+  if (dying_) return fail(no_power(""));
   return {};
 }
 
@@ -201,7 +262,8 @@ Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::ui
 
 Result<std::uint64_t> SimDisk::size(const std::string& name) {
   if (dead_) return fail(no_power(name));
-  if (!well_formed(name)) return fail(bad_name(name));
+  if (gone_) return fail(disk_gone(name));
+  if (!is_file_name(name)) return fail(bad_name(name));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");
@@ -210,7 +272,7 @@ Result<std::uint64_t> SimDisk::size(const std::string& name) {
 
 Status SimDisk::rename(const std::string& from, const std::string& to) {
   if (auto begun = begin("renaming it", from); !begun) return begun;
-  if (!well_formed(from)) return fail(bad_name(from));
+  if (!is_file_name(from)) return fail(bad_name(from));
   if (auto placed = check_parent(to); !placed) return placed;
   const auto found = tree_.find(from);
   if (found == tree_.end()) return fail(not_there(from));
@@ -225,7 +287,7 @@ Status SimDisk::rename(const std::string& from, const std::string& to) {
 
 Status SimDisk::remove(const std::string& name) {
   if (auto begun = begin("removing it", name); !begun) return begun;
-  if (!well_formed(name)) return fail(bad_name(name));
+  if (!is_file_name(name)) return fail(bad_name(name));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) {
@@ -257,7 +319,7 @@ Status SimDisk::make_folder(const std::string& name) {
 Status SimDisk::sync_folder(const std::string& name) {
   if (auto begun = begin("syncing it", name); !begun) return begun;
   if (!name.empty()) {
-    if (!well_formed(name)) return fail(bad_name(name));
+    if (!is_file_name(name)) return fail(bad_name(name));
     const auto found = tree_.find(name);
     if (found == tree_.end()) return fail(not_there(name));
     if (!found->second->folder) return fail(Errc::kIo, "file '" + name + "': is not a folder");
@@ -278,8 +340,9 @@ Status SimDisk::sync_folder(const std::string& name) {
 
 Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
   if (dead_) return fail(no_power(folder));
+  if (gone_) return fail(disk_gone(folder));
   if (!folder.empty()) {
-    if (!well_formed(folder)) return fail(bad_name(folder));
+    if (!is_file_name(folder)) return fail(bad_name(folder));
     const auto found = tree_.find(folder);
     if (found == tree_.end()) return fail(not_there(folder));
     if (!found->second->folder) return fail(Errc::kIo, "file '" + folder + "': is not a folder");
@@ -294,82 +357,21 @@ Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
 
 Result<std::uint64_t> SimDisk::free_bytes() {
   if (dead_) return fail(no_power(""));
+  if (gone_) return fail(disk_gone(""));
   const std::uint64_t in_use = used();
   return capacity_ > in_use ? capacity_ - in_use : 0;
+}
+
+Result<std::uint64_t> SimDisk::total_bytes() {
+  if (dead_) return fail(no_power(""));
+  if (gone_) return fail(disk_gone(""));
+  return capacity_;
 }
 
 std::uint64_t SimDisk::used() const {
   std::uint64_t sum = 0;
   for (const auto& [name, inode] : tree_) sum += inode->bytes.size();
   return sum;
-}
-
-/// An inode after the power loss: the synced bytes, and of the rest nothing, a part, or sectors that were never
-/// written.
-SimDisk::InodePtr SimDisk::survivor(const Inode& inode, Random& random) {
-  auto left = std::make_shared<Inode>();
-  left->folder = inode.folder;
-  const std::size_t loose = inode.bytes.size() - inode.synced;
-  const std::size_t kept = inode.synced + (random.below(4) == 0 ? loose : random.below(loose + 1));
-  left->bytes.assign(inode.bytes.begin(), inode.bytes.begin() + static_cast<std::ptrdiff_t>(kept));
-  const std::uint64_t fate = random.below(3);
-  for (std::size_t sector = (inode.synced + kSector - 1) / kSector * kSector; fate != 0 && sector < kept;
-       sector += kSector) {
-    if (random.below(2) == 0) continue;
-    for (std::size_t i = sector; i < std::min(sector + kSector, kept); ++i) {
-      left->bytes[i] = fate == 1 ? std::uint8_t{0} : static_cast<std::uint8_t>(random.next());
-    }
-  }
-  left->synced = left->bytes.size();
-  return left;
-}
-
-std::unique_ptr<SimDisk> SimDisk::after_power_loss(std::uint64_t seed) const {
-  Random random(seed, "power loss");
-  SimDisk scratch(seed, capacity_);
-  scratch.lasting_ = lasting_;
-  scratch.unsynced_ = unsynced_;
-  // Either all changes up to some moment are durable, as on a journal that commits in order, or any subset of them.
-  const bool in_order = random.below(2) == 0;
-  const std::uint64_t last = random.below(unsynced_.size() + 1);
-  for (std::size_t k = 0, i = 0; i < unsynced_.size(); ++i) {
-    if (in_order ? i < last : random.below(2) == 0) {
-      scratch.make_last(k);
-    } else {
-      ++k;
-    }
-  }
-  auto found = std::make_unique<SimDisk>(random.next(), capacity_);
-  std::map<const Inode*, InodePtr> survivors;
-  for (const auto& [name, inode] : scratch.lasting_) {
-    // An entry is lost if its folder is; parents sort before their entries.
-    const std::string parent = parent_of(name);
-    if (!parent.empty() && found->tree_.count(parent) == 0) continue;
-    InodePtr& left = survivors[inode.get()];
-    if (!left) left = survivor(*inode, random);
-    found->tree_[name] = left;
-  }
-  found->lasting_ = found->tree_;
-  return found;
-}
-
-std::unique_ptr<SimDisk> SimDisk::after_kill() const {
-  auto found = std::make_unique<SimDisk>(Random(operations_, "kill").next(), capacity_);
-  std::map<const Inode*, InodePtr> copies;
-  const auto copy = [&](const InodePtr& inode) {
-    if (!inode) return InodePtr{};
-    InodePtr& made = copies[inode.get()];
-    if (!made) made = std::make_shared<Inode>(*inode);
-    return made;
-  };
-  for (const auto& [name, inode] : tree_) found->tree_[name] = copy(inode);
-  for (const auto& [name, inode] : lasting_) found->lasting_[name] = copy(inode);
-  for (const Change& change : unsynced_) {
-    Change same;
-    for (const auto& [name, inode] : change.entries) same.entries.emplace_back(name, copy(inode));
-    found->unsynced_.push_back(std::move(same));
-  }
-  return found;
 }
 
 }  // namespace nodal::hal::sim

@@ -29,7 +29,12 @@ class SimDisk final : public DiskPort {
   Result<FileHandle> open_read(const std::string& name) override;
   Result<std::size_t> read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) override;
   Status write(FileHandle file, std::span<const std::uint8_t> bytes) override;
+  Status write_pieces(FileHandle file, std::span<const std::span<const std::uint8_t>> pieces) override;
+  Status overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) override;
+  Status truncate(FileHandle file, std::uint64_t size) override;
+  void start_write_out(FileHandle file) override;
   Status sync(FileHandle file) override;
+  Status sync_all() override;
   void close(FileHandle file) override;
   Result<std::vector<std::uint8_t>> read(const std::string& name, std::uint64_t limit_bytes) override;
   Result<std::uint64_t> size(const std::string& name) override;
@@ -39,10 +44,11 @@ class SimDisk final : public DiskPort {
   Status sync_folder(const std::string& name) override;
   Result<std::vector<std::string>> list(const std::string& folder) override;
   Result<std::uint64_t> free_bytes() override;
+  Result<std::uint64_t> total_bytes() override;
 
   // What the test uses.
-  /// Number of operations that change the disk: every call of create, open_append, write, sync, rename, remove,
-  /// make_folder and sync_folder.
+  /// Number of operations that change the disk: every call of create, open_append, write, overwrite, truncate, sync, sync_all,
+  /// rename, remove, make_folder and sync_folder.
   std::uint64_t operations() const { return operations_; }
   /// The power fails during operation k (counted from 0): it is done completely, partly or not at all, and it and all
   /// later operations fail with kIo.
@@ -60,6 +66,17 @@ class SimDisk final : public DiskPort {
     slow_clock_ = clock;
     slow_by_ = each;
   }
+  /// Writing takes this long on `clock`, which must be virtual.
+  void set_speed(SimClock* clock, std::uint64_t bytes_per_second) {
+    slow_clock_ = clock;
+    speed_ = bytes_per_second;
+  }
+  /// sync() and sync_all() succeed and make nothing durable.
+  void lie_about_sync(bool lies) { lies_ = lies; }
+  /// All calls fail with kDeviceGone from now on, or no longer.
+  void unplug(bool gone = true) { gone_ = gone; }
+  /// The next calls of sync() or sync_all() fail with kIo, and their bytes are lost: later ones do not make them durable.
+  void fail_syncs(int count) { failing_syncs_ = count; }
 
  private:
   struct Inode;
@@ -75,6 +92,7 @@ class SimDisk final : public DiskPort {
     bool to_read = false;  ///< opened for reading, else for appending
   };
 
+  void make_durable(Inode& inode);
   Status begin(const char* what, const std::string& name);
   Status check_parent(const std::string& name) const;
   Result<FileHandle> hand_out(InodePtr inode, const std::string& name, bool to_read = false);
@@ -98,6 +116,10 @@ class SimDisk final : public DiskPort {
   std::set<std::uint64_t> fail_at_;
   SimClock* slow_clock_ = nullptr;
   Duration slow_by_;
+  std::uint64_t speed_ = 0;  ///< bytes a second; 0: no limit
+  bool lies_ = false;
+  bool gone_ = false;
+  int failing_syncs_ = 0;
 };
 
 }  // namespace nodal::hal::sim

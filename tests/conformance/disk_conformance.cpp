@@ -241,6 +241,53 @@ TEST_P(DiskConformance, AHandle_IsForReadingOrForWriting) {
   EXPECT_EQ(get("a"), "x");
 }
 
+TEST_P(DiskConformance, GatheredPieces_AreOneAfterTheOther) {
+  const FileHandle file = disk().create("log").value();
+  std::vector<std::vector<std::uint8_t>> texts;
+  std::string all = "start ";
+  ASSERT_TRUE(disk().write(file, bytes_of(all)));
+  for (int k = 0; k < 200; ++k) {  // more than one system call takes, empty ones among them
+    texts.push_back(bytes_of(k % 3 == 0 ? "" : std::to_string(k) + " "));
+    all.append(texts.back().begin(), texts.back().end());
+  }
+  const std::vector<std::span<const std::uint8_t>> pieces(texts.begin(), texts.end());
+  ASSERT_TRUE(disk().write_pieces(file, pieces));
+  ASSERT_TRUE(disk().write_pieces(file, {}));
+  disk().start_write_out(file);
+  ASSERT_TRUE(disk().write(file, bytes_of("end")));
+  ASSERT_TRUE(disk().sync_all());
+  EXPECT_EQ(get("log"), all + "end");
+}
+
+TEST_P(DiskConformance, OverwrittenBytes_LieInOneSectorAndAppendingGoesOnAtTheEnd) {
+  const FileHandle file = disk().create("log").value();
+  ASSERT_TRUE(disk().write(file, bytes_of(std::string(512, 'a') + std::string(100, 'b'))));
+  ASSERT_TRUE(disk().overwrite(file, 510, bytes_of("xy")));
+  ASSERT_TRUE(disk().overwrite(file, 512, bytes_of("z")));
+  ASSERT_TRUE(disk().overwrite(file, 9, {}));
+  expect_error(disk().overwrite(file, 511, bytes_of("xy")), Errc::kBadValue, "log");
+  expect_error(disk().overwrite(file, 611, bytes_of("xy")), Errc::kBadValue, "log");
+  expect_error(disk().overwrite(file, UINT64_MAX, bytes_of("x")), Errc::kBadValue, "log");
+  ASSERT_TRUE(disk().write(file, bytes_of("end")));
+  EXPECT_EQ(get("log"), std::string(510, 'a') + "xyz" + std::string(99, 'b') + "end");
+}
+
+TEST_P(DiskConformance, Shortened_LosesItsEndAndGrowsFromThere) {
+  put("log", "hello world");
+  const FileHandle file = disk().open_append("log").value();
+  ASSERT_TRUE(disk().truncate(file, 5));
+  expect_error(disk().truncate(file, 6), Errc::kBadValue, "log");
+  EXPECT_EQ(get("log"), "hello");
+  ASSERT_TRUE(disk().write(file, bytes_of("!")));
+  EXPECT_EQ(get("log"), "hello!");
+  ASSERT_TRUE(disk().truncate(file, 0));
+  EXPECT_EQ(get("log"), "");
+}
+
+TEST_P(DiskConformance, TheWholeDisk_IsAtLeastAsLargeAsWhatIsFree) {
+  EXPECT_GE(disk().total_bytes().value(), disk().free_bytes().value());
+}
+
 TEST_P(DiskConformance, AMegabyte_TakesThatMuchRoom) {
   const std::uint64_t before = disk().free_bytes().value();
   EXPECT_GT(before, 0U);
