@@ -2,6 +2,7 @@
 // calls all stages.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,8 @@
 #include "firmware/hosts/control.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
+#include "firmware/record/recorder.h"
+#include "firmware/record/take_keeper.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/clock.h"
 #include "hal/disk.h"
@@ -23,8 +26,8 @@
 namespace nodal::firmware {
 
 /// The number of buffers of a head: one for each open set, one for each set that a reader can hold, two for the driver.
-inline constexpr std::size_t kFramesAHead =
-    Capture::kMaxOpenSets + held_at_most(Blender::kSets) + held_at_most(FrameSender::kSets) + 2;
+inline constexpr std::size_t kFramesAHead = Capture::kMaxOpenSets + held_at_most(Blender::kSets) +
+                                            held_at_most(FrameSender::kSets) + held_at_most(Recorder::kSets) + 2;
 
 /// The ports of a rig.
 struct RigPorts {
@@ -37,6 +40,8 @@ struct RigPorts {
   PanelPins panel;
   hal::ClockPort* stopwatch = nullptr;  ///< real clock that measures processing times, if `clock` is virtual
   DeviceScan* scan = nullptr;           ///< null: hosts cannot list what is plugged in
+  hal::DiskPort* takes = nullptr;       ///< for [takes]; null: nothing is recorded
+  TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
 };
 
 /// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any of
@@ -55,6 +60,10 @@ class Rig {
   /// The stages that block on the disk: calibrations and settings.
   bool step_keeper();
   bool step_control();
+  /// False in a rig that records nothing.
+  bool step_record() { return recorder_ && recorder_->step(); }
+  /// Blocks on the disk of the takes.
+  bool step_takes() { return takes_ && takes_->step(clock_.now()); }
 
   /// One step of every stage, for an executor with one thread; the blend and the encoder until they have no work.
   bool step_all();
@@ -66,14 +75,21 @@ class Rig {
   EncodeStage& encoder() { return encoder_; }
   CalibrationKeeper& keeper() { return keeper_; }
   Control& control() { return control_; }
+  bool records() const { return recorder_.has_value(); }
+  Recorder& recorder() { return *recorder_; }
+  TakeKeeper& takes() { return *takes_; }
 
  private:
+  TakeKeeper* open_takes(const RigConfig& config, const RigPorts& ports, const std::string& software);
+
   hal::ClockPort& clock_;
   Capture capture_;
   Blender blender_;
   EncodeStage encoder_;
   CalibrationKeeper keeper_;
   SettingsStore settings_;
+  std::optional<Recorder> recorder_;
+  std::optional<TakeKeeper> takes_;
   Control control_;
 };
 

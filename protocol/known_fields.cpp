@@ -42,6 +42,12 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kHosts: return drop(request.mutable_hosts());
     case wire::Request::kHostEnd: return drop(request.mutable_host_end());
     case wire::Request::kDevices: return drop(request.mutable_devices());
+    case wire::Request::kTakeStart: return drop(request.mutable_take_start());
+    case wire::Request::kTakeStop: return drop(request.mutable_take_stop());
+    case wire::Request::kTakeMark: return drop(request.mutable_take_mark());
+    case wire::Request::kTakeList: return drop(request.mutable_take_list());
+    case wire::Request::kTakeDelete: return drop(request.mutable_take_delete());
+    case wire::Request::kTakeProtect: return drop(request.mutable_take_protect());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }

@@ -245,6 +245,7 @@ void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
   InstalledPtr before = trial_.go_back();
   report_.in_force = before->id;
   report_.name = before->name;
+  report_.document = document_before_trial_;
   report_.trial.reset();
   hand_over(std::move(before));
   Installation back;
@@ -276,7 +277,8 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   try {
     auto job = TableJob::make(*fitted, config_, std::move(formats));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false});
+    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
+                                     std::make_shared<const std::string>(canonical_json(calibration))});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
   }
@@ -317,6 +319,8 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
       report_.problem = kept.error().message;  // in force until the next start only
     }
   }
+  if (done.on_trial) document_before_trial_ = report_.document;
+  report_.document = done.document;
   report_.in_force = done.id;
   report_.name = done.calibration.name;
   if (done.on_trial) {

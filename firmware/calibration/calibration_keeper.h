@@ -71,9 +71,10 @@ struct KeeperReport {
   bool ready = false;              ///< the start is over: the stored calibration is in force again, or there is none
   std::optional<Sha256> in_force;  ///< the calibration that the blend uses
   std::string name;                ///< its name
-  std::optional<Trial> trial;      ///< has a value while it is on trial
-  std::string activity;            ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
-  std::string problem;             ///< a fault that stays until an operator acts
+  std::shared_ptr<const std::string> document;  ///< its canonical form
+  std::optional<Trial> trial;                   ///< has a value while it is on trial
+  std::string activity;  ///< "compiling the table of calibration 0123456789ab: 40 %"; empty when idle
+  std::string problem;   ///< a fault that stays until an operator acts
 };
 
 /// The calibration with its heads in the rig's order. Errors: kHeadMismatch, naming a head that does not fit.
@@ -116,7 +117,8 @@ class CalibrationKeeper {
     bool newly_stored = false;
     std::optional<TableJob> job;  ///< empty: the table of this calibration is in memory already
     bool on_trial = false;
-    bool handed_over = false;  ///< it is in tables_out_; the blend takes it between two sets
+    bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
+    std::shared_ptr<const std::string> document{};  ///< canonical form
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -159,6 +161,7 @@ class CalibrationKeeper {
   std::vector<CalibrationStore::Entry> to_try_;  ///< candidates at start; the next one is at the back
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
+  std::shared_ptr<const std::string> document_before_trial_;
   InstalledPtr running_;                  ///< the calibration that the blend uses, or takes next
   Instant now_;                           ///< time of the current step
   std::optional<KeeperRequest> waiting_;  ///< a request that waits until the current installation has ended

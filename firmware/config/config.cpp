@@ -253,9 +253,10 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
 
 RigConfig read_file(const toml::table& root, FirstError& error) {
   RigConfig config;
-  TomlReader file(root, "",
-                  {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "calibration", "sim", "heads"},
-                  error);
+  TomlReader file(
+      root, "",
+      {"rig", "raymap", "trigger", "exposure", "links", "panel", "store", "takes", "calibration", "sim", "heads"},
+      error);
   static const toml::table kEmpty;
   const auto section = [&](std::string_view name) -> const toml::table& {
     const toml::table* table = file.table(name);
@@ -280,6 +281,15 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   TomlReader store(section("store"), "store", {"folder"}, error);
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
+  if (file.has("takes")) {
+    TomlReader takes(section("takes"), "takes", {"folder", "mounted", "buffer_mb", "raymap", "start"}, error);
+    TakesConfig& to = config.takes.emplace();
+    to.folder = takes.required_text("folder");
+    to.mounted = takes.boolean("mounted", to.mounted);
+    to.buffer_mb = static_cast<int>(takes.integer("buffer_mb", 16, 4096, to.buffer_mb));
+    to.raymap = takes.boolean("raymap", to.raymap);
+    to.at_start = takes.choice<bool>("start", {{"request", false}, {"boot", true}});
+  }
   TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);
   config.signers_file = calibration.text("signers", "");
   if (calibration.has("signers") && config.signers_file.empty()) calibration.refuse("signers", "must not be empty");
@@ -333,6 +343,7 @@ Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file)
   RigConfig config = read_file(parsed.table(), error);
   if (error.any()) return fail(error.get());
   config.text_id = sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  config.text = std::make_shared<const std::string>(text);
   return config;
 }
 

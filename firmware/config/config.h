@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -157,6 +158,15 @@ struct PanelConfig {
   std::optional<GpioLine> button_line, status_line, tally_line;
 };
 
+/// [takes]
+struct TakesConfig {
+  std::string folder;     ///< where takes are stored
+  bool mounted = false;   ///< the folder must be the root of a mounted file system, such as a card
+  int buffer_mb = 256;    ///< pictures on their way to the disk
+  bool raymap = true;     ///< raymaps are recorded, too
+  bool at_start = false;  ///< a take begins when nodald starts
+};
+
 /// A complete, checked rig.toml.
 struct RigConfig {
   std::string name;
@@ -168,10 +178,12 @@ struct RigConfig {
   std::optional<SimConfig> sim;  ///< has a value exactly when a head is on a "sim:" port
   LinksConfig links;
   PanelConfig panel;
-  std::string store = "/var/lib/nodal";   ///< folder of the calibration store
-  std::string signers_file;               ///< [calibration] signers; empty: calibrations need no signature
-  std::optional<AllowedSigners> signers;  ///< parsed contents of that file; set after the file is read
-  Sha256 text_id{};                       ///< SHA-256 of rig.toml's text
+  std::string store = "/var/lib/nodal";     ///< folder of the calibration store
+  std::string signers_file;                 ///< [calibration] signers; empty: calibrations need no signature
+  std::optional<AllowedSigners> signers;    ///< parsed contents of that file; set after the file is read
+  std::optional<TakesConfig> takes;         ///< empty: nothing is recorded
+  Sha256 text_id{};                         ///< SHA-256 of rig.toml's text
+  std::shared_ptr<const std::string> text;  ///< as it was read
 };
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;

@@ -168,6 +168,10 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
   if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
+  if (config.takes) {
+    const Status takes = (*ports)->open_takes(base / config.takes->folder, config.takes->mounted);
+    if (!takes) return give_up(takes.error(), kExitCannotStart);
+  }
   if (const Status listening = (*ports)->listen(config); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }

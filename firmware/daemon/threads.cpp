@@ -35,12 +35,16 @@ void RigThreads::start(int blend_threads) {
   add("nodal-keeper", &RigThreads::keep);
   add("nodal-encode", &RigThreads::encode);
   for (int i = 0; i < blend_threads; ++i) add("nodal-blend", &RigThreads::blend);
+  if (rig_.records()) {
+    add("nodal-takes", &RigThreads::takes);
+    add("nodal-record", &RigThreads::record);
+  }
   add("nodal-capture", &RigThreads::capture);
 }
 
 void RigThreads::stop() {
   stop_.store(true);
-  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_}) bell->ring();
+  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_, &record_bell_, &takes_bell_}) bell->ring();
   for (PortBell* bell : {&capture_bell_, &control_bell_}) bell->ring();
   for (Named& each : threads_) {
     hooks_.waits_for(each.name);
@@ -50,6 +54,7 @@ void RigThreads::stop() {
 
 bool RigThreads::frame_path_empty() const {
   firmware::Blender& blender = rig_.blender();
+  if (rig_.records() && !rig_.recorder().idle()) return false;
   return blender.sets_in().empty() && blender.idle() && blender.counts().blended.load() == rig_.encoder().steps();
 }
 
@@ -63,7 +68,10 @@ void RigThreads::capture() {
       capture_bell_.worked();
       const std::uint64_t now = capture.report().sets;
       const bool set = std::exchange(sets, now) != now;
-      if (set) blend_bell_.ring();
+      if (set) {
+        blend_bell_.ring();
+        record_bell_.ring();
+      }
       if (set || asked) control_bell_.ring();  // for hosts that receive the heads' pictures; for the answers
       continue;
     }
@@ -101,6 +109,7 @@ void RigThreads::encode() {
     const auto heard = encode_bell_.count();
     if (rig_.step_encode()) {
       control_bell_.ring();
+      record_bell_.ring();
       blend_bell_.ring();                        // the blend may wait for room in the encoder's ring
       if (hooks_.advance) capture_bell_.ring();  // virtual time waits for the end of the frame path
     } else {
@@ -124,6 +133,31 @@ void RigThreads::keep() {
   }
 }
 
+void RigThreads::record() {
+  while (!stop_.load()) {
+    const auto heard = record_bell_.count();
+    if (rig_.step_record()) {
+      takes_bell_.ring();
+      capture_bell_.ring();  // the heads get their buffers back
+    } else {
+      record_bell_.wait(heard, kSleep);
+    }
+  }
+}
+
+void RigThreads::takes() {
+  while (!stop_.load()) {
+    const auto heard = takes_bell_.count();
+    if (rig_.step_takes()) {
+      record_bell_.ring();   // orders, rows that are free again
+      control_bell_.ring();  // answers
+      if (hooks_.advance) capture_bell_.ring();
+    } else {
+      takes_bell_.wait(heard, kSleep);
+    }
+  }
+}
+
 void RigThreads::control() {
   while (!stop_.load()) {
     const auto heard = control_bell_.count();
@@ -132,6 +166,7 @@ void RigThreads::control() {
     if (busy) {
       control_bell_.worked();
       keeper_bell_.ring();
+      takes_bell_.ring();
       capture_bell_.ring();
       encode_bell_.ring();
     } else {

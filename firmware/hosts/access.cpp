@@ -8,6 +8,11 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kUploadCommit:
     case wire::Request::kCalibrationUse:
     case wire::Request::kCalibrationRollback:
+    case wire::Request::kTakeStart:
+    case wire::Request::kTakeStop:
+    case wire::Request::kTakeMark:
+    case wire::Request::kTakeDelete:
+    case wire::Request::kTakeProtect:
     case wire::Request::kTrialEnd: return true;
     case wire::Request::kGenlock: return request.genlock().action() != wire::GenlockRequest::SHOW;
     case wire::Request::kExposure: return request.exposure().ByteSizeLong() > 0;
@@ -23,6 +28,7 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kHosts:
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:
+    case wire::Request::kTakeList:
     case wire::Request::WHAT_NOT_SET: return false;
   }
   return true;
@@ -40,6 +46,18 @@ bool needs_keeper(const wire::Request& request) {
   }
 }
 
+bool needs_takes(const wire::Request& request) {
+  switch (request.what_case()) {
+    case wire::Request::kTakeStart:
+    case wire::Request::kTakeStop:
+    case wire::Request::kTakeMark:
+    case wire::Request::kTakeList:
+    case wire::Request::kTakeDelete:
+    case wire::Request::kTakeProtect: return true;
+    default: return false;
+  }
+}
+
 Access access_needed(const wire::Request& request) {
   switch (request.what_case()) {
     case wire::Request::kStatus:
@@ -48,6 +66,7 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kCalibrationGet:
     case wire::Request::kPullStop:  // a host can only name its own streams
     case wire::Request::kFrameSet:
+    case wire::Request::kTakeList:
     case wire::Request::WHAT_NOT_SET: return Access::kView;  // a request of a newer host; it gets kUnsupported
     case wire::Request::kGenlock:
     case wire::Request::kExposure: return changes_rig(request) ? Access::kControl : Access::kView;
@@ -60,6 +79,11 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kCalibrationUse:
     case wire::Request::kCalibrationRollback:
     case wire::Request::kTrialEnd:
+    case wire::Request::kTakeStart:
+    case wire::Request::kTakeStop:
+    case wire::Request::kTakeMark:
+    case wire::Request::kTakeDelete:
+    case wire::Request::kTakeProtect:
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:  // opens devices
     case wire::Request::kHosts:    // names users and processes, as the audit log does
@@ -89,6 +113,12 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kHosts: return "hosts";
     case wire::Request::kHostEnd: return "host_end";
     case wire::Request::kDevices: return "devices";
+    case wire::Request::kTakeStart: return "take_start";
+    case wire::Request::kTakeStop: return "take_stop";
+    case wire::Request::kTakeMark: return "take_mark";
+    case wire::Request::kTakeList: return "take_list";
+    case wire::Request::kTakeDelete: return "take_delete";
+    case wire::Request::kTakeProtect: return "take_protect";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

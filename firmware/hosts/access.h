@@ -27,6 +27,8 @@ struct Listener {
 bool changes_rig(const wire::Request& request);
 /// Whether the calibration keeper carries the request out.
 bool needs_keeper(const wire::Request& request);
+/// Whether the stage with the takes' disk carries it out.
+bool needs_takes(const wire::Request& request);
 /// The table. Its switch names every request, so that a request without a line does not compile.
 Access access_needed(const wire::Request& request);
 /// "genlock", "upload_commit": the name in nodal.proto.

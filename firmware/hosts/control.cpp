@@ -75,6 +75,7 @@ wire::Hello Control::hello(Access access) const {
     hello.add_features(feature);
   }
   if (scan_ != nullptr) hello.add_features("devices");
+  if (stages_.takes != nullptr) hello.add_features("takes");
   if (config_.signers) hello.add_features("signed-calibrations");
   if (access == Access::kView) hello.add_features("view-only");
   if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));

@@ -10,6 +10,7 @@ namespace nodal::firmware {
 /// False while the stage that carries the request out has the most commands of this host; the request and all later ones
 /// of this host then wait.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
+  if (needs_takes(request)) return operation_.open(client.number(), CommandStage::kTakes) < kTakeRequests;
   if (needs_keeper(request)) return operation_.open(client.number(), CommandStage::kKeeper) < kKeeperRequests;
   return !changes_rig(request) || operation_.open(client.number(), CommandStage::kCapture) < kCaptureRequests;
 }
@@ -19,7 +20,8 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
     return refuse(client, request.id(), permitted.error(), now);
   }
-  const bool later = changes_rig(request) || needs_keeper(request);  // another stage carries it out
+  const bool later =
+      changes_rig(request) || needs_keeper(request) || needs_takes(request);  // another stage carries it out
   const Status done = later ? command(client, request, now) : answer(client, request, now);
   if (!done) refuse(client, request.id(), done.error(), now);
 }
@@ -192,6 +194,7 @@ wire::RigStatus Control::status(Instant now) {
   status.set_raymap_width(static_cast<std::uint32_t>(config_.raymap.width));
   status.set_raymap_height(static_cast<std::uint32_t>(config_.raymap.height));
   status.set_resident_bytes(resident_bytes_.load(std::memory_order_relaxed));
+  if (const TakeReport* takes = operation_.takes()) fill_recording(*takes, now, *status.mutable_recording());
   for (const Operation::Mark& mark : operation_.marks()) {
     wire::Mark& added = *status.add_marks();
     added.set_set(mark.set);

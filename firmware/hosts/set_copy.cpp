@@ -3,27 +3,9 @@
 #include <cstring>
 #include <utility>
 
+#include "firmware/frame/pack_picture.h"
+
 namespace nodal::firmware {
-namespace {
-
-void copy_picture(const ImageView& from, const MutableImageView& into) {
-  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(from.format)); ++c) {
-    const PlaneView& source = from.planes[c];
-    const MutablePlaneView& target = into.planes[c];
-    for (int row = 0; row < source.height; ++row) {
-      const std::uint8_t* read = source.data + row * source.row_stride;
-      std::uint8_t* write = target.data + row * target.row_stride;
-      if (source.pixel_stride == 1 && target.pixel_stride == 1) {
-        std::memcpy(write, read, static_cast<std::size_t>(source.width));
-        continue;
-      }
-      for (int i = 0; i < source.width; ++i) write[i * target.pixel_stride] = read[i * source.pixel_stride];
-    }
-  }
-}
-
-}  // namespace
-
 SetCopy SetCopy::places_for(const HeadShapes& heads, std::shared_ptr<std::vector<std::uint8_t>> bytes) {
   SetCopy copy;
   std::size_t total = 0;
@@ -59,7 +41,7 @@ void SetCopy::fill(const FrameSet& from) {
       std::memcpy(to, picture.planes[0].data, picture.bytes);
       place.bytes = picture.bytes;
     } else {
-      copy_picture(picture, packed_image(shape.format, shape.width, shape.height, to));
+      pack_picture(picture, to);
       place.bytes = place.room;
     }
     place.coding = picture.coding;

@@ -260,6 +260,37 @@ void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& i
   }
 }
 
+void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
+  for (const TakeEntry& entry : listed.takes) {
+    wire::TakeEntry& take = *into.add_takes();
+    take.set_number(entry.number);
+    take.set_state(std::string(take_state_name(entry.state)));
+    take.set_started_utc_ns(entry.started_utc_ns);
+    take.set_sets(entry.sets);
+    take.set_lost_sets(entry.lost_sets);
+    take.set_bytes(entry.bytes);
+    take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
+    take.set_is_protected(entry.is_protected);
+    take.set_ended(printable(entry.ended, 40));
+    take.set_problem(printable(entry.problem, 160));  // kMostTakes of them fit one reply
+  }
+}
+
+void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into) {
+  if (takes.recording) {
+    into.set_take(*takes.recording);
+    into.set_length_ns(static_cast<std::uint64_t>(std::max(now - takes.since, Duration()).ns()));
+    if (takes.durable) into.set_durable_ns(static_cast<std::uint64_t>(std::max(now - *takes.durable, Duration()).ns()));
+  }
+  into.set_sets(takes.sets);
+  into.set_lost_sets(takes.lost_sets);
+  into.set_lost_raymaps(takes.lost_raymaps);
+  into.set_buffer_percent(takes.buffer_percent);
+  into.set_free_bytes(takes.free_bytes);
+  into.set_bytes_a_second(takes.bytes_a_second);
+  into.set_problem(shown(takes.problem));
+}
+
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into) {
   for (const AuditEntry& entry : log.entries()) {
     wire::AuditEntry& added = *into.add_entries();

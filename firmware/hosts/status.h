@@ -9,6 +9,7 @@
 #include "firmware/hosts/device_scan.h"
 #include "firmware/operate/audit.h"
 #include "firmware/picture/blender.h"
+#include "firmware/record/take_keeper.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
@@ -25,6 +26,8 @@ void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::R
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
+void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into);
+void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into);
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
 /// The connected hosts; `asking` is the one that sent the request.
 void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);

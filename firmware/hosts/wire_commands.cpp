@@ -110,6 +110,13 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
     case wire::Request::kTrialEnd:
       return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
+    case wire::Request::kTakeStart: return TakeCommand(TakeRequest::Start{});
+    case wire::Request::kTakeStop: return TakeCommand(TakeRequest::Stop{});
+    case wire::Request::kTakeMark: return TakeCommand(TakeRequest::Mark{request.take_mark().text()});
+    case wire::Request::kTakeList: return TakeCommand(TakeRequest::List{});
+    case wire::Request::kTakeDelete: return TakeCommand(TakeRequest::Delete{request.take_delete().take()});
+    case wire::Request::kTakeProtect:
+      return TakeCommand(TakeRequest::Protect{request.take_protect().take(), request.take_protect().on()});
     default: return fail(Errc::kUnsupported, "this rig does not support that request; update nodald");
   }
 }
@@ -140,6 +147,10 @@ wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
   } else if (const auto* document = std::get_if<KeeperAnswer::Document>(&outcome)) {
     reply.mutable_calibration()->set_id(sha256_to_wire(document->id));
     reply.mutable_calibration()->set_json(document->json);
+  } else if (const auto* take = std::get_if<TakeAnswer::Done>(&outcome)) {
+    reply.mutable_take()->set_take(take->take);
+  } else if (const auto* takes = std::get_if<TakeAnswer::Listed>(&outcome)) {
+    fill_takes(*takes, *reply.mutable_takes());
   } else {
     const auto at = std::get<CommandDone>(outcome).at;
     if (at) reply.mutable_done()->set_at_ns(static_cast<std::uint64_t>(at->ns()));

@@ -98,6 +98,7 @@ std::string calibration_text(const std::optional<Sha256>& id) {
 }
 
 std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper) {
+  if (std::holds_alternative<TakeCommand>(command)) return "takes";
   const auto* change = std::get_if<CaptureChange>(&command);
   if (!change) return calibration_text(keeper.in_force) + (keeper.trial ? " on trial" : "");
   if (const auto* heads = std::get_if<HeadChange>(change)) return heads_before(*heads, capture);
@@ -106,6 +107,15 @@ std::string values_before(const Command& command, const CaptureReport& capture, 
 }
 
 std::string values_after(const Command& command, const RigConfig& config, const std::optional<Sha256>& in_force) {
+  if (const auto* take = std::get_if<TakeCommand>(&command)) {
+    if (const auto* mark = std::get_if<TakeRequest::Mark>(take)) return "mark '" + mark->text + "'";
+    if (const auto* gone = std::get_if<TakeRequest::Delete>(take))
+      return "take " + std::to_string(gone->take) + " deleted";
+    if (const auto* kept = std::get_if<TakeRequest::Protect>(take)) {
+      return "take " + std::to_string(kept->take) + (kept->on ? " protected" : " not protected");
+    }
+    return std::holds_alternative<TakeRequest::Start>(*take) ? "a take is recorded" : "no take is recorded";
+  }
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
     const auto* install = std::get_if<KeeperRequest::Install>(calibration);
     return calibration_text(in_force) + (install && install->trial ? " on trial" : "");

@@ -4,9 +4,12 @@
 #include <type_traits>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/text.h"
 
 namespace nodal::firmware {
 namespace {
+
+constexpr std::size_t kLongestMark = 200;
 
 /// std::visit with a lambda for each alternative.
 template <class... Of>
@@ -88,7 +91,10 @@ Status check(const KeeperRequest::Install& install) {
 }  // namespace
 
 CommandStage stage_of(const Command& command) {
-  return std::holds_alternative<CaptureChange>(command) ? CommandStage::kCapture : CommandStage::kKeeper;
+  return std::visit(Overloaded{[](const CaptureChange&) { return CommandStage::kCapture; },
+                               [](const CalibrationCommand&) { return CommandStage::kKeeper; },
+                               [](const TakeCommand&) { return CommandStage::kTakes; }},
+                    command);
 }
 
 std::string_view command_name(const Command& command) {
@@ -97,6 +103,15 @@ std::string_view command_name(const Command& command) {
         Overloaded{[](const HeadChange&) { return "head_set"; }, [](const GenlockStart&) { return "genlock"; },
                    [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; }},
         *change);
+  }
+  if (const auto* take = std::get_if<TakeCommand>(&command)) {
+    return std::visit(Overloaded{[](const TakeRequest::Start&) { return "take_start"; },
+                                 [](const TakeRequest::Stop&) { return "take_stop"; },
+                                 [](const TakeRequest::Mark&) { return "take_mark"; },
+                                 [](const TakeRequest::List&) { return "take_list"; },
+                                 [](const TakeRequest::Delete&) { return "take_delete"; },
+                                 [](const TakeRequest::Protect&) { return "take_protect"; }},
+                      *take);
   }
   return std::visit(Overloaded{[](const KeeperRequest::List&) { return "calibration_list"; },
                                [](const KeeperRequest::Get&) { return "calibration_get"; },
@@ -108,6 +123,7 @@ std::string_view command_name(const Command& command) {
 }
 
 bool changes_rig(const Command& command) {
+  if (const auto* take = std::get_if<TakeCommand>(&command)) return !std::holds_alternative<TakeRequest::List>(*take);
   const auto* calibration = std::get_if<CalibrationCommand>(&command);
   return !calibration || !(std::holds_alternative<KeeperRequest::List>(*calibration) ||
                            std::holds_alternative<KeeperRequest::Get>(*calibration));
@@ -118,6 +134,16 @@ Status check(const Command& command, const RigConfig& config) {
     return std::visit(Overloaded{[&](const auto& values) { return check(values, config); },
                                  [](const GenlockStop&) { return Status(); }},
                       *change);
+  }
+  if (const auto* take = std::get_if<TakeCommand>(&command)) {
+    if (!config.takes) {
+      return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
+    }
+    const auto* mark = std::get_if<TakeRequest::Mark>(take);
+    if (mark && (mark->text.size() > kLongestMark || !is_printable(mark->text))) {
+      return fail(Errc::kBadValue, "a mark's text has at most " + std::to_string(kLongestMark) + " printable bytes");
+    }
+    return {};
   }
   const auto* install = std::get_if<KeeperRequest::Install>(&std::get<CalibrationCommand>(command));
   return install ? check(*install) : Status();

@@ -10,13 +10,14 @@
 #include "firmware/calibration/calibration_keeper.h"
 #include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
+#include "firmware/record/take_keeper.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {
 
 /// One alternative for each stage that carries commands out.
-using Command = std::variant<CaptureChange, CalibrationCommand>;
-enum class CommandStage : std::uint8_t { kCapture, kKeeper };
+using Command = std::variant<CaptureChange, CalibrationCommand, TakeCommand>;
+enum class CommandStage : std::uint8_t { kCapture, kKeeper, kTakes };
 CommandStage stage_of(const Command& command);
 
 /// "head_set", "calibration_use": the name in the audit log and in nodal.proto.
@@ -30,7 +31,7 @@ Error no_such_head(std::uint64_t head, const RigConfig& config);
 
 /// The author of a command.
 struct Requester {
-  enum class Kind : std::uint8_t { kHost, kButton, kStoredSettings };
+  enum class Kind : std::uint8_t { kHost, kButton, kStoredSettings, kConfiguration };
 
   Kind kind = Kind::kHost;
   std::uint64_t host = 0;  ///< the host's number, for kHost
@@ -42,8 +43,8 @@ using Ticket = std::uint64_t;
 struct CommandDone {
   std::optional<Instant> at;  ///< of a HeadChange
 };
-using Outcome =
-    std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed, KeeperAnswer::Document>;
+using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed,
+                             KeeperAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed>;
 struct Answer {
   Ticket ticket = 0;
   Result<Outcome> outcome;

@@ -27,6 +27,7 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
       stages_(stages),
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
+      takes_(stages.takes ? &stages.takes->snapshot().read() : nullptr),
       news_(now),
       newest_set_(now),
       unstable_(now),
@@ -36,7 +37,9 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
 void Operation::begin_step(Instant now) {
   capture_ = &stages_.capture.snapshot().read();
   keeper_ = &stages_.keeper.snapshot().read();
+  if (stages_.takes) takes_ = &stages_.takes->snapshot().read();
   news_.step(now);
+  watch_takes(now);
   watch_trial(now);
   read_settings();
   restore_settings(now);
@@ -46,6 +49,7 @@ std::vector<Answer> Operation::take_answers(Instant now) {
   std::vector<Answer> answers;
   take_capture_answers(answers, now);
   take_keeper_answers(answers, now);
+  take_takes_answers(answers, now);
   take_settings_answers();
   write_settings(now);
   // An answer waits for the result of the write, unless the write takes too long or is not due yet.
@@ -85,6 +89,15 @@ Status Operation::hand_over(Ticket ticket, Command command) {
   if (auto* change = std::get_if<CaptureChange>(&command)) {
     if (stages_.capture.commands().push(CaptureCommand{ticket, std::move(*change)})) return {};
     return fail(Errc::kBusy, "the rig's command queue is full; try again");
+  }
+  if (auto* take = std::get_if<TakeCommand>(&command)) {
+    if (auto* start = std::get_if<TakeRequest::Start>(take)) {
+      start->calibration = keeper_->in_force;
+      if (keeper_->document) start->calibration_json = *keeper_->document;
+      start->heads = head_shapes();
+    }
+    if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take)})) return {};
+    return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
   }
   KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes()};
   if (stages_.keeper.requests().push(std::move(request))) return {};
@@ -157,6 +170,37 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
     if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) outcome = std::move(*listed);
     else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) outcome = std::move(*document);
     answers.push_back({answer->ticket, std::move(outcome)});
+  }
+}
+
+void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
+  if (!stages_.takes) return;
+  while (auto answer = stages_.takes->answers().pop()) {
+    const Open open = close(answer->ticket);
+    audit(open, std::nullopt, answer->result ? Status() : fail(answer->result.error()), now);
+    if (!answer->result) {
+      news_.say(NewsKind::kRig, "take: " + answer->result.error().message);
+      answers.push_back({answer->ticket, fail(answer->result.error())});
+      continue;
+    }
+    answers.push_back(
+        {answer->ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer->result)});
+  }
+}
+
+/// Logs what happens to takes, and starts the one of [takes] start = "boot" when the rig has a calibration and frames.
+void Operation::watch_takes(Instant now) {
+  if (!takes_) return;
+  if (takes_->problem != take_problem_) {
+    take_problem_ = takes_->problem;
+    if (!take_problem_.empty()) news_.say(NewsKind::kRig, take_problem_);
+  }
+  if (!config_.takes->at_start || take_at_start_done_ || !takes_->ready || !keeper_->ready || capture_->full_sets == 0)
+    return;
+  take_at_start_done_ = true;
+  if (const auto asked = ask({Requester::Kind::kConfiguration, 0, "rig.toml"}, TakeCommand(TakeRequest::Start{}), now);
+      !asked) {
+    news_.say(NewsKind::kRig, "the take of [takes] start = \"boot\": " + asked.error().message);
   }
 }
 

@@ -23,6 +23,7 @@
 #include "firmware/operate/shedding.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
+#include "firmware/record/take_keeper.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/watchdog.h"
 
@@ -35,6 +36,7 @@ struct Stages {
   EncodeStage& encoder;
   CalibrationKeeper& keeper;
   SettingsStore& settings;
+  TakeKeeper* takes = nullptr;  ///< null: the rig records nothing
 };
 
 /// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change
@@ -78,6 +80,8 @@ class Operation {
   /// The stages' reports as of this step.
   const CaptureReport& capture() const { return *capture_; }
   const KeeperReport& keeper() const { return *keeper_; }
+  /// Null: the rig records nothing.
+  const TakeReport* takes() const { return takes_; }
   const Health& health() const { return supervisor_.health(); }
   const AuditLog& audit_log() const { return audit_; }
   News& news() { return news_; }
@@ -111,9 +115,11 @@ class Operation {
   Open close(Ticket ticket);
   void take_capture_answers(std::vector<Answer>& answers, Instant now);
   void take_keeper_answers(std::vector<Answer>& answers, Instant now);
+  void take_takes_answers(std::vector<Answer>& answers, Instant now);
   void take_settings_answers();
   void audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
   void watch_trial(Instant now);
+  void watch_takes(Instant now);
   void read_settings();
   void restore_settings(Instant now);
   void write_settings(Instant now);
@@ -127,6 +133,9 @@ class Operation {
   Stages stages_;
   const CaptureReport* capture_;  ///< the newest report
   const KeeperReport* keeper_;
+  const TakeReport* takes_ = nullptr;
+  bool take_at_start_done_ = false;
+  std::string take_problem_;  ///< the newest that was logged
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;

@@ -15,7 +15,7 @@ bool EncodeStage::step() {
   auto raymap = raymaps_in_.pop();
   if (!raymap) return false;
   raymap->shed = steps() % every_.load(std::memory_order_relaxed) != 0;
-  if (wanted_.load(std::memory_order_relaxed) && !raymap->shed) {
+  if ((wanted_.load(std::memory_order_relaxed) || recording_.load(std::memory_order_relaxed)) && !raymap->shed) {
     if (JpegLoan buffer = jpegs_.take()) {
       const Instant begun = clock_.now();
       const std::uint8_t* pixels = raymap->pixels->data();

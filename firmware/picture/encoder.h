@@ -31,6 +31,8 @@ class EncodeStage {
     wanted_.store(jpeg, std::memory_order_relaxed);
     pixels_wanted_.store(pixels, std::memory_order_relaxed);
   }
+  /// Whether a take records JPEGs. Any thread.
+  void set_recording(bool jpeg) { recording_.store(jpeg, std::memory_order_relaxed); }
   /// Only each `every`-th raymap is encoded; the others are marked as shed.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
 
@@ -55,6 +57,7 @@ class EncodeStage {
   JpegEncoder jpeg_;
   std::atomic<bool> wanted_{false};
   std::atomic<bool> pixels_wanted_{true};
+  std::atomic<bool> recording_{false};
   std::atomic<std::uint32_t> every_{1};
   std::atomic<std::uint64_t> failed_{0};
   std::atomic<std::uint64_t> passed_{0};

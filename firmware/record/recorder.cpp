@@ -18,8 +18,9 @@ std::size_t stored_bytes(const ImageView& picture) {
                                                : packed_size(picture.format, picture.width, picture.height);
 }
 
-HeadStream stream_of(const ImageView& picture) {
-  return {picture.format, picture.width, picture.height, picture.coding};
+HeadStream stream_of(const hal::FrameView& frame) {
+  const ImageView& picture = frame.image;
+  return {picture.format, picture.width, picture.height, picture.coding, frame.fields};
 }
 
 }  // namespace
@@ -33,14 +34,15 @@ std::string_view placeholder_name(Placeholder reason) {
   return "";
 }
 
-Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, Outlet<Raymap>& raymaps_in)
+Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStage& encoder)
     : heads_(config.heads.size()),
       sets_in_(sets_in),
-      raymaps_in_(raymaps_in),
+      encoder_(encoder),
+      raymaps_in_(encoder.add_outlet(kRaymaps, false)),
       orders_(4),
       rows_(kRows + 1),
       rows_back_(kRows + 1),
-      ring_(config.takes ? static_cast<std::size_t>(config.takes->buffer_mb) << 20 : 1) {
+      ring_(static_cast<std::size_t>(config.takes->buffer_mb) << 20) {
   for (std::size_t k = 0; k < kRows; ++k) {
     spare_.push_back(std::make_unique<TakeRow>());
     spare_.back()->sets.reserve(TakeRow::kMostSets);
@@ -63,7 +65,6 @@ bool Recorder::step() {
     close_row(true);
     ending_ = false;
     take_.reset();
-    recording_.store(false, std::memory_order_relaxed);
     busy = true;
   }
   return busy;
@@ -80,11 +81,12 @@ bool Recorder::obey() {
       sets_in_.drop_waiting();
       raymaps_in_.drop_waiting();
       sets_in_.set_open(true);
-      raymaps_in_.set_open(true);
-      recording_.store(true, std::memory_order_relaxed);
+      raymaps_in_.set_open(order->raymaps);
+      encoder_.set_recording(order->raymaps);
     } else if (take_) {
       sets_in_.set_open(false);
       raymaps_in_.set_open(false);
+      encoder_.set_recording(false);
       ending_ = true;
     }
   }
@@ -118,7 +120,7 @@ bool Recorder::changes_streams(const FrameSet& set) {
   bool changed = false;
   for (std::size_t head = 0; head < heads_; ++head) {
     if (!set.has(head)) continue;
-    const HeadStream stream = stream_of(set.frames[head].image);
+    const HeadStream stream = stream_of(set.frames[head]);
     if (streams_[head] == stream) continue;
     if (streams_[head] && set.mid_exposure - stream_since_[head] < kFormatStays) continue;
     streams_[head] = stream;
@@ -176,7 +178,7 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
     const std::size_t bytes = stored_bytes(view.image);
-    if (streams_[head] != stream_of(view.image) || bytes > take::MatroskaWriter::kLargestFrame) {
+    if (streams_[head] != stream_of(view) || bytes > take::MatroskaWriter::kLargestFrame) {
       frame.placeholder = Placeholder::kFormat;
       ++placeholders;
       continue;
@@ -188,7 +190,12 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.placeholder = Placeholder::kNone;
     frame.bytes = *place;
   }
-  for (std::size_t head = 0; head < heads_; ++head) row_bytes_[head] += to.frames[head].bytes.size();
+  std::uint64_t bytes = 0;
+  for (std::size_t head = 0; head < heads_; ++head) {
+    row_bytes_[head] += to.frames[head].bytes.size();
+    bytes += to.frames[head].bytes.size();
+  }
+  counts_.set_bytes.store(bytes, std::memory_order_relaxed);
   counts_.placeholders.fetch_add(placeholders, std::memory_order_relaxed);
   return true;
 }

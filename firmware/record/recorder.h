@@ -12,6 +12,7 @@
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/raymap.h"
+#include "firmware/picture/encoder.h"
 #include "firmware/record/picture_ring.h"
 #include "firmware/record/take_row.h"
 #include "protocol/base/spsc_ring.h"
@@ -23,6 +24,7 @@ struct RecordOrder {
   enum class Kind : std::uint8_t { kBegin, kEnd };
   Kind kind = Kind::kEnd;
   std::uint64_t take = 0;
+  bool raymaps = false;  ///< kBegin: record them, too
 };
 
 /// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk is slow
@@ -35,7 +37,7 @@ struct RecordOrder {
 /// Errors: none; what is not recorded is counted.
 class Recorder {
  public:
-  Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, Outlet<Raymap>& raymaps_in);
+  Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStage& encoder);
 
   /// True when it did something.
   bool step();
@@ -44,14 +46,15 @@ class Recorder {
   SpscRing<std::unique_ptr<TakeRow>>& rows() { return rows_; }
   SpscRing<std::unique_ptr<TakeRow>>& rows_back() { return rows_back_; }
   PictureRing& ring() { return ring_; }
-  /// No order, set or raymap waits, and the open row needs no more time. Any thread.
-  bool recording() const { return recording_.load(std::memory_order_relaxed); }
+  /// No set waits, and every closed row was written or is being written. Any thread.
+  bool idle() const { return sets_in_.empty() && raymaps_in_.empty() && rows_.empty(); }
 
   struct Counts {
-    std::atomic<std::uint64_t> sets{0};           ///< since nodald started, all takes
-    std::atomic<std::uint64_t> lost_sets{0};      ///< no room in the ring
-    std::atomic<std::uint64_t> lost_raymaps{0};   ///< likewise
-    std::atomic<std::uint64_t> placeholders{0};   ///< frames
+    std::atomic<std::uint64_t> sets{0};          ///< since nodald started, all takes
+    std::atomic<std::uint64_t> lost_sets{0};     ///< no room in the ring
+    std::atomic<std::uint64_t> lost_raymaps{0};  ///< likewise
+    std::atomic<std::uint64_t> placeholders{0};  ///< frames
+    std::atomic<std::uint64_t> set_bytes{0};     ///< of the newest recorded set
   };
   const Counts& counts() const { return counts_; }
 
@@ -74,6 +77,7 @@ class Recorder {
 
   const std::size_t heads_;
   Outlet<SetLoan>& sets_in_;
+  EncodeStage& encoder_;
   Outlet<Raymap>& raymaps_in_;
   SpscRing<RecordOrder> orders_;
   SpscRing<std::unique_ptr<TakeRow>> rows_;
@@ -89,7 +93,6 @@ class Recorder {
   std::unique_ptr<TakeRow> row_;  ///< open
   std::array<std::size_t, kMaxHeads> row_bytes_{};
   std::uint64_t missed_ = 0;  ///< sets since the newest recorded one
-  std::atomic<bool> recording_{false};
 };
 
 }  // namespace nodal::firmware

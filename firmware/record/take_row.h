@@ -21,6 +21,7 @@ struct HeadStream {
   int width = 0;
   int height = 0;
   ColourCoding coding;
+  Fields fields = Fields::kProgressive;
   friend bool operator==(const HeadStream&, const HeadStream&) = default;
 };
 
@@ -52,8 +53,6 @@ struct RecordedRaymap {
   std::uint64_t set = 0;
   Instant mid_exposure;
   std::span<const std::uint8_t> jpeg;
-  int width = 0;
-  int height = 0;
 };
 
 /// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets.
@@ -65,8 +64,8 @@ struct TakeRow {
   std::array<std::optional<HeadStream>, kMaxHeads> streams;
   std::vector<RecordedSet> sets;
   std::vector<RecordedRaymap> raymaps;
-  bool last = false;            ///< the take ends with it; it may be without sets
-  std::uint64_t ring_end = 0;   ///< PictureRing::release() takes it when the row was written
+  bool last = false;           ///< the take ends with it; it may be without sets
+  std::uint64_t ring_end = 0;  ///< PictureRing::release() takes it when the row was written
 };
 
 }  // namespace nodal::firmware

@@ -34,6 +34,13 @@ Colour colour_of(const std::string& state) {
   return Colour::kWarning;
 }
 
+std::string recording_text(const wire::Recording& takes) {
+  const std::string durable = takes.has_durable_ns() ? show_duration(takes.durable_ns()) + " ago" : "not yet";
+  return fmt::format("{} is being recorded: {}, {}; on the disk for certain: {}; buffer {} %, {} free", takes.take(),
+                     show_duration(takes.length_ns()), counted(takes.sets(), "set"), durable, takes.buffer_percent(),
+                     show_bytes(takes.free_bytes()));
+}
+
 void show(Console& console, const wire::RigStatus& status, const std::string& name, const std::string& address) {
   const auto row = [&](std::string_view what, const std::string& value) {
     constexpr std::size_t kIndent = 15;
@@ -89,6 +96,16 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                                list_of(status.publish_drops())));
   if (status.publish_shed() != 0) {
     row("", fmt::format("{} not published: the board had no time for it", status.publish_shed()));
+  }
+  if (status.has_recording()) {
+    const wire::Recording& takes = status.recording();
+    row("take", takes.has_take() ? recording_text(takes) : "none is being recorded");
+    if (takes.lost_sets() + takes.lost_raymaps() != 0) {
+      row("", console.paint(Colour::kBad,
+                            fmt::format("{} and {} lost: the disk is too slow", counted(takes.lost_sets(), "set"),
+                                        counted(takes.lost_raymaps(), "raymap"))));
+    }
+    if (!takes.problem().empty()) row("", console.paint(Colour::kWarning, takes.problem()));
   }
   row("memory", show_bytes(status.resident_bytes()));
   if (status.marks().empty()) return;

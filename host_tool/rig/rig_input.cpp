@@ -63,6 +63,7 @@ void clean(Check& check, wire::RigStatus& status) {
   check.list(status.marks(), kMaxMarks, "marks");
   check.id(status.calibration_id());
   clean(check, *status.mutable_genlock());
+  if (status.has_recording()) check.sentence(status.mutable_recording()->mutable_problem());
   if (!status.has_trial()) return;
   check.name(status.mutable_trial()->mutable_name());
   check.id(status.trial().id());
@@ -141,8 +142,17 @@ Status check_and_clean(wire::Reply& reply) {
       check.list(reply.devices().lines(), kMaxDeviceLines, "lines about devices");
       for (std::string& line : *reply.mutable_devices()->mutable_lines()) check.sentence(&line);
       break;
+    case wire::Reply::kTakes:
+      check.list(reply.takes().takes(), kMaxTakes, "takes");
+      for (wire::TakeEntry& take : *reply.mutable_takes()->mutable_takes()) {
+        check.name(take.mutable_state());
+        check.name(take.mutable_ended());
+        check.sentence(take.mutable_problem());
+      }
+      break;
     case wire::Reply::kCalibration: check.id(reply.calibration().id()); break;
     case wire::Reply::kDone:
+    case wire::Reply::kTake:
     case wire::Reply::kUpload:
     case wire::Reply::kPull:
     case wire::Reply::WHAT_NOT_SET: break;

@@ -78,6 +78,20 @@ Json to_json(const wire::ExposureState& exposure) {
 }
 
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address) {
+  Json recording;  // null: the rig records nothing
+  if (status.has_recording()) {
+    const wire::Recording& takes = status.recording();
+    recording = {{"take", takes.has_take() ? Json(takes.take()) : Json()},
+                 {"length_ns", takes.length_ns()},
+                 {"sets", takes.sets()},
+                 {"lost_sets", takes.lost_sets()},
+                 {"lost_raymaps", takes.lost_raymaps()},
+                 {"buffer_percent", takes.buffer_percent()},
+                 {"durable_ns", takes.has_durable_ns() ? Json(takes.durable_ns()) : Json()},
+                 {"free_bytes", takes.free_bytes()},
+                 {"bytes_a_second", takes.bytes_a_second()},
+                 {"problem", takes.problem()}};
+  }
   Json trial;  // null: no trial
   if (status.has_trial()) {
     trial = {{"id", hex_of(status.trial().id())},
@@ -109,6 +123,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"calibration_id", hex_of(status.calibration_id())},
           {"calibration_name", status.calibration_name()},
           {"trial", trial},
+          {"recording", recording},
           {"genlock", to_json(status.genlock())},
           {"blend_ns", status.blend_ns()},
           {"encode_ns", status.encode_ns()},

@@ -1,6 +1,6 @@
 #include "protocol/take/matroska_writer.h"
 
-#include <zlib.h>
+#include <libdeflate.h>
 
 #include <algorithm>
 #include <utility>
@@ -135,8 +135,8 @@ Bytes attachments_of(const VideoTrack& track) {
 std::int64_t ticks_of(Duration since_start) { return since_start.ns() / MatroskaWriter::kTick.ns(); }
 
 std::uint32_t crc_of(std::uint32_t crc, std::span<const std::uint8_t> bytes) {
-  if (bytes.empty()) return crc;  // zlib takes a null pointer for "start again"
-  return static_cast<std::uint32_t>(::crc32_z(crc, bytes.data(), bytes.size()));
+  if (bytes.empty()) return crc;  // a null pointer stands for "start again"
+  return libdeflate_crc32(crc, bytes.data(), bytes.size());
 }
 
 }  // namespace

@@ -1,0 +1,277 @@
+#include "firmware/record/recovery.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "firmware/storage/durable_file.h"
+
+namespace nodal::firmware {
+namespace {
+
+using take::PieceHashes;
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr std::uint64_t kMaxCalibrationBytes = std::uint64_t{1} << 20;
+
+/// Reads a part of a file. Errors: the disk's; kTruncated if the file is shorter.
+Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint64_t from, std::uint64_t to) {
+  const auto size = disk.size(name);
+  if (!size) return fail(size.error());
+  if (to > *size || from > to) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
+  const auto handle = disk.open_read(name);
+  if (!handle) return fail(handle.error());
+  Bytes bytes(static_cast<std::size_t>(to - from));
+  const auto read = disk.read_at(*handle, from, bytes);
+  disk.close(*handle);
+  if (!read) return fail(read.error());
+  if (*read != bytes.size()) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
+  return bytes;
+}
+
+bool whole_clusters(std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const std::size_t length = take::whole_cluster(bytes);
+    if (length == 0) return false;
+    bytes = bytes.subspan(length);
+  }
+  return true;
+}
+
+std::string path(const TakePlace& place, const std::string& file) { return place.folder + "/" + file; }
+
+std::uint64_t end_of(const take::Segment& found, std::size_t rows, std::size_t file) {
+  return rows == 0 ? found.begin.files(static_cast<int>(file)).head_bytes() : found.rows[rows - 1].file_ends[file];
+}
+
+/// Errors: the disk's. A file that is too short or gone is no error: the row is not whole.
+Result<bool> row_is_whole(const TakePlace& place, const take::Segment& found, std::size_t row) {
+  for (std::size_t file = 0; file < static_cast<std::size_t>(found.begin.files_size()); ++file) {
+    const std::string name = path(place, found.begin.files(static_cast<int>(file)).name());
+    const auto bytes = read_part(*place.disk, name, end_of(found, row, file), end_of(found, row + 1, file));
+    if (!bytes && bytes.error().code != Errc::kTruncated && bytes.error().code != Errc::kNotFound)
+      return fail(bytes.error());
+    if (!bytes || !whole_clusters(*bytes)) return false;
+  }
+  return true;
+}
+
+/// Whether a finished segment's files have the lengths and, behind what is durable, the bytes that its end states.
+Result<bool> end_is_whole(const TakePlace& place, const take::Segment& found, bool only_lengths) {
+  for (std::size_t file = 0; file < static_cast<std::size_t>(found.begin.files_size()); ++file) {
+    const std::string name = path(place, found.begin.files(static_cast<int>(file)).name());
+    const auto size = place.disk->size(name);
+    if (!size && size.error().code != Errc::kNotFound) return fail(size.error());
+    if (!size || *size != found.end->length(static_cast<int>(file))) return false;
+    if (only_lengths) continue;
+    const std::vector<take::Xxh128> hashes = found.hashes_of(file);
+    const std::uint64_t durable = end_of(found, found.durable_rows, file) / PieceHashes::kPiece;
+    for (std::uint64_t piece = 0; piece < hashes.size(); ++piece) {
+      if (piece != 0 && piece < durable) continue;
+      const std::uint64_t from = piece * PieceHashes::kPiece;
+      const auto bytes = read_part(*place.disk, name, from, std::min(*size, from + PieceHashes::kPiece));
+      if (!bytes) return fail(bytes.error());
+      if (take::xxh128(*bytes) != hashes[static_cast<std::size_t>(piece)]) return false;
+    }
+  }
+  return true;
+}
+
+Status remove_segment(const TakePlace& place, std::uint32_t segment) {
+  std::vector<std::string> names{take::evidence_file(segment), take::raymap_file(segment)};
+  for (std::uint32_t head = 0; head < kMaxHeads; ++head) names.push_back(take::head_file(head, segment));
+  for (const std::string& name : names) {
+    const Status removed = place.disk->remove(path(place, name));
+    if (!removed && removed.error().code != Errc::kNotFound) return removed;
+  }
+  return {};
+}
+
+Duration length_of(const take::Segment& found, std::uint64_t sets) {
+  return Duration::nanoseconds(sets == 0 ? 0 : found.sets[static_cast<std::size_t>(sets - 1)].since_start_ns());
+}
+
+HeadStream stream_of(const take::wire::File& file) {
+  HeadStream stream;
+  stream.format = pixel_format_named(file.format()).value_or(PixelFormat::kMjpeg);  // read_evidence() has checked it
+  stream.width = static_cast<int>(file.width());
+  stream.height = static_cast<int>(file.height());
+  stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
+  if (file.fields() == "top-first") stream.fields = Fields::kTopFirst;
+  if (file.fields() == "bottom-first") stream.fields = Fields::kBottomFirst;
+  return stream;
+}
+
+}  // namespace
+
+Status SegmentWriter::reopen(File& file, std::uint64_t length, std::vector<take::Xxh128> hashes) {
+  const std::string name = path(place_, file.name);
+  const std::uint64_t hashed = hashes.size() * PieceHashes::kPiece;
+  file.hashes_told = hashes.size();
+  file.hashes = PieceHashes(std::move(hashes));
+  const auto first = read_part(*place_.disk, name, 0, std::min(length, PieceHashes::kPiece));
+  if (!first) return fail(first.error());
+  file.first = *first;
+  for (std::uint64_t from = hashed; from < length; from += PieceHashes::kPiece) {
+    const auto bytes = read_part(*place_.disk, name, from, std::min(length, from + PieceHashes::kPiece));
+    if (!bytes) return fail(bytes.error());
+    file.hashes.update(*bytes);
+  }
+  const auto handle = place_.disk->open_append(name);
+  if (!handle) return fail(handle.error());
+  file.handle = *handle;
+  return place_.disk->truncate(file.handle, length);
+}
+
+Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& place, const take::Segment& found,
+                                                             std::size_t rows) {
+  NODAL_ASSERT(rows >= 1 && rows <= found.rows.size());
+  const take::Segment::Row& last = found.rows[rows - 1];
+  std::unique_ptr<SegmentWriter> made(new SegmentWriter(place));
+  made->begin_ = found.begin;
+  made->next_set_ = found.begin.first_set() + last.sets;
+  made->newest_ = length_of(found, last.sets);
+  const std::int64_t first_ns = found.sets.empty() ? 0 : found.sets.front().mid_exposure_ns();
+  made->first_exposure_ = Instant::from_ns(first_ns);
+  made->records_ = take::EvidenceWriter(last.records);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(found.begin.files_size()); ++k) {
+    const take::wire::File& told = found.begin.files(static_cast<int>(k));
+    File& file = made->files_.emplace_back();
+    file.name = told.name();
+    if (told.has_head()) file.head = told.head();
+    file.stream = stream_of(told);
+    std::vector<take::Xxh128> hashes = found.hashes[k];
+    hashes.resize(static_cast<std::size_t>(last.file_ends[k] / PieceHashes::kPiece));
+    if (const Status opened = made->reopen(file, last.file_ends[k], std::move(hashes)); !opened)
+      return fail(opened.error());
+    file.video.emplace(made->track_of(file), told.head_bytes());
+    std::size_t sets = 0, raymaps = 0;
+    Duration newest;
+    for (std::size_t row = 0; row < rows; ++row) {
+      const take::Segment::Row& each = found.rows[row];
+      const auto raymap_time = [&](std::size_t i) {
+        return Duration::nanoseconds(found.raymaps[i].mid_exposure_ns()) - Duration::nanoseconds(first_ns);
+      };
+      Duration begin = newest;
+      if (told.has_head() && each.sets > sets) {
+        begin = Duration::nanoseconds(found.sets[sets].since_start_ns());
+        newest = length_of(found, each.sets);
+      } else if (!told.has_head() && each.raymaps > raymaps) {
+        begin = std::max(newest, raymap_time(raymaps));
+        newest = std::max(begin, raymap_time(static_cast<std::size_t>(each.raymaps) - 1));
+      }
+      if (each.file_ends[k] > file.video->size()) file.video->note_cluster(begin, newest, each.file_ends[k]);
+      sets = static_cast<std::size_t>(each.sets);
+      raymaps = static_cast<std::size_t>(each.raymaps);
+    }
+  }
+  made->evidence_.name = take::evidence_file(found.begin.segment());
+  if (const Status opened = made->reopen(made->evidence_, last.evidence_end, {}); !opened) return fail(opened.error());
+  return made;
+}
+
+Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
+                                                       const std::string& reason) {
+  const std::string name = path(place, take::evidence_file(segment));
+  const auto bytes = place.disk->read(name, take::kMaxEvidenceBytes);
+  if (!bytes) return fail(bytes.error());
+  auto found = take::read_evidence(*bytes, name);
+  if (!found && found.error().code != Errc::kTruncated) return fail(found.error());
+  std::size_t rows = 0;
+  if (found) {
+    if (found->end && found->good_bytes == bytes->size() && trust != Trust::kDurable) {
+      const auto whole = end_is_whole(place, *found, trust == Trust::kAll);
+      if (!whole) return fail(whole.error());
+      if (*whole) {
+        FinishedSegment done{{}, found->sets.size(), length_of(*found, found->sets.size()), 0};
+        for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
+          done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
+                                found->end->length(static_cast<int>(file)), take::digest_of(found->hashes_of(file))});
+        }
+        PieceHashes hashes;
+        hashes.update(*bytes);
+        done.files.push_back({take::evidence_file(segment), bytes->size(), take::digest_of(hashes.all())});
+        return done;
+      }
+    }
+    rows = trust == Trust::kAll ? found->rows.size() : found->durable_rows;
+    while (trust == Trust::kChecked && rows < found->rows.size()) {
+      const auto whole = row_is_whole(place, *found, rows);
+      if (!whole) return fail(whole.error());
+      if (!*whole) break;
+      ++rows;
+    }
+  }
+  if (rows == 0) {
+    if (const Status removed = remove_segment(place, segment); !removed) return fail(removed.error());
+    return std::optional<FinishedSegment>();
+  }
+  FinishedSegment done;
+  for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
+    const auto size = place.disk->size(path(place, found->begin.files(static_cast<int>(file)).name()));
+    if (size) done.cut_bytes += *size - std::min(*size, end_of(*found, rows, file));
+  }
+  auto writer = SegmentWriter::reopen(place, *found, rows);
+  if (!writer) return fail(writer.error());
+  auto files = (*writer)->finish(reason);
+  if (!files) return fail(files.error());
+  done.files = std::move(*files);
+  done.sets = (*writer)->sets();
+  done.length = (*writer)->length();
+  return done;
+}
+
+Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
+  for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile}) {
+    const auto bytes = disk.read(folder + "/" + name, kMaxCalibrationBytes);
+    if (!bytes && bytes.error().code == Errc::kNotFound) continue;
+    if (!bytes) return fail(bytes.error());
+    PieceHashes hashes;
+    hashes.update(*bytes);
+    manifest.files.push_back({name, bytes->size(), take::digest_of(hashes.all())});
+  }
+  std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
+  if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
+  const Status written = write_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
+  if (!written) return fail(written.error());
+  return manifest;
+}
+
+Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder) {
+  const auto text = disk.read(folder + "/" + take::kTakeFile, take::kMaxTakeJsonBytes);
+  if (!text) return fail(text.error());
+  const auto about = take::parse_take_json({reinterpret_cast<const char*>(text->data()), text->size()},
+                                           folder + "/" + take::kTakeFile);
+  if (!about) return fail(about.error());
+  TakePlace place;
+  place.disk = &disk;
+  place.folder = folder;
+  place.number = about->number;
+  place.rate = about->rate;
+  place.layout = about->layout;
+  place.software = about->software;
+  const auto entries = disk.list(folder);
+  if (!entries) return fail(entries.error());
+  std::vector<std::uint32_t> segments;
+  constexpr std::string_view kEvidence = "evidence-";
+  for (const std::string& name : *entries) {
+    if (!name.starts_with(kEvidence) || !take::is_take_file(name)) continue;
+    segments.push_back(static_cast<std::uint32_t>(std::stoul(name.substr(kEvidence.size()))));
+  }
+  std::ranges::sort(segments);
+  take::Manifest manifest;
+  manifest.number = about->number;
+  manifest.ended = "recovered";
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    auto done =
+        recover_segment(place, segments[k], k + 1 < segments.size() ? Trust::kAll : Trust::kChecked, "recovered");
+    if (!done) return fail(done.error());
+    if (!*done) continue;
+    manifest.sets += (*done)->sets;
+    manifest.length = manifest.length + (*done)->length + about->rate.period();
+    manifest.files.insert(manifest.files.end(), (*done)->files.begin(), (*done)->files.end());
+  }
+  return write_manifest(disk, folder, std::move(manifest));
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,42 @@
+// Finishes takes that ended without being finished: by a power cut, a killed nodald or a failing disk.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/record/segment_writer.h"
+#include "protocol/base/result.h"
+#include "protocol/take/documents.h"
+
+namespace nodal::firmware {
+
+/// A finished segment.
+struct FinishedSegment {
+  std::vector<take::Manifest::File> files;
+  std::uint64_t sets = 0;
+  Duration length;
+  std::uint64_t cut_bytes = 0;  ///< of the heads' files, behind the newest complete set
+};
+
+/// How much of a segment is on the device for certain.
+enum class Trust : std::uint8_t {
+  kAll,      ///< everything was synced: another segment was begun after it
+  kDurable,  ///< what its evidence calls durable; the rest is cut off: a sync failed
+  kChecked,  ///< what it calls durable, and what is whole behind that: clusters are read and their CRC-32 checked
+};
+
+/// Cuts all files of a segment to the newest set that is whole in all of them, and finishes them. What is finished already and
+/// whole is left as it is. Nothing if no set is whole: its files are removed then. `reason` is stored in the evidence.
+/// Errors: the disk's; those of the evidence, which name its file.
+Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
+                                                       const std::string& reason);
+
+/// Recovers every segment of a take and writes its manifest. The take's calibration and take.json are read from its folder.
+Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);
+
+/// Writes the manifest of a take whose segments are finished, durably.
+Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);
+
+}  // namespace nodal::firmware

@@ -1,0 +1,334 @@
+#include "firmware/record/segment_writer.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "stitch/media/jpeg_writer.h"
+
+namespace nodal::firmware {
+namespace {
+
+using take::PieceHashes;
+using Bytes = std::vector<std::uint8_t>;
+
+/// As in rig.toml and in the evidence.
+std::string_view fields_name(Fields fields) {
+  if (fields == Fields::kTopFirst) return "top-first";
+  return fields == Fields::kBottomFirst ? "bottom-first" : "progressive";
+}
+
+std::string bytes_of(std::span<const take::Xxh128> hashes) {
+  std::string bytes;
+  for (const take::Xxh128& hash : hashes) bytes.append(hash.begin(), hash.end());
+  return bytes;
+}
+
+Result<Bytes> grey_picture(const HeadStream& stream) {
+  const PixelFormat format = stream.format == PixelFormat::kMjpeg ? PixelFormat::kI420 : stream.format;
+  Bytes grey(packed_size(format, stream.width, stream.height), 128);
+  if (stream.format != PixelFormat::kMjpeg) return grey;
+  media::JpegWriter writer({.format = format, .width = stream.width, .height = stream.height, .quality = 50});
+  Bytes jpeg;
+  const Status written = writer.write(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
+                                      "a placeholder: the head has no picture here", jpeg);
+  if (!written) return fail(written.error());
+  return jpeg;
+}
+
+}  // namespace
+
+SegmentWriter::~SegmentWriter() {
+  for (const File& file : files_) place_.disk->close(file.handle);
+  place_.disk->close(evidence_.handle);
+}
+
+Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& place, std::uint32_t segment,
+                                                             std::uint64_t first_set, const TakeRow& first) {
+  std::unique_ptr<SegmentWriter> made(new SegmentWriter(place));
+  take::wire::Begin& begin = made->begin_;
+  begin.set_version(take::kEvidenceVersion);
+  begin.set_take(place.number);
+  begin.set_segment(segment);
+  begin.set_first_set(first_set);
+  begin.set_calibration_id(place.calibration_id.data(), place.calibration_id.size());
+  const auto add = [&](std::string name, std::optional<std::size_t> head, const HeadStream& stream) {
+    File& file = made->files_.emplace_back();
+    file.name = std::move(name);
+    file.head = head;
+    file.stream = stream;
+    take::wire::File& told = *begin.add_files();
+    told.set_name(file.name);
+    if (head) told.set_head(static_cast<std::uint32_t>(*head));
+    told.set_format(std::string(pixel_format_name(stream.format)));
+    told.set_width(static_cast<std::uint32_t>(stream.width));
+    told.set_height(static_cast<std::uint32_t>(stream.height));
+    told.set_video_range(stream.coding.video_range);
+    told.set_bt709(stream.coding.bt709);
+    told.set_fields(std::string(fields_name(stream.fields)));
+  };
+  for (std::size_t head = 0; head < kMaxHeads; ++head) {
+    if (first.streams[head])
+      add(take::head_file(static_cast<std::uint32_t>(head), segment), head, *first.streams[head]);
+  }
+  if (!place.layout.empty()) {
+    add(take::raymap_file(segment), std::nullopt, {PixelFormat::kMjpeg, place.raymap_width, place.raymap_height, {}});
+  }
+  made->evidence_.name = take::evidence_file(segment);
+  made->next_set_ = first_set;
+  if (const Status opened = made->create_files(); !opened) return fail(opened.error());
+  take::wire::Record record;
+  *record.mutable_begin() = begin;
+  if (const Status begun = made->append_record(record); !begun) return fail(begun.error());
+  return made;
+}
+
+take::VideoTrack SegmentWriter::track_of(const File& file) const {
+  take::VideoTrack track;
+  const bool jpeg = file.stream.format == PixelFormat::kMjpeg;
+  track.codec = jpeg ? "V_MJPEG" : "V_UNCOMPRESSED";
+  track.fourcc = take::fourcc_of(file.stream.format);
+  track.width = file.stream.width;
+  track.height = file.stream.height;
+  track.rate = place_.rate;
+  track.fields = file.stream.fields;
+  track.coding = file.stream.coding;
+  track.equirectangular = !file.head && place_.layout == "equirectangular";
+  track.writer = place_.software;
+  if (!place_.calibration_json.empty()) {
+    track.attachments.push_back({take::kCalibrationFile, "application/json", place_.calibration_json});
+  }
+  return track;
+}
+
+Status SegmentWriter::create_files() {
+  const auto create = [&](File& file) -> Status {
+    const auto handle = place_.disk->create(place_.folder + "/" + file.name);
+    if (!handle) return fail(handle.error());
+    file.handle = *handle;
+    return {};
+  };
+  if (const Status created = create(evidence_); !created) return created;
+  for (std::size_t k = 0; k < files_.size(); ++k) {
+    File& file = files_[k];
+    if (const Status created = create(file); !created) return created;
+    file.video.emplace(track_of(file));
+    const Bytes head = file.video->head();
+    const std::span<const std::uint8_t> piece(head);
+    if (const Status written = append(file, std::span(&piece, 1)); !written) return written;
+    begin_.mutable_files(static_cast<int>(k))->set_head_bytes(head.size());
+  }
+  return {};
+}
+
+Status SegmentWriter::append(File& file, std::span<const std::span<const std::uint8_t>> pieces) {
+  if (const Status written = place_.disk->write_pieces(file.handle, pieces); !written) return written;
+  for (const auto& piece : pieces) {
+    if (file.first.size() < PieceHashes::kPiece) {
+      const auto part = piece.first(std::min(piece.size(), PieceHashes::kPiece - file.first.size()));
+      file.first.insert(file.first.end(), part.begin(), part.end());
+    }
+    file.hashes.update(piece);
+  }
+  return {};
+}
+
+Status SegmentWriter::append_record(const take::wire::Record& record) {
+  const Bytes bytes = records_.encode(record);
+  const std::span<const std::uint8_t> piece(bytes);
+  return append(evidence_, std::span(&piece, 1));
+}
+
+bool SegmentWriter::fits(const TakeRow& row) const {
+  std::size_t found = 0;
+  for (const File& file : files_) {
+    if (!file.head) continue;
+    if (row.streams[*file.head] != file.stream) return false;
+    ++found;
+  }
+  return found == static_cast<std::size_t>(
+                      std::ranges::count_if(row.streams, [](const auto& stream) { return stream.has_value(); }));
+}
+
+std::uint64_t SegmentWriter::largest_file() const {
+  std::uint64_t largest = 0;
+  for (const File& file : files_) largest = std::max(largest, file.hashes.bytes());
+  return largest;
+}
+
+Result<std::span<const std::uint8_t>> SegmentWriter::placeholder_of(File& file) {
+  if (file.placeholder.empty()) {
+    auto grey = grey_picture(file.stream);
+    if (!grey) return fail(grey.error());
+    file.placeholder = std::move(*grey);
+  }
+  return std::span<const std::uint8_t>(file.placeholder);
+}
+
+Status SegmentWriter::write(const TakeRow& row) {
+  std::vector<take::wire::Record> records;
+  records.reserve(row.sets.size() + 1);
+  for (const RecordedSet& from : row.sets) {
+    if (!first_exposure_) first_exposure_ = from.mid_exposure;
+    newest_ = std::max(newest_, from.mid_exposure - *first_exposure_);  // a clock that was set back stands still
+    take::wire::Set& set = *records.emplace_back().mutable_set();
+    set.set_index(next_set_ + records.size() - 1);
+    set.set_number(from.number);
+    set.set_mid_exposure_ns(from.mid_exposure.ns());
+    set.set_since_start_ns(newest_.ns());
+    set.set_genlock(std::string(genlock_state_name(from.sync.state)));
+    if (from.sync.trigger) set.set_pulse(*from.sync.trigger);
+    set.set_spread_ns(static_cast<std::uint64_t>(from.sync.spread.ns()));
+    if (from.sync.begin_spread) set.set_begin_spread_ns(static_cast<std::uint64_t>(from.sync.begin_spread->ns()));
+    if (from.sync.drift_ppb) set.set_drift_ppb(*from.sync.drift_ppb);
+    set.set_missed(from.missed);
+  }
+  if (const Status written = write_clusters(row, records); !written) return written;
+  Bytes bytes;
+  for (const take::wire::Record& record : records) {
+    const Bytes one = records_.encode(record);
+    bytes.insert(bytes.end(), one.begin(), one.end());
+  }
+  const std::span<const std::uint8_t> piece(bytes);
+  if (const Status written = append(evidence_, std::span(&piece, 1)); !written) return written;
+  next_set_ += row.sets.size();
+  for (File& file : files_) {
+    file.hashes_told = file.hashes.complete().size();
+    place_.disk->start_write_out(file.handle);
+  }
+  return {};
+}
+
+Status SegmentWriter::write_clusters(const TakeRow& row, std::vector<take::wire::Record>& records) {
+  take::wire::Record last;
+  take::wire::Clusters& clusters = *last.mutable_clusters();
+  for (std::size_t k = 0; k < files_.size(); ++k) {
+    const auto index = static_cast<std::uint32_t>(k);
+    const Status written = files_[k].head ? write_head(row, index, records) : write_raymaps(row, index, clusters);
+    if (!written) return written;
+  }
+  clusters.set_sets(next_set_ + row.sets.size());
+  for (const File& file : files_) {
+    clusters.add_end(file.hashes.bytes());
+    clusters.add_hashes(bytes_of(std::span(file.hashes.complete()).subspan(file.hashes_told)));
+  }
+  records.push_back(std::move(last));
+  return {};
+}
+
+Status SegmentWriter::write_head(const TakeRow& row, std::uint32_t index, std::vector<take::wire::Record>& records) {
+  if (row.sets.empty()) return {};
+  File& file = files_[index];
+  std::vector<take::Block> blocks;
+  blocks.reserve(row.sets.size());
+  for (std::size_t k = 0; k < row.sets.size(); ++k) {
+    const RecordedFrame& frame = row.sets[k].frames[*file.head];
+    take::Block& block = blocks.emplace_back();
+    block.since_start = Duration::nanoseconds(records[k].set().since_start_ns());
+    block.frame = frame.bytes;
+    if (frame.placeholder == Placeholder::kNone) continue;
+    const auto grey = placeholder_of(file);
+    if (!grey) return fail(grey.error());
+    block.frame = *grey;
+  }
+  const take::MatroskaWriter::Cluster cluster = file.video->cluster(blocks);
+  if (const Status written = append(file, cluster.pieces); !written) return written;
+  for (std::size_t k = 0; k < row.sets.size(); ++k) {
+    const RecordedFrame& from = row.sets[k].frames[*file.head];
+    take::wire::Frame& frame = *records[k].mutable_set()->add_frames();
+    frame.set_file(index);
+    frame.set_at(cluster.frames_at[k]);
+    frame.set_bytes(blocks[k].frame.size());
+    frame.set_placeholder(std::string(placeholder_name(from.placeholder)));
+    if (from.placeholder == Placeholder::kMissing) continue;
+    frame.set_offset_ns(from.offset.ns());
+    frame.set_exposure_ns(static_cast<std::uint64_t>(from.in_effect.exposure.duration().ns()));
+    frame.set_gain_mdb(from.in_effect.gain.mdb());
+    frame.set_red_q12(from.in_effect.white_balance.red_q12);
+    frame.set_blue_q12(from.in_effect.white_balance.blue_q12);
+    frame.set_gamma(static_cast<std::uint32_t>(from.in_effect.gamma.thousandths()));
+    frame.set_sequence(from.sequence);
+  }
+  return {};
+}
+
+Status SegmentWriter::write_raymaps(const TakeRow& row, std::uint32_t index, take::wire::Clusters& clusters) {
+  File& file = files_[index];
+  std::vector<take::Block> blocks;
+  std::size_t bytes = 0;
+  const auto write = [&]() -> Status {
+    if (blocks.empty()) return {};
+    const take::MatroskaWriter::Cluster cluster = file.video->cluster(blocks);
+    if (const Status written = append(file, cluster.pieces); !written) return written;
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+      take::wire::Raymap& raymap =
+          *clusters.mutable_raymaps(clusters.raymaps_size() - static_cast<int>(blocks.size() - k));
+      raymap.set_at(cluster.frames_at[k]);
+    }
+    blocks.clear();
+    bytes = 0;
+    return {};
+  };
+  Duration newest = file.newest;
+  for (const RecordedRaymap& raymap : row.raymaps) {
+    const Duration since = first_exposure_ ? raymap.mid_exposure - *first_exposure_ : Duration();
+    newest = std::max(newest, since);
+    const take::Block block{newest, raymap.jpeg};
+    if (!blocks.empty() && take::MatroskaWriter::cluster_full(bytes, blocks.front().since_start, block)) {
+      if (const Status written = write(); !written) return written;
+    }
+    blocks.push_back(block);
+    bytes += raymap.jpeg.size();
+    take::wire::Raymap& told = *clusters.add_raymaps();
+    told.set_set(raymap.set);
+    told.set_mid_exposure_ns(raymap.mid_exposure.ns());
+    told.set_bytes(raymap.jpeg.size());
+  }
+  file.newest = newest;
+  return write();
+}
+
+Status SegmentWriter::mark(const std::string& text, Instant now) {
+  take::wire::Record record;
+  record.mutable_mark()->set_set(next_set_);
+  record.mutable_mark()->set_at_ns(now.ns());
+  record.mutable_mark()->set_text(text);
+  return append_record(record);
+}
+
+Status SegmentWriter::note_durable(Instant now, std::int64_t utc_ns) {
+  take::wire::Record record;
+  record.mutable_durable()->set_sets(next_set_);
+  record.mutable_durable()->set_at_ns(now.ns());
+  record.mutable_durable()->set_utc_ns(utc_ns);
+  return append_record(record);
+}
+
+Result<std::vector<take::Manifest::File>> SegmentWriter::finish(const std::string& reason) {
+  std::vector<take::Manifest::File> finished;
+  take::wire::Record record;
+  take::wire::End& end = *record.mutable_end();
+  end.set_sets(next_set_);
+  end.set_reason(reason);
+  for (File& file : files_) {
+    const Bytes cues = file.video->end();
+    const std::span<const std::uint8_t> piece(cues);
+    if (const Status written = append(file, std::span(&piece, 1)); !written) return fail(written.error());
+    const auto sector = file.video->sector();
+    const Status written = place_.disk->overwrite(file.handle, take::MatroskaWriter::kSectorAt, sector);
+    if (!written) return fail(written.error());
+    std::ranges::copy(sector, file.first.begin() + take::MatroskaWriter::kSectorAt);
+    std::vector<take::Xxh128> hashes = file.hashes.all();
+    hashes.front() = take::xxh128(file.first);
+    end.add_length(file.hashes.bytes());
+    std::vector<take::Xxh128> told{hashes.front()};
+    const std::size_t from = std::max<std::size_t>(1, file.hashes_told);
+    told.insert(told.end(), hashes.begin() + static_cast<std::ptrdiff_t>(from), hashes.end());
+    end.add_hashes(bytes_of(told));
+    finished.push_back({file.name, file.hashes.bytes(), take::digest_of(hashes)});
+  }
+  if (const Status ended = append_record(record); !ended) return fail(ended.error());
+  finished.push_back({evidence_.name, evidence_.hashes.bytes(), take::digest_of(evidence_.hashes.all())});
+  return finished;
+}
+
+}  // namespace nodal::firmware

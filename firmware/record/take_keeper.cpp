@@ -1,0 +1,411 @@
+#include "firmware/record/take_keeper.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <utility>
+
+#include "firmware/storage/durable_file.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// "000042" as a number; nothing for other names.
+std::optional<std::uint64_t> number_of(const std::string& folder) {
+  std::uint64_t number = 0;
+  const char* const end = folder.data() + folder.size();
+  const auto [stop, error] = std::from_chars(folder.data(), end, number);
+  if (error != std::errc() || stop != end || take::take_folder(number) != folder) return std::nullopt;
+  return number;
+}
+
+std::string_view text_of(const std::vector<std::uint8_t>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+void fill(TakeEntry& entry, const take::Manifest& manifest) {
+  entry.state = TakeState::kComplete;
+  entry.sets = manifest.sets;
+  entry.lost_sets = manifest.lost_sets;
+  entry.bytes = manifest.bytes();
+  entry.length = manifest.length;
+  entry.ended = manifest.ended;
+  entry.problem.clear();
+}
+
+}  // namespace
+
+std::string_view take_state_name(TakeState state) {
+  switch (state) {
+    case TakeState::kRecording: return "recording";
+    case TakeState::kComplete: return "complete";
+    case TakeState::kUnfinished: return "unfinished";
+    case TakeState::kDamaged: return "damaged";
+  }
+  return "";
+}
+
+TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
+                       UtcClock utc)
+    : config_(config),
+      disk_(disk),
+      recorder_(recorder),
+      software_(std::move(software)),
+      utc_(std::move(utc)),
+      requests_(64),
+      answers_(64 + 4) {}
+
+TakeKeeper::~TakeKeeper() = default;
+
+bool TakeKeeper::step(Instant now) {
+  bool busy = false;
+  if (!loaded_) {
+    loaded_ = true;
+    load();
+    busy = true;
+  }
+  busy |= write_rows(now);
+  sync_if_due(now);
+  if (!busy) busy = take_request(now);
+  if (!busy && !writing_) busy = recover_one();
+  if (busy || now >= next_report_) publish(now);
+  return busy;
+}
+
+/// Reads which takes there are. Errors are in loaded_status_: then nothing can be recorded.
+void TakeKeeper::load() {
+  const auto names = disk_.list("");
+  if (!names) {
+    loaded_status_ = fail(names.error());
+    report_.problem = names.error().message;
+    return;
+  }
+  for (const std::string& name : *names) {
+    if (number_of(name) && takes_.size() < kMostTakes) load(name);
+  }
+  if (const auto text = disk_.read(kNextTakeFile, 64)) {
+    std::uint64_t next = 0;
+    std::from_chars(text_of(*text).data(), text_of(*text).data() + text->size(), next);
+    next_take_ = std::max(next_take_, std::min<std::uint64_t>(next, std::uint64_t{1} << 40));
+  }
+  if (!takes_.empty()) next_take_ = std::max(next_take_, takes_.rbegin()->first + 1);
+  report_.ready = true;
+}
+
+void TakeKeeper::load(const std::string& folder) {
+  TakeEntry& entry = takes_[*number_of(folder)];
+  entry.number = *number_of(folder);
+  entry.is_protected = disk_.size(folder + "/" + take::kProtectedFile).has_value();
+  const auto text = disk_.read(folder + "/" + take::kTakeFile, take::kMaxTakeJsonBytes);
+  const auto about = text ? take::parse_take_json(text_of(*text), folder + "/" + take::kTakeFile)
+                          : Result<take::TakeDocument>(fail(text.error()));
+  if (about) entry.started_utc_ns = about->started_utc_ns;
+  const auto stored = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
+  if (!stored && stored.error().code == Errc::kNotFound) {
+    entry.state = TakeState::kUnfinished;
+    to_recover_.push_back(entry.number);
+    return;
+  }
+  const auto manifest = stored ? take::parse_manifest(text_of(*stored), folder + "/" + take::kManifestFile)
+                               : Result<take::Manifest>(fail(stored.error()));
+  if (manifest) {
+    fill(entry, *manifest);
+  } else {
+    entry.state = TakeState::kDamaged;
+    entry.problem = manifest.error().message;
+  }
+}
+
+bool TakeKeeper::recover_one() {
+  if (to_recover_.empty()) return false;
+  TakeEntry& entry = takes_.at(to_recover_.back());
+  to_recover_.pop_back();
+  const auto manifest = recover_take(disk_, take::take_folder(entry.number));
+  if (manifest) {
+    fill(entry, *manifest);
+  } else {
+    entry.state = TakeState::kDamaged;
+    entry.problem = manifest.error().message;
+  }
+  return true;
+}
+
+bool TakeKeeper::take_request(Instant now) {
+  const auto request = requests_.pop();
+  if (!request) return false;
+  auto done = run(*request, now);
+  if (!done) answer(request->ticket, fail(done.error()));
+  else if (*done) answer(request->ticket, std::move(**done));
+  return true;
+}
+
+/// Nothing: the answer comes later.
+Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& request, Instant now) {
+  const auto done = [](std::uint64_t take) { return std::optional<Answered>(TakeAnswer::Done{take}); };
+  if (!loaded_status_) return fail(loaded_status_.error());
+  if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
+    const auto take = start(*what, now);
+    if (!take) return fail(take.error());
+    return done(*take);
+  }
+  if (std::holds_alternative<TakeRequest::List>(request.what)) {
+    TakeAnswer::Listed listed;
+    for (const auto& [number, entry] : takes_) listed.takes.push_back(entry);
+    return std::optional<Answered>(std::move(listed));
+  }
+  if (const auto* what = std::get_if<TakeRequest::Delete>(&request.what)) {
+    if (const Status removed = remove(what->take); !removed) return fail(removed.error());
+    return done(what->take);
+  }
+  if (const auto* what = std::get_if<TakeRequest::Protect>(&request.what)) {
+    const auto entry = finished(what->take);
+    if (!entry) return fail(entry.error());
+    const std::string folder = take::take_folder(what->take), file = folder + "/" + take::kProtectedFile;
+    Status set = what->on ? write_durably(disk_, folder, file, "") : disk_.remove(file);
+    if (!set && set.error().code == Errc::kNotFound) set = {};
+    if (set && !what->on) set = disk_.sync_folder(folder);
+    if (!set) return fail(set.error());
+    (*entry)->is_protected = what->on;
+    return done(what->take);
+  }
+  if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
+  if (const auto* what = std::get_if<TakeRequest::Mark>(&request.what)) {
+    if (const Status marked = writing_->mark(what->text, now); !marked) return fail(marked.error());
+    return done(writing_->number());
+  }
+  stopping_.push_back(request.ticket);
+  ending_ = true;
+  reason_ = "stopped";
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
+  NODAL_ASSERT(told);  // at most one begin and one end wait
+  return std::optional<Answered>();
+}
+
+/// Bytes that the heads deliver in a second, by their formats and by the newest recorded set.
+std::uint64_t TakeKeeper::bytes_a_second() const {
+  const std::uint64_t a_set =
+      std::max(recorder_.counts().set_bytes.load(std::memory_order_relaxed), expected_set_bytes_);
+  return a_set * config_.rate.numerator / config_.rate.denominator;
+}
+
+Status TakeKeeper::check_room() {
+  const auto free = disk_.free_bytes();
+  if (!free) return fail(free.error());
+  report_.free_bytes = *free;
+  const std::uint64_t needed =
+      bytes_a_second() * static_cast<std::uint64_t>(kLeastRoom.ns() / 1'000'000'000) + 2 * kReserveBytes;
+  if (*free >= needed) return {};
+  return fail(Errc::kDiskFull,
+              fmt::format("the disk of the takes has {} MB free, and a take needs at least {} MB to start; "
+                          "delete takes (nodal take delete) or change the card",
+                          *free / 1'000'000, needed / 1'000'000));
+}
+
+Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant now) {
+  if (writing_) {
+    return fail(Errc::kWrongState,
+                fmt::format("take {} is being recorded; stop it first: nodal take stop", writing_->number()));
+  }
+  if (takes_.size() >= kMostTakes) {
+    return fail(Errc::kTooLarge,
+                fmt::format("the disk has {} takes, the most that there may be; delete some", takes_.size()));
+  }
+  expected_set_bytes_ = 0;
+  for (const auto& head : start.heads) {
+    if (!head) continue;
+    const bool jpeg = head->format == PixelFormat::kMjpeg;
+    // JPEG has about one bit per sample; the first sets tell more.
+    expected_set_bytes_ +=
+        packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg ? 8 : 1);
+  }
+  if (expected_set_bytes_ > recorder_.ring().size() / 4) {
+    return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
+                                             expected_set_bytes_ >> 20, (expected_set_bytes_ >> 18) + 1));
+  }
+  if (const Status room = check_room(); !room) return fail(room.error());
+  const std::uint64_t number = next_take_;
+  if (const Status stored = write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1)); !stored) {
+    return fail(stored.error());
+  }
+  next_take_ = number + 1;
+  TakeWriter::Documents documents;
+  documents.about.number = number;
+  documents.about.rig = config_.name;
+  documents.about.software = software_;
+  documents.about.started_utc_ns = utc_();
+  documents.about.rate = config_.rate;
+  documents.about.mode = "driver";
+  if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
+  documents.calibration = start.calibration;
+  for (const HeadConfig& head : config_.heads) documents.about.heads.push_back(head.name);
+  documents.calibration_json = start.calibration_json;
+  if (config_.text) documents.rig_toml = *config_.text;
+  if (config_.takes->raymap && start.calibration) {
+    documents.about.layout = config_.raymap.layout;
+    documents.raymap_width = config_.raymap.width;
+    documents.raymap_height = config_.raymap.height;
+  }
+  const bool raymaps = !documents.about.layout.empty();
+  TakeEntry entry;
+  entry.number = number;
+  entry.state = TakeState::kRecording;
+  entry.started_utc_ns = documents.about.started_utc_ns;
+  auto writer = TakeWriter::begin(disk_, std::move(documents));
+  if (!writer) return fail(writer.error());
+  takes_[number] = entry;
+  writing_ = std::move(*writer);
+  report_.recording = number;
+  report_.since = now;
+  report_.durable.reset();
+  report_.problem.clear();
+  ending_ = broken_ = false;
+  dropped_sets_ = 0;
+  lost_before_ = recorder_.counts().lost_sets.load();
+  raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
+  next_sync_ = now + kSyncEvery;
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps});
+  NODAL_ASSERT(told);
+  return number;
+}
+
+bool TakeKeeper::write_rows(Instant now) {
+  bool busy = false;
+  for (int k = 0; k < kRowsAStep; ++k) {
+    auto row = recorder_.rows().pop();
+    if (!row) break;
+    busy = true;
+    if (broken_) {
+      dropped_sets_ += (*row)->sets.size();
+    } else if (const Status written = writing_->write(**row); !written) {
+      give_up(written.error());
+    }
+    const bool last = (*row)->last;
+    recorder_.ring().release((*row)->ring_end);
+    const bool returned = recorder_.rows_back().push(std::move(*row));
+    NODAL_ASSERT(returned);
+    if (last) end(now);
+  }
+  return busy;
+}
+
+/// The disk does not take any more: the recorder is told to end, and what comes until then is dropped.
+void TakeKeeper::give_up(const Error& error) {
+  broken_ = true;
+  report_.problem = fmt::format("take {} ended: {}", writing_->number(), error.message);
+  if (ending_) return;
+  ending_ = true;
+  reason_ = error.code == Errc::kDiskFull ? "disk full" : "disk failed";
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
+  NODAL_ASSERT(told);
+}
+
+void TakeKeeper::sync_if_due(Instant now) {
+  if (!writing_ || broken_ || now < next_sync_) return;
+  next_sync_ = now + kSyncEvery;
+  if (writing_->synced()) return;
+  const Status synced = writing_->sync(now, utc_());
+  if (synced) {
+    report_.durable = now;
+  } else if (synced.error().code == Errc::kDeviceGone || synced.error().code == Errc::kDiskFull) {
+    return give_up(synced.error());
+  } else {
+    report_.problem = fmt::format("take {}: sets were lost, and a new segment begins: {}", writing_->number(),
+                                  synced.error().message);
+  }
+  const auto free = disk_.free_bytes();
+  if (!free) return give_up(free.error());
+  report_.free_bytes = *free;
+  // What the ring holds may still come.
+  if (*free < kReserveBytes + recorder_.ring().used() + bytes_a_second()) {
+    give_up({Errc::kDiskFull, "the disk is full; delete takes (nodal take delete) or change the card"});
+    broken_ = false;  // there is room for the rows that are on the way
+  }
+}
+
+void TakeKeeper::end(Instant now) {
+  const std::uint64_t number = writing_->number();
+  const std::uint64_t lost = recorder_.counts().lost_sets.load() - lost_before_ + dropped_sets_;
+  const auto manifest = writing_->end(reason_, lost);
+  writing_.reset();
+  ending_ = broken_ = false;
+  report_.recording.reset();
+  TakeEntry& entry = takes_.at(number);
+  if (manifest) {
+    fill(entry, *manifest);
+  } else {
+    entry.state = TakeState::kUnfinished;
+    entry.problem = manifest.error().message;
+    report_.problem =
+        fmt::format("take {} is not finished, and will be at the next start: {}", number, manifest.error().message);
+  }
+  for (const std::uint64_t ticket : std::exchange(stopping_, {})) {
+    if (manifest) answer(ticket, TakeAnswer::Done{number});
+    else answer(ticket, fail(manifest.error()));
+  }
+  publish(now);
+}
+
+Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {
+  const auto found = takes_.find(take);
+  if (found == takes_.end())
+    return fail(Errc::kNotFound, fmt::format("there is no take {}; `nodal take list` lists them", take));
+  if (found->second.state == TakeState::kRecording) {
+    return fail(Errc::kWrongState, fmt::format("take {} is being recorded; stop it first: nodal take stop", take));
+  }
+  return &found->second;
+}
+
+Status TakeKeeper::remove(std::uint64_t take) {
+  const auto entry = finished(take);
+  if (!entry) return fail(entry.error());
+  if ((*entry)->is_protected) {
+    return fail(Errc::kWrongState, fmt::format("take {0} is protected; first: nodal take protect {0} --off", take));
+  }
+  const std::string folder = take::take_folder(take);
+  const auto names = disk_.list(folder);
+  if (!names) return fail(names.error());
+  // If this is interrupted, the take is still whole without its manifest, and shown as damaged without its take.json.
+  std::vector<std::string> order = *names;
+  for (const std::string& first : {take::kTakeFile, take::kManifestFile}) {
+    std::ranges::stable_partition(order, [&](const std::string& name) { return name == first; });
+  }
+  for (const std::string& name : order) {
+    if (const Status removed = disk_.remove(folder + "/" + name); !removed) return removed;
+  }
+  if (const Status removed = disk_.remove(folder); !removed) return removed;
+  takes_.erase(take);
+  std::erase(to_recover_, take);
+  return disk_.sync_folder("");
+}
+
+void TakeKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
+  const bool pushed = answers_.push({ticket, std::move(result)});
+  NODAL_ASSERT(pushed);  // it has room for all requests
+}
+
+void TakeKeeper::publish(Instant now) {
+  next_report_ = now + kReportEvery;
+  const Recorder::Counts& counts = recorder_.counts();
+  report_.sets = writing_ ? writing_->sets() : 0;
+  report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
+  report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
+  report_.buffer_percent = static_cast<std::uint32_t>(recorder_.ring().used() * 100 / recorder_.ring().size());
+  report_.bytes_a_second = bytes_a_second();
+  snapshot_.publish(report_);
+}
+
+void TakeKeeper::close(Instant now) {
+  if (!writing_) return;
+  reason_ = "nodald ended";
+  if (!ending_) {
+    ending_ = true;
+    (void)recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
+  }
+  while (writing_) {
+    recorder_.step();
+    write_rows(now);
+  }
+}
+
+}  // namespace nodal::firmware

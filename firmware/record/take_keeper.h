@@ -1,0 +1,182 @@
+// The stage that writes takes to the disk, recovers them at start, and lists and deletes them.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "firmware/config/config.h"
+#include "firmware/frame/snapshot.h"
+#include "firmware/record/recorder.h"
+#include "firmware/record/take_writer.h"
+#include "hal/disk.h"
+#include "protocol/base/result.h"
+#include "protocol/base/spsc_ring.h"
+#include "protocol/take/documents.h"
+
+namespace nodal::firmware {
+
+struct TakeRequest {
+  struct Start {
+    std::optional<Sha256> calibration{};  ///< in force; empty: none
+    std::string calibration_json{};       ///< its canonical form
+    HeadShapes heads{};                   ///< for the room that a take needs
+  };
+  struct Stop {};
+  struct Mark {
+    std::string text;
+  };
+  struct List {};
+  struct Delete {
+    std::uint64_t take = 0;
+  };
+  struct Protect {
+    std::uint64_t take = 0;
+    bool on = false;
+  };
+  using What = std::variant<List, Start, Stop, Mark, Delete, Protect>;
+
+  std::uint64_t ticket = 0;
+  What what;
+};
+using TakeCommand = TakeRequest::What;
+
+enum class TakeState : std::uint8_t {
+  kRecording,
+  kComplete,    ///< it has a manifest
+  kUnfinished,  ///< its recovery is under way
+  kDamaged,     ///< it could not be recovered: TakeEntry::problem
+};
+std::string_view take_state_name(TakeState state);
+
+struct TakeEntry {
+  std::uint64_t number = 0;
+  TakeState state = TakeState::kComplete;
+  std::int64_t started_utc_ns = 0;
+  std::uint64_t sets = 0;
+  std::uint64_t lost_sets = 0;
+  std::uint64_t bytes = 0;
+  Duration length;
+  bool is_protected = false;
+  std::string ended;
+  std::string problem;
+};
+
+struct TakeAnswer {
+  struct Listed {
+    std::vector<TakeEntry> takes;
+  };
+  struct Done {
+    std::uint64_t take = 0;
+  };
+  std::uint64_t ticket = 0;
+  Result<std::variant<Listed, Done>> result;
+};
+
+/// Status of the stage.
+struct TakeReport {
+  bool ready = false;  ///< the takes on the disk have been read
+  std::optional<std::uint64_t> recording;
+  Instant since;
+  std::uint64_t sets = 0;       ///< of the take that is being recorded
+  std::uint64_t lost_sets = 0;  ///< likewise
+  std::uint64_t lost_raymaps = 0;
+  std::uint32_t buffer_percent = 0;  ///< of [takes] buffer_mb, used
+  std::optional<Instant> durable;    ///< everything from before is on the disk
+  std::uint64_t free_bytes = 0;
+  std::uint64_t bytes_a_second = 0;  ///< that the take needs
+  std::string problem;               ///< of the disk, or why the last take ended
+};
+
+/// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
+/// nothing else in the rig does.
+///
+/// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests() and answers() are SPSC rings
+///   with control, snapshot() is read by control.
+/// Ownership: disk and recorder outlive it.
+/// Errors: in the answers, and in the report's problem.
+class TakeKeeper {
+ public:
+  /// The board's clock in nanoseconds since 1970; 0: unknown.
+  using UtcClock = std::function<std::int64_t()>;
+
+  TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc);
+  ~TakeKeeper();
+
+  /// True when it did something.
+  bool step(Instant now);
+  /// Ends the take that is being recorded. The recorder must not be in step().
+  void close(Instant now);
+
+  SpscRing<TakeRequest>& requests() { return requests_; }
+  SpscRing<TakeAnswer>& answers() { return answers_; }
+  Snapshot<TakeReport>& snapshot() { return snapshot_; }
+
+  static constexpr Duration kSyncEvery = Duration::milliseconds(500);
+  static constexpr std::size_t kMostTakes = 1000;
+  /// A take starts only if the disk has room for so long, and for kReserveBytes.
+  static constexpr Duration kLeastRoom = Duration::seconds(60);
+  /// Left free for finishing the files.
+  static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
+  static constexpr int kRowsAStep = 4;
+  static constexpr Duration kReportEvery = Duration::milliseconds(200);
+
+ private:
+  using Answered = std::variant<TakeAnswer::Listed, TakeAnswer::Done>;
+
+  void load();
+  void load(const std::string& folder);
+  bool recover_one();
+  bool take_request(Instant now);
+  Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
+  Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
+  Status remove(std::uint64_t take);
+  Result<TakeEntry*> finished(std::uint64_t take);
+  std::uint64_t bytes_a_second() const;
+  Status check_room();
+  bool write_rows(Instant now);
+  void sync_if_due(Instant now);
+  void give_up(const Error& error);
+  void end(Instant now);
+  void answer(std::uint64_t ticket, Result<Answered> result);
+  void publish(Instant now);
+
+  const RigConfig config_;
+  hal::DiskPort& disk_;
+  Recorder& recorder_;
+  const std::string software_;
+  const UtcClock utc_;
+  SpscRing<TakeRequest> requests_;
+  SpscRing<TakeAnswer> answers_;
+  Snapshot<TakeReport> snapshot_;
+  TakeReport report_;
+
+  bool loaded_ = false;
+  Status loaded_status_;
+  std::map<std::uint64_t, TakeEntry> takes_;
+  std::uint64_t next_take_ = 1;
+  std::vector<std::uint64_t> to_recover_;
+
+  std::unique_ptr<TakeWriter> writing_;
+  std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
+  bool ending_ = false;                  ///< the recorder was told to end
+  std::string reason_;                   ///< why
+  bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
+  std::uint64_t dropped_sets_ = 0;
+  std::uint64_t expected_set_bytes_ = 0;
+  std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began
+  std::uint64_t raymaps_lost_before_ = 0;
+  Instant next_sync_;
+  Instant next_report_;
+};
+
+/// In the root of the takes' disk: the number of the next take, so that numbers are never used again.
+inline const std::string kNextTakeFile = "next-take";
+
+}  // namespace nodal::firmware

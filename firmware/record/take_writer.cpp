@@ -1,0 +1,115 @@
+#include "firmware/record/take_writer.h"
+
+#include <utility>
+
+#include "firmware/storage/durable_file.h"
+
+namespace nodal::firmware {
+
+Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Documents documents) {
+  std::unique_ptr<TakeWriter> made(new TakeWriter);
+  TakePlace& place = made->place_;
+  place.disk = &disk;
+  place.number = documents.about.number;
+  place.folder = take::take_folder(place.number);
+  place.rate = documents.about.rate;
+  place.layout = documents.about.layout;
+  place.raymap_width = documents.raymap_width;
+  place.raymap_height = documents.raymap_height;
+  place.software = documents.about.software;
+  place.calibration_json = std::move(documents.calibration_json);
+  if (documents.calibration) place.calibration_id.assign(documents.calibration->begin(), documents.calibration->end());
+  Status good = disk.make_folder(place.folder);
+  if (good) good = disk.sync_folder("");
+  // take.json last: a folder without it has no set.
+  const auto put = [&](const std::string& name, const std::string& text) {
+    if (good && !text.empty()) good = write_durably(disk, place.folder, place.folder + "/" + name, text);
+  };
+  put(take::kCalibrationFile, place.calibration_json);
+  put(take::kRigFile, documents.rig_toml);
+  put(take::kTakeFile, take::take_json(documents.about));
+  if (!good) return fail(good.error());
+  made->manifest_.number = place.number;
+  return made;
+}
+
+Status TakeWriter::write(const TakeRow& row) {
+  if (segment_ &&
+      (!segment_->fits(row) || segment_->length() >= kLongestSegment || segment_->largest_file() >= kLargestFile)) {
+    if (const Status finished = finish_segment("segment"); !finished) return finished;
+  }
+  if (!segment_) {
+    if (row.sets.empty()) return {};
+    auto segment = SegmentWriter::create(place_, next_segment_, manifest_.sets, row);
+    if (!segment) return fail(segment.error());
+    segment_ = std::move(*segment);
+    ++next_segment_;
+  }
+  unsynced_ = true;
+  const Status written = segment_->write(row);
+  failed_ = failed_ || !written;
+  return written;
+}
+
+Status TakeWriter::finish_segment(const std::string& reason) {
+  auto files = segment_->finish(reason);
+  if (files) {
+    // Later segments count as proof that this one is durable.
+    if (const Status synced = place_.disk->sync_all(); !synced) files = fail(synced.error());
+  }
+  if (!files) {
+    failed_ = true;
+    return fail(files.error());
+  }
+  add({std::move(*files), segment_->sets(), segment_->length(), 0});
+  segment_.reset();
+  unsynced_ = false;
+  return {};
+}
+
+void TakeWriter::add(FinishedSegment done) {
+  manifest_.sets += done.sets;
+  manifest_.length = manifest_.length + done.length + place_.rate.period();
+  manifest_.files.insert(manifest_.files.end(), done.files.begin(), done.files.end());
+}
+
+Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
+  Status synced = place_.disk->sync_all();
+  unsynced_ = false;
+  if (synced && segment_) {
+    const Status noted = segment_->note_durable(now, utc_ns);
+    failed_ = failed_ || !noted;
+    return noted;
+  }
+  if (!synced && segment_) {
+    segment_.reset();
+    auto done = recover_segment(place_, next_segment_ - 1, Trust::kDurable, "sync failed");
+    if (done && *done) add(std::move(**done));
+  }
+  return synced;
+}
+
+Status TakeWriter::mark(const std::string& text, Instant now) {
+  if (!segment_) return fail(Errc::kNotReady, "the take has no set yet");
+  unsynced_ = true;
+  const Status marked = segment_->mark(text, now);
+  failed_ = failed_ || !marked;
+  return marked;
+}
+
+Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t lost_sets) {
+  if (segment_ && !failed_) {
+    if (const Status finished = finish_segment(reason); !finished) failed_ = true;
+  }
+  if (segment_) {
+    segment_.reset();
+    auto done = recover_segment(place_, next_segment_ - 1, Trust::kChecked, reason);
+    if (!done) return fail(done.error());
+    if (*done) add(std::move(**done));
+  }
+  manifest_.ended = reason;
+  manifest_.lost_sets = lost_sets;
+  return write_manifest(*place_.disk, place_.folder, manifest_);
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,67 @@
+// Writes one take.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/record/recovery.h"
+#include "firmware/record/segment_writer.h"
+#include "firmware/record/take_row.h"
+#include "hal/disk.h"
+#include "protocol/base/result.h"
+#include "protocol/base/sha256.h"
+#include "protocol/take/documents.h"
+
+namespace nodal::firmware {
+
+/// Cuts the take into segments: after kLongestSegment or kLargestFile, when a head's format changes, and when a sync fails. A
+/// failed sync is never repeated, because the kernel forgets which bytes it could not write: the segment is cut to what was
+/// durable before, and the next row starts another one.
+///
+/// Threading: thread-bound to the disk's stage; every call blocks on the disk.
+/// Ownership: the disk outlives it.
+/// Errors: the disk's. After one in write(), mark() or end() call end() to save what can be saved.
+class TakeWriter {
+ public:
+  struct Documents {
+    take::TakeDocument about;
+    std::optional<Sha256> calibration;  ///< in force; empty: none
+    std::string calibration_json;
+    std::string rig_toml;
+    int raymap_width = 0;
+    int raymap_height = 0;
+  };
+
+  /// Makes the folder and writes its documents, durably.
+  static Result<std::unique_ptr<TakeWriter>> begin(hal::DiskPort& disk, Documents documents);
+
+  Status write(const TakeRow& row);
+  /// Makes everything written durable. Errors: that of the sync; the take goes on.
+  Status sync(Instant now, std::int64_t utc_ns);
+  Status mark(const std::string& text, Instant now);
+  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
+  /// at the next start.
+  Result<take::Manifest> end(const std::string& reason, std::uint64_t lost_sets);
+
+  std::uint64_t number() const { return place_.number; }
+  std::uint64_t sets() const { return manifest_.sets + (segment_ ? segment_->sets() : 0); }
+  bool synced() const { return !unsynced_; }
+
+  static constexpr Duration kLongestSegment = Duration::seconds(60);
+  static constexpr std::uint64_t kLargestFile = std::uint64_t{2} << 30;
+
+ private:
+  Status finish_segment(const std::string& reason);
+  void add(FinishedSegment done);
+
+  TakePlace place_;
+  std::unique_ptr<SegmentWriter> segment_;
+  std::uint32_t next_segment_ = 0;
+  take::Manifest manifest_;  ///< of the finished segments
+  bool unsynced_ = false;
+  bool failed_ = false;  ///< the open segment had an error
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,143 @@
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <ctime>
+#include <memory>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/rig/wire_json.h"
+
+namespace nodal::host {
+namespace {
+
+struct TakeOptions {
+  std::uint64_t take = 0;
+  std::string text;
+  bool off = false;
+};
+
+std::string show_utc(std::int64_t ns) {
+  if (ns <= 0) return "unknown";
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
+}
+
+Json to_json(const wire::TakeEntry& take) {
+  Json json{{"take", take.number()},
+            {"state", take.state()},
+            {"started_utc_ns", take.started_utc_ns()},
+            {"sets", take.sets()},
+            {"lost_sets", take.lost_sets()},
+            {"bytes", take.bytes()},
+            {"length_ns", take.length_ns()},
+            {"protected", take.is_protected()},
+            {"ended", take.ended()}};
+  if (!take.problem().empty()) json["problem"] = take.problem();
+  return json;
+}
+
+Status run_list(Context& context) {
+  wire::Request request;
+  request.mutable_take_list();
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  Json list = Json::array();
+  Table table({{"take", Table::Align::kRight},
+               {"started (UTC)"},
+               {"length", Table::Align::kRight},
+               {"sets", Table::Align::kRight},
+               {"lost", Table::Align::kRight},
+               {"size", Table::Align::kRight},
+               {"state"}});
+  for (const wire::TakeEntry& take : reply->takes().takes()) {
+    list.push_back(to_json(take));
+    std::string state = take.state();
+    if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
+    if (take.is_protected()) state += ", protected";
+    if (!take.problem().empty()) state += ": " + context.console().paint(Colour::kBad, take.problem());
+    table.row({std::to_string(take.number()), show_utc(take.started_utc_ns()), show_duration(take.length_ns()),
+               std::to_string(take.sets()), std::to_string(take.lost_sets()), show_bytes(take.bytes()), state});
+  }
+  context.console().document({{"takes", list}});
+  if (list.empty()) {
+    context.console().line("there are no takes; record one: nodal take start");
+    return {};
+  }
+  for (const std::string& line : table.lines()) context.console().line(line);
+  return {};
+}
+
+/// Sends the request; the line names the take that the rig answers with.
+Status ask_about_take(Context& context, const wire::Request& request, const char* done) {
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  context.console().document({{"take", reply->take().take()}});
+  context.console().line(fmt::format(fmt::runtime(done), reply->take().take()));
+  return {};
+}
+
+Status run_start(Context& context) {
+  wire::Request request;
+  request.mutable_take_start();
+  return ask_about_take(context, request, "take {} is being recorded; end it: nodal take stop");
+}
+
+Status run_stop(Context& context) {
+  wire::Request request;
+  request.mutable_take_stop();
+  return ask_about_take(context, request, "take {} is finished and on the disk");
+}
+
+Status run_mark(Context& context, const TakeOptions& options) {
+  wire::Request request;
+  request.mutable_take_mark()->set_text(options.text);
+  return ask_about_take(context, request, "marked in take {}");
+}
+
+Status run_delete(Context& context, const TakeOptions& options) {
+  wire::Request request;
+  request.mutable_take_delete()->set_take(options.take);
+  return ask_about_take(context, request, "take {} is deleted");
+}
+
+Status run_protect(Context& context, const TakeOptions& options) {
+  wire::Request request;
+  request.mutable_take_protect()->set_take(options.take);
+  request.mutable_take_protect()->set_on(!options.off);
+  return ask_about_take(context, request, options.off ? "take {} can be deleted" : "take {} is protected");
+}
+
+}  // namespace
+
+void add_take(CLI::App& app, CommandLine& line) {
+  CLI::App* take = add_command(app, "take", "Records every head on the rig's disk", "");
+  take->require_subcommand(1);
+  CLI::App* start = add_command(
+      *take, "start", "Begins a take: every head, the raymaps and the evidence of their times", "  nodal take start\n");
+  line.on(start, run_start);
+  CLI::App* stop =
+      add_command(*take, "stop", "Ends the take; returns when it is on the disk for certain", "  nodal take stop\n");
+  line.on(stop, run_stop);
+  auto marked = std::make_shared<TakeOptions>();
+  CLI::App* mark = add_command(*take, "mark", "Marks this moment in the take that is being recorded",
+                               "  nodal take mark \"the bus passes\"\n");
+  mark->add_option("TEXT", marked->text, "What happens; at most 200 bytes")->type_name("");
+  line.on(mark, [marked](Context& context) { return run_mark(context, *marked); });
+  CLI::App* list = add_command(*take, "list", "The takes on the rig's disk",
+                               "  nodal take list\n"
+                               "  nodal take list --json | jq '.takes[] | select(.lost_sets>0)'\n");
+  line.on(list, run_list);
+  auto deleted = std::make_shared<TakeOptions>();
+  CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk", "  nodal take delete 42\n");
+  remove->add_option("TAKE", deleted->take, "Its number")->required()->type_name("");
+  line.on(remove, [deleted](Context& context) { return run_delete(context, *deleted); });
+  auto kept = std::make_shared<TakeOptions>();
+  CLI::App* protect = add_command(*take, "protect", "Protects a take from being deleted",
+                                  "  nodal take protect 42\n"
+                                  "  nodal take protect 42 --off\n");
+  protect->add_option("TAKE", kept->take, "Its number")->required()->type_name("");
+  protect->add_flag("--off", kept->off, "It can be deleted again");
+  line.on(protect, [kept](Context& context) { return run_protect(context, *kept); });
+}
+
+}  // namespace nodal::host
