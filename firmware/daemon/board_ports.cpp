@@ -1,8 +1,5 @@
 #include "firmware/daemon/board_ports.h"
 
-#include <sys/stat.h>
-#include <time.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
@@ -28,14 +25,6 @@
 
 namespace nodal::daemon {
 namespace {
-
-/// A board without a battery for its clock starts in the past; then the time is unknown.
-std::int64_t utc_ns() {
-  constexpr std::int64_t kYear2020 = 1'577'836'800;
-  timespec now{};
-  if (::clock_gettime(CLOCK_REALTIME, &now) != 0 || now.tv_sec < kYear2020) return 0;
-  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
-}
 
 using firmware::HeadConfig;
 using firmware::PortKind;
@@ -229,7 +218,7 @@ struct BoardPorts::State {
   std::unique_ptr<LinePorts> lines;
   std::unique_ptr<BothTriggers> both, with_lines;
   hal::TriggerPort* trigger = nullptr;
-  std::unique_ptr<hal::linux_os::LinuxDisk> disk, takes;
+  std::unique_ptr<hal::linux_os::LinuxDisk> disk;
   struct OpenListener {
     std::unique_ptr<hal::LinkListenerPort> port;
     firmware::Access access;
@@ -350,20 +339,6 @@ Status BoardPorts::open_store(const std::filesystem::path& folder) {
   return {};
 }
 
-Status BoardPorts::open_takes(const std::filesystem::path& folder, bool mounted) {
-  struct stat inside {
-  }, outside{};
-  if (mounted && (::stat(folder.c_str(), &inside) != 0 || ::stat((folder / "..").c_str(), &outside) != 0 ||
-                  inside.st_dev == outside.st_dev)) {
-    return fail(Errc::kNotReady, "[takes] folder '" + folder.string() +
-                                     "': no disk is mounted there; mount the card, or remove mounted = true");
-  }
-  auto disk = hal::linux_os::LinuxDisk::open(folder.string());
-  if (!disk) return fail(disk.error().in("[takes]"));
-  state_->takes = std::move(*disk);
-  return {};
-}
-
 Status BoardPorts::listen(const firmware::RigConfig& config) {
   const firmware::LinksConfig& links = config.links;
   const auto open = [&](const std::string& path, const firmware::SocketFile& file, firmware::Access access) -> Status {
@@ -396,8 +371,6 @@ firmware::RigPorts BoardPorts::ports() {
   firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,        *state_->disk,   {},
                            &state_->watchdog, state_->panel->pins(), &state_->machine_clock, &state_->scanner};
   if (state_->lines) state_->lines->add_to(ports.panel);
-  ports.takes = state_->takes.get();
-  ports.utc = utc_ns;
   for (const auto& each : state_->listeners) ports.listeners.push_back({each.port.get(), each.access});
   return ports;
 }

@@ -38,8 +38,6 @@ class BoardPorts {
   void prepare();
   /// Opens the store and the sockets.
   Status open_store(const std::filesystem::path& folder);
-  /// The folder of [takes]. Errors: as of the store; kNotReady if it should be a mounted card and is not.
-  Status open_takes(const std::filesystem::path& folder, bool mounted);
   Status listen(const firmware::RigConfig& config);
 
   firmware::RigPorts ports();

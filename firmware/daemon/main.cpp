@@ -22,6 +22,7 @@
 #include "firmware/daemon/memory.h"
 #include "firmware/daemon/options.h"
 #include "firmware/daemon/scan_report.h"
+#include "firmware/daemon/takes_disk.h"
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
 #include "hal/linux/gpio/system.h"
@@ -110,8 +111,12 @@ void close(firmware::Rig& rig) noexcept {
 }
 
 /// Runs the rig until a signal arrives.
-void run_rig(BoardPorts& ports, const Options& options, const firmware::RigConfig& config, EndDeadline& deadline) {
-  firmware::Rig rig(config, ports.ports(), kSoftware);
+void run_rig(BoardPorts& ports, hal::DiskPort* takes, const Options& options, const firmware::RigConfig& config,
+             EndDeadline& deadline) {
+  firmware::RigPorts rig_ports = ports.ports();
+  rig_ports.takes = takes;
+  rig_ports.utc = utc_ns;
+  firmware::Rig rig(config, rig_ports, kSoftware);
   for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
 
   RigThreads::Hooks hooks;
@@ -168,9 +173,11 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
   if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
+  std::unique_ptr<hal::DiskPort> takes;
   if (config.takes) {
-    const Status takes = (*ports)->open_takes(base / config.takes->folder, config.takes->mounted);
-    if (!takes) return give_up(takes.error(), kExitCannotStart);
+    auto opened = open_takes_disk(base / config.takes->folder, config.takes->mounted);
+    if (!opened) return give_up(opened.error(), kExitCannotStart);
+    takes = std::move(*opened);
   }
   if (const Status listening = (*ports)->listen(config); !listening) {
     return give_up(listening.error(), kExitCannotStart);
@@ -183,7 +190,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
-  run_rig(**ports, options, config, deadline);
+  run_rig(**ports, takes.get(), options, config, deadline);
   return kExitFine;
 }
 

@@ -34,27 +34,21 @@ bool changes_rig(const wire::Request& request) {
   return true;
 }
 
-bool needs_keeper(const wire::Request& request) {
+std::optional<CommandStage> slow_stage(const wire::Request& request) {
   switch (request.what_case()) {
     case wire::Request::kUploadCommit:
     case wire::Request::kCalibrationList:
     case wire::Request::kCalibrationGet:
     case wire::Request::kCalibrationUse:
     case wire::Request::kCalibrationRollback:
-    case wire::Request::kTrialEnd: return true;
-    default: return false;
-  }
-}
-
-bool needs_takes(const wire::Request& request) {
-  switch (request.what_case()) {
+    case wire::Request::kTrialEnd: return CommandStage::kKeeper;
     case wire::Request::kTakeStart:
     case wire::Request::kTakeStop:
     case wire::Request::kTakeMark:
     case wire::Request::kTakeList:
     case wire::Request::kTakeDelete:
-    case wire::Request::kTakeProtect: return true;
-    default: return false;
+    case wire::Request::kTakeProtect: return CommandStage::kTakes;
+    default: return std::nullopt;
   }
 }
 

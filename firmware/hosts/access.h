@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "firmware/operate/commands.h"
 #include "hal/link.h"
 #include "protocol/base/result.h"
 #include "protocol/nodal.pb.h"
@@ -25,10 +27,8 @@ struct Listener {
 
 /// Whether the request changes the rig; such requests are audited.
 bool changes_rig(const wire::Request& request);
-/// Whether the calibration keeper carries the request out.
-bool needs_keeper(const wire::Request& request);
-/// Whether the stage with the takes' disk carries it out.
-bool needs_takes(const wire::Request& request);
+/// The stage with a disk that carries the request out, if one does.
+std::optional<CommandStage> slow_stage(const wire::Request& request);
 /// The table. Its switch names every request, so that a request without a line does not compile.
 Access access_needed(const wire::Request& request);
 /// "genlock", "upload_commit": the name in nodal.proto.

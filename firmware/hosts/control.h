@@ -60,8 +60,7 @@ class Control {
   static constexpr std::size_t kMaxRequests = 16;  ///< unanswered requests of one client
   /// The most unanswered commands of one client at another stage: so few that the stage's ring has room for all clients.
   static constexpr std::size_t kCaptureRequests = 4;
-  static constexpr std::size_t kKeeperRequests = 1;
-  static constexpr std::size_t kTakeRequests = 1;
+  static constexpr std::size_t kSlowRequests = 1;
   /// Requests of one client in one step. A status takes about 10 us, so a client that floods the rig with requests delays
   /// the others by less than 0.1 ms a step; its further requests wait in its session, and then in its link.
   static constexpr int kRequestsAStep = 8;

@@ -10,8 +10,7 @@ namespace nodal::firmware {
 /// False while the stage that carries the request out has the most commands of this host; the request and all later ones
 /// of this host then wait.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
-  if (needs_takes(request)) return operation_.open(client.number(), CommandStage::kTakes) < kTakeRequests;
-  if (needs_keeper(request)) return operation_.open(client.number(), CommandStage::kKeeper) < kKeeperRequests;
+  if (const auto stage = slow_stage(request)) return operation_.open(client.number(), *stage) < kSlowRequests;
   return !changes_rig(request) || operation_.open(client.number(), CommandStage::kCapture) < kCaptureRequests;
 }
 
@@ -20,8 +19,7 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
     return refuse(client, request.id(), permitted.error(), now);
   }
-  const bool later =
-      changes_rig(request) || needs_keeper(request) || needs_takes(request);  // another stage carries it out
+  const bool later = changes_rig(request) || slow_stage(request);  // another stage carries it out
   const Status done = later ? command(client, request, now) : answer(client, request, now);
   if (!done) refuse(client, request.id(), done.error(), now);
 }

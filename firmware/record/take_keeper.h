@@ -14,13 +14,18 @@
 #include "firmware/config/config.h"
 #include "firmware/frame/snapshot.h"
 #include "firmware/record/recorder.h"
-#include "firmware/record/take_writer.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/spsc_ring.h"
-#include "protocol/take/documents.h"
+
+namespace nodal::take {
+struct Manifest;
+}
 
 namespace nodal::firmware {
+
+class TakeWriter;
 
 struct TakeRequest {
   struct Start {
@@ -66,6 +71,8 @@ struct TakeEntry {
   bool is_protected = false;
   std::string ended;
   std::string problem;
+
+  void complete(const take::Manifest& manifest);
 };
 
 struct TakeAnswer {

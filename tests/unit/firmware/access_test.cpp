@@ -12,7 +12,7 @@ namespace {
 
 /// Every kind of request that a view-only host may make, in a form that changes nothing.
 std::vector<wire::Request> harmless() {
-  std::vector<wire::Request> all(9);
+  std::vector<wire::Request> all(10);
   all[0].mutable_status();
   all[1].mutable_heads();
   all[2].mutable_genlock()->set_action(wire::GenlockRequest::SHOW);
@@ -22,11 +22,12 @@ std::vector<wire::Request> harmless() {
   all[6].mutable_pull();
   all[7].mutable_pull_stop();
   all[8].mutable_frame_set();
+  all[9].mutable_take_list();
   return all;
 }
 
 std::vector<wire::Request> forbidden() {
-  std::vector<wire::Request> all(15);
+  std::vector<wire::Request> all(20);
   all[0].mutable_head_set();
   all[1].mutable_genlock()->set_action(wire::GenlockRequest::START);
   all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
@@ -42,6 +43,11 @@ std::vector<wire::Request> forbidden() {
   all[12].mutable_hosts();
   all[13].mutable_host_end();
   all[14].mutable_devices();
+  all[15].mutable_take_start();
+  all[16].mutable_take_stop();
+  all[17].mutable_take_mark();
+  all[18].mutable_take_delete();
+  all[19].mutable_take_protect();
   return all;
 }
 

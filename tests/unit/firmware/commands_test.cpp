@@ -138,7 +138,7 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
     ASSERT_TRUE(command) << request_name(request);
     EXPECT_EQ(command_name(*command), request_name(request));
     EXPECT_EQ(changes_rig(*command), changes_rig(request)) << request_name(request);
-    EXPECT_EQ(stage_of(*command) == CommandStage::kKeeper, needs_keeper(request)) << request_name(request);
+    EXPECT_EQ(stage_of(*command), slow_stage(request).value_or(CommandStage::kCapture)) << request_name(request);
   }
   const Command install(CalibrationCommand(KeeperRequest::Install{"", Duration::seconds(1), ""}));
   EXPECT_EQ(command_name(install), "upload_commit");

@@ -1,0 +1,19 @@
+// What the takes' stage needs of the board.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+
+#include "hal/disk.h"
+#include "protocol/base/result.h"
+
+namespace nodal::daemon {
+
+/// Opens the folder of [takes]. Errors: kNotReady if `mounted` and no disk is mounted there; the disk's.
+Result<std::unique_ptr<hal::DiskPort>> open_takes_disk(const std::filesystem::path& folder, bool mounted);
+
+/// The board's clock in nanoseconds since 1970; 0 before 2020: a board without a battery for its clock starts in the past.
+std::int64_t utc_ns();
+
+}  // namespace nodal::daemon

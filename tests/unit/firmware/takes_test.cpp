@@ -1,0 +1,268 @@
+// Takes on a simulated disk: written, cut by a power failure at every operation, recovered. What is recovered is read here by
+// the evidence's positions, and every picture holds the number of its set and of its head.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/record/recovery.h"
+#include "firmware/record/take_writer.h"
+#include "hal/sim/disk.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+
+namespace nodal::firmware {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr int kWidth = 24, kHeight = 10, kHeads = 3, kSetsARow = 4, kRowsASync = 2;
+constexpr Duration kPeriod = Duration::milliseconds(33);
+
+/// Grey pictures, and for head 2 bytes that count as JPEGs of different lengths.
+Bytes picture(std::uint64_t set, std::size_t head) {
+  Bytes bytes(head == 2 ? 100 + set % 50 : kWidth * kHeight, static_cast<std::uint8_t>(set * 7 + head));
+  for (std::size_t k = 0; k < 8; ++k) bytes[k] = static_cast<std::uint8_t>(set >> (8 * k));
+  bytes[8] = static_cast<std::uint8_t>(head);
+  return bytes;
+}
+
+/// Rows and the pictures that they refer to.
+struct Film {
+  std::vector<TakeRow> rows;
+  std::vector<std::unique_ptr<Bytes>> pictures;
+};
+
+Film film(int rows, int first_height = kHeight) {
+  Film film;
+  std::uint64_t set = 100;
+  for (int r = 0; r < rows; ++r) {
+    TakeRow& row = film.rows.emplace_back();
+    for (std::size_t head = 0; head < kHeads; ++head) {
+      const PixelFormat format = head == 2 ? PixelFormat::kMjpeg : PixelFormat::kGrey8;
+      row.streams[head] = HeadStream{format, kWidth, first_height, {}, Fields::kProgressive};
+    }
+    for (int k = 0; k < kSetsARow; ++k, ++set) {
+      RecordedSet& to = row.sets.emplace_back();
+      to.number = set;
+      to.mid_exposure = Instant::from_ns(5'000'000'000) + kPeriod * static_cast<std::int64_t>(set);
+      for (std::size_t head = 0; head < kHeads; ++head) {
+        if (set % 11 == 3 && head == 1) continue;  // it has no picture here
+        film.pictures.push_back(std::make_unique<Bytes>(picture(set, head)));
+        to.frames[head].bytes = *film.pictures.back();
+        to.frames[head].placeholder = Placeholder::kNone;
+      }
+    }
+    film.pictures.push_back(std::make_unique<Bytes>(Bytes(300, static_cast<std::uint8_t>(r))));
+    row.raymaps.push_back({row.sets.front().number, row.sets.front().mid_exposure, *film.pictures.back()});
+  }
+  return film;
+}
+
+TakeWriter::Documents documents() {
+  TakeWriter::Documents documents;
+  documents.about.number = 42;
+  documents.about.rig = "test";
+  documents.about.software = "a test";
+  documents.about.rate = {30, 1};
+  documents.about.mode = "driver";
+  documents.about.layout = "equirectangular";
+  documents.about.heads = {"a", "b", "c"};
+  documents.calibration_json = "{}";
+  documents.rig_toml = "[rig]";
+  documents.raymap_width = 64;
+  documents.raymap_height = 32;
+  return documents;
+}
+
+/// Writes the film until the disk fails. Returns how many sets were durable by then.
+std::uint64_t record(hal::DiskPort& disk, const Film& film, bool end, Status* failed = nullptr) {
+  auto writer = TakeWriter::begin(disk, documents());
+  if (!writer) return 0;
+  std::uint64_t durable = 0;
+  Status good;
+  for (std::size_t r = 0; r < film.rows.size() && good; ++r) {
+    good = (*writer)->write(film.rows[r]);
+    if (!good || r % kRowsASync != kRowsASync - 1) continue;
+    good = (*writer)->sync(Instant(), 0);
+    if (good) durable = (*writer)->sets();
+  }
+  if (failed) *failed = good;
+  if (good && end && (*writer)->end("stopped", 0)) durable = (*writer)->sets();
+  return durable;
+}
+
+Bytes read(hal::DiskPort& disk, const std::string& name) {
+  return disk.read("000042/" + name, 1 << 24).value_or(Bytes());
+}
+
+/// Checks all of a take: manifest, hashes, evidence, every picture of every head. Returns the number of its sets.
+std::uint64_t check(hal::DiskPort& disk, const take::Manifest& manifest) {
+  std::uint64_t sets = 0;
+  for (const take::Manifest::File& file : manifest.files) {
+    const Bytes bytes = read(disk, file.name);
+    EXPECT_EQ(bytes.size(), file.bytes) << file.name;
+    take::PieceHashes hashes;
+    hashes.update(bytes);
+    EXPECT_EQ(take::digest_of(hashes.all()), file.digest) << file.name;
+    if (!file.name.starts_with("evidence")) continue;
+    const auto segment = take::read_evidence(bytes, file.name);
+    EXPECT_TRUE(segment) << segment.error().text();
+    if (!segment) continue;
+    EXPECT_TRUE(segment->end.has_value());
+    EXPECT_EQ(segment->good_bytes, bytes.size());
+    EXPECT_EQ(segment->begin.first_set(), sets);
+    sets += segment->sets.size();
+    for (int k = 0; k < segment->begin.files_size(); ++k) {
+      const take::wire::File& of = segment->begin.files(k);
+      const Bytes video = read(disk, of.name());
+      EXPECT_EQ(video.size(), segment->end->length(k));
+      for (const take::wire::Set& set : segment->sets) {
+        if (!of.has_head()) break;
+        const take::wire::Frame& frame = set.frames(k);
+        EXPECT_EQ(frame.file(), static_cast<std::uint32_t>(k));
+        EXPECT_EQ(frame.placeholder(), set.number() % 11 == 3 && of.head() == 1 ? "missing" : "");
+        if (!frame.placeholder().empty()) continue;
+        const auto at = video.begin() + static_cast<std::ptrdiff_t>(frame.at());
+        EXPECT_EQ(Bytes(at, at + static_cast<std::ptrdiff_t>(frame.bytes())), picture(set.number(), of.head()))
+            << of.name() << " set " << set.number();
+      }
+    }
+  }
+  EXPECT_EQ(manifest.sets, sets);
+  return sets;
+}
+
+TEST(Takes, WrittenToTheEnd_HoldsEveryPictureAndItsHashes) {
+  hal::sim::SimDisk disk;
+  const Film made = film(10);
+  EXPECT_EQ(record(disk, made, true), 40U);
+  const Bytes text = read(disk, take::kManifestFile);
+  const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text.data()), text.size()}, "manifest");
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(manifest->files.size(), 8U) << "three heads, raymaps, evidence, calibration.json, rig.toml, take.json";
+  EXPECT_EQ(check(disk, *manifest), 40U);
+}
+
+TEST(Takes, PowerCutAtAnyOperation_LosesAtMostWhatWasNotSynced) {
+  const Film made = film(12);
+  hal::sim::SimDisk counted;
+  record(counted, made, true);
+  const std::uint64_t operations = counted.operations();
+  ASSERT_GT(operations, 60U);
+  int recovered = 0, ended = 0;
+  for (std::uint64_t k = 0; k < operations; ++k) {
+    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+      SCOPED_TRACE("operation " + std::to_string(k) + " seed " + std::to_string(seed));
+      hal::sim::SimDisk disk(seed);
+      disk.die_at(k);
+      const std::uint64_t durable = record(disk, made, true);
+      const auto left = disk.after_power_loss(seed + 1);
+      if (!left->size("000042/" + take::kTakeFile)) {
+        EXPECT_EQ(durable, 0U);
+        continue;
+      }
+      const auto stored = left->read("000042/" + take::kManifestFile, 1 << 20);
+      if (stored) {
+        const auto manifest =
+            take::parse_manifest({reinterpret_cast<const char*>(stored->data()), stored->size()}, "manifest");
+        ASSERT_TRUE(manifest) << manifest.error().text();
+        EXPECT_EQ(check(*left, *manifest), 48U);
+        ++ended;
+        continue;
+      }
+      const auto manifest = recover_take(*left, "000042");
+      ASSERT_TRUE(manifest) << manifest.error().text();
+      EXPECT_GE(check(*left, *manifest), durable);
+      ++recovered;
+    }
+  }
+  EXPECT_GT(recovered, 100);
+  EXPECT_GT(ended, 0);
+}
+
+TEST(Takes, PowerCutDuringTheRecovery_IsRecoveredByTheNext) {
+  const Film made = film(7);
+  for (std::uint64_t k = 0; k < 40; ++k) {
+    SCOPED_TRACE("operation " + std::to_string(k));
+    hal::sim::SimDisk disk(k);
+    disk.die_at(35);
+    const std::uint64_t durable = record(disk, made, true);
+    const auto first = disk.after_power_loss(k);
+    first->die_at(k);
+    (void)recover_take(*first, "000042");
+    const auto second = first->after_power_loss(k + 1);
+    if (second->size("000042/" + take::kManifestFile)) continue;
+    const auto manifest = recover_take(*second, "000042");
+    ASSERT_TRUE(manifest) << manifest.error().text();
+    EXPECT_GE(check(*second, *manifest), durable);
+  }
+}
+
+TEST(Takes, Killed_LosesOnlyTheRowBeingWritten) {
+  const Film made = film(9);
+  hal::sim::SimDisk disk;
+  record(disk, made, false);
+  const auto left = disk.after_kill();
+  const auto manifest = recover_take(*left, "000042");
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(check(*left, *manifest), 36U);
+}
+
+TEST(Takes, FailedSync_IsNotRepeatedAndANewSegmentBegins) {
+  const Film made = film(8);
+  hal::sim::SimDisk disk;
+  auto writer = TakeWriter::begin(disk, documents());
+  ASSERT_TRUE(writer);
+  std::size_t r = 0;
+  for (; r < 4; ++r) {
+    ASSERT_TRUE((*writer)->write(made.rows[r]));
+    if (r == 1) {
+      ASSERT_TRUE((*writer)->sync(Instant(), 0));
+    }
+  }
+  disk.fail_syncs(1);
+  EXPECT_FALSE((*writer)->sync(Instant(), 0));
+  EXPECT_EQ((*writer)->sets(), 8U) << "the two rows before the last good sync";
+  for (; r < 8; ++r) ASSERT_TRUE((*writer)->write(made.rows[r]));
+  const auto manifest = (*writer)->end("stopped", 0);
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(check(disk, *manifest), 24U);
+}
+
+TEST(Takes, DiskFull_WhatIsWholeIsKept) {
+  const Film made = film(20);
+  for (const std::uint64_t capacity : {20'000U, 30'000U, 45'000U, 52'345U}) {
+    SCOPED_TRACE(capacity);
+    hal::sim::SimDisk disk(1, capacity);
+    auto writer = TakeWriter::begin(disk, documents());
+    ASSERT_TRUE(writer);
+    Status good;
+    for (std::size_t r = 0; r < made.rows.size() && good; ++r) good = (*writer)->write(made.rows[r]);
+    ASSERT_FALSE(good);
+    EXPECT_EQ(good.error().code, Errc::kDiskFull);
+    disk.set_capacity(capacity + 10'000);  // the reserve
+    const auto manifest = (*writer)->end("disk full", 0);
+    ASSERT_TRUE(manifest) << manifest.error().text();
+    EXPECT_GT(check(disk, *manifest), 0U);
+  }
+}
+
+TEST(Takes, AHeadChangesItsFormat_ANewSegmentBegins) {
+  Film made = film(6);
+  Film other = film(6, kHeight * 2);
+  hal::sim::SimDisk disk;
+  auto writer = TakeWriter::begin(disk, documents());
+  ASSERT_TRUE(writer);
+  for (std::size_t r = 0; r < 3; ++r) ASSERT_TRUE((*writer)->write(made.rows[r]));
+  for (std::size_t r = 3; r < 6; ++r) ASSERT_TRUE((*writer)->write(other.rows[r]));
+  const auto manifest = (*writer)->end("stopped", 0);
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(manifest->files.size(), 13U) << "two segments of five files, and three documents";
+  EXPECT_EQ(manifest->sets, 24U);
+}
+
+}  // namespace
+}  // namespace nodal::firmware
