@@ -1,0 +1,179 @@
+// Takes of the real nodald on a real file system: stopped, killed while recording, refused.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <functional>
+
+#include "nodald_process.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+#include "protocol/upload.h"
+#include "tests/scenario/small_rig.h"
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+
+namespace nodal::crash {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A rig that records.
+struct RecordingRig : RigFolder {
+  RecordingRig() { std::ofstream(config(), std::ios::app) << "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n"; }
+};
+
+std::optional<wire::Reply> ask(LinkHost& host, const std::function<void(wire::Request&)>& fill) {
+  wire::Request request;
+  fill(request);
+  return host.ask(request);
+}
+
+/// The number of the take that has begun; 0 and a failure if there is none.
+std::uint64_t start_take(LinkHost& host) {
+  for (int k = 0; k < 2000; ++k) {
+    const auto status = host.status();
+    if (!status || status->full_sets() > 3) break;
+    host.pump();
+  }
+  const auto reply = ask(host, [](wire::Request& request) { request.mutable_take_start(); });
+  EXPECT_TRUE(reply && reply->has_take()) << (reply ? reply->error().message() : "no answer");
+  return reply ? reply->take().take() : 0;
+}
+
+bool wait_for_sets(LinkHost& host, std::uint64_t sets) {
+  for (int k = 0; k < 20'000; ++k) {
+    const auto status = host.status();
+    if (!status) return false;
+    if (status->recording().sets() >= sets) return true;
+    if (!host.pump()) return false;
+  }
+  return false;
+}
+
+/// Checks every file of a take against its manifest and its evidence, and with ffprobe. Returns its sets.
+std::uint64_t check(const fs::path& folder) {
+  const auto text = test::read_bytes(folder / take::kManifestFile);
+  const auto manifest =
+      take::parse_manifest({reinterpret_cast<const char*>(text.data()), text.size()}, folder.string());
+  EXPECT_TRUE(manifest) << manifest.error().text();
+  if (!manifest) return 0;
+  std::uint64_t sets = 0;
+  for (const take::Manifest::File& file : manifest->files) {
+    const auto bytes = test::read_bytes(folder / file.name);
+    EXPECT_EQ(bytes.size(), file.bytes) << file.name;
+    take::PieceHashes hashes;
+    hashes.update(bytes);
+    EXPECT_EQ(take::digest_of(hashes.all()), file.digest) << file.name;
+    if (!file.name.starts_with("evidence")) continue;
+    const auto segment = take::read_evidence(bytes, file.name);
+    EXPECT_TRUE(segment && segment->end) << file.name;
+    if (!segment) continue;
+    sets += segment->sets.size();
+    if (test::Process({"sh", "-c", "command -v ffprobe"}).wait().code != 0) continue;
+    for (const take::wire::File& video : segment->begin.files()) {
+      const test::Finished probed =
+          test::Process({"ffprobe", "-v", "error", "-count_packets", "-select_streams", "v", "-show_entries",
+                         "stream=nb_read_packets", "-of", "default=nk=1:nw=1", (folder / video.name()).string()})
+              .wait();
+      const std::size_t frames = video.has_head() ? segment->sets.size() : segment->raymaps.size();
+      EXPECT_EQ(probed.out, std::to_string(frames) + "\n") << video.name();
+    }
+  }
+  EXPECT_EQ(sets, manifest->sets);
+  return sets;
+}
+
+TEST(RecordedTakes, StartedMarkedAndStopped_AreOnTheDiskAndInTheList) {
+  const RecordingRig folder;
+  test::Process daemon(nodald({"--config", folder.config()}));
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  ASSERT_TRUE(host->upload_and_commit(to_json(scenario::small_calibration("truth"))));
+  for (int k = 0; k < 2000 && host->status()->calibration_id().empty(); ++k) host->pump();
+  ASSERT_EQ(start_take(*host), 1U);
+  const auto second = ask(*host, [](wire::Request& request) { request.mutable_take_start(); });
+  ASSERT_TRUE(second && second->has_error());
+  EXPECT_NE(second->error().message().find("take 1 is being recorded"), std::string::npos);
+  ASSERT_TRUE(wait_for_sets(*host, 30));
+  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_mark()->set_text("here"); })->has_take());
+  const auto refused = ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
+  ASSERT_TRUE(refused && refused->has_error());
+  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_stop(); })->has_take());
+  const auto listed = ask(*host, [](wire::Request& request) { request.mutable_take_list(); });
+  ASSERT_TRUE(listed);
+  ASSERT_EQ(listed->takes().takes_size(), 1);
+  const wire::TakeEntry& take = listed->takes().takes(0);
+  EXPECT_EQ(take.state(), "complete");
+  EXPECT_EQ(take.ended(), "stopped");
+  EXPECT_EQ(take.sets(), check(folder.path / "takes/000001"));
+  EXPECT_GE(take.sets(), 30U);
+  EXPECT_TRUE(fs::exists(folder.path / "takes/000001/raymap-0000.mkv"));
+  const auto evidence = test::read_bytes(folder.path / "takes/000001/evidence-0000");
+  const auto segment = take::read_evidence(evidence, "evidence-0000");
+  ASSERT_TRUE(segment);
+  ASSERT_EQ(segment->marks.size(), 1U);
+  EXPECT_EQ(segment->marks[0].text(), "here");
+
+  ASSERT_TRUE(ask(*host, [](wire::Request& request) {
+                request.mutable_take_protect()->set_take(1);
+                request.mutable_take_protect()->set_on(true);
+              })->has_take());
+  const auto kept = ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
+  EXPECT_TRUE(kept && kept->has_error());
+  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_protect()->set_take(1); })->has_take());
+  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); })->has_take());
+  EXPECT_FALSE(fs::exists(folder.path / "takes/000001"));
+  ASSERT_EQ(start_take(*host), 2U) << "a number is never used again";
+  ASSERT_TRUE(wait_for_sets(*host, 5));
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 0) << daemon.complained();
+  EXPECT_GE(check(folder.path / "takes/000002"), 5U) << "a take that runs when nodald ends is finished";
+}
+
+TEST(RecordedTakes, NodaldKilledWhileRecording_EveryTakeIsWholeAfterTheNextStart) {
+  const RecordingRig folder;
+  constexpr std::uint64_t kKills = 5;
+  for (std::uint64_t kill = 1; kill <= kKills + 1; ++kill) {
+    test::Process daemon(nodald({"--config", folder.config()}));
+    const auto host = LinkHost::connect(folder.socket());
+    ASSERT_TRUE(host) << daemon.complained();
+    // What the last kill left is finished by now or soon.
+    bool finished = false;
+    for (int k = 0; k < 2000 && !finished; ++k) {
+      const auto listed = ask(*host, [](wire::Request& request) { request.mutable_take_list(); });
+      ASSERT_TRUE(listed);
+      ASSERT_EQ(listed->takes().takes_size(), static_cast<int>(kill - 1));
+      finished = true;
+      for (const wire::TakeEntry& take : listed->takes().takes()) {
+        finished &= take.state() == "complete";
+        ASSERT_NE(take.state(), "damaged") << take.problem();
+      }
+      host->pump();
+    }
+    ASSERT_TRUE(finished);
+    if (kill > 1) {
+      char name[16];
+      std::snprintf(name, sizeof name, "%06d", static_cast<int>(kill - 1));
+      EXPECT_GE(check(folder.path / "takes" / name), 8 * (kill - 1) - 1) << "all sets that the status had counted";
+    }
+    if (kill > kKills) break;
+    ASSERT_EQ(start_take(*host), kill);
+    ASSERT_TRUE(wait_for_sets(*host, 8 * kill));
+    daemon.signal(SIGKILL);
+    ASSERT_EQ(daemon.wait(std::chrono::seconds(20)).code, 128 + SIGKILL);
+  }
+}
+
+TEST(RecordedTakes, AFolderThatShouldBeACardAndIsNot_IsRefused) {
+  const RigFolder folder;
+  std::ofstream(folder.config(), std::ios::app) << "[takes]\nfolder = \"takes\"\nmounted = true\n";
+  fs::create_directory(folder.path / "takes");
+  test::Process daemon(nodald({"--config", folder.config()}));
+  EXPECT_NE(daemon.wait(std::chrono::seconds(20)).code, 0);
+  EXPECT_NE(daemon.complained().find("no disk is mounted there"), std::string::npos) << daemon.complained();
+}
+
+}  // namespace
+}  // namespace nodal::crash
