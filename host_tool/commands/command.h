@@ -101,6 +101,8 @@ void add_latency(CLI::App& heads, CommandLine& line);
 void add_calibration_diff(CLI::App& group, CommandLine& line);
 /// `calibrate light`, below `calibrate`.
 void add_calibrate_light(CLI::App& group, CommandLine& line);
+/// `take verify`, below `take`.
+void add_take_verify(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 
 /// The index of a head given by name or index. The name has priority, because a head's name may be "2".

@@ -116,6 +116,27 @@ TEST(RecordedTakes, StartedMarkedAndStopped_AreOnTheDiskAndInTheList) {
   ASSERT_EQ(segment->marks.size(), 1U);
   EXPECT_EQ(segment->marks[0].text(), "here");
 
+  const auto verify = [&] {
+    return test::Process({NODAL_BIN_DIR "/nodal", "take", "verify", (folder.path / "takes/000001").string()}).wait();
+  };
+  EXPECT_EQ(verify().code, 0);
+  const fs::path picture = folder.path / "takes/000001/cam1-0000.mkv";
+  const auto whole = test::read_bytes(picture);
+  auto damaged = whole;
+  damaged[damaged.size() / 2] ^= 1;
+  test::write_bytes(picture, damaged);
+  const test::Finished judged = verify();
+  EXPECT_EQ(judged.code, 8);
+  EXPECT_NE(judged.out.find("cam1-0000.mkv: 1 of "), std::string::npos) << judged.out;
+  test::write_bytes(picture, {whole.begin(), whole.end() - 1});
+  EXPECT_EQ(verify().code, 8);
+  fs::remove(picture);
+  fs::create_symlink("/dev/zero", picture);
+  EXPECT_EQ(verify().code, 8);
+  fs::remove(picture);
+  test::write_bytes(picture, whole);
+  EXPECT_EQ(verify().code, 0);
+
   ASSERT_TRUE(ask(*host, [](wire::Request& request) {
                 request.mutable_take_protect()->set_take(1);
                 request.mutable_take_protect()->set_on(true);

@@ -1,0 +1,193 @@
+// `nodal take verify`: a copy of a take against its manifest.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "protocol/base/sha256.h"
+#include "protocol/take/digest.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+using take::PieceHashes;
+using Bytes = std::vector<std::uint8_t>;
+
+/// A file that is open for reading.
+class OpenFile {
+ public:
+  /// Not through a symbolic link, and not a device: the folder may come from anywhere.
+  explicit OpenFile(const fs::path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)) {}
+  ~OpenFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+  /// Its length, if it is a file.
+  std::optional<std::uint64_t> size() const {
+    struct stat about {};
+    if (fd_ < 0 || ::fstat(fd_, &about) != 0 || !S_ISREG(about.st_mode)) return std::nullopt;
+    return static_cast<std::uint64_t>(about.st_size);
+  }
+  /// Fills `bytes`, or less at the file's end; nothing if reading fails.
+  std::optional<std::size_t> read(std::span<std::uint8_t> bytes) const {
+    std::size_t have = 0;
+    while (have < bytes.size()) {
+      const ssize_t got = ::read(fd_, bytes.data() + have, bytes.size() - have);
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) return std::nullopt;
+      if (got == 0) break;
+      have += static_cast<std::size_t>(got);
+    }
+    return have;
+  }
+
+ private:
+  const int fd_;
+};
+
+Result<Bytes> read_small(const fs::path& path, std::size_t limit) {
+  const OpenFile file(path);
+  const auto size = file.size();
+  if (!size) return fail(Errc::kNotFound, path.string() + ": is not there, or not a file");
+  if (*size > limit) return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", path.string(), *size, limit));
+  Bytes bytes(static_cast<std::size_t>(*size));
+  const auto read = file.read(bytes);
+  if (!read || *read != bytes.size())
+    return fail(Errc::kIo, path.string() + ": cannot be read: " + std::strerror(errno));
+  return bytes;
+}
+
+/// The hashes of the video files' pieces, from the evidence beside them.
+std::map<std::string, std::vector<take::Xxh128>> hashes_in(const fs::path& folder, const take::Manifest& manifest) {
+  std::map<std::string, std::vector<take::Xxh128>> all;
+  for (const take::Manifest::File& file : manifest.files) {
+    if (!file.name.starts_with("evidence-")) continue;
+    const auto bytes = read_small(folder / file.name, take::kMaxEvidenceBytes);
+    if (!bytes) continue;
+    PieceHashes hashes;
+    hashes.update(*bytes);
+    if (take::digest_of(hashes.all()) != file.digest) continue;
+    const auto segment = take::read_evidence(*bytes, file.name);
+    for (int k = 0; segment && k < segment->begin.files_size(); ++k) {
+      all[segment->begin.files(k).name()] = segment->hashes_of(static_cast<std::size_t>(k));
+    }
+  }
+  return all;
+}
+
+/// Checks files one after the other, and says what is wrong with each.
+class Verifier {
+ public:
+  Verifier(Console& console, const fs::path& folder, const take::Manifest& manifest)
+      : folder_(folder), pieces_(hashes_in(folder, manifest)), progress_(console, "verifying", manifest.bytes()) {}
+
+  /// A sentence for a file that differs; empty: it is whole.
+  std::string check(const take::Manifest::File& file) {
+    const OpenFile open(folder_ / file.name);
+    const auto size = open.size();
+    if (!size) return file.name + ": is not there, or not a file";
+    PieceHashes hashes;
+    Bytes bytes(PieceHashes::kPiece);
+    while (hashes.bytes() < *size && !interrupted()) {
+      const auto read = open.read(bytes);
+      if (!read)
+        return fmt::format("{}: cannot be read at byte {}: {}", file.name, hashes.bytes(), std::strerror(errno));
+      if (*read == 0) break;
+      hashes.update(std::span(bytes).first(*read));
+      progress_.update(done_ += *read, file.name);
+    }
+    if (hashes.bytes() != file.bytes)
+      return fmt::format("{}: has {} bytes, not {}", file.name, hashes.bytes(), file.bytes);
+    const std::vector<take::Xxh128> found = hashes.all();
+    if (take::digest_of(found) == file.digest) return {};
+    const auto expected = pieces_.find(file.name);
+    if (expected == pieces_.end() || expected->second.size() != found.size())
+      return file.name + ": its content differs";
+    std::size_t differ = 0, first = found.size();
+    for (std::size_t k = found.size(); k-- > 0;) {
+      if (found[k] == expected->second[k]) continue;
+      ++differ;
+      first = k;
+    }
+    return fmt::format("{}: {} of {} MiB differ, the first at byte {}", file.name, differ, found.size(),
+                       first * PieceHashes::kPiece);
+  }
+
+ private:
+  const fs::path folder_;
+  const std::map<std::string, std::vector<take::Xxh128>> pieces_;
+  Progress progress_;
+  std::uint64_t done_ = 0;
+};
+
+Status run_verify(Context& context, const std::string& name) {
+  watch_interrupts();
+  const fs::path folder = name;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return fail(Errc::kNotFound, name + ": there is no such folder");
+  const auto text = read_small(folder / take::kManifestFile, take::kMaxManifestBytes);
+  if (!text && text.error().code == Errc::kNotFound && fs::exists(folder / take::kTakeFile, error)) {
+    return fail(Errc::kNotReady,
+                name +
+                    ": has no manifest: the take was not ended. The rig finishes it when nodald starts; copy it "
+                    "again then");
+  }
+  if (!text) return fail(text.error());
+  const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text->data()), text->size()},
+                                             (folder / take::kManifestFile).string());
+  if (!manifest) return fail(manifest.error());
+  const std::string id = nodal::to_hex(sha256(*text));
+  std::vector<std::string> wrong;
+  {
+    Verifier verifier(context.console(), folder, *manifest);
+    for (const take::Manifest::File& file : manifest->files) {
+      if (std::string problem = verifier.check(file); !problem.empty()) wrong.push_back(std::move(problem));
+      if (interrupted()) {
+        return fail(Errc::kCancelled, "interrupted; what was checked so far says nothing about the rest");
+      }
+    }
+  }
+  context.console().document({{"take", manifest->number},
+                              {"id", id},
+                              {"files", manifest->files.size()},
+                              {"bytes", manifest->bytes()},
+                              {"sets", manifest->sets},
+                              {"whole", wrong.empty()},
+                              {"problems", wrong}});
+  for (const std::string& problem : wrong) context.console().line(context.console().paint(Colour::kBad, problem));
+  if (!wrong.empty()) context.answer = ExitCode::kJudged;
+  context.console().line(
+      fmt::format("take {}: {}, {}, {}: {}; id {}", manifest->number, counted(manifest->files.size(), "file"),
+                  show_bytes(manifest->bytes()), counted(manifest->sets, "set"),
+                  wrong.empty() ? "whole" : fmt::format("{} damaged; copy them again", wrong.size()), id));
+  return {};
+}
+
+}  // namespace
+
+void add_take_verify(CLI::App& group, CommandLine& line) {
+  auto folder = std::make_shared<std::string>();
+  CLI::App* verify = add_command(group, "verify", "Compares a copy of a take with its manifest, byte by byte",
+                                 "  scp -r rig.local:/var/lib/nodal/takes/000042 .\n"
+                                 "  nodal take verify 000042\n"
+                                 "Exits with 8 if a file differs.\n");
+  verify->add_option("FOLDER", *folder, "The folder of the take")->required()->type_name("");
+  line.on(verify, [folder](Context& context) { return run_verify(context, *folder); });
+}
+
+}  // namespace nodal::host
