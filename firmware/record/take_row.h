@@ -55,7 +55,8 @@ struct RecordedRaymap {
   std::span<const std::uint8_t> jpeg;
 };
 
-/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets.
+/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets. Its pictures lie in
+/// the recorder's ring, and are valid until the disk's stage has released `ring_end`.
 struct TakeRow {
   static constexpr std::size_t kMostSets = 32;
 
