@@ -15,6 +15,8 @@ constexpr int kWidth = 640, kHeight = 480;
 RigConfig config(int heads) {
   RigConfig config;
   config.heads.resize(static_cast<std::size_t>(heads));
+  config.raymap.width = 64;
+  config.raymap.height = 32;
   config.takes = TakesConfig{"takes", false, 16, true, false};
   return config;
 }
@@ -49,6 +51,18 @@ class Stand {
     recorder_.step();
     EXPECT_TRUE(pool_.collect() || pool_.lent() == 0) << "the set goes back at once";
   }
+  void offer_raymap() {
+    PixelsLoan pixels = pixels_pool_.take();
+    ASSERT_TRUE(pixels);
+    pixels.edit().resize(64 * 32 * 3 / 2);
+    Raymap raymap;
+    raymap.info.set = next_;
+    raymap.pixels = std::move(pixels);
+    ASSERT_TRUE(raymaps_.push(std::move(raymap)));
+    ASSERT_TRUE(encoder_.step());
+    (void)encoder_.published().take();
+    recorder_.step();
+  }
   std::unique_ptr<TakeRow> take_row() { return recorder_.rows().pop().value_or(nullptr); }
   void give_back(std::unique_ptr<TakeRow> row) {
     recorder_.ring().release(row->ring_end);
@@ -62,6 +76,7 @@ class Stand {
   hal::sim::SimClock clock_;
   LoanPool<FrameSet> pool_{8};
   Outlet<SetLoan> sets_in_{Recorder::kSets, false};
+  LoanPool<LineVector> pixels_pool_{4};
   SpscRing<Raymap> raymaps_{4};
   EncodeStage encoder_{config_.raymap, clock_, raymaps_};
   std::vector<std::vector<std::uint8_t>> pixels_;
@@ -116,14 +131,29 @@ TEST(Recorder, AnotherFormat_IsAPlaceholderForASecondAndThenANewRow) {
 TEST(Recorder, ASlowDisk_LosesRaymapsFirstAndThenWholeSets) {
   Stand stand(2);
   const std::size_t fit = (std::size_t{16} << 20) / (2 * kWidth * kHeight);
-  for (std::size_t k = 0; k < fit + 20; ++k) stand.offer(3);
+  for (std::size_t k = 0; k < fit + 20; ++k) {
+    stand.offer(3);
+    if (k % 5 != 0) continue;
+    stand.offer_raymap();
+    const Recorder::Counts& counts = stand.recorder().counts();
+    if (k < fit / 2 - 1) {
+      EXPECT_EQ(counts.lost_raymaps.load(), 0U) << "set " << k;
+    }
+    if (k > fit / 2 + 5) {
+      EXPECT_GT(counts.lost_raymaps.load(), 0U) << "set " << k;
+    }
+    if (k < fit - 2) {
+      EXPECT_EQ(counts.lost_sets.load(), 0U) << "set " << k;
+    }
+  }
   const std::uint64_t lost = stand.recorder().counts().lost_sets.load();
   EXPECT_GE(lost, 18U);
   EXPECT_LE(lost, 22U);
   // The disk goes on: the next recorded set says how many are missing before it.
-  std::uint64_t sets = 0, missed = 0, next = 0;
+  std::uint64_t sets = 0, missed = 0, next = 0, raymaps = 0;
   for (int round = 0; round < 3; ++round) {
     while (auto row = stand.take_row()) {
+      raymaps += row->raymaps.size();
       for (const RecordedSet& set : row->sets) {
         EXPECT_EQ(set.number, next + set.missed);
         next = set.number + 1;
@@ -136,6 +166,7 @@ TEST(Recorder, ASlowDisk_LosesRaymapsFirstAndThenWholeSets) {
   }
   EXPECT_EQ(missed, lost);
   EXPECT_GT(sets, fit - 2);
+  EXPECT_GE(raymaps, fit / 10);
 }
 
 TEST(Recorder, TheEnd_ClosesTheLastRow) {
