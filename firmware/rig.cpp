@@ -9,18 +9,19 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       settings_(ports.disk),
-      control_(config, software,
-               Stages{capture_, blender_, encoder_, keeper_, settings_, open_takes(config, ports, software)},
-               capture_.add_outlet(FrameSender::kSets, false), ports.listeners, ports.watchdog, ports.panel, ports.scan,
-               ports.clock.now()) {
+      control_(config, software, stages(config, ports, software), capture_.add_outlet(FrameSender::kSets, false),
+               ports.listeners, ports.watchdog, ports.panel, ports.scan, ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
 }
 
 /// The recorder registers its outlets, so this comes before the first step.
-TakeKeeper* Rig::open_takes(const RigConfig& config, const RigPorts& ports, const std::string& software) {
-  if (!config.takes || !ports.takes) return nullptr;
+Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::string& software) {
+  Stages stages{capture_, blender_, encoder_, keeper_, settings_};
+  if (!config.takes || !ports.takes) return stages;
   recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
-  return &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc);
+  stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc);
+  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_);
+  return stages;
 }
 
 Rig::~Rig() { close(); }
@@ -40,6 +41,7 @@ bool Rig::step_all() {
   while (step_encode()) busy = true;
   busy |= step_record();
   busy |= step_takes();
+  busy |= step_take_reader();
   busy |= step_keeper();
   busy |= step_control();
   return busy;

@@ -15,6 +15,7 @@
 #include "firmware/picture/encoder.h"
 #include "firmware/record/recorder.h"
 #include "firmware/record/take_keeper.h"
+#include "firmware/record/take_reader.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/clock.h"
 #include "hal/disk.h"
@@ -41,6 +42,7 @@ struct RigPorts {
   hal::ClockPort* stopwatch = nullptr;  ///< real clock that measures processing times, if `clock` is virtual
   DeviceScan* scan = nullptr;           ///< null: hosts cannot list what is plugged in
   hal::DiskPort* takes = nullptr;       ///< for [takes]; null: nothing is recorded
+  hal::DiskPort* takes_read = nullptr;  ///< the same folder, for the thread that reads; null without `takes`
   TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
 };
 
@@ -64,6 +66,8 @@ class Rig {
   bool step_record() { return recorder_ && recorder_->step(); }
   /// Blocks on the disk of the takes.
   bool step_takes() { return takes_ && takes_->step(clock_.now()); }
+  /// Blocks on the same disk, reading.
+  bool step_take_reader() { return take_reader_ && take_reader_->step(); }
 
   /// One step of every stage, for an executor with one thread; the blend and the encoder until they have no work.
   bool step_all();
@@ -80,7 +84,7 @@ class Rig {
   TakeKeeper& takes() { return *takes_; }
 
  private:
-  TakeKeeper* open_takes(const RigConfig& config, const RigPorts& ports, const std::string& software);
+  Stages stages(const RigConfig& config, const RigPorts& ports, const std::string& software);
 
   hal::ClockPort& clock_;
   Capture capture_;
@@ -90,6 +94,7 @@ class Rig {
   SettingsStore settings_;
   std::optional<Recorder> recorder_;
   std::optional<TakeKeeper> takes_;
+  std::optional<TakeReader> take_reader_;
   Control control_;
 };
 

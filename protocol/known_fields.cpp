@@ -48,6 +48,7 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kTakeList: return drop(request.mutable_take_list());
     case wire::Request::kTakeDelete: return drop(request.mutable_take_delete());
     case wire::Request::kTakeProtect: return drop(request.mutable_take_protect());
+    case wire::Request::kTakeRead: return drop(request.mutable_take_read());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }

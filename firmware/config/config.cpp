@@ -282,13 +282,18 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   if (file.has("takes")) {
-    TomlReader takes(section("takes"), "takes", {"folder", "mounted", "buffer_mb", "raymap", "start"}, error);
+    TomlReader takes(section("takes"), "takes",
+                     {"folder", "mounted", "buffer_mb", "raymap", "start", "mode", "quality"}, error);
     TakesConfig& to = config.takes.emplace();
     to.folder = takes.required_text("folder");
     to.mounted = takes.boolean("mounted", to.mounted);
     to.buffer_mb = static_cast<int>(takes.integer("buffer_mb", 16, 4096, to.buffer_mb));
     to.raymap = takes.boolean("raymap", to.raymap);
     to.at_start = takes.choice<bool>("start", {{"request", false}, {"boot", true}});
+    using Mode = TakesConfig::Mode;
+    to.mode = takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}});
+    to.quality = static_cast<int>(takes.integer("quality", 1, 100, to.quality));
+    if (to.mode != Mode::kJpeg && takes.has("quality")) takes.refuse("quality", "is for mode = \"jpeg\" only");
   }
   TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);
   config.signers_file = calibration.text("signers", "");

@@ -165,6 +165,12 @@ struct TakesConfig {
   int buffer_mb = 256;    ///< pictures on their way to the disk
   bool raymap = true;     ///< raymaps are recorded, too
   bool at_start = false;  ///< a take begins when nodald starts
+  enum class Mode : std::uint8_t {
+    kDriver,  ///< pictures are stored as the heads deliver them
+    kJpeg,    ///< those that are not coded become JPEGs
+  };
+  Mode mode = Mode::kDriver;
+  int quality = 90;  ///< kJpeg: 1 .. 100
 };
 
 /// A complete, checked rig.toml.

@@ -111,10 +111,11 @@ void close(firmware::Rig& rig) noexcept {
 }
 
 /// Runs the rig until a signal arrives.
-void run_rig(BoardPorts& ports, hal::DiskPort* takes, const Options& options, const firmware::RigConfig& config,
+void run_rig(BoardPorts& ports, TakesDisk& takes, const Options& options, const firmware::RigConfig& config,
              EndDeadline& deadline) {
   firmware::RigPorts rig_ports = ports.ports();
-  rig_ports.takes = takes;
+  rig_ports.takes = takes.to_write.get();
+  rig_ports.takes_read = takes.to_read.get();
   rig_ports.utc = utc_ns;
   firmware::Rig rig(config, rig_ports, kSoftware);
   for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
@@ -173,7 +174,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
   if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
-  std::unique_ptr<hal::DiskPort> takes;
+  TakesDisk takes;
   if (config.takes) {
     auto opened = open_takes_disk(base / config.takes->folder, config.takes->mounted);
     if (!opened) return give_up(opened.error(), kExitCannotStart);
@@ -190,7 +191,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
-  run_rig(**ports, takes.get(), options, config, deadline);
+  run_rig(**ports, takes, options, config, deadline);
   return kExitFine;
 }
 

@@ -7,7 +7,7 @@
 
 namespace nodal::daemon {
 
-Result<std::unique_ptr<hal::DiskPort>> open_takes_disk(const std::filesystem::path& folder, bool mounted) {
+Result<TakesDisk> open_takes_disk(const std::filesystem::path& folder, bool mounted) {
   struct stat inside {
   }, outside{};
   const bool known = ::stat(folder.c_str(), &inside) == 0 && ::stat((folder / "..").c_str(), &outside) == 0;
@@ -15,9 +15,11 @@ Result<std::unique_ptr<hal::DiskPort>> open_takes_disk(const std::filesystem::pa
     return fail(Errc::kNotReady, "[takes] folder '" + folder.string() +
                                      "': no disk is mounted there; mount the card, or remove mounted = true");
   }
-  auto disk = hal::linux_os::LinuxDisk::open(folder.string());
-  if (!disk) return fail(disk.error().in("[takes]"));
-  return std::move(*disk);
+  auto to_write = hal::linux_os::LinuxDisk::open(folder.string());
+  if (!to_write) return fail(to_write.error().in("[takes]"));
+  auto to_read = hal::linux_os::LinuxDisk::open(folder.string());
+  if (!to_read) return fail(to_read.error().in("[takes]"));
+  return TakesDisk{std::move(*to_write), std::move(*to_read)};
 }
 
 std::int64_t utc_ns() {

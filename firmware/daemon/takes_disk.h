@@ -10,8 +10,14 @@
 
 namespace nodal::daemon {
 
+/// The folder of the takes, once for each thread that uses it.
+struct TakesDisk {
+  std::unique_ptr<hal::DiskPort> to_write;
+  std::unique_ptr<hal::DiskPort> to_read;
+};
+
 /// Opens the folder of [takes]. Errors: kNotReady if `mounted` and no disk is mounted there; the disk's.
-Result<std::unique_ptr<hal::DiskPort>> open_takes_disk(const std::filesystem::path& folder, bool mounted);
+Result<TakesDisk> open_takes_disk(const std::filesystem::path& folder, bool mounted);
 
 /// The board's clock in nanoseconds since 1970; 0 before 2020: a board without a battery for its clock starts in the past.
 std::int64_t utc_ns();

@@ -37,6 +37,7 @@ void RigThreads::start(int blend_threads) {
   for (int i = 0; i < blend_threads; ++i) add("nodal-blend", &RigThreads::blend);
   if (rig_.records()) {
     add("nodal-takes", &RigThreads::takes);
+    add("nodal-read", &RigThreads::read_takes);
     add("nodal-record", &RigThreads::record);
   }
   add("nodal-capture", &RigThreads::capture);
@@ -44,7 +45,8 @@ void RigThreads::start(int blend_threads) {
 
 void RigThreads::stop() {
   stop_.store(true);
-  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_, &record_bell_, &takes_bell_}) bell->ring();
+  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_, &record_bell_, &takes_bell_, &read_bell_})
+    bell->ring();
   for (PortBell* bell : {&capture_bell_, &control_bell_}) bell->ring();
   for (Named& each : threads_) {
     hooks_.waits_for(each.name);
@@ -133,29 +135,39 @@ void RigThreads::keep() {
   }
 }
 
-void RigThreads::record() {
+/// Steps until the end; sleeps on the bell while there is no work. `after` rings the bells of those who wait for the work.
+template <class Step, class After>
+void RigThreads::step_by_bell(Bell& bell, Step step, After after) {
   while (!stop_.load()) {
-    const auto heard = record_bell_.count();
-    if (rig_.step_record()) {
-      takes_bell_.ring();
-      capture_bell_.ring();  // the heads get their buffers back
-    } else {
-      record_bell_.wait(heard, kSleep);
-    }
+    const auto heard = bell.count();
+    if (step()) after();
+    else bell.wait(heard, kSleep);
   }
 }
 
+void RigThreads::record() {
+  step_by_bell(
+      record_bell_, [&] { return rig_.step_record(); },
+      [&] {
+        takes_bell_.ring();
+        capture_bell_.ring();  // the heads get their buffers back
+      });
+}
+
 void RigThreads::takes() {
-  while (!stop_.load()) {
-    const auto heard = takes_bell_.count();
-    if (rig_.step_takes()) {
-      record_bell_.ring();   // orders, rows that are free again
-      control_bell_.ring();  // answers
-      if (hooks_.advance) capture_bell_.ring();
-    } else {
-      takes_bell_.wait(heard, kSleep);
-    }
-  }
+  step_by_bell(
+      takes_bell_, [&] { return rig_.step_takes(); },
+      [&] {
+        record_bell_.ring();   // orders, rows that are free again
+        read_bell_.ring();     // reading waits while the recorder's memory is filled
+        control_bell_.ring();  // answers
+        if (hooks_.advance) capture_bell_.ring();
+      });
+}
+
+void RigThreads::read_takes() {
+  step_by_bell(
+      read_bell_, [&] { return rig_.step_take_reader(); }, [&] { control_bell_.ring(); });
 }
 
 void RigThreads::control() {
@@ -167,6 +179,7 @@ void RigThreads::control() {
       control_bell_.worked();
       keeper_bell_.ring();
       takes_bell_.ring();
+      read_bell_.ring();
       capture_bell_.ring();
       encode_bell_.ring();
     } else {

@@ -10,8 +10,8 @@
 
 namespace nodal::daemon {
 
-/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend, and in a rig that records two more, for
-/// copying the pictures and for the disk. Each thread calls its stage until
+/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend, and in a rig that records three more, for
+/// copying the pictures, for writing and for reading takes. Each thread calls its stage until
 /// there is no work. Then it sleeps until another thread rings its bell; capture and control also until one of their ports
 /// wakes them.
 ///
@@ -43,13 +43,16 @@ class RigThreads {
   void control();
   void record();
   void takes();
+  void read_takes();
+  template <class Step, class After>
+  void step_by_bell(Bell& bell, Step step, After after);
   bool frame_path_empty() const;
 
   firmware::Rig& rig_;
   const Hooks hooks_;
   std::atomic<bool> stop_{false};
   PortBell capture_bell_, control_bell_;
-  Bell blend_bell_, encode_bell_, keeper_bell_, record_bell_, takes_bell_;
+  Bell blend_bell_, encode_bell_, keeper_bell_, record_bell_, takes_bell_, read_bell_;
   struct Named {
     const char* name;
     std::thread thread;

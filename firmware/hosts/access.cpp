@@ -29,6 +29,7 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:
     case wire::Request::kTakeList:
+    case wire::Request::kTakeRead:
     case wire::Request::WHAT_NOT_SET: return false;
   }
   return true;
@@ -78,6 +79,7 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kTakeMark:
     case wire::Request::kTakeDelete:
     case wire::Request::kTakeProtect:
+    case wire::Request::kTakeRead:  // the rig sends one file at a time
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:  // opens devices
     case wire::Request::kHosts:    // names users and processes, as the audit log does
@@ -113,6 +115,7 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kTakeList: return "take_list";
     case wire::Request::kTakeDelete: return "take_delete";
     case wire::Request::kTakeProtect: return "take_protect";
+    case wire::Request::kTakeRead: return "take_read";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

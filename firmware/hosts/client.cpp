@@ -52,9 +52,9 @@ bool Client::active(Instant now) const {
     const auto counts = session_.counts(stream);
     return counts && counts->pending > 0;
   };
-  bool pending = frame_set && waits_for_link(*frame_set);
+  bool pending = (frame_set && waits_for_link(*frame_set)) || (take_file && waits_for_link(*take_file));
   for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
-  const bool takes = !pulls.empty() || frame_set.has_value();
+  const bool takes = !pulls.empty() || frame_set || take_file;
   if (takes && (!pending || now - written_ < kStalledAfter)) return true;
   return !uploads.empty() && now - heard_ < kStalledAfter;
 }
@@ -128,7 +128,7 @@ bool Client::pump_out(Instant now) {
     session_.sent(*wrote);
     bytes_out_ += *wrote;
     written_ = now;
-    if (!pulls.empty() || frame_set) used_ = now;
+    if (!pulls.empty() || frame_set || take_file) used_ = now;
     any = true;
   }
   if (session_.error() && ending_since_ && now - *ending_since_ > kFarewellWithin) finish(*session_.error());

@@ -57,8 +57,8 @@ class Client {
   /// It is being closed: only its farewell is still sent.
   bool ending() const { return gone_ || session_.error() != nullptr; }
   bool said_hello() const { return session_.peer_hello() != nullptr; }
-  /// It pulls, uploads or receives a frame set.
-  bool works() const { return !pulls.empty() || !uploads.empty() || frame_set.has_value(); }
+  /// It pulls, uploads, or receives a frame set or a file of a take.
+  bool works() const { return !pulls.empty() || !uploads.empty() || frame_set || take_file; }
   /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
   /// When its link last accepted bytes.
@@ -82,6 +82,7 @@ class Client {
   std::map<StreamId, UploadStream> uploads;
   std::map<StreamId, Pull> pulls;
   std::optional<StreamId> frame_set;
+  std::optional<StreamId> take_file;
   std::size_t requests_open = 0;
   bool logged = false;                ///< the log says that it is connected
   std::optional<wire::Request> held;  ///< its next request, while its stage has the most commands of this host

@@ -24,7 +24,8 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       scan_(scan),
       uploads_(UploadLimits{kMaxCalibrationBytes, kUploadsOfAClient * Admission::kMaxClients, kUploadsOfAClient}),
       publisher_(config.raymap, stages.encoder.published()),
-      frame_sender_(config, frame_sets, stages.blender) {}
+      frame_sender_(config, frame_sets, stages.blender),
+      take_sender_(stages.take_reader) {}
 
 Control::~Control() = default;
 
@@ -44,6 +45,7 @@ bool Control::step(Instant now) {
   busy |= publisher_.step(clients_);
   for (const std::string& sentence : publisher_.take_news()) say(NewsKind::kHosts, sentence);
   busy |= frame_sender_.step(clients_, now);
+  busy |= take_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
   operation_.end_step(Publisher::lossless_wanted(clients_), now);

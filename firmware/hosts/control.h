@@ -15,6 +15,7 @@
 #include "firmware/hosts/device_scan.h"
 #include "firmware/hosts/frame_sender.h"
 #include "firmware/hosts/publisher.h"
+#include "firmware/hosts/take_sender.h"
 #include "firmware/operate/operation.h"
 #include "hal/link.h"
 #include "hal/watchdog.h"
@@ -112,6 +113,7 @@ class Control {
   UploadReceiver uploads_;
   Publisher publisher_;
   FrameSender frame_sender_;
+  TakeSender take_sender_;
   std::optional<Instant> ending_since_;
   std::atomic<bool> ended_{false};
   std::atomic<std::uint64_t> resident_bytes_{0};

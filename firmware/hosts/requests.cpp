@@ -45,7 +45,8 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       break;
     }
     case wire::Request::kPull:
-    case wire::Request::kFrameSet: {
+    case wire::Request::kFrameSet:
+    case wire::Request::kTakeRead: {
       const auto stream = start_work(client, request, now);
       if (!stream) return fail(stream.error());
       answer.mutable_pull()->set_stream(*stream);
@@ -137,6 +138,7 @@ Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
   if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
   if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), now);
+  if (request.has_take_read()) return take_sender_.start(client, request.take_read(), now);
   const KeeperReport& keeper = operation_.keeper();
   if (!keeper.in_force) {
     return fail(Errc::kNotReady,

@@ -273,6 +273,8 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_is_protected(entry.is_protected);
     take.set_ended(printable(entry.ended, 40));
     take.set_problem(printable(entry.problem, 160));  // kMostTakes of them fit one reply
+    take.set_width(static_cast<std::uint32_t>(entry.raymap_width));
+    take.set_height(static_cast<std::uint32_t>(entry.raymap_height));
   }
 }
 

@@ -97,6 +97,22 @@ Result<Command> genlock_command(const wire::GenlockRequest& request) {
   return CaptureChange(start);
 }
 
+Command take_start_command(const wire::TakeStart& request) {
+  TakeRequest::Start start;
+  start.still = request.still();
+  return TakeCommand(std::move(start));
+}
+
+Result<Command> take_delete_command(const wire::TakeDelete& request) {
+  TakeRequest::Delete command{request.take()};
+  if (!request.manifest_sha256().empty()) {
+    const auto manifest = sha256_from_wire(request.manifest_sha256());
+    if (!manifest) return fail(manifest.error());
+    command.manifest = *manifest;
+  }
+  return TakeCommand(command);
+}
+
 }  // namespace
 
 Result<Command> command_of(const wire::Request& request, const RigConfig& config) {
@@ -110,11 +126,11 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
     case wire::Request::kTrialEnd:
       return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
-    case wire::Request::kTakeStart: return TakeCommand(TakeRequest::Start{});
+    case wire::Request::kTakeStart: return take_start_command(request.take_start());
     case wire::Request::kTakeStop: return TakeCommand(TakeRequest::Stop{});
     case wire::Request::kTakeMark: return TakeCommand(TakeRequest::Mark{request.take_mark().text()});
     case wire::Request::kTakeList: return TakeCommand(TakeRequest::List{});
-    case wire::Request::kTakeDelete: return TakeCommand(TakeRequest::Delete{request.take_delete().take()});
+    case wire::Request::kTakeDelete: return take_delete_command(request.take_delete());
     case wire::Request::kTakeProtect:
       return TakeCommand(TakeRequest::Protect{request.take_protect().take(), request.take_protect().on()});
     default: return fail(Errc::kUnsupported, "this rig does not support that request; update nodald");

@@ -9,8 +9,6 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::size_t kLongestMark = 200;
-
 /// std::visit with a lambda for each alternative.
 template <class... Of>
 struct Overloaded : Of... {
@@ -140,8 +138,9 @@ Status check(const Command& command, const RigConfig& config) {
       return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
     }
     const auto* mark = std::get_if<TakeRequest::Mark>(take);
-    if (mark && (mark->text.size() > kLongestMark || !is_printable(mark->text))) {
-      return fail(Errc::kBadValue, "a mark's text has at most " + std::to_string(kLongestMark) + " printable bytes");
+    if (mark && (mark->text.size() > TakeRequest::Mark::kMaxBytes || !is_printable(mark->text))) {
+      return fail(Errc::kBadValue,
+                  "a mark's text has at most " + std::to_string(TakeRequest::Mark::kMaxBytes) + " printable bytes");
     }
     return {};
   }

@@ -282,7 +282,8 @@ void Operation::write_settings(Instant now) {
 }
 
 void Operation::step_panel(Instant now) {
-  const bool rolling = capture_->genlock.state != GenlockState::kOff && !supervisor_.actions().end;
+  const bool on = takes_ ? takes_->recording.has_value() : capture_->genlock.state != GenlockState::kOff;
+  const bool rolling = on && !supervisor_.actions().end;
   const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
   if (action) act(*action, now);
   while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));
@@ -293,12 +294,22 @@ void Operation::act(PanelAction action, Instant now) {
     marks_.push_back({capture_->sets == 0 ? 0 : capture_->sets - 1, now});
     if (marks_.size() > kMarksKept) marks_.pop_front();
     news_.say(NewsKind::kRig, "marked set " + std::to_string(marks_.back().set));
+    if (takes_) ask_by_button(TakeCommand(TakeRequest::Mark{"button"}), now);
     return;
   }
   const bool start = action == PanelAction::kStart;
-  news_.say(NewsKind::kRig, start ? "the button starts the genlock" : "the button stops the genlock");
-  const CaptureChange change = start ? CaptureChange(GenlockStart{}) : CaptureChange(GenlockStop{});
-  if (const auto asked = ask(button(), Command(change), now); !asked) {
+  const std::string what = takes_ ? "a take" : "the genlock";
+  news_.say(NewsKind::kRig, "the button " + std::string(start ? "starts " : "stops ") + what);
+  const bool starts_genlock =
+      start && capture_->genlock.state == GenlockState::kOff && config_.trigger.source != SyncSource::kNone;
+  if (starts_genlock || (start && !takes_)) ask_by_button(CaptureChange(GenlockStart{}), now);
+  if (!start && !takes_) ask_by_button(CaptureChange(GenlockStop{}), now);
+  if (takes_ && start) ask_by_button(TakeCommand(TakeRequest::Start{}), now);
+  if (takes_ && !start) ask_by_button(TakeCommand(TakeRequest::Stop{}), now);
+}
+
+void Operation::ask_by_button(Command command, Instant now) {
+  if (const auto asked = ask(button(), std::move(command), now); !asked) {
     news_.say(NewsKind::kRig, "the button did nothing: " + asked.error().message);
   }
 }

@@ -24,6 +24,7 @@
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
 #include "firmware/record/take_keeper.h"
+#include "firmware/record/take_reader.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/watchdog.h"
 
@@ -36,7 +37,8 @@ struct Stages {
   EncodeStage& encoder;
   CalibrationKeeper& keeper;
   SettingsStore& settings;
-  TakeKeeper* takes = nullptr;  ///< null: the rig records nothing
+  TakeKeeper* takes = nullptr;        ///< null: the rig records nothing
+  TakeReader* take_reader = nullptr;  ///< likewise
 };
 
 /// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change
@@ -128,6 +130,7 @@ class Operation {
   void watch_stability(Instant now);
   void step_panel(Instant now);
   void act(PanelAction action, Instant now);
+  void ask_by_button(Command command, Instant now);
 
   const RigConfig config_;
   Stages stages_;

@@ -17,7 +17,7 @@ namespace nodal::firmware {
 struct PanelPins {
   hal::InputPinPort* button = nullptr;   ///< high while it is pressed
   hal::OutputPinPort* status = nullptr;  ///< lamp: the rig's state
-  hal::OutputPinPort* tally = nullptr;   ///< lamp: the heads are triggered and raymaps are made
+  hal::OutputPinPort* tally = nullptr;   ///< lamp: the rig rolls
 };
 
 enum class PanelAction : std::uint8_t { kStart, kMark, kStop };
@@ -25,22 +25,22 @@ enum class PanelAction : std::uint8_t { kStart, kMark, kStop };
 /// The data that the lamps show.
 struct PanelView {
   std::string_view state;  ///< Health::state
-  bool rolling = false;    ///< the genlock runs
+  bool rolling = false;    ///< a take is recorded, or, in a rig that records nothing, the genlock runs
   std::uint64_t sets = 0;  ///< number of frame sets so far
 };
 
-/// One button:
+/// One button. In a rig that records, `rolling` means that a take is being recorded; in others, that the genlock runs:
 ///
-/// | pressed            | genlock off | genlock running |
-/// |--------------------|-------------|-----------------|
-/// | shorter than kHold | start       | mark            |
-/// | for kHold          | start       | stop            |
+/// | pressed            | not rolling | rolling |
+/// |--------------------|-------------|---------|
+/// | shorter than kHold | start       | mark    |
+/// | for kHold          | start       | stop    |
 ///
 /// The stop comes after kHold, before the release, so the tally lamp goes off while the button is still pressed. Levels
 /// shorter than kSettle are ignored as contact bounce.
 ///
 /// The status lamp repeats a pattern: starting `--__`, no-calibration two short flashes, idle one short flash, running on,
-/// degraded fast `-_-_`. The tally lamp is on while the genlock runs and sets arrive, off when none arrived for kSilent,
+/// degraded fast `-_-_`. The tally lamp is on while it rolls and sets arrive, off when none arrived for kSilent,
 /// and flickers for kMarkShown after a mark. Both have a lease of kLease, so they are off after a daemon hangs or dies.
 ///
 /// Threading: thread-bound to control. Ownership: the pins outlive it.

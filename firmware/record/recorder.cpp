@@ -13,12 +13,7 @@ namespace {
 /// Matroska stores times in these steps.
 constexpr Duration kLongestRow = take::MatroskaWriter::kLongestCluster - take::MatroskaWriter::kTick;
 
-std::size_t stored_bytes(const ImageView& picture) {
-  return picture.format == PixelFormat::kMjpeg ? picture.bytes
-                                               : packed_size(picture.format, picture.width, picture.height);
-}
-
-HeadStream stream_of(const hal::FrameView& frame) {
+HeadStream delivered_stream(const hal::FrameView& frame) {
   const ImageView& picture = frame.image;
   return {picture.format, picture.width, picture.height, picture.coding, frame.fields};
 }
@@ -30,12 +25,15 @@ std::string_view placeholder_name(Placeholder reason) {
     case Placeholder::kNone: return "";
     case Placeholder::kMissing: return "missing";
     case Placeholder::kFormat: return "format";
+    case Placeholder::kEncoder: return "encoder";
   }
   return "";
 }
 
 Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStage& encoder)
     : heads_(config.heads.size()),
+      raymaps_a_set_(config.raymap.raymaps_a_set()),
+      takes_(*config.takes),
       sets_in_(sets_in),
       encoder_(encoder),
       raymaps_in_(encoder.add_outlet(kRaymaps, false)),
@@ -54,7 +52,7 @@ bool Recorder::step() {
   while (auto row = rows_back_.pop()) spare_.push_back(std::move(*row));
   bool busy = obey();
   while (SetLoan set = sets_in_.take().value_or(SetLoan())) {
-    if (take_ && !ending_) record(*set);
+    if (take_ && !ending_ && !not_for_still(*set)) record(*set);
     busy = true;
   }
   while (auto raymap = raymaps_in_.take()) {
@@ -76,6 +74,10 @@ bool Recorder::obey() {
     busy = true;
     if (order->kind == RecordOrder::Kind::kBegin) {
       take_ = order->take;
+      still_ = order->still;
+      raymaps_ = order->raymaps;
+      still_taken_.reset();
+      still_since_.reset();
       streams_ = {};
       missed_ = 0;
       sets_in_.drop_waiting();
@@ -84,13 +86,32 @@ bool Recorder::obey() {
       raymaps_in_.set_open(order->raymaps);
       encoder_.set_recording(order->raymaps);
     } else if (take_) {
-      sets_in_.set_open(false);
-      raymaps_in_.set_open(false);
-      encoder_.set_recording(false);
-      ending_ = true;
+      begin_end();
     }
   }
   return busy;
+}
+
+void Recorder::begin_end() {
+  sets_in_.set_open(false);
+  raymaps_in_.set_open(false);
+  encoder_.set_recording(false);
+  ending_ = true;
+}
+
+/// Whether a still does not record this set: it has one, or it waits for one with every head. Ends a still whose raymaps do not
+/// come.
+bool Recorder::not_for_still(const FrameSet& set) {
+  if (!still_) return false;
+  if (!still_since_) still_since_ = set.mid_exposure;
+  const bool waited = set.mid_exposure - *still_since_ >= kStillWaits;
+  if (still_taken_) {
+    if (waited) begin_end();
+    return true;
+  }
+  bool all = true;
+  for (std::size_t head = 0; head < heads_; ++head) all &= set.has(head);
+  return !all && !waited;
 }
 
 bool Recorder::open_row() {
@@ -137,7 +158,7 @@ void Recorder::record(const FrameSet& set) {
     bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
     for (std::size_t head = 0; head < heads_; ++head) {
       if (!set.has(head)) continue;
-      full |= row_bytes_[head] + stored_bytes(set.frames[head].image) > take::MatroskaWriter::kLargestCluster;
+      full |= row_bytes_[head] + most_bytes(set.frames[head].image) > take::MatroskaWriter::kLargestCluster;
     }
     if (full) close_row(false);
   }
@@ -152,6 +173,9 @@ void Recorder::record(const FrameSet& set) {
   if (copy(set, to)) {
     to.missed = std::exchange(missed_, 0);
     counts_.sets.fetch_add(1, std::memory_order_relaxed);
+    still_since_ = set.mid_exposure;
+    if (still_ && raymaps_) still_taken_ = Still{set.number, raymaps_a_set_};
+    else if (still_) begin_end();
     return;
   }
   row_->sets.pop_back();
@@ -159,6 +183,53 @@ void Recorder::record(const FrameSet& set) {
   ++missed_;
   counts_.lost_sets.fetch_add(1, std::memory_order_relaxed);
   if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
+}
+
+bool Recorder::encodes(PixelFormat format) const {
+  return takes_.mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(format);
+}
+
+HeadStream Recorder::stream_of(const hal::FrameView& frame) const {
+  const HeadStream delivered = delivered_stream(frame);
+  return encodes(delivered.format) ? HeadCoder::coded(delivered) : delivered;
+}
+
+std::size_t Recorder::most_bytes(const ImageView& picture) const {
+  if (picture.format == PixelFormat::kMjpeg) return picture.bytes;
+  const std::size_t raw = packed_size(picture.format, picture.width, picture.height);
+  return encodes(picture.format) ? raw + raw / 2 : raw;
+}
+
+int Recorder::quality_now() const {
+  const int quarters = static_cast<int>(4 * ring_.used() / ring_.size());
+  return std::min(takes_.quality, std::max(kLeastQuality, takes_.quality - quarters * kQualityStep));
+}
+
+bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame& to) {
+  const ImageView& picture = view.image;
+  HeadCoder::Parts parts{};
+  std::size_t bytes = most_bytes(picture);
+  if (encodes(picture.format)) {
+    std::optional<Coder>& coder = coders_[head];
+    const HeadStream delivered = delivered_stream(view);
+    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered)});
+    to.quality = quality_now();
+    const auto coded = coder->coder.encode(picture, to.quality);
+    if (!coded) {
+      to.placeholder = Placeholder::kEncoder;
+      return true;
+    }
+    parts = *coded;
+    bytes = parts[0].size() + parts[1].size();
+  }
+  const auto place = ring_.take(bytes);
+  if (!place) return false;
+  if (encodes(picture.format)) std::ranges::copy(parts[1], std::ranges::copy(parts[0], place->begin()).out);
+  else if (picture.format == PixelFormat::kMjpeg) std::memcpy(place->data(), picture.planes[0].data, bytes);
+  else pack_picture(picture, place->data());
+  to.placeholder = Placeholder::kNone;
+  to.bytes = *place;
+  return true;
 }
 
 bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
@@ -177,18 +248,11 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.offset = set.sync.offset[head];
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
-    const std::size_t bytes = stored_bytes(view.image);
-    if (streams_[head] != stream_of(view) || bytes > take::MatroskaWriter::kLargestFrame) {
-      frame.placeholder = Placeholder::kFormat;
-      ++placeholders;
-      continue;
-    }
-    const auto place = ring_.take(bytes);
-    if (!place) return false;
-    if (view.image.format == PixelFormat::kMjpeg) std::memcpy(place->data(), view.image.planes[0].data, bytes);
-    else pack_picture(view.image, place->data());
-    frame.placeholder = Placeholder::kNone;
-    frame.bytes = *place;
+    frame.placeholder = Placeholder::kFormat;
+    const bool fits =
+        streams_[head] == stream_of(view) && most_bytes(view.image) <= take::MatroskaWriter::kLargestFrame;
+    if (fits && !store(view, head, frame)) return false;
+    if (frame.placeholder != Placeholder::kNone) ++placeholders;
   }
   std::uint64_t bytes = 0;
   for (std::size_t head = 0; head < heads_; ++head) {
@@ -201,7 +265,7 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
 }
 
 void Recorder::record(const Raymap& raymap) {
-  if (!raymap.jpeg) return;
+  if (!raymap.jpeg || (still_ && (!still_taken_ || still_taken_->set != raymap.info.set))) return;
   const std::vector<std::uint8_t>& jpeg = *raymap.jpeg;
   const bool room = ring_.used() + jpeg.size() <= ring_.size() / 100 * kRaymapsUpTo && open_row() &&
                     row_->raymaps.size() < row_->raymaps.capacity();
@@ -212,6 +276,7 @@ void Recorder::record(const Raymap& raymap) {
   }
   std::memcpy(place->data(), jpeg.data(), jpeg.size());
   row_->raymaps.push_back({raymap.info.set, raymap.info.mid_exposure, *place});
+  if (still_ && --still_taken_->raymaps == 0) begin_end();
 }
 
 }  // namespace nodal::firmware

@@ -13,6 +13,7 @@
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/raymap.h"
 #include "firmware/picture/encoder.h"
+#include "firmware/record/head_coder.h"
 #include "firmware/record/picture_ring.h"
 #include "firmware/record/take_row.h"
 #include "protocol/base/spsc_ring.h"
@@ -25,11 +26,12 @@ struct RecordOrder {
   Kind kind = Kind::kEnd;
   std::uint64_t take = 0;
   bool raymaps = false;  ///< kBegin: record them, too
+  bool still = false;    ///< kBegin: one set; the take then ends by itself
 };
 
 /// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk is slow
-/// and the ring fills, it first leaves out raymaps, above kRaymapsUpTo; a set for which there is no room at all is lost for every
-/// head, and counted.
+/// and the ring fills, it first leaves out raymaps, above kRaymapsUpTo, and encodes pictures with a lower quality, which the evidence
+/// states; a set for which there is no room at all is lost for every head, and counted.
 ///
 /// Threading: step() is thread-bound to the recorder. orders(), rows() and rows_back() are SPSC rings with the disk's stage,
 ///   which also releases the ring's memory. The counts are for any thread.
@@ -63,8 +65,13 @@ class Recorder {
   static constexpr std::size_t kRows = 64;
   /// Part of the ring, in percent, above which raymaps are left out.
   static constexpr std::size_t kRaymapsUpTo = 50;
+  /// [takes] quality, less this for each full quarter of the ring; not below kLeastQuality.
+  static constexpr int kQualityStep = 15;
+  static constexpr int kLeastQuality = 30;
   /// For so long after a head's first picture, a picture of another format is a placeholder; later it starts a segment.
   static constexpr Duration kFormatStays = Duration::seconds(1);
+  /// A still waits so long for a set with all heads, and then for its raymaps; it ends without them.
+  static constexpr Duration kStillWaits = Duration::seconds(2);
 
  private:
   bool obey();
@@ -74,8 +81,19 @@ class Recorder {
   bool open_row();
   void close_row(bool last);
   bool changes_streams(const FrameSet& set);
+  /// What the files of a head with such frames hold.
+  HeadStream stream_of(const hal::FrameView& frame) const;
+  bool encodes(PixelFormat format) const;
+  std::size_t most_bytes(const ImageView& picture) const;
+  /// False if the ring has no room.
+  bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
+  int quality_now() const;
+  bool not_for_still(const FrameSet& set);
+  void begin_end();
 
   const std::size_t heads_;
+  const int raymaps_a_set_;
+  const TakesConfig takes_;
   Outlet<SetLoan>& sets_in_;
   EncodeStage& encoder_;
   Outlet<Raymap>& raymaps_in_;
@@ -87,8 +105,23 @@ class Recorder {
 
   std::optional<std::uint64_t> take_;
   bool ending_ = false;  ///< the last row waits for a place
+  bool raymaps_ = false;
+  bool still_ = false;
+  /// The set of a still, while its raymaps are awaited.
+  struct Still {
+    std::uint64_t set = 0;
+    int raymaps = 0;  ///< those that have not come yet
+  };
+  std::optional<Still> still_taken_;
+  std::optional<Instant> still_since_;  ///< of its first set, or of its own
   std::array<std::optional<HeadStream>, kMaxHeads> streams_;
   std::array<Instant, kMaxHeads> stream_since_;
+  /// Made for what the head delivers, when the first such picture comes.
+  struct Coder {
+    HeadStream delivered;
+    HeadCoder coder;
+  };
+  std::array<std::optional<Coder>, kMaxHeads> coders_;
   std::vector<std::unique_ptr<TakeRow>> spare_;
   std::unique_ptr<TakeRow> row_;  ///< open
   std::array<std::size_t, kMaxHeads> row_bytes_{};

@@ -134,6 +134,9 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
   const std::int64_t first_ns = found.sets.empty() ? 0 : found.sets.front().mid_exposure_ns();
   made->first_exposure_ = Instant::from_ns(first_ns);
   made->records_ = take::EvidenceWriter(last.records);
+  for (const take::wire::Mark& mark : found.marks) {
+    if (mark.set() <= made->next_set_) made->marks_.push_back({mark.set(), mark.text()});
+  }
   for (std::size_t k = 0; k < static_cast<std::size_t>(found.begin.files_size()); ++k) {
     const take::wire::File& told = found.begin.files(static_cast<int>(k));
     File& file = made->files_.emplace_back();
@@ -184,6 +187,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
       if (!whole) return fail(whole.error());
       if (*whole) {
         FinishedSegment done{{}, found->sets.size(), length_of(*found, found->sets.size()), 0};
+        for (const take::wire::Mark& mark : found->marks) done.marks.push_back({mark.set(), mark.text()});
         for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
           done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
                                 found->end->length(static_cast<int>(file)), take::digest_of(found->hashes_of(file))});
@@ -218,6 +222,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
   done.files = std::move(*files);
   done.sets = (*writer)->sets();
   done.length = (*writer)->length();
+  done.marks = (*writer)->marks();
   return done;
 }
 
@@ -269,6 +274,7 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     if (!*done) continue;
     manifest.sets += (*done)->sets;
     manifest.length = manifest.length + (*done)->length + about->rate.period();
+    manifest.marks.insert(manifest.marks.end(), (*done)->marks.begin(), (*done)->marks.end());
     manifest.files.insert(manifest.files.end(), (*done)->files.begin(), (*done)->files.end());
   }
   return write_manifest(disk, folder, std::move(manifest));

@@ -18,6 +18,7 @@ struct FinishedSegment {
   std::uint64_t sets = 0;
   Duration length;
   std::uint64_t cut_bytes = 0;  ///< of the heads' files, behind the newest complete set
+  std::vector<take::Manifest::Mark> marks{};
 };
 
 /// How much of a segment is on the device for certain.

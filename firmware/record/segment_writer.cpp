@@ -247,6 +247,7 @@ Status SegmentWriter::write_head(const TakeRow& row, std::uint32_t index, std::v
     frame.set_blue_q12(from.in_effect.white_balance.blue_q12);
     frame.set_gamma(static_cast<std::uint32_t>(from.in_effect.gamma.thousandths()));
     frame.set_sequence(from.sequence);
+    frame.set_quality(static_cast<std::uint32_t>(from.quality));
   }
   return {};
 }
@@ -292,6 +293,7 @@ Status SegmentWriter::mark(const std::string& text, Instant now) {
   record.mutable_mark()->set_set(next_set_);
   record.mutable_mark()->set_at_ns(now.ns());
   record.mutable_mark()->set_text(text);
+  marks_.push_back({next_set_, text});
   return append_record(record);
 }
 

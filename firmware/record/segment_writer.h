@@ -63,6 +63,7 @@ class SegmentWriter {
   std::uint64_t next_set() const { return next_set_; }
   std::uint64_t sets() const { return next_set_ - begin_.first_set(); }
   Duration length() const { return newest_; }
+  const std::vector<take::Manifest::Mark>& marks() const { return marks_; }
   std::uint64_t largest_file() const;
 
  private:
@@ -98,6 +99,7 @@ class SegmentWriter {
   std::uint64_t next_set_ = 0;
   std::optional<Instant> first_exposure_;
   Duration newest_;  ///< time in the files
+  std::vector<take::Manifest::Mark> marks_;
 };
 
 }  // namespace nodal::firmware

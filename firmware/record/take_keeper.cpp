@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware/record/head_coder.h"
 #include "firmware/record/take_writer.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/take/documents.h"
 
 namespace nodal::firmware {
+
+static_assert(TakeRequest::Mark::kMaxBytes == take::kMaxMarkBytes);
+
 std::string_view take_state_name(TakeState state) {
   switch (state) {
     case TakeState::kRecording: return "recording";
@@ -63,7 +67,9 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
   if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
     const auto take = start(*what, now);
     if (!take) return fail(take.error());
-    return done(*take);
+    if (!what->still) return done(*take);
+    stopping_.push_back(request.ticket);
+    return std::optional<Answered>();
   }
   if (std::holds_alternative<TakeRequest::List>(request.what)) {
     TakeAnswer::Listed listed;
@@ -71,7 +77,7 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     return std::optional<Answered>(std::move(listed));
   }
   if (const auto* what = std::get_if<TakeRequest::Delete>(&request.what)) {
-    if (const Status removed = remove(what->take); !removed) return fail(removed.error());
+    if (const Status removed = remove(*what); !removed) return fail(removed.error());
     return done(what->take);
   }
   if (const auto* what = std::get_if<TakeRequest::Protect>(&request.what)) {
@@ -93,8 +99,8 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
   stopping_.push_back(request.ticket);
   ending_ = true;
   reason_ = "stopped";
-  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
-  NODAL_ASSERT(told);  // at most one begin and one end wait
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
+  NODAL_ASSERT(told);  // at most two begins and two ends wait
   return std::optional<Answered>();
 }
 
@@ -131,9 +137,12 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   for (const auto& head : start.heads) {
     if (!head) continue;
     const bool jpeg = head->format == PixelFormat::kMjpeg;
-    // JPEG has about one bit per sample; the first sets tell more.
+    const bool coded = config_.takes->mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(head->format);
+    // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
     expected_set_bytes_ +=
-        packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg ? 8 : 1);
+        packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg    ? 8
+                                                                                            : coded ? 4
+                                                                                                    : 1);
   }
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
     return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
@@ -151,7 +160,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   documents.about.software = software_;
   documents.about.started_utc_ns = utc_();
   documents.about.rate = config_.rate;
-  documents.about.mode = "driver";
+  documents.about.mode = config_.takes->mode == TakesConfig::Mode::kJpeg ? "jpeg" : "driver";
   if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
   documents.calibration = start.calibration;
   for (const HeadConfig& head : config_.heads) documents.about.heads.push_back(head.name);
@@ -167,6 +176,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   entry.number = number;
   entry.state = TakeState::kRecording;
   entry.started_utc_ns = documents.about.started_utc_ns;
+  entry.raymap_width = documents.raymap_width;
+  entry.raymap_height = documents.raymap_height;
   auto writer = TakeWriter::begin(disk_, std::move(documents));
   if (!writer) return fail(writer.error());
   takes_[number] = entry;
@@ -180,7 +191,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   lost_before_ = recorder_.counts().lost_sets.load();
   raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
   next_sync_ = now + kSyncEvery;
-  const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps});
+  reason_ = start.still ? "still" : "";
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
   NODAL_ASSERT(told);
   return number;
 }
@@ -212,7 +224,7 @@ void TakeKeeper::give_up(const Error& error) {
   if (ending_) return;
   ending_ = true;
   reason_ = error.code == Errc::kDiskFull ? "disk full" : "disk failed";
-  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
   NODAL_ASSERT(told);
 }
 
@@ -283,7 +295,7 @@ void TakeKeeper::close(Instant now) {
   reason_ = "nodald ended";
   if (!ending_) {
     ending_ = true;
-    (void)recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number()});
+    (void)recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
   }
   while (writing_) {
     recorder_.step();

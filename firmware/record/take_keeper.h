@@ -32,14 +32,17 @@ struct TakeRequest {
     std::optional<Sha256> calibration{};  ///< in force; empty: none
     std::string calibration_json{};       ///< its canonical form
     HeadShapes heads{};                   ///< for the room that a take needs
+    bool still = false;                   ///< one set; the answer comes when it is on the disk
   };
   struct Stop {};
   struct Mark {
     std::string text;
+    static constexpr std::size_t kMaxBytes = 200;
   };
   struct List {};
   struct Delete {
     std::uint64_t take = 0;
+    std::optional<Sha256> manifest{};  ///< if set, only a take with this manifest is deleted
   };
   struct Protect {
     std::uint64_t take = 0;
@@ -71,6 +74,8 @@ struct TakeEntry {
   bool is_protected = false;
   std::string ended;
   std::string problem;
+  int raymap_width = 0;  ///< px; 0 without raymaps
+  int raymap_height = 0;
 
   void complete(const take::Manifest& manifest);
 };
@@ -143,7 +148,7 @@ class TakeKeeper {
   bool take_request(Instant now);
   Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
   Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
-  Status remove(std::uint64_t take);
+  Status remove(const TakeRequest::Delete& what);
   Result<TakeEntry*> finished(std::uint64_t take);
   std::uint64_t bytes_a_second() const;
   Status check_room();

@@ -64,7 +64,11 @@ void TakeKeeper::load(const std::string& folder) {
   const auto text = disk_.read(folder + "/" + take::kTakeFile, take::kMaxTakeJsonBytes);
   const auto about = text ? take::parse_take_json(text_of(*text), folder + "/" + take::kTakeFile)
                           : Result<take::TakeDocument>(fail(text.error()));
-  if (about) entry.started_utc_ns = about->started_utc_ns;
+  if (about) {
+    entry.started_utc_ns = about->started_utc_ns;
+    entry.raymap_width = about->raymap_width;
+    entry.raymap_height = about->raymap_height;
+  }
   const auto stored = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
   if (!stored && stored.error().code == Errc::kNotFound) {
     entry.state = TakeState::kUnfinished;
@@ -105,13 +109,24 @@ Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {
   return &found->second;
 }
 
-Status TakeKeeper::remove(std::uint64_t take) {
+Status TakeKeeper::remove(const TakeRequest::Delete& what) {
+  const std::uint64_t take = what.take;
   const auto entry = finished(take);
   if (!entry) return fail(entry.error());
   if ((*entry)->is_protected) {
     return fail(Errc::kWrongState, fmt::format("take {0} is protected; first: nodal take protect {0} --off", take));
   }
   const std::string folder = take::take_folder(take);
+  if (what.manifest) {
+    const auto manifest = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
+    if (!manifest) return fail(manifest.error());
+    if (sha256(*manifest) != *what.manifest) {
+      return fail(Errc::kWrongState,
+                  fmt::format("take {} has another manifest than the one named: it is not deleted; list takes again: "
+                              "nodal take list",
+                              take));
+    }
+  }
   const auto names = disk_.list(folder);
   if (!names) return fail(names.error());
   // If this is interrupted, the take is still whole without its manifest, and shown as damaged without its take.json.

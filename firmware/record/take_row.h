@@ -30,6 +30,7 @@ enum class Placeholder : std::uint8_t {
   kNone,     ///< it is a picture
   kMissing,  ///< the head has no frame in the set; the head's losses say why
   kFormat,   ///< its size or format differs from that of the segment, which has just begun
+  kEncoder,  ///< it could not be encoded
 };
 std::string_view placeholder_name(Placeholder reason);
 
@@ -39,6 +40,7 @@ struct RecordedFrame {
   Duration offset;  ///< mid-exposure after the set's
   hal::HeadSettings in_effect;
   std::uint32_t sequence = 0;
+  int quality = 0;  ///< of a JPEG that the rig encoded; 0: as the head delivered it
 };
 
 struct RecordedSet {

@@ -1,5 +1,7 @@
 #include "firmware/record/take_writer.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "firmware/storage/durable_file.h"
@@ -17,6 +19,8 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   place.raymap_width = documents.raymap_width;
   place.raymap_height = documents.raymap_height;
   place.software = documents.about.software;
+  documents.about.raymap_width = documents.raymap_width;
+  documents.about.raymap_height = documents.raymap_height;
   place.calibration_json = std::move(documents.calibration_json);
   if (documents.calibration) place.calibration_id.assign(documents.calibration->begin(), documents.calibration->end());
   Status good = disk.make_folder(place.folder);
@@ -61,7 +65,7 @@ Status TakeWriter::finish_segment(const std::string& reason) {
     failed_ = true;
     return fail(files.error());
   }
-  add({std::move(*files), segment_->sets(), segment_->length(), 0});
+  add({std::move(*files), segment_->sets(), segment_->length(), 0, segment_->marks()});
   segment_.reset();
   unsynced_ = false;
   return {};
@@ -71,6 +75,7 @@ void TakeWriter::add(FinishedSegment done) {
   manifest_.sets += done.sets;
   manifest_.length = manifest_.length + done.length + place_.rate.period();
   manifest_.files.insert(manifest_.files.end(), done.files.begin(), done.files.end());
+  manifest_.marks.insert(manifest_.marks.end(), done.marks.begin(), done.marks.end());
 }
 
 Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
@@ -91,6 +96,10 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
 
 Status TakeWriter::mark(const std::string& text, Instant now) {
   if (!segment_) return fail(Errc::kNotReady, "the take has no set yet");
+  if (manifest_.marks.size() + segment_->marks().size() >= take::kMostMarks) {
+    return fail(Errc::kTooLarge,
+                fmt::format("take {} has {} marks, the most that there may be", place_.number, take::kMostMarks));
+  }
   unsynced_ = true;
   const Status marked = segment_->mark(text, now);
   failed_ = failed_ || !marked;

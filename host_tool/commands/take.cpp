@@ -82,6 +82,12 @@ Status run_start(Context& context) {
   return ask_about_take(context, request, "take {} is being recorded; end it: nodal take stop");
 }
 
+Status run_still(Context& context) {
+  wire::Request request;
+  request.mutable_take_start()->set_still(true);
+  return ask_about_take(context, request, "take {} is a still: one set, on the disk");
+}
+
 Status run_stop(Context& context) {
   wire::Request request;
   request.mutable_take_stop();
@@ -118,6 +124,9 @@ void add_take(CLI::App& app, CommandLine& line) {
   CLI::App* stop =
       add_command(*take, "stop", "Ends the take; returns when it is on the disk for certain", "  nodal take stop\n");
   line.on(stop, run_stop);
+  CLI::App* still = add_command(*take, "still", "A take of one set, with every head; returns when it is on the disk",
+                                "  nodal take still\n");
+  line.on(still, run_still);
   auto marked = std::make_shared<TakeOptions>();
   CLI::App* mark = add_command(*take, "mark", "Marks this moment in the take that is being recorded",
                                "  nodal take mark \"the bus passes\"\n");

@@ -86,6 +86,7 @@ std::string take_json(const TakeDocument& take) {
                               {"mode", take.mode},
                               {"calibration", take.calibration_id},
                               {"layout", take.layout},
+                              {"raymap", {take.raymap_width, take.raymap_height}},
                               {"heads", take.heads}};
   return json.dump(2) + "\n";
 }
@@ -102,12 +103,18 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   NODAL_TAKE(mode, fields.text("mode", 32));
   NODAL_TAKE(calibration, fields.text("calibration", 64));
   NODAL_TAKE(layout, fields.text("layout", 256));
+  NODAL_TAKE(raymap, fields.list("raymap", 2));
   NODAL_TAKE(heads, fields.list("heads", kMaxHeads));
   if (rate->size() != 2 || !(*rate)[0].is_number_unsigned() || !(*rate)[1].is_number_unsigned()) {
     return fields.wrong("rate", "not two numbers");
   }
   const auto valid = FrameRate::make((*rate)[0].get<std::uint64_t>(), (*rate)[1].get<std::uint64_t>());
   if (!valid) return fields.wrong("rate", "not a frame rate");
+  constexpr std::uint64_t kMostPixels = 1 << 16;
+  for (const Json& side : *raymap) {
+    if (raymap->size() != 2 || !side.is_number_unsigned() || side.get<std::uint64_t>() > kMostPixels)
+      return fields.wrong("raymap", "not a width and a height");
+  }
   for (const Json& head : *heads) {
     if (!head.is_string() || head.get_ref<const std::string&>().size() > 256 ||
         !is_printable(head.get_ref<const std::string&>())) {
@@ -123,6 +130,10 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   take.mode = mode;
   take.calibration_id = calibration;
   take.layout = layout;
+  if (raymap->size() == 2) {
+    take.raymap_width = (*raymap)[0].get<int>();
+    take.raymap_height = (*raymap)[1].get<int>();
+  }
   return take;
 }
 
@@ -140,6 +151,9 @@ std::string manifest_json(const Manifest& manifest) {
   for (const Manifest::File& file : manifest.files) {
     files.push_back({{"name", file.name}, {"bytes", file.bytes}, {"xxh3", to_hex(file.digest)}});
   }
+  nlohmann::ordered_json marks = nlohmann::ordered_json::array();
+  for (const Manifest::Mark& mark : manifest.marks) marks.push_back({{"set", mark.set}, {"text", mark.text}});
+  json["marks"] = std::move(marks);
   json["files"] = std::move(files);
   return json.dump(1) + "\n";
 }
@@ -153,6 +167,14 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   NODAL_TAKE(lost, fields.number("lost_sets", std::uint64_t{1} << 48));
   NODAL_TAKE(length, fields.number("length_ns", kMostNs));
   NODAL_TAKE(ended, fields.text("ended", 256));
+  NODAL_TAKE(marks, fields.list("marks", kMostMarks));
+  for (const Json& each : *marks) {
+    if (!each.is_object()) return fields.wrong("marks", "not a list of objects");
+    const Fields entry(each, file + ": marks");
+    NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
+    NODAL_TAKE(mark, entry.text("text", kMaxMarkBytes));
+    manifest.marks.push_back({set, mark});
+  }
   NODAL_TAKE(files, fields.list("files", kMostFiles));
   std::set<std::string> names;
   for (const Json& each : *files) {

@@ -17,6 +17,9 @@ inline constexpr int kTakeVersion = 1;
 inline constexpr std::size_t kMaxTakeJsonBytes = 64 * 1024;
 /// A day of segments of a minute, with 16 heads, is 3 MB.
 inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
+/// In one take.
+inline constexpr std::size_t kMostMarks = 10'000;
+inline constexpr std::size_t kMaxMarkBytes = 200;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
@@ -29,9 +32,11 @@ struct TakeDocument {
   std::string software;             ///< that recorded it
   std::int64_t started_utc_ns = 0;  ///< since 1970 by the board's clock; 0: unknown
   FrameRate rate;
-  std::string mode;                ///< how heads' pictures are stored: "driver", "jpeg"
-  std::string calibration_id;      ///< 64 hexadecimal digits; empty: none was in force
-  std::string layout;              ///< of the raymaps; empty: they are not recorded
+  std::string mode;            ///< how heads' pictures are stored: "driver", "jpeg"
+  std::string calibration_id;  ///< 64 hexadecimal digits; empty: none was in force
+  std::string layout;          ///< of the raymaps; empty: they are not recorded
+  int raymap_width = 0;        ///< px; 0 without raymaps
+  int raymap_height = 0;
   std::vector<std::string> heads;  ///< names, by index
 };
 
@@ -52,6 +57,13 @@ struct Manifest {
   std::uint64_t lost_sets = 0;  ///< that the disk was too slow for
   Duration length;              ///< from the first set to the last
   std::string ended;            ///< why: "stopped", "disk full", "recovered", ...
+  /// A moment that somebody marked.
+  struct Mark {
+    std::uint64_t set = 0;  ///< index of the set that came next
+    std::string text;
+    friend bool operator==(const Mark&, const Mark&) = default;
+  };
+  std::vector<Mark> marks;
   std::vector<File> files;
 
   std::uint64_t bytes() const;

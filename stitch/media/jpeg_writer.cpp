@@ -13,8 +13,26 @@ constexpr std::string_view kXmpName("http://ns.adobe.com/xap/1.0/\0", 29);
 constexpr std::uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kComment = 0xfe;
 
 int subsampling(PixelFormat format) {
-  if (has_chroma(format)) return TJSAMP_420;
-  return format == PixelFormat::kGrey8 ? TJSAMP_GRAY : TJSAMP_444;
+  switch (format) {
+    case PixelFormat::kGrey8: return TJSAMP_GRAY;
+    case PixelFormat::kI420:
+    case PixelFormat::kNv12: return TJSAMP_420;
+    case PixelFormat::kI422:
+    case PixelFormat::kYuyv:
+    case PixelFormat::kUyvy: return TJSAMP_422;
+    default: return TJSAMP_444;
+  }
+}
+
+bool is_interleaved(PixelFormat format) {
+  return format == PixelFormat::kNv12 || format == PixelFormat::kYuyv || format == PixelFormat::kUyvy;
+}
+
+/// AVI1, the field (1: odd, which is the top field; 2: even), a zero, and two lengths, which readers do not need.
+std::string avi1(FieldParity parity) {
+  std::string body("AVI1\0\0\0\0\0\0\0\0\0\0", 14);
+  body[4] = parity == FieldParity::kTop ? 1 : 2;
+  return body;
 }
 
 /// A JPEG segment: marker, length (including its own two bytes), body (ITU T.81, B.1.1.4).
@@ -40,26 +58,29 @@ JpegWriter::JpegWriter(const JpegSpec& spec)
       width_(spec.width),
       height_(spec.height),
       quality_(spec.quality),
+      field_(spec.field),
       handle_(tjInitCompress()),
       scratch_bytes_(tjBufSize(spec.width, spec.height, subsampling(spec.format))) {
   NODAL_ASSERT(handle_);
-  NODAL_ASSERT(format_ == PixelFormat::kGrey8 || format_ == PixelFormat::kI420 || format_ == PixelFormat::kNv12 ||
-               format_ == PixelFormat::kRgb24);
-  if (format_ == PixelFormat::kNv12) {
-    chroma_.resize(packed_size(format_, width_, height_) - packed_size(PixelFormat::kGrey8, width_, height_));
-  }
+  NODAL_ASSERT(writes(format_));
+  if (is_interleaved(format_)) planes_.resize(packed_size(format_, width_, height_));
   scratch_ = std::make_unique_for_overwrite<std::uint8_t[]>(scratch_bytes_);
   if (!spec.xmp.empty()) append_segment(xmp_, kApp1, {kXmpName, spec.xmp});
 }
 
 JpegWriter::~JpegWriter() { tjDestroy(handle_); }
 
+bool JpegWriter::writes(PixelFormat format) {
+  return has_chroma(format) || format == PixelFormat::kGrey8 || format == PixelFormat::kRgb24;
+}
+
 ImageView JpegWriter::with_planes(const ImageView& picture) {
-  if (format_ != PixelFormat::kNv12) return picture;
+  if (!is_interleaved(format_)) return picture;
   ImageView apart = picture;
-  std::uint8_t* out = chroma_.data();
-  for (std::size_t c = 1; c < 3; ++c) {
+  std::uint8_t* out = planes_.data();
+  for (std::size_t c = 0; c < 3; ++c) {
     const PlaneView& from = picture.planes[c];
+    if (from.pixel_stride == 1) continue;
     apart.planes[c] = {out, from.width, from.height, from.width, 1};
     for (int y = 0; y < from.height; ++y) {
       const std::uint8_t* in = from.data + y * from.row_stride;
@@ -98,8 +119,9 @@ Status JpegWriter::write(const ImageView& picture, std::string_view comment, std
   const std::uint8_t* jpeg = scratch_.get();
   const std::size_t lead = lead_bytes(jpeg, *size);
   into.assign(jpeg, jpeg + lead);
+  if (field_) append_segment(into, kApp0, {avi1(*field_)});
   into.insert(into.end(), xmp_.begin(), xmp_.end());
-  append_segment(into, kComment, {comment});
+  if (!comment.empty()) append_segment(into, kComment, {comment});
   into.insert(into.end(), jpeg + lead, jpeg + *size);
   return {};
 }

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
 
@@ -13,39 +15,48 @@ namespace nodal::media {
 
 /// The format of a JpegWriter's pictures, and the settings of all its files.
 struct JpegSpec {
-  PixelFormat format = PixelFormat::kRgb24;  ///< kGrey8, kI420, kNv12 or kRgb24
+  PixelFormat format = PixelFormat::kRgb24;  ///< one that JpegWriter::writes()
   int width = 0;
   int height = 0;
   int quality = 90;           ///< 1 .. 100
   std::string_view xmp = {};  ///< an XMP packet, written into an APP1 segment; empty: none. Copied
+  /// The picture is a field of an interlaced frame: an APP0 segment AVI1 says so, as in AVI files (OpenDML AVI, 1.02).
+  std::optional<FieldParity> field{};
 };
 
-/// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0, RGB as 4:4:4.
+/// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0; I422, YUYV and UYVY as 4:2:2;
+/// RGB as 4:4:4.
 ///
 /// Threading: thread-bound.
 /// Ownership: keeps a scratch buffer for the largest JPEG that such a picture can give.
 /// Errors: kInternal with TurboJPEG's message.
 class JpegWriter {
  public:
+  static bool writes(PixelFormat format);
+
   explicit JpegWriter(const JpegSpec& spec);
   ~JpegWriter();
   JpegWriter(const JpegWriter&) = delete;
   JpegWriter& operator=(const JpegWriter&) = delete;
 
-  /// Writes a whole file with `comment` (at most 65533 bytes) in its comment segment. Replaces the content of `into`
+  /// Of the next files.
+  void set_quality(int quality) { quality_ = quality; }
+  /// Writes a whole file with `comment` (at most 65533 bytes; empty: none) in its comment segment. Replaces the content of `into`
   /// but keeps its capacity, so that nothing is allocated once it has held the largest file.
   Status write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into);
 
  private:
-  /// NV12 with its chroma copied to separate planes; other pictures unchanged.
+  /// Interleaved components copied to separate planes; other pictures unchanged.
   ImageView with_planes(const ImageView& picture);
   Result<std::size_t> compress(const ImageView& picture);
 
   const PixelFormat format_;
-  const int width_, height_, quality_;
+  const int width_, height_;
+  int quality_;
+  const std::optional<FieldParity> field_;
   void* handle_;
   std::vector<std::uint8_t> xmp_;            ///< the whole APP1 segment, or empty
-  std::vector<std::uint8_t> chroma_;         ///< for NV12
+  std::vector<std::uint8_t> planes_;         ///< for NV12, YUYV and UYVY
   std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so pages that no JPEG reaches stay unmapped
   std::size_t scratch_bytes_ = 0;
 };

@@ -12,21 +12,29 @@ namespace {
 
 constexpr int kWidth = 640, kHeight = 480;
 
-RigConfig config(int heads) {
+RigConfig config(int heads, TakesConfig::Mode mode) {
   RigConfig config;
   config.heads.resize(static_cast<std::size_t>(heads));
   config.raymap.width = 64;
   config.raymap.height = 32;
-  config.takes = TakesConfig{"takes", false, 16, true, false};
+  config.takes = TakesConfig{.folder = "takes", .buffer_mb = 16, .mode = mode};
   return config;
 }
 
 class Stand {
  public:
-  explicit Stand(int heads) : heads_(heads), config_(config(heads)), recorder_(config_, sets_in_, encoder_) {
+  explicit Stand(int heads, TakesConfig::Mode mode = TakesConfig::Mode::kDriver)
+      : heads_(heads), config_(config(heads, mode)), recorder_(config_, sets_in_, encoder_) {
     for (int head = 0; head < heads; ++head)
       pixels_.emplace_back(kWidth * kHeight, static_cast<std::uint8_t>(head + 1));
-    EXPECT_TRUE(recorder_.orders().push({RecordOrder::Kind::kBegin, 7, true}));
+    begin(false);
+  }
+  void begin(bool still) {
+    EXPECT_TRUE(recorder_.orders().push({RecordOrder::Kind::kBegin, 7, true, still}));
+    recorder_.step();
+  }
+  void end() {
+    EXPECT_TRUE(recorder_.orders().push({RecordOrder::Kind::kEnd, 7, false, false}));
     recorder_.step();
   }
   ~Stand() {
@@ -51,12 +59,14 @@ class Stand {
     recorder_.step();
     EXPECT_TRUE(pool_.collect() || pool_.lent() == 0) << "the set goes back at once";
   }
-  void offer_raymap() {
+  void offer_raymap() { offer_raymap_of(next_); }
+  std::uint64_t newest() const { return next_ - 1; }
+  void offer_raymap_of(std::uint64_t set) {
     PixelsLoan pixels = pixels_pool_.take();
     ASSERT_TRUE(pixels);
     pixels.edit().resize(64 * 32 * 3 / 2);
     Raymap raymap;
-    raymap.info.set = next_;
+    raymap.info.set = set;
     raymap.pixels = std::move(pixels);
     ASSERT_TRUE(raymaps_.push(std::move(raymap)));
     ASSERT_TRUE(encoder_.step());
@@ -179,6 +189,71 @@ TEST(Recorder, TheEnd_ClosesTheLastRow) {
   ASSERT_TRUE(row);
   EXPECT_TRUE(row->last);
   EXPECT_EQ(row->sets.size(), 1U);
+}
+
+TEST(Recorder, AStill_IsTheFirstSetWithAllHeadsAndItsRaymap) {
+  Stand stand(2);
+  stand.end();
+  ASSERT_TRUE(stand.take_row()->last);
+  stand.begin(true);
+  stand.offer(1);
+  stand.offer(2);
+  stand.offer(3);
+  const std::uint64_t set = stand.newest();
+  stand.offer_raymap_of(set - 1);
+  stand.offer(3);
+  EXPECT_EQ(stand.take_row(), nullptr) << "its raymap is awaited";
+  stand.offer_raymap_of(set);
+  const auto row = stand.take_row();
+  ASSERT_TRUE(row);
+  EXPECT_TRUE(row->last);
+  ASSERT_EQ(row->sets.size(), 1U);
+  EXPECT_EQ(row->sets[0].number, set);
+  ASSERT_EQ(row->raymaps.size(), 1U);
+  EXPECT_EQ(row->raymaps[0].set, set);
+  stand.offer(3);
+  EXPECT_EQ(stand.take_row(), nullptr);
+}
+
+TEST(Recorder, AStillWithoutAHeadOrARaymap_EndsAfterItsTime) {
+  Stand stand(2);
+  stand.end();
+  ASSERT_TRUE(stand.take_row()->last);
+  stand.begin(true);
+  int sets = 0;
+  std::unique_ptr<TakeRow> row;
+  for (; !row && sets < 1000; ++sets) {
+    stand.offer(1);
+    row = stand.take_row();
+  }
+  ASSERT_TRUE(row);
+  EXPECT_NEAR(sets, 400, 5) << "2 s for the head, 2 s for the raymap, a set every 10 ms";
+  ASSERT_EQ(row->sets.size(), 1U);
+  EXPECT_EQ(row->sets[0].frames[1].placeholder, Placeholder::kMissing);
+  EXPECT_TRUE(row->last);
+}
+
+TEST(Recorder, PicturesBecomeJpegsWhoseQualityFallsAsTheRingFills) {
+  Stand stand(2, TakesConfig::Mode::kJpeg);
+  std::vector<std::unique_ptr<TakeRow>> rows;
+  int last = 100;
+  for (int k = 0; k < 20'000 && stand.recorder().counts().lost_sets.load() == 0; ++k) {
+    stand.offer(3);
+    if (auto row = stand.take_row()) rows.push_back(std::move(row));
+    if (rows.size() == Recorder::kRows) break;
+  }
+  ASSERT_FALSE(rows.empty());
+  EXPECT_EQ(rows.front()->streams[0]->format, PixelFormat::kMjpeg);
+  EXPECT_EQ(rows.front()->sets[0].frames[0].quality, 90);
+  for (const auto& row : rows) {
+    for (const RecordedSet& set : row->sets) {
+      EXPECT_LE(set.frames[0].quality, last);
+      EXPECT_GE(set.frames[0].quality, 90 - 3 * Recorder::kQualityStep);
+      last = set.frames[0].quality;
+      EXPECT_EQ(set.frames[0].bytes[0], 0xff);
+      EXPECT_EQ(set.frames[0].bytes[1], 0xd8);
+    }
+  }
 }
 
 }  // namespace

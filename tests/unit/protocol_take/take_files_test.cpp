@@ -146,6 +146,8 @@ TEST(TakeFiles, Documents_AreReadAsTheyWereWritten) {
   take.mode = "driver";
   take.layout = "cube";
   take.heads = {"left", "right"};
+  take.raymap_width = 2048;
+  take.raymap_height = 1024;
   const auto again = parse_take_json(take_json(take), "take.json");
   ASSERT_TRUE(again) << again.error().text();
   EXPECT_EQ(take_json(*again), take_json(take));
@@ -154,6 +156,7 @@ TEST(TakeFiles, Documents_AreReadAsTheyWereWritten) {
   manifest.sets = 7;
   manifest.length = Duration::seconds(3);
   manifest.ended = "stopped";
+  manifest.marks = {{3, "the bus"}, {5, ""}};
   manifest.files = {{"cam0-0000.mkv", 1000, xxh128(Bytes{1, 2, 3})}, {"evidence-0000", 20, {}}};
   const auto read = parse_manifest(manifest_json(manifest), "manifest");
   ASSERT_TRUE(read) << read.error().text();
@@ -170,11 +173,12 @@ TEST(TakeFiles, HostileDocuments_AreRefusedByName) {
     text.replace(text.find(from), from.size(), to);
     return text;
   };
-  for (const std::string& text : {std::string(), std::string("[]"), std::string("{}"), with("cam0-0000.mkv", "../x"),
-                                  with("cam0-0000.mkv", "manifest"), with("cam0-0000.mkv", "cam0-0000.mkv/x"),
-                                  with("1000", "-1"), with("1000", "99999999999999999999"), with("1000", "1e3"),
-                                  with("\"version\": 1", "\"version\": 2"), with("00000000", "0000000g"),
-                                  with("\"sets\": 0", "\"sets\": \"0\""), std::string(kMaxManifestBytes + 1, ' ')}) {
+  for (const std::string& text :
+       {std::string(), std::string("[]"), std::string("{}"), with("cam0-0000.mkv", "../x"),
+        with("cam0-0000.mkv", "manifest"), with("cam0-0000.mkv", "cam0-0000.mkv/x"), with("1000", "-1"),
+        with("1000", "99999999999999999999"), with("1000", "1e3"), with("\"version\": 1", "\"version\": 2"),
+        with("00000000", "0000000g"), with("\"sets\": 0", "\"sets\": \"0\""), with("\"marks\": []", "\"marks\": [1]"),
+        with("\"marks\": []", "\"marks\": {}"), std::string(kMaxManifestBytes + 1, ' ')}) {
     const auto read = parse_manifest(text, "the-manifest");
     ASSERT_FALSE(read) << text.substr(0, 200);
     EXPECT_NE(read.error().message.find("the-manifest"), std::string::npos) << read.error().text();

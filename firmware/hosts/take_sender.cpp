@@ -1,0 +1,107 @@
+#include "firmware/hosts/take_sender.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace nodal::firmware {
+
+Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request, Instant now) {
+  if (!reader_) {
+    return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
+  }
+  if (transfer_) {
+    return fail(Errc::kBusy, "the rig is sending a file of a take to this or another host; try again later");
+  }
+  if (request.offset() % TakeReader::kPiece != 0) {
+    return fail(Errc::kBadValue, "a file of a take can be read from multiples of 1 MiB on");
+  }
+  auto stream = client.session().open_stream(StreamPolicy::kLossless);
+  if (!stream) return stream;
+  transfer_ =
+      Transfer{++transfers_, client.number(), *stream, request.take(), request.file(), request.offset(), false, now};
+  client.take_file = *stream;
+  return stream;
+}
+
+/// Null when the client has disconnected, has stopped the stream or has received all of it.
+Client* TakeSender::receiver(const Clients& clients) const {
+  const auto found = std::find_if(clients.begin(), clients.end(),
+                                  [&](const auto& client) { return client->number() == transfer_->client; });
+  Client* const client = found == clients.end() || (*found)->ending() ? nullptr : found->get();
+  return client && client->session().counts(transfer_->stream) ? client : nullptr;
+}
+
+bool TakeSender::step(const Clients& clients, Instant now) {
+  if (!reader_) return false;
+  Client* client = transfer_ ? receiver(clients) : nullptr;
+  bool busy = take_answers(client);
+  if (!transfer_) return busy;
+  client = receiver(clients);  // an answer may have ended the stream
+  if (!client) {
+    for (const auto& each : clients) {
+      if (each->number() == transfer_->client) each->take_file.reset();
+    }
+    transfer_.reset();
+    return true;
+  }
+  busy |= order(*client);
+  const auto counts = client->session().counts(transfer_->stream);
+  const bool waits_for_host = counts && counts->pending > 0;
+  if (!waits_for_host || client->written() > transfer_->moved) transfer_->moved = now;
+  if (waits_for_host && now - transfer_->moved > kGrace) {
+    end(*client, {Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) +
+                                      " s; another host may want a take"});
+    return true;
+  }
+  return busy;
+}
+
+bool TakeSender::take_answers(Client* client) {
+  bool busy = false;
+  while (auto answer = reader_->answers().pop()) {
+    busy = true;
+    --ordered_;
+    const bool wanted = client && transfer_ && answer->transfer == transfer_->number && !transfer_->all_ordered;
+    if (!wanted) continue;  // of an ended transfer, or ordered behind the end of the file
+    if (!answer->piece) {
+      end(*client, answer->piece.error());
+      client = nullptr;
+      continue;
+    }
+    const std::uint64_t file_bytes = answer->piece->file_bytes;
+    const std::uint64_t after = answer->offset + answer->piece->bytes->size();
+    if (!answer->piece->bytes->empty()) {
+      wire::TakePiece meta;
+      meta.set_offset(answer->offset);
+      meta.set_file_bytes(file_bytes);
+      // It has room: at most kAhead items are pending.
+      (void)client->session().offer(transfer_->stream,
+                                    BulkItem{meta.SerializeAsString(), SharedBytes(answer->piece->bytes), 0});
+    }
+    if (after < file_bytes) continue;
+    transfer_->all_ordered = true;
+    client->session().close_stream(transfer_->stream);
+  }
+  return busy;
+}
+
+bool TakeSender::order(const Client& client) {
+  bool busy = false;
+  const auto pending = client.session().counts(transfer_->stream)->pending;
+  while (!transfer_->all_ordered && ordered_ + pending < kAhead) {
+    const bool ordered = reader_->orders().push({transfer_->number, transfer_->take, transfer_->file, transfer_->next});
+    NODAL_ASSERT(ordered);  // it has room for kAhead
+    ++ordered_;
+    transfer_->next += TakeReader::kPiece;
+    busy = true;
+  }
+  return busy;
+}
+
+void TakeSender::end(Client& client, const Error& why) {
+  client.session().close_stream(transfer_->stream, why);
+  client.take_file.reset();
+  transfer_.reset();
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,58 @@
+// Sends files of finished takes to a host.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "firmware/hosts/client.h"
+#include "firmware/record/take_reader.h"
+#include "protocol/base/result.h"
+#include "protocol/nodal.pb.h"
+
+namespace nodal::firmware {
+
+/// Serves one file at a time, for all hosts together, so the memory is bounded by kAhead pieces and one host at a time uses the
+/// disk. Each piece is one item of a lossless stream. The takes' reader reads the pieces. The host's link may pause for
+/// kGrace at most; then the stream ends, so that a host that does not read blocks others only briefly.
+///
+/// Threading: thread-bound to control.
+/// Ownership: the reader outlives it; sessions hold the pieces that they send.
+/// Errors: start() returns kBusy, kUnsupported, kBadValue; the reader's errors and kTimeout end the stream.
+class TakeSender {
+ public:
+  /// `reader`: null in a rig that records nothing.
+  explicit TakeSender(TakeReader* reader) : reader_(reader) {}
+
+  /// Opens the stream of a file.
+  Result<StreamId> start(Client& client, const wire::TakeRead& request, Instant now);
+  /// True when it did something.
+  bool step(const Clients& clients, Instant now);
+
+  /// Pieces that are ordered or not sent completely.
+  static constexpr std::size_t kAhead = TakeReader::kOrders;
+  static constexpr Duration kGrace = Duration::seconds(10);
+
+ private:
+  struct Transfer {
+    std::uint64_t number = 0;
+    std::uint64_t client = 0;
+    StreamId stream = 0;
+    std::uint64_t take = 0;
+    std::string file;
+    std::uint64_t next = 0;  ///< offset of the next piece to order
+    bool all_ordered = false;
+    Instant moved;  ///< when bytes of it last moved
+  };
+  Client* receiver(const Clients& clients) const;
+  bool take_answers(Client* client);
+  bool order(const Client& client);
+  void end(Client& client, const Error& why);
+
+  TakeReader* const reader_;
+  std::optional<Transfer> transfer_;
+  std::uint64_t transfers_ = 0;
+  std::size_t ordered_ = 0;  ///< unanswered orders, those of ended transfers included
+};
+
+}  // namespace nodal::firmware

@@ -1,0 +1,70 @@
+// The stage that reads finished takes from the disk for hosts.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "firmware/record/recorder.h"
+#include "hal/disk.h"
+#include "protocol/base/result.h"
+#include "protocol/base/spsc_ring.h"
+
+namespace nodal::firmware {
+
+/// One piece of a file of a take.
+struct ReadOrder {
+  std::uint64_t transfer = 0;  ///< returned in the answer
+  std::uint64_t take = 0;
+  std::string file;          ///< its name, as a host sent it
+  std::uint64_t offset = 0;  ///< in the file
+};
+
+struct PieceOfTake {
+  std::uint64_t file_bytes = 0;  ///< length of the whole file
+  /// TakeReader::kPiece bytes, or those up to the end of the file.
+  std::shared_ptr<const std::vector<std::uint8_t>> bytes;
+};
+
+struct ReadAnswer {
+  std::uint64_t transfer = 0;
+  std::uint64_t offset = 0;
+  Result<PieceOfTake> piece;
+};
+
+/// Reads pieces of files, one in each step. Recording has priority: nothing is read while the recorder's memory is filled
+/// above kReadsUpTo, because the disk then is busy with writing.
+///
+/// Threading: step() is thread-bound to a thread of its own, which blocks on the disk. orders() and answers() are SPSC rings with
+///   control.
+/// Ownership: disk and recorder outlive it. No file stays open between steps.
+/// Errors: in the answers: kBadValue for a name that no file of a take has, kNotFound, kWrongState for a take without a
+///   manifest, those of the disk.
+class TakeReader {
+ public:
+  TakeReader(hal::DiskPort& disk, Recorder& recorder)
+      : disk_(disk), recorder_(recorder), orders_(kOrders), answers_(kOrders) {}
+
+  /// True when it did something.
+  bool step();
+
+  SpscRing<ReadOrder>& orders() { return orders_; }
+  SpscRing<ReadAnswer>& answers() { return answers_; }
+
+  static constexpr std::size_t kPiece = std::size_t{1} << 20;
+  /// Orders that are not answered yet; control sends no more.
+  static constexpr std::size_t kOrders = 4;
+  /// Of the recorder's memory, in percent.
+  static constexpr std::size_t kReadsUpTo = 25;
+
+ private:
+  Result<PieceOfTake> read(const ReadOrder& order);
+
+  hal::DiskPort& disk_;
+  Recorder& recorder_;
+  SpscRing<ReadOrder> orders_;
+  SpscRing<ReadAnswer> answers_;
+};
+
+}  // namespace nodal::firmware

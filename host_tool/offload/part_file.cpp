@@ -1,0 +1,111 @@
+#include "host_tool/offload/part_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace nodal::host {
+namespace {
+
+Errc code_of(int error) {
+  if (error == ENOSPC || error == EDQUOT || error == EFBIG) return Errc::kDiskFull;
+  return error == ENOENT ? Errc::kNotFound : Errc::kIo;
+}
+
+tl::unexpected<Error> refuse(const std::filesystem::path& path, const char* what, int error) {
+  return fail(code_of(error), fmt::format("{}: {}: {}", path.string(), what, std::strerror(error)));
+}
+
+}  // namespace
+
+PartFile::PartFile(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
+PartFile::PartFile(PartFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+PartFile::~PartFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Result<PartFile> PartFile::open(const std::filesystem::path& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
+  if (fd < 0) return refuse(path, "cannot be opened for writing", errno);
+  PartFile file(fd, path);
+  struct stat about {};
+  if (::fstat(fd, &about) != 0) return refuse(path, "cannot be read", errno);
+  if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, path.string() + ": is not a regular file; remove it");
+  return file;
+}
+
+tl::unexpected<Error> PartFile::failed(const char* what, int error) const { return refuse(path_, what, error); }
+
+Result<std::uint64_t> PartFile::size() const {
+  struct stat about {};
+  if (::fstat(fd_, &about) != 0) return failed("cannot be read", errno);
+  return static_cast<std::uint64_t>(about.st_size);
+}
+
+Result<std::size_t> PartFile::read(std::uint64_t offset, std::span<std::uint8_t> bytes) const {
+  std::size_t have = 0;
+  while (have < bytes.size()) {
+    const ssize_t got = ::pread(fd_, bytes.data() + have, bytes.size() - have, static_cast<off_t>(offset + have));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return failed("cannot be read", errno);
+    if (got == 0) break;
+    have += static_cast<std::size_t>(got);
+  }
+  return have;
+}
+
+Status PartFile::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t wrote = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (wrote < 0 && errno == EINTR) continue;
+    if (wrote < 0) return failed("cannot be written", errno);
+    offset += static_cast<std::uint64_t>(wrote);
+    bytes = bytes.subspan(static_cast<std::size_t>(wrote));
+  }
+  return {};
+}
+
+Status PartFile::truncate(std::uint64_t size) {
+  if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return failed("cannot be shortened", errno);
+  return {};
+}
+
+Status PartFile::sync() {
+  if (::fsync(fd_) != 0) return failed("cannot be written to the disk", errno);
+  return {};
+}
+
+Status sync_folder(const std::filesystem::path& folder) {
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return refuse(folder, "cannot be opened", errno);
+  const int done = ::fsync(fd) == 0 ? 0 : errno;
+  ::close(fd);
+  // A file system that cannot sync folders says so by these.
+  if (done != 0 && done != EINVAL && done != ENOTSUP) return refuse(folder, "cannot be written to the disk", done);
+  return {};
+}
+
+Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (::rename(from.c_str(), to.c_str()) != 0) return refuse(to, "cannot be written", errno);
+  return {};
+}
+
+Result<std::uint64_t> free_bytes(const std::filesystem::path& folder) {
+  struct statvfs about {};
+  if (::statvfs(folder.c_str(), &about) != 0) return refuse(folder, "cannot be read", errno);
+  return std::uint64_t{about.f_bavail} * about.f_frsize;
+}
+
+std::optional<std::uint64_t> length_of_file(const std::filesystem::path& path) {
+  struct stat about {};
+  if (::lstat(path.c_str(), &about) != 0 || !S_ISREG(about.st_mode)) return std::nullopt;
+  return static_cast<std::uint64_t>(about.st_size);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,219 @@
+#include "host_tool/offload/take_copy.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "host_tool/console/files.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/offload/part_file.h"
+#include "host_tool/offload/take_fetch.h"
+#include "protocol/take/evidence.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+using Bytes = std::vector<std::uint8_t>;
+using take::PieceHashes;
+
+const std::string kPart = ".part";
+
+bool is_evidence(const std::string& name) { return name.starts_with("evidence-"); }
+bool is_video(const std::string& name) { return name.ends_with(".mkv"); }
+bool of_a_head(const std::string& name) { return name.starts_with("cam"); }
+
+Error damaged(const std::string& file, std::uint64_t offset) {
+  return {
+      Errc::kChecksum,
+      fmt::format("{}: what the rig sends from byte {} on differs from what was recorded, {} times: the rig's disk is "
+                  "damaged there; copy what can be read with scp",
+                  file, offset, TakeCopy::kTries)};
+}
+
+std::string_view text_of(std::span<const std::uint8_t> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+}  // namespace
+
+Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const fs::path& to) {
+  auto bytes = fetch_small_file(rig, take, take::kManifestFile, take::kMaxManifestBytes);
+  if (!bytes) return fail(bytes.error());
+  auto manifest = take::parse_manifest(text_of(*bytes), fmt::format("the rig's manifest of take {}", take));
+  if (!manifest) return fail(manifest.error());
+  if (manifest->number != take) {
+    return fail(Errc::kProtocol,
+                fmt::format("the rig sent the manifest of take {} for take {}", manifest->number, take));
+  }
+  TakeCopy copy(rig, to / take::take_folder(take));
+  copy.id_ = sha256(*bytes);
+  copy.manifest_ = std::move(*manifest);
+  std::error_code error;
+  fs::create_directories(copy.folder_, error);
+  if (error) return fail(Errc::kIo, copy.folder_.string() + ": cannot be made: " + error.message());
+  if (const Status mine = copy.claim_folder(*bytes); !mine) return fail(mine.error());
+  return copy;
+}
+
+/// Two rigs, or one whose card was replaced, have takes of the same number.
+Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
+  for (const std::string& name : {take::kManifestFile, take::kManifestFile + kPart}) {
+    if (!length_of_file(folder_ / name)) continue;
+    const auto there = read_file((folder_ / name).string(), take::kMaxManifestBytes);
+    if (!there) return fail(there.error());
+    if (*there == text_of(manifest)) return {};
+    return fail(Errc::kWrongState,
+                fmt::format("{}: holds another take with this number; use another folder", folder_.string()));
+  }
+  return write_file((folder_ / (take::kManifestFile + kPart)).string(), text_of(manifest));
+}
+
+/// A file has its own name only after it was verified and synced.
+bool TakeCopy::there(const take::Manifest::File& file) const {
+  return length_of_file(folder_ / file.name) == file.bytes;
+}
+
+bool TakeCopy::complete() const {
+  return length_of_file(folder_ / take::kManifestFile) &&
+         std::ranges::all_of(manifest_.files, [&](const auto& file) { return there(file); });
+}
+
+std::uint64_t TakeCopy::bytes(bool without_heads) const {
+  std::uint64_t sum = 0;
+  for (const take::Manifest::File& file : manifest_.files)
+    sum += without_heads && of_a_head(file.name) ? 0 : file.bytes;
+  return sum;
+}
+
+Status TakeCopy::check_room(bool without_heads) const {
+  std::uint64_t needed = 0;
+  for (const take::Manifest::File& file : manifest_.files) {
+    if ((without_heads && of_a_head(file.name)) || there(file)) continue;
+    needed += file.bytes - std::min(file.bytes, length_of_file(folder_ / (file.name + kPart)).value_or(0));
+  }
+  const auto free = free_bytes(folder_);
+  if (!free) return fail(free.error());
+  if (*free >= needed) return {};
+  return fail(Errc::kDiskFull,
+              fmt::format("{}: has room for {}, and {} are missing; use another folder, or --only raymap",
+                          folder_.string(), show_bytes(*free), show_bytes(needed)));
+}
+
+Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
+  if (const Status room = check_room(without_heads); !room) return room;
+  done_ = 0;
+  for (const bool video : {false, true}) {  // the evidence has the hashes of the video files
+    for (const take::Manifest::File& file : manifest_.files) {
+      if (is_video(file.name) != video || (without_heads && of_a_head(file.name))) continue;
+      if (there(file) && !is_evidence(file.name)) {
+        done_ += file.bytes;
+        progress(done_, file.name);
+        continue;
+      }
+      const Status copied = video ? copy_video(file, progress) : copy_document(file, progress);
+      if (!copied) return copied;
+    }
+  }
+  if (without_heads) return sync_folder(folder_);
+  if (length_of_file(folder_ / take::kManifestFile)) return sync_folder(folder_);
+  Status done = sync_folder(folder_);
+  if (done) done = rename_file(folder_ / (take::kManifestFile + kPart), folder_ / take::kManifestFile);
+  if (done) done = sync_folder(folder_);
+  if (done) done = sync_folder(folder_ / "..");
+  return done;
+}
+
+/// Documents and evidence: compared with the manifest as a whole. Evidence that is there is only read for its hashes.
+Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgress& progress) {
+  const fs::path path = folder_ / file.name;
+  const auto good = [&](std::span<const std::uint8_t> bytes) {
+    PieceHashes hashes;
+    hashes.update(bytes);
+    return bytes.size() == file.bytes && take::digest_of(hashes.all()) == file.digest;
+  };
+  Bytes bytes;
+  bool whole = false;
+  if (there(file)) {
+    const auto text = read_file(path.string(), take::kMaxEvidenceBytes);
+    if (!text) return fail(text.error());
+    bytes.assign(text->begin(), text->end());
+    whole = good(bytes);
+  }
+  for (int k = 0; k < kTries && !whole; ++k) {
+    auto fetched = fetch_small_file(*rig_, manifest_.number, file.name, take::kMaxEvidenceBytes);
+    if (!fetched) return fail(fetched.error());
+    bytes = std::move(*fetched);
+    fetched_ += bytes.size();
+    whole = good(bytes);
+    if (!whole) continue;
+    if (const Status written = write_file(path.string(), bytes); !written) return written;
+  }
+  if (!whole) return fail(damaged(file.name, 0));
+  done_ += file.bytes;
+  progress(done_, file.name);
+  if (!is_evidence(file.name)) return {};
+  const auto segment = take::read_evidence(bytes, file.name);
+  if (!segment) return fail(segment.error());
+  for (int k = 0; k < segment->begin.files_size(); ++k) {
+    hashes_[segment->begin.files(k).name()] = segment->hashes_of(static_cast<std::size_t>(k));
+  }
+  return {};
+}
+
+Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& progress) {
+  const auto expected = hashes_.find(file.name);
+  const std::uint64_t pieces = (file.bytes + PieceHashes::kPiece - 1) / PieceHashes::kPiece;
+  if (expected == hashes_.end() || expected->second.size() != pieces ||
+      take::digest_of(expected->second) != file.digest) {
+    return fail(Errc::kBadFormat,
+                fmt::format("{}: the evidence of take {} does not have its hashes", file.name, manifest_.number));
+  }
+  auto part = PartFile::open(folder_ / (file.name + kPart));
+  if (!part) return fail(part.error());
+  const auto size = part->size();
+  if (!size) return fail(size.error());
+  // What an earlier copy left is kept as far as it is right.
+  std::uint64_t at = 0;
+  Bytes piece(PieceHashes::kPiece);
+  while (at < *size) {
+    const auto got = part->read(at, piece);
+    if (!got) return fail(got.error());
+    const std::size_t whole =
+        static_cast<std::size_t>(std::min(PieceHashes::kPiece, file.bytes - std::min(at, file.bytes)));
+    if (*got < whole || whole == 0) break;
+    if (take::xxh128(std::span(piece).first(whole)) != expected->second[at / PieceHashes::kPiece]) break;
+    at += whole;
+    done_ += whole;
+    progress(done_, file.name);
+  }
+  if (const Status cut = part->truncate(at); !cut) return cut;
+  for (int tries = kTries; at < file.bytes;) {
+    const std::uint64_t before = at;
+    bool differs = false;
+    const Status fetched = fetch_file(*rig_, manifest_.number, file.name, at,
+                                      [&](std::uint64_t offset, std::span<const std::uint8_t> bytes) -> Status {
+                                        fetched_ += bytes.size();
+                                        const std::uint64_t k = offset / PieceHashes::kPiece;
+                                        if (k >= pieces || take::xxh128(bytes) != expected->second[k]) {
+                                          differs = true;
+                                          return fail(Errc::kChecksum, file.name + ": differs");
+                                        }
+                                        if (const Status written = part->write(offset, bytes); !written) return written;
+                                        at = offset + bytes.size();
+                                        done_ += bytes.size();
+                                        progress(done_, file.name);
+                                        return {};
+                                      });
+    if (!fetched && !differs) return fetched;
+    if (at > before) tries = kTries;
+    if (at < file.bytes && --tries == 0) return fail(damaged(file.name, at));
+  }
+  if (const Status synced = part->sync(); !synced) return synced;
+  return rename_file(folder_ / (file.name + kPart), folder_ / file.name);
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,92 @@
+#include "host_tool/offload/take_fetch.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "host_tool/console/interrupt.h"
+#include "host_tool/rig/bulk_item.h"
+#include "protocol/take/digest.h"
+
+namespace nodal::host {
+namespace {
+
+using take::PieceHashes;
+
+constexpr Duration kAskAgainAfter = Duration::milliseconds(250);
+constexpr Duration kListenFor = Duration::milliseconds(500);
+
+Error cancelled() { return {Errc::kCancelled, "interrupted"}; }
+
+/// Opens the stream, when no other host receives a take.
+Result<StreamId> begin(RigConnection& rig, std::uint64_t take, const std::string& file, std::uint64_t offset) {
+  wire::Request request;
+  request.mutable_take_read()->set_take(take);
+  request.mutable_take_read()->set_file(file);
+  request.mutable_take_read()->set_offset(offset);
+  for (Duration waited;; waited = waited + kAskAgainAfter) {
+    if (interrupted()) return fail(cancelled());
+    const Result<wire::Reply> started = rig.ask(request);
+    if (started) return started->pull().stream();
+    if (started.error().code != Errc::kBusy || waited >= rig.patience()) return fail(started.error());
+    if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
+  }
+}
+
+Status out_of_order(const std::string& file) {
+  return fail(Errc::kProtocol, fmt::format("the rig sent the pieces of {} in another order than they have", file));
+}
+
+}  // namespace
+
+Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& file, std::uint64_t offset,
+                  const OnPiece& on_piece) {
+  const Result<StreamId> stream = begin(rig, take, file, offset);
+  if (!stream) return fail(stream.error());
+  BulkItemBytes bytes;
+  while (true) {
+    const Result<std::optional<Event>> event = rig.next_event_of(*stream, kListenFor);
+    if (!event) return fail(event.error());
+    if (interrupted()) {
+      rig.stop_stream(*stream);
+      return fail(cancelled());
+    }
+    if (!*event) continue;  // the rig is alive, and has nothing to send: next_event_of() asks it
+    if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
+      if (piece->first) {
+        wire::TakePiece meta;
+        if (!meta.ParseFromString(piece->meta) || meta.offset() != offset) return out_of_order(file);
+        const Status good = bytes.begin(*piece, PieceHashes::kPiece, "a piece of a take");
+        if (!good) return good;
+      }
+      bytes.add(*piece);
+      if (!piece->last) continue;
+      const std::vector<std::uint8_t> whole = bytes.take();
+      if (const Status taken = on_piece(offset, whole); !taken) {
+        rig.stop_stream(*stream);
+        return taken;
+      }
+      offset += whole.size();
+    } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+      if (closed->error) return fail(*closed->error);
+      return {};
+    }
+  }
+}
+
+Result<std::vector<std::uint8_t>> fetch_small_file(RigConnection& rig, std::uint64_t take, const std::string& file,
+                                                   std::size_t limit) {
+  std::vector<std::uint8_t> all;
+  const Status fetched =
+      fetch_file(rig, take, file, 0, [&](std::uint64_t, std::span<const std::uint8_t> bytes) -> Status {
+        if (all.size() + bytes.size() > limit) {
+          return fail(Errc::kTooLarge, fmt::format("{} of take {} has more than {} bytes", file, take, limit));
+        }
+        all.insert(all.end(), bytes.begin(), bytes.end());
+        return {};
+      });
+  if (!fetched) return fail(fetched.error());
+  return all;
+}
+
+}  // namespace nodal::host

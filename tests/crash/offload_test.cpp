@@ -1,0 +1,266 @@
+// `nodal offload` from the real nodald: killed, unplugged and disturbed at many places, then run again.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "faulty_wire.h"
+#include "nodald_process.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+
+namespace nodal::crash {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using test::Finished;
+using test::Process;
+
+/// Places at which a copy is disturbed, for each kind of fault. NODAL_OFFLOAD_PLACES: another number.
+int places() {
+  const char* const given = std::getenv("NODAL_OFFLOAD_PLACES");
+  return given ? std::max(1, std::atoi(given)) : 40;
+}
+
+/// One rig for all tests, with one take of files of several MiB.
+class Offload : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    rig_ = new Rig;
+    rig_->record(450);
+    rig_->wire = std::make_unique<FaultyWire>((rig_->folder.path / "wire").string(), rig_->folder.socket());
+  }
+  static void TearDownTestSuite() { delete rig_; }
+
+  struct Rig {
+    RigFolder folder;
+    std::unique_ptr<Process> daemon;
+    std::unique_ptr<FaultyWire> wire;
+    std::uint64_t takes = 0;
+
+    Rig() {
+      std::ofstream(folder.config(), std::ios::app) << "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n";
+      const Finished fast = Process({"sed", "-i", "s/^calibration = .*/&\\nclock = \"fast\"/", folder.config()}).wait();
+      EXPECT_EQ(fast.code, 0);
+      start();
+    }
+    void start() { daemon = std::make_unique<Process>(nodald({"--config", folder.config()})); }
+    /// Records a take of at least so many sets.
+    void record(std::uint64_t sets) {
+      const auto host = LinkHost::connect(folder.socket());
+      ASSERT_TRUE(host) << daemon->complained();
+      const auto truth = test::read_bytes(folder.path / "truth.json");
+      ASSERT_TRUE(host->upload_and_commit(std::string(truth.begin(), truth.end())));
+      const auto status = [&] { return host->status().value_or(wire::RigStatus()); };
+      ASSERT_TRUE(test::wait_until([&] { return host->pump() && status().raymaps() > 0; }));
+      wire::Request start;
+      start.mutable_take_start();
+      ASSERT_TRUE(host->ask(start)->has_take());
+      ASSERT_TRUE(test::wait_until([&] { return host->pump() && status().recording().sets() >= sets; }));
+      wire::Request stop;
+      stop.mutable_take_stop();
+      const auto stopped = host->ask(stop);
+      ASSERT_TRUE(stopped && stopped->has_take());
+      takes = stopped->take().take();
+    }
+    fs::path take(std::uint64_t number) const { return folder.path / "takes" / take::take_folder(number); }
+  };
+
+  static std::vector<std::string> command(const std::string& socket, std::vector<std::string> arguments) {
+    std::vector<std::string> all{NODAL_BIN_DIR "/nodal", "--rig", "unix:" + socket, "--json", "offload"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return all;
+  }
+  static std::string wire() { return (rig_->folder.path / "wire").string(); }
+  static Finished offload(std::vector<std::string> arguments) {
+    return Process(command(wire(), std::move(arguments))).wait();
+  }
+  static Json document(const Finished& done) {
+    return Json::parse(done.out.empty() ? "{}" : done.out.substr(0, done.out.find('\n')));
+  }
+
+  /// Every file of the rig's folder is in the copy with the same bytes, and nothing else is.
+  static void expect_equal(const fs::path& copy, std::uint64_t take = 1) {
+    std::size_t files = 0;
+    for (const auto& entry : fs::directory_iterator(rig_->take(take))) {
+      const std::string name = entry.path().filename().string();
+      if (name == take::kProtectedFile) continue;
+      ++files;
+      EXPECT_TRUE(test::read_bytes(entry.path()) == test::read_bytes(copy / name)) << name;
+    }
+    EXPECT_GE(files, 10U);
+    EXPECT_EQ(std::distance(fs::directory_iterator(copy), fs::directory_iterator()),
+              static_cast<std::ptrdiff_t>(files));
+  }
+
+  static Rig* rig_;
+  const test::TemporaryFolder to_;
+};
+Offload::Rig* Offload::rig_ = nullptr;
+
+TEST_F(Offload, Undisturbed_GivesTheSameBytesAndFetchesThemOnce) {
+  const Finished done = offload({"--new", "--to", to_.path().string()});
+  ASSERT_EQ(done.code, 0) << done.err;
+  expect_equal(to_ / "000001");
+  const Json take = document(done)["takes"][0];
+  EXPECT_EQ(take["take"], 1);
+  EXPECT_EQ(take["fetched"], take["bytes"]);
+  EXPECT_EQ(Process({NODAL_BIN_DIR "/nodal", "take", "verify", (to_ / "000001").string()}).wait().code, 0);
+  const Finished again = offload({"1", "--to", to_.path().string()});
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_EQ(document(again)["takes"][0]["fetched"], 0);
+}
+
+TEST_F(Offload, TheLinkEndsAnywhere_TheSameCommandGoesOnAndGivesTheSameBytes) {
+  const Finished whole = offload({"1", "--to", (to_ / "whole").string()});
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  const std::uint64_t bytes = rig_->wire->passed();
+  std::uint64_t saved = 0;
+  for (int k = 0; k < places(); ++k) {
+    SCOPED_TRACE("place " + std::to_string(k));
+    const std::string to = (to_ / std::to_string(k)).string();
+    rig_->wire->cut_at(1 + bytes * static_cast<std::uint64_t>(k) / static_cast<std::uint64_t>(places()));
+    const Finished cut = offload({"1", "--to", to});
+    ASSERT_EQ(cut.code, 3) << cut.err;
+    EXPECT_FALSE(fs::exists(fs::path(to) / "000001" / take::kManifestFile));
+    const Finished done = offload({"1", "--to", to});
+    ASSERT_EQ(done.code, 0) << done.err;
+    expect_equal(fs::path(to) / "000001");
+    const Json take = document(done)["takes"][0];
+    saved += take["bytes"].get<std::uint64_t>() - take["fetched"].get<std::uint64_t>();
+    fs::remove_all(to);
+  }
+  // A place halfway leaves half of the bytes; a piece of 1 MiB may be lost in each run.
+  const std::uint64_t expected = bytes / 2 > (1U << 20) ? bytes / 2 - (1U << 20) : 0;
+  EXPECT_GT(saved, expected * static_cast<std::uint64_t>(places()) * 8 / 10);
+}
+
+TEST_F(Offload, AByteChangesOnTheWay_ItIsNoticedAndTheSameCommandMendsIt) {
+  const Finished whole = offload({"1", "--to", (to_ / "whole").string()});
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  const std::uint64_t bytes = rig_->wire->passed();
+  for (int k = 0; k < places(); ++k) {
+    SCOPED_TRACE("place " + std::to_string(k));
+    const std::string to = (to_ / std::to_string(k)).string();
+    rig_->wire->flip_at(bytes * static_cast<std::uint64_t>(k) / static_cast<std::uint64_t>(places()));
+    const Finished flipped = offload({"1", "--to", to});
+    EXPECT_NE(flipped.code, 0);
+    EXPECT_FALSE(fs::exists(fs::path(to) / "000001" / take::kManifestFile));
+    const Finished done = offload({"1", "--to", to});
+    ASSERT_EQ(done.code, 0) << done.err;
+    expect_equal(fs::path(to) / "000001");
+    fs::remove_all(to);
+  }
+}
+
+TEST_F(Offload, KilledAgainAndAgain_EndsWithTheSameBytes) {
+  const std::string to = to_.path().string();
+  const auto bytes_in = [&](const fs::path& folder) {
+    std::uint64_t sum = 0;
+    std::error_code gone;
+    for (const auto& entry : fs::directory_iterator(folder, gone)) sum += fs::file_size(entry.path(), gone);
+    return sum;
+  };
+  const std::uint64_t whole = bytes_in(rig_->take(1));
+  int killed = 0;
+  for (int k = 0; k < places(); ++k) {
+    Process running(command(wire(), {"1", "--to", to}));
+    const std::uint64_t at = whole * static_cast<std::uint64_t>(k) / static_cast<std::uint64_t>(places());
+    EXPECT_TRUE(test::wait_until([&] { return bytes_in(to_ / "000001") >= at; }));
+    running.signal(SIGKILL);
+    if (running.wait().code == 128 + SIGKILL) {
+      ++killed;
+    } else {  // it was faster
+      expect_equal(to_ / "000001");
+      fs::remove_all(to_ / "000001");
+    }
+  }
+  EXPECT_GT(killed, places() / 4);
+  const Finished done = offload({"1", "--to", to});
+  ASSERT_EQ(done.code, 0) << done.err;
+  expect_equal(to_ / "000001");
+}
+
+TEST_F(Offload, WhatAnEarlierCopyLeftIsDamaged_OnlyThatIsFetchedAgain) {
+  ASSERT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
+  const fs::path folder = to_ / "000001", file = folder / "cam3-0000.mkv";
+  auto bytes = test::read_bytes(file);
+  const std::size_t size = bytes.size();
+  ASSERT_GT(size, 2U << 20);
+  bytes[(1 << 20) + 17] ^= 1;
+  bytes.resize(size + 100, 7);
+  fs::remove(file);
+  fs::rename(folder / take::kManifestFile, folder / (take::kManifestFile + ".part"));
+  test::write_bytes(folder / "cam3-0000.mkv.part", bytes);
+  const Finished done = offload({"1", "--to", to_.path().string()});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_EQ(document(done)["takes"][0]["fetched"].get<std::size_t>(), size - (1U << 20));
+  expect_equal(folder);
+}
+
+TEST_F(Offload, TheRigsDiskIsDamaged_NamesTheFileAndDeletesNothing) {
+  rig_->record(100);
+  const std::uint64_t take = rig_->takes;
+  const fs::path file = rig_->take(take) / "cam2-0000.mkv";
+  const auto good = test::read_bytes(file);
+  auto bad = good;
+  bad[bad.size() / 3] ^= 4;
+  test::write_bytes(file, bad);
+  const Finished done = offload({std::to_string(take), "--to", to_.path().string(), "--delete"});
+  EXPECT_EQ(done.code, 4) << done.err;
+  EXPECT_NE(done.err.find("cam2-0000.mkv: what the rig sends from byte 0 on differs"), std::string::npos) << done.err;
+  EXPECT_TRUE(fs::exists(rig_->take(take) / take::kManifestFile));
+  test::write_bytes(file, good);
+  const Finished mended = offload({std::to_string(take), "--to", to_.path().string(), "--delete"});
+  EXPECT_EQ(mended.code, 0) << mended.err;
+  EXPECT_FALSE(fs::exists(rig_->take(take)));
+  EXPECT_EQ(Process({NODAL_BIN_DIR "/nodal", "take", "verify", (to_ / take::take_folder(take)).string()}).wait().code,
+            0);
+}
+
+TEST_F(Offload, TheFolderHasAnotherTakeOfThisNumber_IsLeftAsItIs) {
+  fs::create_directories(to_ / "000001");
+  test::write_bytes(to_ / "000001/manifest", {'x'});
+  const Finished done = offload({"1", "--to", to_.path().string()});
+  EXPECT_EQ(done.code, 7) << done.err;
+  EXPECT_NE(done.err.find("holds another take with this number"), std::string::npos) << done.err;
+  EXPECT_EQ(test::read_bytes(to_ / "000001/manifest"), std::vector<std::uint8_t>{'x'});
+}
+
+TEST_F(Offload, OnlyTheRaymaps_LeavesTheHeadsOnTheRig) {
+  const Finished done = offload({"1", "--to", to_.path().string(), "--only", "raymap"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(test::read_bytes(to_ / "000001/raymap-0000.mkv") == test::read_bytes(rig_->take(1) / "raymap-0000.mkv"));
+  EXPECT_FALSE(fs::exists(to_ / "000001/cam0-0000.mkv"));
+  EXPECT_EQ(offload({"1", "--to", to_.path().string(), "--only", "raymap", "--delete"}).code, 2);
+  ASSERT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
+  expect_equal(to_ / "000001");
+}
+
+TEST_F(Offload, ATakeThatIsNotThereOrNotFinished_IsRefusedByItsNumber) {
+  const Finished missing = offload({"77", "--to", to_.path().string()});
+  EXPECT_NE(missing.code, 0);
+  EXPECT_NE(missing.err.find("there is no take 77"), std::string::npos) << missing.err;
+  EXPECT_EQ(offload({"--to", to_.path().string()}).code, 4);
+  const auto host = LinkHost::connect(rig_->folder.socket());
+  ASSERT_TRUE(host);
+  wire::Request start;
+  start.mutable_take_start();
+  const auto started = host->ask(start);
+  ASSERT_TRUE(started && started->has_take());
+  const Finished early = offload({std::to_string(started->take().take()), "--to", to_.path().string()});
+  EXPECT_EQ(early.code, 7);
+  EXPECT_NE(early.err.find("is not finished"), std::string::npos) << early.err;
+  wire::Request stop;
+  stop.mutable_take_stop();
+  EXPECT_TRUE(host->ask(stop)->has_take());
+}
+
+}  // namespace
+}  // namespace nodal::crash
