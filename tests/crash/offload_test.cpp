@@ -25,7 +25,7 @@ using test::Process;
 /// Places at which a copy is disturbed, for each kind of fault. NODAL_OFFLOAD_PLACES: another number.
 int places() {
   const char* const given = std::getenv("NODAL_OFFLOAD_PLACES");
-  return given ? std::max(1, std::atoi(given)) : 40;
+  return given ? std::max(1, std::atoi(given)) : 10;
 }
 
 /// One rig for all tests, with one take of files of several MiB.
