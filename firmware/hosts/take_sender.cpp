@@ -17,8 +17,14 @@ Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request
   }
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
-  transfer_ =
-      Transfer{++transfers_, client.number(), *stream, request.take(), request.file(), request.offset(), false, now};
+  Transfer& begun = transfer_.emplace();
+  begun.number = ++transfers_;
+  begun.client = client.number();
+  begun.stream = *stream;
+  begun.take = request.take();
+  begun.file = request.file();
+  begun.next = request.offset();
+  begun.moved = now;
   client.take_file = *stream;
   return stream;
 }
@@ -47,7 +53,10 @@ bool TakeSender::step(const Clients& clients, Instant now) {
   busy |= order(*client);
   const auto counts = client->session().counts(transfer_->stream);
   const bool waits_for_host = counts && counts->pending > 0;
-  if (!waits_for_host || client->written() > transfer_->moved) transfer_->moved = now;
+  // The stream's own bytes: a host may read everything else, and give no credit for this stream.
+  const std::uint64_t sent = counts ? counts->bytes : 0;
+  if (!waits_for_host || sent > transfer_->sent_bytes) transfer_->moved = now;
+  transfer_->sent_bytes = sent;
   if (waits_for_host && now - transfer_->moved > kGrace) {
     end(*client, {Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) +
                                       " s; another host may want a take"});

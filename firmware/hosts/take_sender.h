@@ -42,7 +42,8 @@ class TakeSender {
     std::string file;
     std::uint64_t next = 0;  ///< offset of the next piece to order
     bool all_ordered = false;
-    Instant moved;  ///< when bytes of it last moved
+    std::uint64_t sent_bytes = 0;
+    Instant moved;  ///< when sent_bytes last grew, or nothing was to be sent
   };
   Client* receiver(const Clients& clients) const;
   bool take_answers(Client* client);

@@ -300,12 +300,14 @@ void Operation::act(PanelAction action, Instant now) {
   const bool start = action == PanelAction::kStart;
   const std::string what = takes_ ? "a take" : "the genlock";
   news_.say(NewsKind::kRig, "the button " + std::string(start ? "starts " : "stops ") + what);
-  const bool starts_genlock =
-      start && capture_->genlock.state == GenlockState::kOff && config_.trigger.source != SyncSource::kNone;
-  if (starts_genlock || (start && !takes_)) ask_by_button(CaptureChange(GenlockStart{}), now);
-  if (!start && !takes_) ask_by_button(CaptureChange(GenlockStop{}), now);
-  if (takes_ && start) ask_by_button(TakeCommand(TakeRequest::Start{}), now);
-  if (takes_ && !start) ask_by_button(TakeCommand(TakeRequest::Stop{}), now);
+  if (!takes_) {
+    ask_by_button(start ? CaptureChange(GenlockStart{}) : CaptureChange(GenlockStop{}), now);
+    return;
+  }
+  const bool runs_free = config_.trigger.source == SyncSource::kNone;
+  if (start && !runs_free && capture_->genlock.state == GenlockState::kOff)
+    ask_by_button(CaptureChange(GenlockStart{}), now);
+  ask_by_button(start ? TakeCommand(TakeRequest::Start{}) : TakeCommand(TakeRequest::Stop{}), now);
 }
 
 void Operation::ask_by_button(Command command, Instant now) {

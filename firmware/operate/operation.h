@@ -38,7 +38,7 @@ struct Stages {
   CalibrationKeeper& keeper;
   SettingsStore& settings;
   TakeKeeper* takes = nullptr;        ///< null: the rig records nothing
-  TakeReader* take_reader = nullptr;  ///< likewise
+  TakeReader* take_reader = nullptr;  ///< null if `takes` is
 };
 
 /// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change

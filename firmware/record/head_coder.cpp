@@ -34,7 +34,13 @@ HeadCoder::HeadCoder(const HeadStream& delivered) : parities_(parities_of(delive
 HeadCoder::HeadCoder(HeadCoder&& other) noexcept = default;
 HeadCoder::~HeadCoder() = default;
 
-bool HeadCoder::codes(PixelFormat format) { return media::JpegWriter::writes(format); }
+bool HeadCoder::codes(const HeadStream& delivered) {
+  if (!media::JpegWriter::writes(delivered.format)) return false;
+  if (delivered.fields == Fields::kProgressive) return true;
+  // Both fields must have the same rows, of chroma, too.
+  const bool halved = delivered.format == PixelFormat::kI420 || delivered.format == PixelFormat::kNv12;
+  return delivered.height % (halved ? 4 : 2) == 0;
+}
 
 Result<HeadCoder::Parts> HeadCoder::encode(const ImageView& picture, int quality) {
   Parts parts;

@@ -31,9 +31,9 @@ class HeadCoder {
   HeadCoder(HeadCoder&& other) noexcept;
   ~HeadCoder();
 
-  /// Whether pictures of this format are encoded. MJPEG is stored as delivered, and a Bayer mosaic as it is, because JPEG
+  /// Whether such pictures are encoded. MJPEG is stored as delivered, and a Bayer mosaic as it is, because JPEG
   /// would blur its colours.
-  static bool codes(PixelFormat format);
+  static bool codes(const HeadStream& delivered);
   /// What the files of such a head hold.
   static HeadStream coded(HeadStream delivered) {
     delivered.format = PixelFormat::kMjpeg;

@@ -158,7 +158,7 @@ void Recorder::record(const FrameSet& set) {
     bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
     for (std::size_t head = 0; head < heads_; ++head) {
       if (!set.has(head)) continue;
-      full |= row_bytes_[head] + most_bytes(set.frames[head].image) > take::MatroskaWriter::kLargestCluster;
+      full |= row_bytes_[head] + most_bytes(set.frames[head]) > take::MatroskaWriter::kLargestCluster;
     }
     if (full) close_row(false);
   }
@@ -185,19 +185,20 @@ void Recorder::record(const FrameSet& set) {
   if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
 }
 
-bool Recorder::encodes(PixelFormat format) const {
-  return takes_.mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(format);
+bool Recorder::encodes(const HeadStream& delivered) const {
+  return takes_.mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(delivered);
 }
 
 HeadStream Recorder::stream_of(const hal::FrameView& frame) const {
   const HeadStream delivered = delivered_stream(frame);
-  return encodes(delivered.format) ? HeadCoder::coded(delivered) : delivered;
+  return encodes(delivered) ? HeadCoder::coded(delivered) : delivered;
 }
 
-std::size_t Recorder::most_bytes(const ImageView& picture) const {
+std::size_t Recorder::most_bytes(const hal::FrameView& frame) const {
+  const ImageView& picture = frame.image;
   if (picture.format == PixelFormat::kMjpeg) return picture.bytes;
   const std::size_t raw = packed_size(picture.format, picture.width, picture.height);
-  return encodes(picture.format) ? raw + raw / 2 : raw;
+  return encodes(delivered_stream(frame)) ? raw + raw / 2 : raw;
 }
 
 int Recorder::quality_now() const {
@@ -208,10 +209,11 @@ int Recorder::quality_now() const {
 bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame& to) {
   const ImageView& picture = view.image;
   HeadCoder::Parts parts{};
-  std::size_t bytes = most_bytes(picture);
-  if (encodes(picture.format)) {
+  std::size_t bytes = most_bytes(view);
+  const HeadStream delivered = delivered_stream(view);
+  const bool encoded = encodes(delivered);
+  if (encoded) {
     std::optional<Coder>& coder = coders_[head];
-    const HeadStream delivered = delivered_stream(view);
     if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered)});
     to.quality = quality_now();
     const auto coded = coder->coder.encode(picture, to.quality);
@@ -224,7 +226,7 @@ bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame
   }
   const auto place = ring_.take(bytes);
   if (!place) return false;
-  if (encodes(picture.format)) std::ranges::copy(parts[1], std::ranges::copy(parts[0], place->begin()).out);
+  if (encoded) std::ranges::copy(parts[1], std::ranges::copy(parts[0], place->begin()).out);
   else if (picture.format == PixelFormat::kMjpeg) std::memcpy(place->data(), picture.planes[0].data, bytes);
   else pack_picture(picture, place->data());
   to.placeholder = Placeholder::kNone;
@@ -249,8 +251,7 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
     frame.placeholder = Placeholder::kFormat;
-    const bool fits =
-        streams_[head] == stream_of(view) && most_bytes(view.image) <= take::MatroskaWriter::kLargestFrame;
+    const bool fits = streams_[head] == stream_of(view) && most_bytes(view) <= take::MatroskaWriter::kLargestFrame;
     if (fits && !store(view, head, frame)) return false;
     if (frame.placeholder != Placeholder::kNone) ++placeholders;
   }

@@ -83,8 +83,8 @@ class Recorder {
   bool changes_streams(const FrameSet& set);
   /// What the files of a head with such frames hold.
   HeadStream stream_of(const hal::FrameView& frame) const;
-  bool encodes(PixelFormat format) const;
-  std::size_t most_bytes(const ImageView& picture) const;
+  bool encodes(const HeadStream& delivered) const;
+  std::size_t most_bytes(const hal::FrameView& frame) const;
   /// False if the ring has no room.
   bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
   int quality_now() const;

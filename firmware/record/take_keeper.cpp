@@ -45,6 +45,7 @@ bool TakeKeeper::step(Instant now) {
   }
   busy |= write_rows(now);
   sync_if_due(now);
+  end_late_still(now);
   if (!busy) busy = take_request(now);
   if (!busy && !writing_) busy = recover_one();
   if (busy || now >= next_report_) publish(now);
@@ -97,11 +98,21 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     return done(writing_->number());
   }
   stopping_.push_back(request.ticket);
-  ending_ = true;
-  reason_ = "stopped";
-  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
-  NODAL_ASSERT(told);  // at most two begins and two ends wait
+  tell_to_end("stopped");
   return std::optional<Answered>();
+}
+
+/// The ring has room: a take begins after the one before it has ended, so the recorder has taken that one's begin.
+void TakeKeeper::tell_to_end(const std::string& reason) {
+  if (ending_) return;
+  ending_ = true;
+  reason_ = reason;
+  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
+  NODAL_ASSERT(told);
+}
+
+void TakeKeeper::end_late_still(Instant now) {
+  if (writing_ && still_ && now - report_.since >= kStillWithin) tell_to_end("still");
 }
 
 /// Bytes that the heads deliver in a second, by their formats and by the newest recorded set.
@@ -137,7 +148,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   for (const auto& head : start.heads) {
     if (!head) continue;
     const bool jpeg = head->format == PixelFormat::kMjpeg;
-    const bool coded = config_.takes->mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(head->format);
+    const bool coded = config_.takes->mode == TakesConfig::Mode::kJpeg &&
+                       HeadCoder::codes({head->format, head->width, head->height, {}, Fields::kProgressive});
     // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
     expected_set_bytes_ +=
         packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg    ? 8
@@ -191,6 +203,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   lost_before_ = recorder_.counts().lost_sets.load();
   raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
   next_sync_ = now + kSyncEvery;
+  still_ = start.still;
   reason_ = start.still ? "still" : "";
   const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
   NODAL_ASSERT(told);
@@ -221,11 +234,7 @@ bool TakeKeeper::write_rows(Instant now) {
 void TakeKeeper::give_up(const Error& error) {
   broken_ = true;
   report_.problem = fmt::format("take {} ended: {}", writing_->number(), error.message);
-  if (ending_) return;
-  ending_ = true;
-  reason_ = error.code == Errc::kDiskFull ? "disk full" : "disk failed";
-  const bool told = recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
-  NODAL_ASSERT(told);
+  tell_to_end(error.code == Errc::kDiskFull ? "disk full" : "disk failed");
 }
 
 void TakeKeeper::sync_if_due(Instant now) {
@@ -267,8 +276,11 @@ void TakeKeeper::end(Instant now) {
     report_.problem =
         fmt::format("take {} is not finished, and will be at the next start: {}", number, manifest.error().message);
   }
+  const bool empty_still = still_ && manifest && manifest->sets == 0;
+  if (empty_still) (void)remove({number});
   for (const std::uint64_t ticket : std::exchange(stopping_, {})) {
-    if (manifest) answer(ticket, TakeAnswer::Done{number});
+    if (empty_still) answer(ticket, fail(Errc::kNotReady, "no set came; `nodal status` says why"));
+    else if (manifest) answer(ticket, TakeAnswer::Done{number});
     else answer(ticket, fail(manifest.error()));
   }
   publish(now);
@@ -292,11 +304,8 @@ void TakeKeeper::publish(Instant now) {
 
 void TakeKeeper::close(Instant now) {
   if (!writing_) return;
+  tell_to_end("nodald ended");
   reason_ = "nodald ended";
-  if (!ending_) {
-    ending_ = true;
-    (void)recorder_.orders().push({RecordOrder::Kind::kEnd, writing_->number(), false, false});
-  }
   while (writing_) {
     recorder_.step();
     write_rows(now);

@@ -136,6 +136,8 @@ class TakeKeeper {
   static constexpr Duration kLeastRoom = Duration::seconds(60);
   /// Left free for finishing the files.
   static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
+  /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come.
+  static constexpr Duration kStillWithin = Duration::seconds(6);
   static constexpr int kRowsAStep = 4;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
 
@@ -155,6 +157,8 @@ class TakeKeeper {
   bool write_rows(Instant now);
   void sync_if_due(Instant now);
   void give_up(const Error& error);
+  void end_late_still(Instant now);
+  void tell_to_end(const std::string& reason);
   void end(Instant now);
   void answer(std::uint64_t ticket, Result<Answered> result);
   void publish(Instant now);
@@ -177,6 +181,7 @@ class TakeKeeper {
 
   std::unique_ptr<TakeWriter> writing_;
   std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
+  bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last

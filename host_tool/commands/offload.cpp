@@ -130,12 +130,10 @@ void add_offload(CLI::App& app, CommandLine& line) {
                  "Deletes each take from the rig when all of it is on this disk; a protected take stays")
       ->excludes(only);
   takes->excludes(all_new);
-  line.on(offload, [options](Context& context) -> Status {
-    if (options->takes.empty() && !options->all_new) {
-      return fail(Errc::kBadValue, "which takes? name their numbers (nodal take list), or --new");
-    }
-    return run_offload(context, *options);
+  offload->parse_complete_callback([options] {
+    if (options->takes.empty() && !options->all_new) throw CLI::RequiredError("TAKE (nodal take list), or --new");
   });
+  line.on(offload, [options](Context& context) { return run_offload(context, *options); });
 }
 
 }  // namespace nodal::host

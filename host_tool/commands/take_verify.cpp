@@ -141,6 +141,9 @@ Status run_verify(Context& context, const std::string& name) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) return fail(Errc::kNotFound, name + ": there is no such folder");
   const auto text = read_small(folder / take::kManifestFile, take::kMaxManifestBytes);
+  if (!text && fs::exists(folder / (take::kManifestFile + ".part"), error)) {
+    return fail(Errc::kNotReady, name + ": the copy is not complete; the same `nodal offload` goes on with it");
+  }
   if (!text && text.error().code == Errc::kNotFound && fs::exists(folder / take::kTakeFile, error)) {
     return fail(Errc::kNotReady,
                 name +

@@ -26,6 +26,10 @@ bool is_evidence(const std::string& name) { return name.starts_with("evidence-")
 bool is_video(const std::string& name) { return name.ends_with(".mkv"); }
 bool of_a_head(const std::string& name) { return name.starts_with("cam"); }
 
+std::uint64_t pieces_of(const take::Manifest::File& file) {
+  return (file.bytes + PieceHashes::kPiece - 1) / PieceHashes::kPiece;
+}
+
 Error damaged(const std::string& file, std::uint64_t offset) {
   return {
       Errc::kChecksum,
@@ -106,6 +110,7 @@ Status TakeCopy::check_room(bool without_heads) const {
 Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
   if (const Status room = check_room(without_heads); !room) return room;
   done_ = 0;
+  without_heads_ = without_heads;
   for (const bool video : {false, true}) {  // the evidence has the hashes of the video files
     for (const take::Manifest::File& file : manifest_.files) {
       if (is_video(file.name) != video || (without_heads && of_a_head(file.name))) continue;
@@ -156,19 +161,28 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
   done_ += file.bytes;
   progress(done_, file.name);
   if (!is_evidence(file.name)) return {};
-  const auto segment = take::read_evidence(bytes, file.name);
+  return note_hashes(file, bytes);
+}
+
+/// Keeps the hashes of files of the manifest only, and only as many as their lengths need.
+Status TakeCopy::note_hashes(const take::Manifest::File& file, std::span<const std::uint8_t> evidence) {
+  const auto segment = take::read_evidence(evidence, file.name);
   if (!segment) return fail(segment.error());
   for (int k = 0; k < segment->begin.files_size(); ++k) {
-    hashes_[segment->begin.files(k).name()] = segment->hashes_of(static_cast<std::size_t>(k));
+    const std::string& name = segment->begin.files(k).name();
+    const auto listed = std::ranges::find(manifest_.files, name, &take::Manifest::File::name);
+    if (listed == manifest_.files.end() || (without_heads_ && of_a_head(name))) continue;
+    std::vector<take::Xxh128> hashes = segment->hashes_of(static_cast<std::size_t>(k));
+    if (hashes.size() == pieces_of(*listed) && take::digest_of(hashes) == listed->digest)
+      hashes_[name] = std::move(hashes);
   }
   return {};
 }
 
 Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& progress) {
   const auto expected = hashes_.find(file.name);
-  const std::uint64_t pieces = (file.bytes + PieceHashes::kPiece - 1) / PieceHashes::kPiece;
-  if (expected == hashes_.end() || expected->second.size() != pieces ||
-      take::digest_of(expected->second) != file.digest) {
+  const std::uint64_t pieces = pieces_of(file);
+  if (expected == hashes_.end()) {
     return fail(Errc::kBadFormat,
                 fmt::format("{}: the evidence of take {} does not have its hashes", file.name, manifest_.number));
   }
@@ -176,7 +190,7 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
   if (!part) return fail(part.error());
   const auto size = part->size();
   if (!size) return fail(size.error());
-  // What an earlier copy left is kept as far as it is right.
+  // Keeps the pieces of an earlier copy up to the first one with a wrong hash.
   std::uint64_t at = 0;
   Bytes piece(PieceHashes::kPiece);
   while (at < *size) {

@@ -52,13 +52,15 @@ class TakeCopy {
   bool there(const take::Manifest::File& file) const;
   Status check_room(bool without_heads) const;
   Status copy_document(const take::Manifest::File& file, const OnProgress& progress);
+  Status note_hashes(const take::Manifest::File& file, std::span<const std::uint8_t> evidence);
   Status copy_video(const take::Manifest::File& file, const OnProgress& progress);
 
   RigConnection* rig_;
   std::filesystem::path folder_;
   take::Manifest manifest_;
   Sha256 id_{};
-  /// Of the pieces of the video files, from the evidence.
+  bool without_heads_ = false;
+  /// Of the pieces of the video files that are copied, from the evidence. check_room() bounds their number.
   std::map<std::string, std::vector<take::Xxh128>> hashes_;
   std::uint64_t done_ = 0;
   std::uint64_t fetched_ = 0;

@@ -238,6 +238,9 @@ TEST_F(Offload, OnlyTheRaymaps_LeavesTheHeadsOnTheRig) {
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_TRUE(test::read_bytes(to_ / "000001/raymap-0000.mkv") == test::read_bytes(rig_->take(1) / "raymap-0000.mkv"));
   EXPECT_FALSE(fs::exists(to_ / "000001/cam0-0000.mkv"));
+  const Finished judged = Process({NODAL_BIN_DIR "/nodal", "take", "verify", (to_ / "000001").string()}).wait();
+  EXPECT_EQ(judged.code, 7);
+  EXPECT_NE(judged.err.find("the copy is not complete"), std::string::npos) << judged.err;
   EXPECT_EQ(offload({"1", "--to", to_.path().string(), "--only", "raymap", "--delete"}).code, 2);
   ASSERT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
   expect_equal(to_ / "000001");
@@ -247,7 +250,7 @@ TEST_F(Offload, ATakeThatIsNotThereOrNotFinished_IsRefusedByItsNumber) {
   const Finished missing = offload({"77", "--to", to_.path().string()});
   EXPECT_NE(missing.code, 0);
   EXPECT_NE(missing.err.find("there is no take 77"), std::string::npos) << missing.err;
-  EXPECT_EQ(offload({"--to", to_.path().string()}).code, 4);
+  EXPECT_EQ(offload({"--to", to_.path().string()}).code, 2);
   const auto host = LinkHost::connect(rig_->folder.socket());
   ASSERT_TRUE(host);
   wire::Request start;

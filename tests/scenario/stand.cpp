@@ -12,7 +12,7 @@ hal::sim::SimRigOptions virtual_time(const StandOptions& options) {
   world.real_time = false;
   world.head.pixels = options.config.heads[0].format;
   world.head.rate = options.config.rate;
-  world.head.buffers = 8;
+  world.head.buffers = options.config.takes ? static_cast<int>(firmware::kFramesAHead) : 8;
   world.head.supersampling = 2;
   return world;
 }
@@ -133,6 +133,7 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
       disk(its_disk ? std::move(its_disk) : std::make_unique<hal::sim::SimDisk>()),
       watchdog(world.clock()),
       button(world.clock()) {
+  if (options.config.takes) takes = std::make_unique<hal::sim::SimDisk>();
   rig = std::make_unique<firmware::Rig>(options.config,
                                         firmware::RigPorts{world.clock(),
                                                            world.enumerator(),
@@ -142,7 +143,9 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
                                                            &watchdog,
                                                            {&button, &status_lamp, &tally_lamp},
                                                            nullptr,
-                                                           options.scan},
+                                                           options.scan,
+                                                           takes.get(),
+                                                           takes.get()},
                                         "a rig");
 }
 

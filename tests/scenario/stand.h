@@ -108,6 +108,7 @@ class Stand {
   StandOptions options;
   hal::sim::SimRig world;
   std::unique_ptr<hal::sim::SimDisk> disk;
+  std::unique_ptr<hal::sim::SimDisk> takes;  ///< in a rig that records
   hal::sim::SimLinkListener listener;
   hal::sim::SimLinkListener view_listener;  ///< view-only
   hal::sim::SimWatchdog watchdog;
