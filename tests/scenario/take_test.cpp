@@ -191,8 +191,9 @@ TEST_F(TakeScenario, StrangeRequestsForFiles_AreAnsweredWithTheirReason) {
 TEST_F(TakeScenario, AHostThatReadsNothing_BlocksAnotherOnlyBriefly) {
   const std::uint64_t take = record(Duration::seconds(3));  // its files are longer than the link's buffer
   TestHost& stuck = stand.connect();
-  ASSERT_TRUE(stuck.ask(read(take, "cam0-0000.mkv")).has_pull());
+  stand.run(Duration::milliseconds(10));
   stuck.reading = false;
+  stuck.post(read(take, "cam0-0000.mkv"));
   stand.run(Duration::seconds(1));
   const wire::Reply busy = host.ask(read(take, "cam1-0000.mkv"));
   ASSERT_TRUE(busy.has_error());
