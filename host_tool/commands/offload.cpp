@@ -123,7 +123,7 @@ void add_offload(CLI::App& app, CommandLine& line) {
       ->required()
       ->type_name("FOLDER");
   auto* only = offload->add_option("--only", options->only, "Leaves out the heads' pictures")
-                   ->type_name("")
+                   ->type_name("raymap")
                    ->check(CLI::IsMember({"raymap"}));
   offload
       ->add_flag("--delete", options->delete_after,
