@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/hosts/shared_bytes.h"
 #include "firmware/hosts/status.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
@@ -10,13 +11,6 @@
 
 namespace nodal::firmware {
 namespace {
-
-/// The loan's bytes in the type that sessions send; the loan ends with the last copy.
-template <class Bytes>
-SharedBytes shared_bytes(const Loan<Bytes>& loan) {
-  if (!loan) return {};
-  return {std::make_shared<const Loan<Bytes>>(loan), *loan};
-}
 
 /// Buffers that the frame path itself uses: in the blend (two, one per field), in the encoder, and in the rings between.
 constexpr std::size_t kInThePath = 8;

@@ -3,7 +3,13 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware/hosts/admission.h"
+#include "firmware/hosts/shared_bytes.h"
+
 namespace nodal::firmware {
+
+// A host whose transfer was ended may hold one piece until its connection is closed.
+static_assert(TakeReader::kBuffers >= TakeSender::kAhead + Admission::in_all(Admission::kMaxClients));
 
 Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request, Instant now) {
   if (!reader_) {
@@ -85,7 +91,7 @@ bool TakeSender::take_answers(Client* client) {
       meta.set_file_bytes(file_bytes);
       // It has room: at most kAhead items are pending.
       (void)client->session().offer(transfer_->stream,
-                                    BulkItem{meta.SerializeAsString(), SharedBytes(answer->piece->bytes), 0});
+                                    BulkItem{meta.SerializeAsString(), shared_bytes(answer->piece->bytes), 0});
     }
     if (after < file_bytes) continue;
     transfer_->all_ordered = true;

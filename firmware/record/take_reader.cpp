@@ -15,14 +15,16 @@ static_assert(TakeReader::kPiece == take::PieceHashes::kPiece);
 
 bool TakeReader::step() {
   if (recorder_.ring().used() > recorder_.ring().size() / 100 * kReadsUpTo) return false;
+  if (orders_.empty()) return false;
+  auto buffer = buffers_.take();
+  if (!buffer) return false;
   const auto order = orders_.pop();
-  if (!order) return false;
-  const bool answered = answers_.push({order->transfer, order->offset, read(*order)});
+  const bool answered = answers_.push({order->transfer, order->offset, read(*order, std::move(buffer))});
   NODAL_ASSERT(answered);  // it has room for all orders
   return true;
 }
 
-Result<PieceOfTake> TakeReader::read(const ReadOrder& order) {
+Result<PieceOfTake> TakeReader::read(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into) {
   if (!take::is_take_file(order.file)) {
     return fail(Errc::kBadValue, fmt::format("'{}' is no file of a take", printable(order.file, 64)));
   }
@@ -44,12 +46,12 @@ Result<PieceOfTake> TakeReader::read(const ReadOrder& order) {
   }
   const auto handle = disk_.open_read(name);
   if (!handle) return fail(handle.error());
-  auto bytes = std::make_shared<std::vector<std::uint8_t>>(std::min<std::uint64_t>(kPiece, *size - order.offset));
-  const auto got = disk_.read_at(*handle, order.offset, *bytes);
+  into.edit().resize(std::min<std::uint64_t>(kPiece, *size - order.offset));
+  const auto got = disk_.read_at(*handle, order.offset, into.edit());
   disk_.close(*handle);
   if (!got) return fail(got.error());
-  if (*got != bytes->size()) return fail(Errc::kIo, fmt::format("{} became shorter while it was read", name));
-  return PieceOfTake{*size, std::move(bytes)};
+  if (*got != into->size()) return fail(Errc::kIo, fmt::format("{} became shorter while it was read", name));
+  return PieceOfTake{*size, std::move(into)};
 }
 
 }  // namespace nodal::firmware

@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "firmware/record/recorder.h"
 #include "hal/disk.h"
+#include "protocol/base/loan.h"
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
 
@@ -24,7 +24,7 @@ struct ReadOrder {
 struct PieceOfTake {
   std::uint64_t file_bytes = 0;  ///< length of the whole file
   /// TakeReader::kPiece bytes, or those up to the end of the file.
-  std::shared_ptr<const std::vector<std::uint8_t>> bytes;
+  Loan<std::vector<std::uint8_t>> bytes;
 };
 
 struct ReadAnswer {
@@ -38,7 +38,8 @@ struct ReadAnswer {
 ///
 /// Threading: step() is thread-bound to a thread of its own, which blocks on the disk. orders() and answers() are SPSC rings with
 ///   control.
-/// Ownership: disk and recorder outlive it. No file stays open between steps.
+/// Ownership: disk and recorder outlive it, and it outlives the pieces. No file stays open between steps. Pieces are read into memory
+///   that is used again.
 /// Errors: in the answers: kBadValue for a name that no file of a take has, kNotFound, kWrongState for a take without a
 ///   manifest, those of the disk.
 class TakeReader {
@@ -55,14 +56,17 @@ class TakeReader {
   static constexpr std::size_t kPiece = std::size_t{1} << 20;
   /// Orders that are not answered yet; control sends no more.
   static constexpr std::size_t kOrders = 4;
+  /// Pieces in memory. While all are held, nothing is read.
+  static constexpr std::size_t kBuffers = 32;
   /// Of the recorder's memory, in percent.
   static constexpr std::size_t kReadsUpTo = 25;
 
  private:
-  Result<PieceOfTake> read(const ReadOrder& order);
+  Result<PieceOfTake> read(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into);
 
   hal::DiskPort& disk_;
   Recorder& recorder_;
+  LoanPool<std::vector<std::uint8_t>> buffers_{kBuffers};
   SpscRing<ReadOrder> orders_;
   SpscRing<ReadAnswer> answers_;
 };

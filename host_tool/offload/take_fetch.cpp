@@ -61,7 +61,7 @@ Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& fil
       }
       bytes.add(*piece);
       if (!piece->last) continue;
-      const std::vector<std::uint8_t> whole = bytes.take();
+      const std::span<const std::uint8_t> whole = bytes.bytes();
       if (const Status taken = on_piece(offset, whole); !taken) {
         rig.stop_stream(*stream);
         return taken;

@@ -9,7 +9,7 @@
 namespace nodal::host {
 
 Status BulkItemBytes::begin(const BulkPiece& first, std::uint64_t limit, std::string_view what) {
-  bytes_ = {};
+  bytes_.clear();
   total_ = first.total;
   if (total_ <= limit) return {};
   return fail(Errc::kTooLarge, fmt::format("the rig announced {} of {}, but its header allows at most {}", what,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,8 @@ class BulkItemBytes {
   void add(const BulkPiece& piece);
   std::size_t size() const { return bytes_.size(); }
   std::vector<std::uint8_t> take() { return std::move(bytes_); }
+  /// The item so far. Valid until the next call; begin() then uses the same memory again.
+  std::span<const std::uint8_t> bytes() const { return bytes_; }
 
  private:
   std::uint64_t total_ = 0;
