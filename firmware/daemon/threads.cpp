@@ -106,6 +106,20 @@ void RigThreads::blend() {
   }
 }
 
+void RigThreads::encode() {
+  while (!stop_.load()) {
+    const auto heard = encode_bell_.count();
+    if (rig_.step_encode()) {
+      control_bell_.ring();
+      record_bell_.ring();
+      blend_bell_.ring();                        // the blend may wait for room in the encoder's ring
+      if (hooks_.advance) capture_bell_.ring();  // virtual time waits for the end of the frame path
+    } else {
+      encode_bell_.wait(heard, kSleep);
+    }
+  }
+}
+
 void RigThreads::keep() {
   std::uint64_t adopted = 0;
   while (!stop_.load()) {
@@ -129,17 +143,6 @@ void RigThreads::step_by_bell(Bell& bell, Step step, After after) {
     if (step()) after();
     else bell.wait(heard, kSleep);
   }
-}
-
-void RigThreads::encode() {
-  step_by_bell(
-      encode_bell_, [&] { return rig_.step_encode(); },
-      [&] {
-        control_bell_.ring();
-        record_bell_.ring();
-        blend_bell_.ring();                        // the blend may wait for room in the encoder's ring
-        if (hooks_.advance) capture_bell_.ring();  // virtual time waits for the end of the frame path
-      });
 }
 
 void RigThreads::record() {
