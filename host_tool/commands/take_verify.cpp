@@ -1,20 +1,15 @@
 // `nodal take verify`: a copy of a take against its manifest.
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
 #include <span>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/offload/local_file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/take/digest.h"
 #include "protocol/take/documents.h"
@@ -27,48 +22,16 @@ namespace fs = std::filesystem;
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
 
-/// A file that is open for reading.
-class OpenFile {
- public:
-  /// Not through a symbolic link, and not a device: the folder may come from anywhere.
-  explicit OpenFile(const fs::path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)) {}
-  ~OpenFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  /// Its length, if it is a file.
-  std::optional<std::uint64_t> size() const {
-    struct stat about {};
-    if (fd_ < 0 || ::fstat(fd_, &about) != 0 || !S_ISREG(about.st_mode)) return std::nullopt;
-    return static_cast<std::uint64_t>(about.st_size);
-  }
-  /// Fills `bytes`, or less at the file's end; nothing if reading fails.
-  std::optional<std::size_t> read(std::span<std::uint8_t> bytes) const {
-    std::size_t have = 0;
-    while (have < bytes.size()) {
-      const ssize_t got = ::read(fd_, bytes.data() + have, bytes.size() - have);
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) return std::nullopt;
-      if (got == 0) break;
-      have += static_cast<std::size_t>(got);
-    }
-    return have;
-  }
-
- private:
-  const int fd_;
-};
-
 Result<Bytes> read_small(const fs::path& path, std::size_t limit) {
-  const OpenFile file(path);
-  const auto size = file.size();
-  if (!size) return fail(Errc::kNotFound, path.string() + ": is not there, or not a file");
+  const auto file = LocalFile::open_to_read(path);
+  if (!file) return fail(file.error());
+  const auto size = file->size();
+  if (!size) return fail(size.error());
   if (*size > limit) return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", path.string(), *size, limit));
   Bytes bytes(static_cast<std::size_t>(*size));
-  const auto read = file.read(bytes);
-  if (!read || *read != bytes.size())
-    return fail(Errc::kIo, path.string() + ": cannot be read: " + std::strerror(errno));
+  const auto read = file->read(0, bytes);
+  if (!read) return fail(read.error());
+  bytes.resize(*read);
   return bytes;
 }
 
@@ -98,15 +61,14 @@ class Verifier {
 
   /// A sentence for a file that differs; empty: it is whole.
   std::string check(const take::Manifest::File& file) {
-    const OpenFile open(folder_ / file.name);
-    const auto size = open.size();
-    if (!size) return file.name + ": is not there, or not a file";
+    const auto open = LocalFile::open_to_read(folder_ / file.name);
+    const auto size = open ? open->size() : Result<std::uint64_t>(fail(open.error()));
+    if (!size) return size.error().message;
     PieceHashes hashes;
     Bytes bytes(PieceHashes::kPiece);
     while (hashes.bytes() < *size && !interrupted()) {
-      const auto read = open.read(bytes);
-      if (!read)
-        return fmt::format("{}: cannot be read at byte {}: {}", file.name, hashes.bytes(), std::strerror(errno));
+      const auto read = open->read(hashes.bytes(), bytes);
+      if (!read) return fmt::format("{}, at byte {}", read.error().message, hashes.bytes());
       if (*read == 0) break;
       hashes.update(std::span(bytes).first(*read));
       progress_.update(done_ += *read, file.name);

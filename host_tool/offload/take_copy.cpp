@@ -9,7 +9,7 @@
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/quantities.h"
-#include "host_tool/offload/part_file.h"
+#include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_fetch.h"
 #include "protocol/take/evidence.h"
 
@@ -186,7 +186,7 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
     return fail(Errc::kBadFormat,
                 fmt::format("{}: the evidence of take {} does not have its hashes", file.name, manifest_.number));
   }
-  auto part = PartFile::open(folder_ / (file.name + kPart));
+  auto part = LocalFile::open_to_write(folder_ / (file.name + kPart));
   if (!part) return fail(part.error());
   const auto size = part->size();
   if (!size) return fail(size.error());

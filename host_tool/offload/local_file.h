@@ -1,4 +1,4 @@
-// A file that grows on the host's disk, and is continued by a later process.
+// A file of a copy on the host's disk.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,15 @@ namespace nodal::host {
 /// Threading: thread-bound.
 /// Ownership: closes the file.
 /// Errors: kDiskFull, kIo, kNotFound; each names the file.
-class PartFile {
+class LocalFile {
  public:
-  /// Opens or creates it. Symbolic links and devices are refused.
-  static Result<PartFile> open(const std::filesystem::path& path);
-  PartFile(PartFile&& other) noexcept;
-  PartFile& operator=(PartFile&&) = delete;
-  ~PartFile();
+  /// Opens or creates it, to read and write. Symbolic links and devices are refused, because the folder may come from anywhere.
+  static Result<LocalFile> open_to_write(const std::filesystem::path& path);
+  /// The same for reading a file that is there.
+  static Result<LocalFile> open_to_read(const std::filesystem::path& path);
+  LocalFile(LocalFile&& other) noexcept;
+  LocalFile& operator=(LocalFile&&) = delete;
+  ~LocalFile();
 
   Result<std::uint64_t> size() const;
   /// Reads `bytes` from `offset` on; less at the file's end. Returns their number.
@@ -30,7 +32,8 @@ class PartFile {
   Status sync();
 
  private:
-  PartFile(int fd, std::filesystem::path path);
+  LocalFile(int fd, std::filesystem::path path);
+  static Result<LocalFile> open(const std::filesystem::path& path, int flags);
   tl::unexpected<Error> failed(const char* what, int error) const;
 
   int fd_;

@@ -1,4 +1,4 @@
-#include "host_tool/offload/part_file.h"
+#include "host_tool/offload/local_file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -24,31 +24,34 @@ tl::unexpected<Error> refuse(const std::filesystem::path& path, const char* what
 
 }  // namespace
 
-PartFile::PartFile(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
-PartFile::PartFile(PartFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
-PartFile::~PartFile() {
+LocalFile::LocalFile(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
+LocalFile::LocalFile(LocalFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+LocalFile::~LocalFile() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-Result<PartFile> PartFile::open(const std::filesystem::path& path) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
-  if (fd < 0) return refuse(path, "cannot be opened for writing", errno);
-  PartFile file(fd, path);
+Result<LocalFile> LocalFile::open_to_write(const std::filesystem::path& path) { return open(path, O_RDWR | O_CREAT); }
+Result<LocalFile> LocalFile::open_to_read(const std::filesystem::path& path) { return open(path, O_RDONLY); }
+
+Result<LocalFile> LocalFile::open(const std::filesystem::path& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
+  if (fd < 0) return refuse(path, "cannot be opened", errno);
+  LocalFile file(fd, path);
   struct stat about {};
   if (::fstat(fd, &about) != 0) return refuse(path, "cannot be read", errno);
-  if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, path.string() + ": is not a regular file; remove it");
+  if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, path.string() + ": is not a regular file");
   return file;
 }
 
-tl::unexpected<Error> PartFile::failed(const char* what, int error) const { return refuse(path_, what, error); }
+tl::unexpected<Error> LocalFile::failed(const char* what, int error) const { return refuse(path_, what, error); }
 
-Result<std::uint64_t> PartFile::size() const {
+Result<std::uint64_t> LocalFile::size() const {
   struct stat about {};
   if (::fstat(fd_, &about) != 0) return failed("cannot be read", errno);
   return static_cast<std::uint64_t>(about.st_size);
 }
 
-Result<std::size_t> PartFile::read(std::uint64_t offset, std::span<std::uint8_t> bytes) const {
+Result<std::size_t> LocalFile::read(std::uint64_t offset, std::span<std::uint8_t> bytes) const {
   std::size_t have = 0;
   while (have < bytes.size()) {
     const ssize_t got = ::pread(fd_, bytes.data() + have, bytes.size() - have, static_cast<off_t>(offset + have));
@@ -60,7 +63,7 @@ Result<std::size_t> PartFile::read(std::uint64_t offset, std::span<std::uint8_t>
   return have;
 }
 
-Status PartFile::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+Status LocalFile::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const ssize_t wrote = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (wrote < 0 && errno == EINTR) continue;
@@ -71,12 +74,12 @@ Status PartFile::write(std::uint64_t offset, std::span<const std::uint8_t> bytes
   return {};
 }
 
-Status PartFile::truncate(std::uint64_t size) {
+Status LocalFile::truncate(std::uint64_t size) {
   if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return failed("cannot be shortened", errno);
   return {};
 }
 
-Status PartFile::sync() {
+Status LocalFile::sync() {
   if (::fsync(fd_) != 0) return failed("cannot be written to the disk", errno);
   return {};
 }
