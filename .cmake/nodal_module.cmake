@@ -1,4 +1,4 @@
-# nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE] [HARDENED])
+# nodal_module(NAME SOURCES a.cpp ... PACKAGES package ... [SEES module ...] [EXECUTABLE] [HARDENED] [SEPARATE])
 #
 # Defines the library of one folder, named after the folder with _ for /. It may include the modules that its folder's
 # line in .cmake/includes.txt names. Other headers are not on the compiler's path, because each module's headers are in a
@@ -7,7 +7,8 @@
 # With EXECUTABLE the module is a program called NAME (OUTPUT renames the file). SEES: for a program, modules in addition
 # to its folder's line; for a module of tests/, whose folders have no line, all modules. HARDENED is for code that reads
 # data from peers, devices and files: it is compiled with stack protection and checked library calls. Numeric kernels are
-# not, because they read only checked tables and their time matters.
+# not, because they read only checked tables and their time matters. SEPARATE: no two sources are compiled together, even
+# with NODAL_UNITY, because they define the same names for themselves or are compiled for different processors.
 set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/.cmake/includes.txt)
 
 # The modules that the line of `folder` names; for a header, the module that contains it.
@@ -25,8 +26,16 @@ function(nodal_line_of folder result)
   set(${result} ${seen} PARENT_SCOPE)
 endfunction()
 
+# Keeps a source out of NODAL_UNITY's batches: a program that replaces it, and is linked before its library, then uses
+# nothing of its object.
+function(nodal_replaceable source)
+  get_filename_component(folder ${source} DIRECTORY)
+  set_source_files_properties(${CMAKE_SOURCE_DIR}/${source} DIRECTORY ${CMAKE_SOURCE_DIR}/${folder}
+    PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
 function(nodal_module name)
-  cmake_parse_arguments(ARG "EXECUTABLE;HARDENED" "OUTPUT" "SOURCES;SEES;PACKAGES" ${ARGN})
+  cmake_parse_arguments(ARG "EXECUTABLE;HARDENED;SEPARATE" "OUTPUT" "SOURCES;SEES;PACKAGES" ${ARGN})
   file(RELATIVE_PATH folder ${CMAKE_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
   set(sees ${ARG_SEES})
   if(NOT folder MATCHES "^tests/")
@@ -69,6 +78,9 @@ function(nodal_module name)
     endif()
   else()
     add_library(${name} STATIC ${ARG_SOURCES})
+  endif()
+  if(ARG_SEPARATE)
+    set_target_properties(${name} PROPERTIES UNITY_BUILD OFF)
   endif()
   target_include_directories(${name} PRIVATE ${reach})
   target_link_libraries(${name} PRIVATE nodal_flags ${links})

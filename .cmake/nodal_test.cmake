@@ -1,17 +1,24 @@
 # nodal_test(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... LABELS label ...
-#            [TIMEOUT seconds] [SERIAL])
+#            [TIMEOUT seconds] [SERIAL] [SEPARATE])
 #
 # Defines a GoogleTest program; each of its tests is a separate ctest. LABELS gives its kind (unit, conformance, scenario,
-# crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Tests may include the
+# crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Unit tests of code that
+# a board does not run have the label host, too; the others get the label board. Tests may include the
 # modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it, which may be absent.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
 
 function(nodal_test name)
-  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;SEPARATE" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
   set(test test_${name})
   add_executable(${test} ${ARG_SOURCES})
+  if(ARG_SEPARATE)
+    set_target_properties(${test} PROPERTIES UNITY_BUILD OFF)
+  endif()
+  if(NODAL_UNITY)
+    target_compile_options(${test} PRIVATE -O1)  # tests need little time themselves; what they test has all optimization
+  endif()
   target_include_directories(${test} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
   set(links)
   foreach(seen IN LISTS ARG_SEES)
@@ -24,17 +31,24 @@ function(nodal_test name)
   target_link_libraries(${test} PRIVATE nodal_flags ${links} GTest::gtest GTest::gtest_main)
   # Only for sources that use them, so that all others compile to the same objects in every checkout and a compiler cache
   # can reuse them.
+  set(places "NODAL_SOURCE_DIR=\"${CMAKE_SOURCE_DIR}\"" "NODAL_SHARED_DIR=\"${CMAKE_SOURCE_DIR}/../shared\""
+    "NODAL_BIN_DIR=\"${CMAKE_RUNTIME_OUTPUT_DIRECTORY}\"")
   foreach(source IN LISTS ARG_SOURCES)
     file(STRINGS ${source} asks REGEX "NODAL_(SOURCE|SHARED|BIN)_DIR" LIMIT_COUNT 1)
-    if(asks)
-      set_source_files_properties(${source} PROPERTIES COMPILE_DEFINITIONS
-        "NODAL_SOURCE_DIR=\"${CMAKE_SOURCE_DIR}\";NODAL_SHARED_DIR=\"${CMAKE_SOURCE_DIR}/../shared\";NODAL_BIN_DIR=\"${CMAKE_RUNTIME_OUTPUT_DIRECTORY}\"")
+    if(asks AND NODAL_UNITY)
+      target_compile_definitions(${test} PRIVATE ${places})  # a source with definitions of its own is in no batch
+    elseif(asks)
+      set_source_files_properties(${source} PROPERTIES COMPILE_DEFINITIONS "${places}")
     endif()
   endforeach()
+  if("unit" IN_LIST ARG_LABELS AND NOT "host" IN_LIST ARG_LABELS)
+    list(APPEND ARG_LABELS board)
+  endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 60)
   endif()
-  set(properties TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  list(JOIN ARG_LABELS " " labels)  # one property; gtest_discover_tests takes a list apart
+  set(properties TIMEOUT ${ARG_TIMEOUT} LABELS "${labels}")
   if(ARG_SERIAL)
     list(APPEND properties RUN_SERIAL TRUE)
   endif()

@@ -9,7 +9,7 @@
 namespace nodal {
 namespace {
 
-std::string name(StreamId stream) { return "stream " + std::to_string(stream); }
+std::string stream_text(StreamId stream) { return "stream " + std::to_string(stream); }
 
 std::uint64_t whole_body(const BulkItem& item) {
   if (const auto* const bytes = std::get_if<SharedBytes>(&item.body)) return bytes->size();
@@ -43,19 +43,19 @@ Result<StreamId> BulkSender::open(StreamPolicy policy) {
 Status BulkSender::offer(StreamId id, BulkItem item) {
   const auto found = streams_.find(id);
   if (found == streams_.end() || found->second.closing) {
-    return fail(Errc::kWrongState, name(id) + " is closed; nothing can be offered to it");
+    return fail(Errc::kWrongState, stream_text(id) + " is closed; nothing can be offered to it");
   }
   if (item.offset > whole_body(item)) {
-    return fail(Errc::kBadValue, name(id) + ": an item that begins after its own end");
+    return fail(Errc::kBadValue, stream_text(id) + ": an item that begins after its own end");
   }
   if (item.meta.size() > kMaxMetaBytes || body_bytes(item) > kMaxItemBytes - item.meta.size()) {
-    return fail(Errc::kTooLarge, name(id) + ": an item's meta of " + std::to_string(item.meta.size()) +
+    return fail(Errc::kTooLarge, stream_text(id) + ": an item's meta of " + std::to_string(item.meta.size()) +
                                      " bytes or its body of " + std::to_string(body_bytes(item)) +
                                      " bytes is over the limit");
   }
   Stream& stream = found->second;
   if (stream.policy == StreamPolicy::kLossless && stream.queue.size() >= kLosslessQueueItems) {
-    return fail(Errc::kOverload, name(id) + " has " + std::to_string(kLosslessQueueItems) +
+    return fail(Errc::kOverload, stream_text(id) + " has " + std::to_string(kLosslessQueueItems) +
                                      " items waiting; offer again when counts() shows fewer");
   }
   const bool replaces = stream.policy == StreamPolicy::kLatest && !stream.queue.empty() && !stream.queue.back().begun;
@@ -93,11 +93,11 @@ Status BulkSender::credit(StreamId id, std::uint64_t allowed) {
   if (found == streams_.end()) {
     const bool was_ours = id < next_id_ && id % 2 == next_id_ % 2;
     if (was_ours) return {};
-    return fail(Errc::kProtocol, "a credit for " + name(id) + ", which this end never opened");
+    return fail(Errc::kProtocol, "a credit for " + stream_text(id) + ", which this end never opened");
   }
   if (allowed < found->second.allowed) {
-    return fail(Errc::kProtocol, name(id) + ": a credit was taken back, from " + std::to_string(found->second.allowed) +
-                                     " to " + std::to_string(allowed));
+    return fail(Errc::kProtocol, stream_text(id) + ": a credit was taken back, from " +
+                                     std::to_string(found->second.allowed) + " to " + std::to_string(allowed));
   }
   found->second.allowed = allowed;
   return {};

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <string>
 
+#include "protocol/base/angles.h"
 #include "protocol/base/polynomial.h"
 #include "protocol/base/text.h"
 #include "protocol/base/units.h"
@@ -15,7 +15,6 @@
 namespace nodal {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr int kMaxSide = 32768;           // px
 constexpr double kMaxPlace = 1e6;         // px, for centres that may be outside the picture
 constexpr double kMaxCoefficient = 1e12;  // keeps every sum below it finite
@@ -23,19 +22,19 @@ constexpr double kRotationTolerance = 1e-6;
 constexpr std::size_t kMaxNameBytes = 64;
 constexpr std::size_t kMaxTextBytes = 65536;
 
-std::string number(double value) {
+std::string six_digits(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", value);
   return text;
 }
 
-std::string degrees(double radians) { return number(radians * 180 / kPi) + " degrees"; }
+std::string degrees(double radians) { return six_digits(radians * 180 / kPi) + " degrees"; }
 
 /// Requires `least` <= value <= `most`; NaN is out of every range.
 Status in_range(const std::string& field, double value, double least, double most) {
   if (value >= least && value <= most) return {};
   return fail(Errc::kBadValue,
-              field + " is " + number(value) + "; it must be " + number(least) + " to " + number(most));
+              field + " is " + six_digits(value) + "; it must be " + six_digits(least) + " to " + six_digits(most));
 }
 
 Status coefficients_in_range(const std::string& field, std::span<const double> values) {
@@ -97,8 +96,8 @@ Status check_rotation(const std::array<double, 9>& R) {
   }
   if (!(off <= kRotationTolerance)) {
     return fail(Errc::kNotARotation,
-                "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " + number(off) +
-                    ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
+                "R_head_rig is not a rotation: its rows are off being perpendicular and of length 1 by " +
+                    six_digits(off) + ", and at most 1e-06 is rounding; write more digits, or undo a scale or shear");
   }
   const double determinant = row(0, 0) * (row(1, 1) * row(2, 2) - row(1, 2) * row(2, 1)) -
                              row(0, 1) * (row(1, 0) * row(2, 2) - row(1, 2) * row(2, 0)) +
@@ -159,8 +158,8 @@ Status check_masks(const HeadCalibration& head) {
 Status check_region(const HeadCalibration& head) {
   const Region& region = head.region;
   if (!(region.left >= 0 && region.top >= 0 && region.right <= head.width && region.bottom <= head.height)) {
-    return fail(Errc::kBadValue, "region " + number(region.left) + "," + number(region.top) + " to " +
-                                     number(region.right) + "," + number(region.bottom) +
+    return fail(Errc::kBadValue, "region " + six_digits(region.left) + "," + six_digits(region.top) + " to " +
+                                     six_digits(region.right) + "," + six_digits(region.bottom) +
                                      " is not inside the picture of " + std::to_string(head.width) + "x" +
                                      std::to_string(head.height));
   }
@@ -187,9 +186,9 @@ Status check_lens_covers_region(const HeadCalibration& head) {
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
   if (farthest <= range.max_radius) return {};
   return fail(Errc::kLensDomain, std::string("the lens ") + (range.turns ? "turns back" : "ends") + " at " +
-                                     degrees(range.max_angle) + ", " + number(range.max_radius) +
-                                     " px from its centre, and the region reaches " + number(farthest) +
-                                     " px: set max_angle to less than " + number(range.max_angle) +
+                                     degrees(range.max_angle) + ", " + six_digits(range.max_radius) +
+                                     " px from its centre, and the region reaches " + six_digits(farthest) +
+                                     " px: set max_angle to less than " + six_digits(range.max_angle) +
                                      " rad, make the region smaller, or correct the lens");
 }
 
@@ -201,14 +200,14 @@ Status check_response(const Response& response) {
   double sum = 0;
   for (const double c : response.coefficients) sum += c;
   if (!(std::abs(sum - 1) <= 1e-6)) {
-    return fail(Errc::kBadValue, "response.coefficients sum to " + number(sum) +
+    return fail(Errc::kBadValue, "response.coefficients sum to " + six_digits(sum) +
                                      "; they must sum to 1, so that full light is full value");
   }
   std::vector<double> whole{0.0};
   whole.insert(whole.end(), response.coefficients.begin(), response.coefficients.end());
   const double turn = rising_until(whole, 1.0);
   if (turn < 1) {
-    return fail(Errc::kBadValue, "response.coefficients stop rising at an encoded value of " + number(turn) +
+    return fail(Errc::kBadValue, "response.coefficients stop rising at an encoded value of " + six_digits(turn) +
                                      "; more light must always give more value, from 0 to 1");
   }
   return {};
@@ -230,7 +229,7 @@ Status check_vignetting(const HeadCalibration& head) {
   const double s = (reach / v.radius) * (reach / v.radius);
   const double darkest = polynomial_minimum(c, 0, s);
   if (darkest >= 0.01) return {};
-  return fail(Errc::kBadValue, "vignetting falls to " + number(darkest) +
+  return fail(Errc::kBadValue, "vignetting falls to " + six_digits(darkest) +
                                    " of the light inside the region; below 0.01 nothing can be made up for: "
                                    "correct the coefficients or make the region smaller");
 }
@@ -257,19 +256,19 @@ Status check_position(const std::array<double, 3>& position) {
 Status check_distance(const Calibration& calibration) {
   if (calibration.distance == 0) return {};
   if (!(calibration.distance > 0 && calibration.distance <= kLongestDistance)) {
-    return fail(Errc::kBadValue, "distance is " + number(calibration.distance) + " m; it must be above 0, up to " +
-                                     number(kLongestDistance) + "; leave it out for infinity");
+    return fail(Errc::kBadValue, "distance is " + six_digits(calibration.distance) + " m; it must be above 0, up to " +
+                                     six_digits(kLongestDistance) + "; leave it out for infinity");
   }
   const double farthest = farthest_position(calibration);
   if (farthest == 0) {
-    return fail(Errc::kBadValue, "distance is " + number(calibration.distance) +
+    return fail(Errc::kBadValue, "distance is " + six_digits(calibration.distance) +
                                      " m, but no head has a position, so it would change nothing; add each head's "
                                      "position, or leave distance out");
   }
   if (calibration.distance >= farthest * kLeastDistancePerPosition) return {};
-  return fail(Errc::kBadValue, "distance is " + number(calibration.distance) + " m, and the farthest head is " +
-                                   number(farthest) + " m from the rig's nodal point; it must be at least " +
-                                   number(farthest * kLeastDistancePerPosition) + " m");
+  return fail(Errc::kBadValue, "distance is " + six_digits(calibration.distance) + " m, and the farthest head is " +
+                                   six_digits(farthest) + " m from the rig's nodal point; it must be at least " +
+                                   six_digits(farthest * kLeastDistancePerPosition) + " m");
 }
 
 /// The same rule as for names in rig.toml, so that the two can match.
@@ -304,12 +303,12 @@ Status check_lens(const LensModel& lens, double max_angle) {
   }
   if (!(max_angle >= 0 && max_angle <= kPi)) {
     return fail(Errc::kBadValue,
-                "max_angle is " + number(max_angle) + " rad; it must be 0 (as far as the lens goes) to pi");
+                "max_angle is " + six_digits(max_angle) + " rad; it must be 0 (as far as the lens goes) to pi");
   }
   if (max_angle > range.max_angle + 1e-9) {
     return fail(Errc::kLensDomain, "max_angle is " + degrees(max_angle) + ", but the lens " +
                                        (range.turns ? "turns back" : "ends") + " at " + degrees(range.max_angle) +
-                                       ": set it to at most " + number(range.max_angle) + " rad, or to 0");
+                                       ": set it to at most " + six_digits(range.max_angle) + " rad, or to 0");
   }
   return {};
 }

@@ -100,7 +100,7 @@ Json document(const Calibration& calibration) {
 }
 
 /// The shortest digits that read back as the same double; no "-0", no ".0".
-std::string number(double value) {
+std::string shortest_number(double value) {
   if (!std::isfinite(value)) return "null";  // JSON has no other form for it; the parser refuses it
   if (value == 0) return "0";
   char text[32];
@@ -109,7 +109,7 @@ std::string number(double value) {
 }
 
 std::string scalar(const Json& value) {
-  if (value.is_number()) return number(value.get<double>());
+  if (value.is_number()) return shortest_number(value.get<double>());
   return value.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

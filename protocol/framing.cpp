@@ -10,10 +10,10 @@
 namespace nodal {
 namespace {
 
-constexpr std::uint32_t kMagic = 0x4C444F4E;  // "NODL"
+constexpr std::uint32_t kFrameMagic = 0x4C444F4E;  // "NODL"
 constexpr std::size_t kCheckedHeaderBytes = kFrameHeaderBytes - 4;
 
-std::string number(std::uint64_t n) { return std::to_string(n); }
+std::string decimal(std::uint64_t n) { return std::to_string(n); }
 
 }  // namespace
 
@@ -57,7 +57,7 @@ std::array<std::uint8_t, kFrameHeaderBytes> encode_frame_header(const FrameHeade
   NODAL_ASSERT(length <= max_payload_bytes(header.type));
   std::array<std::uint8_t, kFrameHeaderBytes> raw{};
   ByteWriter out(raw);
-  out.u32(kMagic);
+  out.u32(kFrameMagic);
   out.u8(kFramingVersion);
   out.u8(static_cast<std::uint8_t>(header.type));
   out.u16(header.flags);
@@ -78,14 +78,15 @@ tl::unexpected<Error> FrameDecoder::die(Errc code, std::string message) {
 // that error, and not a checksum error.
 Status FrameDecoder::check_header() {
   ByteReader in(raw_);
-  if (in.u32() != kMagic) {
+  if (in.u32() != kFrameMagic) {
     return die(Errc::kProtocol,
                "the bytes at a frame's beginning are not \"NODL\": the other end does not speak "
                "Nodal's protocol, or bytes were lost");
   }
   if (const unsigned version = in.u8(); version != kFramingVersion) {
-    return die(Errc::kVersionMismatch, "the other end frames by version " + number(version) + ", this end by version " +
-                                           number(kFramingVersion) + ": use programs of the same release");
+    return die(Errc::kVersionMismatch, "the other end frames by version " + decimal(version) +
+                                           ", this end by version " + decimal(kFramingVersion) +
+                                           ": use programs of the same release");
   }
   header_.type = static_cast<FrameType>(in.u8());
   header_.flags = in.u16();
@@ -98,15 +99,15 @@ Status FrameDecoder::check_header() {
   }
   const std::string_view name = frame_type_name(header_.type);
   if (name.empty()) {
-    return die(Errc::kProtocol, "a frame of type " + number(static_cast<unsigned>(header_.type)) +
+    return die(Errc::kProtocol, "a frame of type " + decimal(static_cast<unsigned>(header_.type)) +
                                     ", which this end does not know: use programs of the same release");
   }
   if (const std::size_t limit = max_payload_bytes(header_.type); length_ > limit) {
-    return die(Errc::kTooLarge, "a " + std::string(name) + " frame says it has " + number(length_) +
-                                    " bytes; at most " + number(limit) + " are allowed");
+    return die(Errc::kTooLarge, "a " + std::string(name) + " frame says it has " + decimal(length_) +
+                                    " bytes; at most " + decimal(limit) + " are allowed");
   }
   if (header_.sequence != sequence_) {
-    return die(Errc::kProtocol, "frame " + number(header_.sequence) + " came where frame " + number(sequence_) +
+    return die(Errc::kProtocol, "frame " + decimal(header_.sequence) + " came where frame " + decimal(sequence_) +
                                     " was due: frames were lost, repeated or put in another order");
   }
   return {};
@@ -139,7 +140,7 @@ Result<std::optional<WireFrame>> FrameDecoder::next(std::span<const std::uint8_t
   }
   if (crc32c(payload) != payload_crc_) {
     return die(Errc::kChecksum, "the payload of " + std::string(frame_type_name(header_.type)) + " frame " +
-                                    number(header_.sequence) + " does not match its CRC32C: the link changes bytes");
+                                    decimal(header_.sequence) + " does not match its CRC32C: the link changes bytes");
   }
   have_ = 0;
   ++sequence_;

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "protocol/base/angles.h"
 #include "protocol/base/polynomial.h"
 
 namespace nodal {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// Larger than any picture's radius, so that a lens without a turning point has an end too.
 constexpr double kNoRadius = 1e7;

@@ -15,7 +15,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::string_view kBegin = "-----BEGIN SSH SIGNATURE-----";
 constexpr std::string_view kEnd = "-----END SSH SIGNATURE-----";
-constexpr std::string_view kMagic = "SSHSIG";
+constexpr std::string_view kSignatureMagic = "SSHSIG";
 constexpr std::string_view kEd25519 = "ssh-ed25519";
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kEd25519SignatureBytes = 64;
@@ -211,7 +211,7 @@ Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> documen
   const auto blob = unarmour(signature);
   if (!blob) return fail(blob.error());
   SshReader reader(*blob);
-  const bool ours = text_of(reader.take(kMagic.size())) == kMagic && reader.number() == kVersion;
+  const bool ours = text_of(reader.take(kSignatureMagic.size())) == kSignatureMagic && reader.number() == kVersion;
   const auto key_blob = reader.string();
   const auto signed_for = reader.string();
   const auto reserved = reader.string();
@@ -235,7 +235,7 @@ Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> documen
   }
   const auto hash = digest(document, text_of(algorithm));
   if (!hash) return fail(Errc::kUnsupported, "the signature's hash is neither sha256 nor sha512");
-  Bytes message(kMagic.begin(), kMagic.end());
+  Bytes message(kSignatureMagic.begin(), kSignatureMagic.end());
   append_string(message, signed_for);
   append_string(message, reserved);
   append_string(message, algorithm);

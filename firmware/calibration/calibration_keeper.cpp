@@ -13,8 +13,6 @@ namespace {
 
 constexpr std::size_t kRequests = 32;  // one per host
 
-std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
-
 Error out_of_memory(const Sha256& id) {
   return {Errc::kOverload,
           "the board has not enough memory to compile the table of calibration " + short_id(id) +

@@ -9,6 +9,9 @@
 #include "protocol/ssh_signature.h"
 
 namespace nodal::firmware {
+
+std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
+
 namespace {
 
 const std::string kFolder = "calibrations";
@@ -19,8 +22,6 @@ constexpr std::string_view kJson = ".json";
 constexpr std::string_view kSigned = ".signed";
 constexpr std::string_view kSignatureEnd = "-----END SSH SIGNATURE-----";
 constexpr std::size_t kGenerationDigits = 8;
-
-std::string short_id(const Sha256& id) { return to_hex(id).substr(0, 12); }
 
 std::optional<Sha256> from_hex(std::string_view hex) {
   Sha256 id{};

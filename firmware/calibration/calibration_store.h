@@ -14,6 +14,9 @@
 
 namespace nodal::firmware {
 
+/// Enough of an id to name a calibration in a message.
+std::string short_id(const Sha256& id);
+
 /// A calibration exactly as it was signed: the signature is for these bytes, not for the canonical form.
 struct SignedDocument {
   std::string signature;

@@ -7,7 +7,7 @@
 namespace nodal::host {
 namespace {
 
-Json to_json(const wire::AuditEntry& entry) {
+Json audit_json(const wire::AuditEntry& entry) {
   Json json{{"number", entry.number()}, {"at_ns", entry.at_ns()}, {"who", entry.who()},        {"what", entry.what()},
             {"before", entry.before()}, {"after", entry.after()}, {"done", !entry.has_error()}};
   if (entry.has_error()) json["error"] = {{"code", entry.error().code()}, {"message", entry.error().message()}};
@@ -29,7 +29,7 @@ Status run_audit(Context& context) {
                {"after"},
                {"result"}});
   for (const wire::AuditEntry& entry : log.entries()) {
-    list.push_back(to_json(entry));
+    list.push_back(audit_json(entry));
     table.row({std::to_string(entry.number()), show_duration(log.now_ns() - entry.at_ns()), entry.who(), entry.what(),
                entry.before(), entry.after(),
                entry.has_error() ? context.console().paint(Colour::kBad, entry.error().message()) : "done"});

@@ -18,7 +18,7 @@ namespace {
 
 namespace cal = calibration;
 
-struct Args {
+struct CalibrateLensArgs {
   std::vector<std::string> photos;
   std::string model = "tsai";
   std::string out = "head.json";
@@ -73,9 +73,9 @@ void on_every_core(int count, const std::function<void(int)>& work) {
   for (std::thread& other : others) other.join();
 }
 
-Json to_json(const cal::Measured& m) { return {{"value", m.value}, {"deviation", m.deviation}}; }
+Json calibrate_lens_json(const cal::Measured& m) { return {{"value", m.value}, {"deviation", m.deviation}}; }
 
-Json to_json(const cal::LensCalibration& result, const Args& args) {
+Json calibrate_lens_json(const cal::LensCalibration& result, const CalibrateLensArgs& args) {
   Json views = Json::array();
   for (const cal::ViewReport& view : result.report.views) {
     views.push_back({{"file", view.name},
@@ -91,10 +91,10 @@ Json to_json(const cal::LensCalibration& result, const Args& args) {
   const cal::LensReport& report = result.report;
   return {{"out", args.out},
           {"model", args.model},
-          {"focal_px", to_json(report.focal)},
-          {"center_x_px", to_json(report.center_x)},
-          {"center_y_px", to_json(report.center_y)},
-          {"aspect", to_json(report.aspect)},
+          {"focal_px", calibrate_lens_json(report.focal)},
+          {"center_x_px", calibrate_lens_json(report.center_x)},
+          {"center_y_px", calibrate_lens_json(report.center_y)},
+          {"aspect", calibrate_lens_json(report.aspect)},
           {"mapping_deviation_px", report.mapping_deviation_px},
           {"covered", report.covered},
           {"views", views},
@@ -114,8 +114,8 @@ std::string show_response(const Response& response) {
   return text;
 }
 
-void tell(Console& console, const cal::LensCalibration& result, const Args& args) {
-  console.document(to_json(result, args));
+void tell(Console& console, const cal::LensCalibration& result, const CalibrateLensArgs& args) {
+  console.document(calibrate_lens_json(result, args));
   Table table({{"photograph"},
                {"points", Table::Align::kRight},
                {"tilt", Table::Align::kRight},
@@ -153,7 +153,7 @@ void tell(Console& console, const cal::LensCalibration& result, const Args& args
   console.line("wrote " + args.out + (args.report.empty() ? "" : " and " + args.report));
 }
 
-Status run(Context& context, const Args& args) {
+Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
   const Result<cal::LensKind> kind = cal::lens_kind_named(args.model);
   if (!kind) return fail(kind.error());
   const Result<cal::PatternRaster> pattern = read_pattern(args.pattern);
@@ -203,7 +203,7 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
                   "Take three to eight photographs of the printed pattern (`nodal pattern`): sharp, focus and zoom\n"
                   "as they will be used, the pattern filling the picture and its corners, turned by 20 to 40 degrees\n"
                   "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<CalibrateLensArgs>();
   lens->add_option("PHOTOS", args->photos, "Photographs of the pattern, PNG or JPEG")->required()->type_name("");
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")
       ->type_name("tsai|equidistant|kannala_brandt")
@@ -218,7 +218,7 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
       ->check(CLI::Range(0.2, 5.0));
   lens->add_option("--report", args->report, "A page to look at, too: one HTML file with residual maps and curves")
       ->type_name("FILE");
-  line.on(lens, [args](Context& context) { return run(context, *args); });
+  line.on(lens, [args](Context& context) { return run_calibrate_lens(context, *args); });
 
   add_calibrate_light(*group, line);
 }

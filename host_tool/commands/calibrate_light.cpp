@@ -14,7 +14,7 @@ namespace {
 
 namespace cal = calibration;
 
-struct Args {
+struct CalibrateLightArgs {
   std::string file;
   std::vector<std::string> pictures;
   std::vector<double> stops;
@@ -36,7 +36,7 @@ std::string show_curve(const Response& response) {
   return text;
 }
 
-Json to_json(const cal::LightReport& report, const Args& args) {
+Json calibrate_light_json(const cal::LightReport& report, const CalibrateLightArgs& args) {
   Json heads = Json::array();
   for (const cal::HeadLight& head : report.heads) {
     heads.push_back({{"name", head.name},
@@ -59,8 +59,8 @@ Json to_json(const cal::LightReport& report, const Args& args) {
           {"notes", report.notes}};
 }
 
-void tell(Console& console, const cal::LightReport& report, const Args& args) {
-  console.document(to_json(report, args));
+void tell(Console& console, const cal::LightReport& report, const CalibrateLightArgs& args) {
+  console.document(calibrate_light_json(report, args));
   const auto right = Table::Align::kRight;
   Table table({{"head"},
                {"gain stops r", right},
@@ -92,7 +92,7 @@ void tell(Console& console, const cal::LightReport& report, const Args& args) {
   console.line("wrote " + args.out);
 }
 
-Status run(Context& context, const Args& args) {
+Status run_calibrate_light(Context& context, const CalibrateLightArgs& args) {
   const Result<std::string> text = read_file(args.file, kMaxCalibrationBytes);
   if (!text) return fail(text.error());
   const Result<Calibration> rig = parse_calibration(*text);
@@ -134,7 +134,7 @@ void add_calibrate_light(CLI::App& group, CommandLine& line) {
       "named themselves, too, in the calibration's order, set after set. One set gives gains and fall-off; several\n"
       "under known exposures give the response too: the same calm scene, a stop or two apart. +1 is twice the\n"
       "light.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<CalibrateLightArgs>();
   light->add_option("FILE", args->file, "The calibration, registered, JSON")->required()->type_name("");
   light->add_option("PICTURES", args->pictures, "Folders with pictures named after the heads, or the pictures")
       ->required()
@@ -147,7 +147,7 @@ void add_calibrate_light(CLI::App& group, CommandLine& line) {
   light->add_flag("--own-response", args->options.own_response, "A response for each head, for unlike sensors");
   light->add_option("-o,--out", args->out, "The calibration with its light (light.json when not given)")
       ->type_name("FILE");
-  line.on(light, [args](Context& context) { return run(context, *args); });
+  line.on(light, [args](Context& context) { return run_calibrate_light(context, *args); });
 }
 
 }  // namespace nodal::host

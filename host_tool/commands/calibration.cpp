@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kUploadAttempts = 4;
 
-struct Args {
+struct CalibrationArgs {
   std::string file;
   std::string id;
   std::string out;
@@ -54,14 +54,14 @@ Result<Calibration> read_calibration(const std::string& file, std::string* conte
 }
 
 /// Reads the file that --signature names; without the option FILE.sig if it exists; else returns nothing.
-Result<std::string> read_signature(const Args& args) {
+Result<std::string> read_signature(const CalibrationArgs& args) {
   const std::string file = args.signature.empty() ? args.file + ".sig" : args.signature;
   Result<std::string> text = read_file(file, kMaxSignatureBytes);
   if (!text && args.signature.empty() && text.error().code == Errc::kNotFound) return std::string();
   return text;
 }
 
-Status run_trial(Context& context, const Args& args) {
+Status run_trial(Context& context, const CalibrationArgs& args) {
   std::string content;
   const Result<Calibration> calibration = read_calibration(args.file, &content);
   if (!calibration) return fail(calibration.error());
@@ -74,7 +74,7 @@ Status run_trial(Context& context, const Args& args) {
   return {};
 }
 
-Status run_upload(Context& context, const Args& args) {
+Status run_upload(Context& context, const CalibrationArgs& args) {
   if (args.trial) return run_trial(context, args);
   std::string content;
   const Result<Calibration> calibration = read_calibration(args.file, &content);
@@ -99,7 +99,7 @@ Status run_upload(Context& context, const Args& args) {
   return {};
 }
 
-Status run_list(Context& context) {
+Status list_calibrations(Context& context) {
   wire::Request request;
   request.mutable_calibration_list();
   const Result<wire::Reply> reply = context.ask(request);
@@ -122,7 +122,7 @@ Status run_list(Context& context) {
   return {};
 }
 
-Status run_show(Context& context, const Args& args) {
+Status show_calibration(Context& context, const CalibrationArgs& args) {
   wire::Request request;
   request.mutable_calibration_get();
   if (!args.id.empty()) {
@@ -169,7 +169,7 @@ Status tell_in_force(Context& context, const wire::Request& request) {
   return {};
 }
 
-Status run_use(Context& context, const Args& args) {
+Status run_use(Context& context, const CalibrationArgs& args) {
   const Result<std::string> id = parse_id(args.id);
   if (!id) return fail(id.error());
   wire::Request request;
@@ -183,7 +183,7 @@ Status run_rollback(Context& context) {
   return tell_in_force(context, request);
 }
 
-Status run_check(Context& context, const Args& args) {
+Status run_check(Context& context, const CalibrationArgs& args) {
   const Result<Calibration> calibration = read_calibration(args.file, nullptr);
   if (!calibration) return fail(calibration.error());
   const Result<CalibrationReport> report = report_on(*calibration);
@@ -198,7 +198,7 @@ Status run_check(Context& context, const Args& args) {
 void add_calibration(CLI::App& app, CommandLine& line) {
   CLI::App* group = add_command(app, "calibration", "The calibration of the rig: check, upload, list, choose", "");
   group->require_subcommand(1);
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<CalibrationArgs>();
   const auto add = [&](const std::string& name, const std::string& description, const std::string& examples) {
     return add_command(*group, name, description, examples);
   };
@@ -216,14 +216,14 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   line.on(upload, [args](Context& context) { return run_upload(context, *args); });
 
   line.on(add("list", "The calibrations that the rig keeps; * is the one in force", "  nodal calibration list\n"),
-          run_list);
+          list_calibrations);
 
   CLI::App* show = add("show", "A calibration of the rig: fields of view, places, coverage",
                        "  nodal calibration show                  the one in force\n"
                        "  nodal calibration show 3fa2 --out copy.json\n");
   show->add_option("ID", args->id, "The first digits of its id; the one in force when not given")->type_name("");
   show->add_option("-o,--out", args->out, "Save the document, too")->type_name("FILE");
-  line.on(show, [args](Context& context) { return run_show(context, *args); });
+  line.on(show, [args](Context& context) { return show_calibration(context, *args); });
 
   CLI::App* use = add("use", "Put another calibration of the rig in force", "  nodal calibration use 3fa2b1\n");
   use->add_option("ID", args->id, "The first digits of its id")->required()->type_name("");

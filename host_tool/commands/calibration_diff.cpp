@@ -8,7 +8,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct CalibrationDiffArgs {
   std::string a, b;
 };
 
@@ -20,7 +20,7 @@ Result<Calibration> read(const std::string& file) {
   return calibration;
 }
 
-Status run(Context& context, const Args& args) {
+Status run_calibration_diff(Context& context, const CalibrationDiffArgs& args) {
   const Result<Calibration> a = read(args.a);
   if (!a) return fail(a.error());
   const Result<Calibration> b = read(args.b);
@@ -78,10 +78,10 @@ void add_calibration_diff(CLI::App& group, CommandLine& line) {
       "  nodal calibration diff a.json b.json --json | jq '.heads[].turned_deg'\n"
       "Degrees are given as they are, and after the rotation of the whole rig that brings the two\n"
       "closest; pixels are the distance of a ray's images, for rotation and lens, and for the lens alone.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<CalibrationDiffArgs>();
   diff->add_option("A", args->a, "The first calibration, JSON")->required()->type_name("");
   diff->add_option("B", args->b, "The second")->required()->type_name("");
-  line.on(diff, [args](Context& context) { return run(context, *args); });
+  line.on(diff, [args](Context& context) { return run_calibration_diff(context, *args); });
 }
 
 }  // namespace nodal::host

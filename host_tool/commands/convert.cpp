@@ -4,13 +4,13 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct ConvertArgs {
   FrameOptions frames;
   std::string layout = "equirectangular";
   int width = 0;
 };
 
-Status run(Context& context, const Args& args) {
+Status run_convert(Context& context, const ConvertArgs& args) {
   const Result<geometry::LayoutName> to = geometry::LayoutName::parse(args.layout);
   if (!to) return fail(to.error().in("--layout"));
   std::unique_ptr<geometry::RaymapLayout> layout;
@@ -33,13 +33,13 @@ void add_convert(CLI::App& app, CommandLine& line) {
                                   "  nodal convert cube.png --from cube:pad=2 -o sphere.jpg\n"
                                   "  nodal convert r-*.jpg -o h-%04d.png --layout healpix --width 2048\n"
                                   "Where pixels become larger, each is a mean of what it covers.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<ConvertArgs>();
   add_frame_options(*command, args->frames);
   add_layout_option(*command, args->layout, "Of the result (equirectangular when not given)");
   command->add_option("--width", args->width, "Its width; as fine as the raymap when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_convert(context, *args); });
 }
 
 }  // namespace nodal::host

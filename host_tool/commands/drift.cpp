@@ -17,19 +17,19 @@ using registration::DriftReport;
 using registration::HeadDrift;
 using registration::Standing;
 
-struct Args {
+struct DriftArgs {
   std::vector<std::string> inputs;
   int sets = kLiveSets;
   registration::DriftOptions options;
   std::string out;
 };
 
-struct Input {
+struct DriftInput {
   Calibration calibration;
   PictureSets pictures;
 };
 
-Result<Input> input_from_rig(Context& context, const Args& args) {
+Result<DriftInput> input_from_rig(Context& context, const DriftArgs& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   if (const Status has = require_feature(**rig, "frame-sets", "nodal drift"); !has) return fail(has.error());
@@ -37,27 +37,27 @@ Result<Input> input_from_rig(Context& context, const Args& args) {
   if (!calibration) return fail(calibration.error());
   Result<PictureSets> pictures = pull_frame_sets(**rig, *calibration, args.sets, context.console());
   if (!pictures) return fail(pictures.error());
-  return Input{std::move(*calibration), std::move(*pictures)};
+  return DriftInput{std::move(*calibration), std::move(*pictures)};
 }
 
-Result<Input> input_from_files(const Args& args) {
+Result<DriftInput> input_from_files(const DriftArgs& args) {
   Result<CalibratedPictures> read = read_calibrated_pictures(args.inputs);
   if (!read) return fail(read.error());
-  return Input{std::move(read->calibration), std::move(read->pictures)};
+  return DriftInput{std::move(read->calibration), std::move(read->pictures)};
 }
 
-Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json finite_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json to_json(const DriftReport& report, double tolerance_px) {
+Json drift_json(const DriftReport& report, double tolerance_px) {
   Json heads = Json::array();
   for (const HeadDrift& head : report.heads) {
     heads.push_back({{"name", head.name},
                      {"standing", standing_name(head.standing)},
                      {"why", head.why},
                      {"moved_deg", head.moved_deg},
-                     {"sigma_deg", finite(head.sigma_deg)},
+                     {"sigma_deg", finite_json(head.sigma_deg)},
                      {"moved_px", head.moved_px},
-                     {"sigma_px", finite(head.sigma_px)},
+                     {"sigma_px", finite_json(head.sigma_px)},
                      {"up_deg", head.up_deg},
                      {"right_deg", head.right_deg},
                      {"roll_deg", head.roll_deg}});
@@ -107,9 +107,9 @@ std::string verdict(const DriftReport& report, bool live) {
                : "; `nodal register` registers it again");
 }
 
-Status run(Context& context, const Args& args) {
+Status run_drift(Context& context, const DriftArgs& args) {
   const bool live = args.inputs.empty();
-  Result<Input> input =
+  Result<DriftInput> input =
       live ? input_from_rig(context, args) : interruptible(context.console(), [&] { return input_from_files(args); });
   if (!input) return fail(input.error());
   registration::DriftOptions options = args.options;
@@ -127,7 +127,7 @@ Status run(Context& context, const Args& args) {
   if (!args.out.empty()) {
     if (const Status written = write_file(args.out, nodal::to_json(report->calibration)); !written) return written;
   }
-  context.console().document(to_json(*report, options.tolerance_px));
+  context.console().document(drift_json(*report, options.tolerance_px));
   tell(context.console(), *report);
   for (const std::string& warning : report->warnings) context.console().warning(warning);
   if (!args.out.empty()) context.console().line("wrote the calibration with the current rotations to " + args.out);
@@ -148,7 +148,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
       "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
       "Exit code 8: a head has moved. Which one is told by what most heads agree on; of two that moved apart each is\n"
       "given half.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<DriftArgs>();
   command->add_option("INPUT", args->inputs, "A calibration and pictures taken since, instead of the running rig")
       ->type_name("");
   command->add_option("--sets", args->sets, "Frame sets to take from the rig (3 when not given); more see more detail")
@@ -162,7 +162,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_drift(context, *args); });
 }
 
 }  // namespace nodal::host

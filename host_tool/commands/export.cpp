@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Args {
+struct ExportArgs {
   std::string file;
   std::string format;
   std::string out;
@@ -35,7 +35,7 @@ std::string path_of(const std::string& out, const interchange::ExportedFile& fil
   return (path.parent_path() / (path.stem().string() + "-" + file.head + path.extension().string())).string();
 }
 
-Status run(Context& context, const Args& args) {
+Status run_export(Context& context, const ExportArgs& args) {
   const Result<interchange::ExportFormat> format = interchange::export_format_named(args.format);
   if (!format) return fail(format.error());
   const Result<std::string> text = read_file(args.file, kMaxCalibrationBytes);
@@ -80,7 +80,7 @@ void add_export(CLI::App& app, CommandLine& line) {
                   "  nodal export rig.json --format opencv -o cam.yaml          one file a head\n"
                   "Formats: pto (Hugin), pts (PTGui), ptv (VideoStitch), surround360, opencv, kalibr. What a format\n"
                   "cannot represent is approximated; the error is printed for every head, in pixels.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<ExportArgs>();
   command->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")
       ->required()
@@ -92,7 +92,7 @@ void add_export(CLI::App& app, CommandLine& line) {
       ->type_name("FILE");
   command->add_flag("--square-pixels", args->square_pixels,
                     "Numbers for pictures resampled to square pixels, for programs that know no others");
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_export(context, *args); });
 }
 
 }  // namespace nodal::host

@@ -9,7 +9,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct ExposureArgs {
   std::string program;
   std::string anchor;
   std::string target;
@@ -82,7 +82,7 @@ Status run_lock(Context& context, bool locked) {
   return ask_and_show(context, **rig, request);
 }
 
-Status run_show(Context& context) {
+Status show_exposure_control(Context& context) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   wire::Request request;
@@ -105,7 +105,7 @@ Result<std::int32_t> anchor_of(RigConnection& rig, const std::string& name) {
   return fail(Errc::kNoSuchDevice, fmt::format("no head is called '{}'; there are {}, or say `none`", name, known));
 }
 
-Status run_set(Context& context, const Args& args) {
+Status set_exposure_control(Context& context, const ExposureArgs& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   wire::Request request;
@@ -135,9 +135,9 @@ void add_exposure(CLI::App& app, CommandLine& line) {
 
   CLI::App* show_it = add_command(*exposure, "show", "Show the program, each head's light, and its target",
                                   "  nodal exposure show --json | jq .settled\n");
-  line.on(show_it, run_show);
+  line.on(show_it, show_exposure_control);
 
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<ExposureArgs>();
   CLI::App* set = add_command(*exposure, "set", "Choose the program and its settings",
                               "  nodal exposure set joint\n"
                               "  nodal exposure set joint --difference 2 --anchor cam0\n"
@@ -162,7 +162,7 @@ void add_exposure(CLI::App& app, CommandLine& line) {
   set->parse_complete_callback([args, set] {
     if (set->count_all() <= 1) throw CLI::RequiredError("a program, or at least one option");
   });
-  line.on(set, [args](Context& context) { return run_set(context, *args); });
+  line.on(set, [args](Context& context) { return set_exposure_control(context, *args); });
 
   CLI::App* lock = add_command(*exposure, "lock", "Keep the present exposures", "  nodal exposure lock\n");
   line.on(lock, [](Context& context) { return run_lock(context, true); });

@@ -7,12 +7,12 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct GenlockArgs {
   std::string rate;
   std::string pulse;
 };
 
-Status run(Context& context, wire::GenlockRequest::Action action, const Args& args) {
+Status run_genlock(Context& context, wire::GenlockRequest::Action action, const GenlockArgs& args) {
   wire::Request request;
   wire::GenlockRequest& genlock = *request.mutable_genlock();
   genlock.set_action(action);
@@ -59,7 +59,7 @@ Status run(Context& context, wire::GenlockRequest::Action action, const Args& ar
 void add_genlock(CLI::App& app, CommandLine& line) {
   CLI::App* genlock = add_command(app, "genlock", "Expose all heads together: start, stop, accuracy", "");
   genlock->require_subcommand(1);
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<GenlockArgs>();
 
   CLI::App* start = add_command(
       *genlock, "start",
@@ -72,14 +72,14 @@ void add_genlock(CLI::App& app, CommandLine& line) {
   start->add_option("--pulse", args->pulse, "Width of the trigger pulse, such as 100us")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
-  line.on(start, [args](Context& context) { return run(context, wire::GenlockRequest::START, *args); });
+  line.on(start, [args](Context& context) { return run_genlock(context, wire::GenlockRequest::START, *args); });
 
   CLI::App* stop = add_command(*genlock, "stop", "Let every head run by its own clock again", "  nodal genlock stop\n");
-  line.on(stop, [](Context& context) { return run(context, wire::GenlockRequest::STOP, {}); });
+  line.on(stop, [](Context& context) { return run_genlock(context, wire::GenlockRequest::STOP, {}); });
 
   CLI::App* show = add_command(*genlock, "show", "State, rate, triggers and spread",
                                "  nodal genlock show --json | jq .spread_ns\n");
-  line.on(show, [](Context& context) { return run(context, wire::GenlockRequest::SHOW, {}); });
+  line.on(show, [](Context& context) { return run_genlock(context, wire::GenlockRequest::SHOW, {}); });
 }
 
 }  // namespace nodal::host

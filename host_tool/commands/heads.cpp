@@ -65,7 +65,7 @@ Result<wire::Heads> ask_heads(RigConnection& rig) {
   return reply->heads();
 }
 
-Json to_json(const wire::Heads& heads) {
+Json heads_json(const wire::Heads& heads) {
   Json list = Json::array();
   for (const wire::HeadState& head : heads.heads()) list.push_back(host::to_json(head));
   return {{"heads", list}};
@@ -76,7 +76,7 @@ Status run_heads(Context& context, bool wide) {
   if (!rig) return fail(rig.error());
   const Result<wire::Heads> heads = ask_heads(**rig);
   if (!heads) return fail(heads.error());
-  context.console().document(to_json(*heads));
+  context.console().document(heads_json(*heads));
   show(context.console(), *heads, wide);
   return {};
 }

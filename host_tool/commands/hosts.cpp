@@ -7,7 +7,7 @@
 namespace nodal::host {
 namespace {
 
-Json to_json(const wire::Hosts& hosts) {
+Json hosts_json(const wire::Hosts& hosts) {
   Json list = Json::array();
   for (const wire::HostState& host : hosts.hosts()) {
     list.push_back({{"number", host.number()},
@@ -44,7 +44,7 @@ void show(Console& console, const wire::Hosts& hosts) {
   for (const std::string& line : table.lines()) console.line(line);
 }
 
-Status run(Context& context, std::uint64_t end) {
+Status run_hosts(Context& context, std::uint64_t end) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   wire::Request request;
@@ -57,7 +57,7 @@ Status run(Context& context, std::uint64_t end) {
     context.console().document({{"ended", end}, {"done", true}});
     return {};
   }
-  context.console().document(to_json(reply->hosts()));
+  context.console().document(hosts_json(reply->hosts()));
   show(context.console(), reply->hosts());
   return {};
 }
@@ -74,7 +74,7 @@ void add_hosts(CLI::App& app, CommandLine& line) {
   command->add_option("--end", *end, "Disconnect the host with this number")
       ->type_name("N")
       ->check(CLI::PositiveNumber);
-  line.on(command, [end](Context& context) { return run(context, *end); });
+  line.on(command, [end](Context& context) { return run_hosts(context, *end); });
 }
 
 }  // namespace nodal::host

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Args {
+struct ImportArgs {
   std::vector<std::string> files;
   std::string out = "calibration.json";
   std::string name;
@@ -64,7 +64,7 @@ Residual total_of(const Residuals& residuals) {
 }
 
 /// A rig.toml with replay heads for the project's pictures.
-Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const Args& args) {
+Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const ImportArgs& args) {
   const fs::path from = fs::absolute(args.files.front()).parent_path();
   std::vector<std::string> pictures;
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
@@ -109,7 +109,7 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
 }
 
 void tell(Console& console, const interchange::ImportResult& imported, const CalibrationReport& report,
-          const Residuals& residuals, const Args& args) {
+          const Residuals& residuals, const ImportArgs& args) {
   Json pairs = Json::array();
   for (const auto& [pair, residual] : residuals) {
     pairs.push_back(
@@ -135,7 +135,7 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
 }
 
 /// Errors name the file.
-Result<interchange::ImportResult> imported_from(const Args& args) {
+Result<interchange::ImportResult> imported_from(const ImportArgs& args) {
   std::vector<interchange::CameraFile> files;
   for (const std::string& path : args.files) {
     Result<std::string> text = read_file(path, interchange::kMaxProjectBytes);
@@ -150,7 +150,7 @@ Result<interchange::ImportResult> imported_from(const Args& args) {
   return imported;
 }
 
-Status run(Context& context, const Args& args) {
+Status run_import(Context& context, const ImportArgs& args) {
   const Result<interchange::ImportResult> imported = imported_from(args);
   if (!imported) return fail(imported.error());
   const Result<CalibrationReport> report = report_on(imported->calibration);
@@ -179,7 +179,7 @@ void add_import(CLI::App& app, CommandLine& line) {
                                   "Knows Hugin's projects (.pto), PTGui's text ones (.pts), VideoStitch's (.ptv),\n"
                                   "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
                                   "what did not fit, and how well a project's control points agree.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<ImportArgs>();
   command
       ->add_option("FILE", args->files,
                    "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
@@ -190,7 +190,7 @@ void add_import(CLI::App& app, CommandLine& line) {
       ->type_name("NAME");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_import(context, *args); });
 }
 
 }  // namespace nodal::host

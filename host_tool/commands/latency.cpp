@@ -18,7 +18,7 @@ std::string text_of(const LatencyBounds& bounds) {
   return fmt::format("{} to {}", std::min(bounds.low(), bounds.high()), std::max(bounds.low(), bounds.high()));
 }
 
-Json to_json(const LatencyBounds& bounds) {
+Json latency_json(const LatencyBounds& bounds) {
   return {{"low", std::min(bounds.low(), bounds.high())}, {"high", std::max(bounds.low(), bounds.high())}};
 }
 
@@ -42,8 +42,8 @@ Status run_latency(Context& context, const std::string& name) {
   const bool agrees =
       measured->seen.exact() && measured->stated.exact() && measured->seen.low() == measured->stated.low();
   console.document({{"head", head->name()},
-                    {"seen_frames", to_json(measured->seen)},
-                    {"stated_frames", to_json(measured->stated)},
+                    {"seen_frames", latency_json(measured->seen)},
+                    {"stated_frames", latency_json(measured->stated)},
                     {"agrees", agrees},
                     {"exposure_ns", measured->exposure_ns},
                     {"stepped_ns", measured->stepped_ns},

@@ -10,14 +10,14 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct PairsArgs {
   std::string calibration, csv;
   std::vector<std::string> inputs;
   std::string out = "calibration.json";
   bool focals = false, cpfind = false;
 };
 
-void tell(Console& console, const registration::PairFit& fit, const Args& args) {
+void tell(Console& console, const registration::PairFit& fit, const PairsArgs& args) {
   Json agreements = Json::array(), heads = Json::array();
   using Align = Table::Align;
   Table table({{"heads"},
@@ -52,7 +52,7 @@ void tell(Console& console, const registration::PairFit& fit, const Args& args) 
   console.line(fmt::format("the point pairs agree within {:.3f}° rms; wrote {}", fit.rms_deg, args.out));
 }
 
-Status run(Context& context, const Args& args) {
+Status run_pairs(Context& context, const PairsArgs& args) {
   const Result<std::string> text = read_file(args.calibration, kMaxCalibrationBytes);
   if (!text) return fail(text.error());
   const Result<Calibration> prior = parse_calibration(*text);
@@ -84,7 +84,7 @@ void add_pairs(CLI::App& app, CommandLine& line) {
                   "  nodal pairs rig.json project.pto                 its control points\n"
                   "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
                   "A start for `nodal register`, which is much more accurate.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<PairsArgs>();
   command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
   command
       ->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts, .ptv); with --cpfind a picture of each head")
@@ -95,7 +95,7 @@ void add_pairs(CLI::App& app, CommandLine& line) {
   command->add_flag("--focals", args->focals, "Estimate focal lengths, too");
   command->add_flag("--cpfind", args->cpfind, "Find the pairs in pictures by Hugin's cpfind");
   command->add_option("--csv", args->csv, "Write the pairs as CSV, too")->type_name("FILE");
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_pairs(context, *args); });
 }
 
 }  // namespace nodal::host

@@ -14,7 +14,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct PatternArgs {
   std::string out;
   std::string size = "A3";
   std::uint64_t seed = 1;
@@ -27,7 +27,7 @@ struct Size {
   calibration::PatternSpec spec;
 };
 
-Result<Size> parse_size(std::string_view text) {
+Result<Size> parse_pattern_size(std::string_view text) {
   constexpr std::array kSeries{841.0, 594.0, 420.0, 297.0, 210.0, 148.0};  // the shorter sides of A0 to A5
   constexpr std::array kLonger{1189.0, 841.0, 594.0, 420.0, 297.0, 210.0};
   if (text.size() == 2 && (text[0] == 'A' || text[0] == 'a') && text[1] >= '0' && text[1] <= '5') {
@@ -51,8 +51,8 @@ Result<Size> parse_size(std::string_view text) {
   return fail(Errc::kBadValue, fmt::format("size '{}': paper A0 to A5, or a screen's pixels such as 1920x1080", text));
 }
 
-Status run(Context& context, const Args& args) {
-  const Result<Size> size = parse_size(args.size);
+Status run_pattern(Context& context, const PatternArgs& args) {
+  const Result<Size> size = parse_pattern_size(args.size);
   if (!size) return fail(size.error());
   calibration::PatternSpec spec = size->spec;
   spec.seed = args.seed;
@@ -98,16 +98,16 @@ void add_pattern(CLI::App& app, CommandLine& line) {
                                   "  nodal pattern -o pattern.png --size 3840x2160    to show on a screen\n"
                                   "Every paper of the A series holds the same pattern, which `calibrate lens` knows\n"
                                   "by itself; any other is given to it with --pattern.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<PatternArgs>();
   command->add_option("-o,--out", args->out, "The file to write: .pdf or .png")->required()->type_name("FILE");
   command->add_option("--size", args->size, "Paper A0 to A5, or pixels as 1920x1080 (A3 when not given)")
       ->type_name("SIZE")
-      ->check(checked_by(parse_size));
+      ->check(checked_by(parse_pattern_size));
   command->add_option("--seed", args->seed, "Another pattern for another number (1 when not given)")->type_name("N");
   command->add_option("--margin", args->margin_mm, "White around it on paper, in mm (10 when not given)")
       ->type_name("MM")
       ->check(CLI::Range(0.0, 100.0));
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_pattern(context, *args); });
 }
 
 }  // namespace nodal::host

@@ -18,7 +18,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct RaymapArgs {
   std::uint64_t count = 1;
   bool continuous = false;
   bool lossless = false;
@@ -111,7 +111,7 @@ struct Sink {
   std::shared_ptr<FilmFile> film{};  ///< all raymaps in one file; then `format` is kJpg
 };
 
-Result<Sink> make_sink(const Args& args, Console& console) {
+Result<Sink> make_sink(const RaymapArgs& args, Console& console) {
   Sink sink;
   if (args.out.ends_with(".mkv")) {
     if (!args.format.empty() && args.format != "jpg") {
@@ -206,7 +206,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
 /// One pull, from its first piece to its summary.
 class Pull {
  public:
-  Pull(RigConnection& rig, StreamId stream, const Args& args, const Sink& sink, int heads, Console& console)
+  Pull(RigConnection& rig, StreamId stream, const RaymapArgs& args, const Sink& sink, int heads, Console& console)
       : rig_(rig),
         stream_(stream),
         args_(args),
@@ -299,7 +299,7 @@ class Pull {
 
   RigConnection& rig_;
   StreamId stream_;
-  const Args& args_;
+  const RaymapArgs& args_;
   const Sink& sink_;
   int heads_;
   Console& console_;
@@ -340,7 +340,7 @@ Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Co
   }
 }
 
-Status run(Context& context, const Args& args) {
+Status run_raymap(Context& context, const RaymapArgs& args) {
   const Result<Sink> sink = make_sink(args, context.console());
   if (!sink) return fail(sink.error());
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
@@ -369,7 +369,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
                                   "  nodal raymap pull --for 10m --lossless --out film.mkv   a film\n"
                                   "  nodal raymap pull --continuous --out - | ffplay -f mjpeg -\n"
                                   "With --json: one document a raymap, and one with the sum at the end.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<RaymapArgs>();
   CLI::Option* count = command->add_option("-n,--count", args->count, "How many (1 when not given)")
                            ->type_name("N")
                            ->check(checked_by(parse_count));
@@ -390,7 +390,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
   command->add_flag("--complete", args->complete, "Only raymaps with pictures of every head of the rig");
   command->add_flag("--lossless", args->lossless,
                     "Every raymap that the rig makes, or an error if this computer is too slow");
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_raymap(context, *args); });
 }
 
 }  // namespace nodal::host

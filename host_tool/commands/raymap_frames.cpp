@@ -16,12 +16,12 @@
 namespace nodal::host {
 namespace {
 
-struct Input {
+struct FrameInput {
   DecodedImage picture;
   bool says_equirectangular = false;  ///< by GPano metadata
 };
 
-Result<Input> read_input(const std::string& file) {
+Result<FrameInput> read_frame(const std::string& file) {
   const Result<std::string> bytes = read_file(file, media::kMaxImageFileBytes);
   if (!bytes) return fail(bytes.error());
   const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
@@ -33,10 +33,10 @@ Result<Input> read_input(const std::string& file) {
   // As viewers do it: the packet's text anywhere in the file.
   const bool says = bytes->find("GPano:ProjectionType=\"equirectangular\"") != std::string::npos ||
                     bytes->find("<GPano:ProjectionType>equirectangular<") != std::string::npos;
-  return Input{std::move(*picture), says};
+  return FrameInput{std::move(*picture), says};
 }
 
-Result<geometry::LayoutName> layout_of(const FrameOptions& options, const Input& input) {
+Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameInput& input) {
   if (!options.from.empty()) {
     const Result<geometry::LayoutName> name = geometry::LayoutName::parse(options.from);
     if (!name) return fail(name.error().in("--from"));
@@ -121,7 +121,7 @@ Status run_frames(Context& context, const FrameOptions& options,
       if (interrupted()) {
         return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
       }
-      const Result<Input> input = interruptible(console, [&] { return read_input(options.inputs[k]); });
+      const Result<FrameInput> input = interruptible(console, [&] { return read_frame(options.inputs[k]); });
       if (!input) return fail(input.error());
       const DecodedImage& picture = input->picture;
       if (!source) {

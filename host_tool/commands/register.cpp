@@ -28,7 +28,7 @@ namespace {
 using registration::Options;
 using registration::Report;
 
-struct Args {
+struct RegisterArgs {
   std::vector<std::string> inputs;
   NominalWords nominal;
   std::string pairs, report, rig_toml;
@@ -66,13 +66,13 @@ CLI::IsMember one_of(const Choices<Value>& choices) {
   return CLI::IsMember(names);
 }
 
-struct Input : CalibratedPictures {
+struct RegisterInput : CalibratedPictures {
   std::vector<std::string> files;  ///< of the first set; empty for a running rig
   bool matched = false;            ///< the calibration is from the pictures themselves
 };
 
 /// Pictures without a calibration.
-Result<Input> input_from_pictures(Context& context, const Args& args) {
+Result<RegisterInput> input_from_pictures(Context& context, const RegisterArgs& args) {
   Console& console = context.console();
   const Result<OwnPictureSets> own = own_pictures(args.inputs);
   if (!own) return fail(own.error());
@@ -88,7 +88,7 @@ Result<Input> input_from_pictures(Context& context, const Args& args) {
   if (!first) return fail(first.error());
   for (const std::string& note : first->notes) console.note("note: " + note);
   console.note(first->confidence);
-  Input input;
+  RegisterInput input;
   input.calibration = std::move(first->calibration);
   input.pictures.sets.push_back(std::move(first->images));
   input.files = std::move(first->placed);
@@ -96,7 +96,7 @@ Result<Input> input_from_pictures(Context& context, const Args& args) {
   return input;
 }
 
-Result<Input> input_from_rig(Context& context, const Args& args) {
+Result<RegisterInput> input_from_rig(Context& context, const RegisterArgs& args) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has)
@@ -105,13 +105,13 @@ Result<Input> input_from_rig(Context& context, const Args& args) {
   if (!prior) return fail(prior.error());
   Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
   if (!pictures) return fail(pictures.error());
-  Input input;
+  RegisterInput input;
   input.calibration = std::move(*prior);
   input.pictures = std::move(*pictures);
   return input;
 }
 
-Result<Input> read_input(Context& context, const Args& args) {
+Result<RegisterInput> read_register_input(Context& context, const RegisterArgs& args) {
   if (args.inputs.empty() && !args.nominal.rig.empty())
     return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) return input_from_rig(context, args);
@@ -121,7 +121,7 @@ Result<Input> read_input(Context& context, const Args& args) {
                                     : read_nominal_pictures(args.nominal, args.inputs);
   });
   if (!read) return fail(read.error());
-  Input input;
+  RegisterInput input;
   static_cast<CalibratedPictures&>(input) = std::move(*read);
   if (args.rig_toml.empty()) return input;
   std::vector<std::string> names;
@@ -137,7 +137,7 @@ Result<Input> read_input(Context& context, const Args& args) {
 // JSON has no infinity; null means "unknown".
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-Json to_json(const Report& report) {
+Json register_json(const Report& report) {
   Json heads = Json::array(), pairs = Json::array(), steps = Json::array();
   for (const registration::HeadReport& head : report.heads) {
     heads.push_back({{"name", head.name},
@@ -211,13 +211,13 @@ void tell(Console& console, const Report& report, bool focals, const std::string
   console.line("wrote " + out);
 }
 
-Status run(Context& context, const Args& args) {
+Status run_register(Context& context, const RegisterArgs& args) {
   const Result<Duration> limit = parse_duration(args.limit);
   if (!limit) return fail(limit.error().in("--limit"));
   if (!args.rig_toml.empty() && args.inputs.empty()) {
     return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
   }
-  Result<Input> input = read_input(context, args);
+  Result<RegisterInput> input = read_register_input(context, args);
   if (!input) return fail(input.error());
   if (!args.pairs.empty()) {
     const auto pairs = read_pairs(args.pairs, input->calibration);
@@ -269,7 +269,7 @@ Status run(Context& context, const Args& args) {
     if (!page) return fail(page.error());
     if (const Status written = write_file(args.report, *page); !written) return written;
   }
-  Json document = to_json(*report);
+  Json document = register_json(*report);
   document["out"] = args.out;
   document["seconds"] = seconds;
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
@@ -294,7 +294,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps the result if it is better\n"
       "Gain and fall-off are estimated, too. A head that the pictures do not place is named and keeps its "
       "rotation.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<RegisterArgs>();
   command
       ->add_option("INPUT", args->inputs,
                    "The calibration to start from, and the pictures; pictures alone: where heads are and which "
@@ -353,7 +353,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->needs(trial)
       ->check(checked_by(parse_duration));
   add_nominal_options(*command, args->nominal);
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_register(context, *args); });
 }
 
 }  // namespace nodal::host

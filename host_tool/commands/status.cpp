@@ -8,7 +8,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct StatusArgs {
   bool watch = false;
   std::string interval = "1s";
   std::uint64_t count = 0;
@@ -122,7 +122,7 @@ std::string one_line(const wire::RigStatus& status) {
                      list_of(status.losses()));
 }
 
-Status run(Context& context, const Args& args) {
+Status run_status(Context& context, const StatusArgs& args) {
   const Result<Duration> interval = parse_duration(args.interval);
   if (!interval) return fail(interval.error().in("--interval"));
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
@@ -163,13 +163,13 @@ void add_status(CLI::App& app, CommandLine& line) {
                                   "  nodal status --watch                    redrawn every second, Ctrl-C ends\n"
                                   "  nodal status --watch --interval 10s >> rig.log\n"
                                   "  nodal status --json | jq .losses\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<StatusArgs>();
   command->add_flag("-w,--watch", args->watch, "Repeat; redrawn on a terminal, else one line each time");
   command->add_option("--interval", args->interval, "With --watch: how often (1s when not given)")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
   command->add_option("--count", args->count, "With --watch: end after this many")->type_name("N");
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_status(context, *args); });
 }
 
 }  // namespace nodal::host

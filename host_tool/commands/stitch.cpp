@@ -21,7 +21,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct StitchArgs {
   std::vector<std::string> inputs;
   NominalWords nominal;
   std::string out = "sphere.jpg";
@@ -36,7 +36,7 @@ struct Args {
   double distance = 0;  ///< 0: the calibration's
 };
 
-table::TableOptions table_options(const Args& args) {
+table::TableOptions table_options(const StitchArgs& args) {
   table::TableOptions options;
   if (args.transition == "seam") options.transition = table::Transition::kSeam;
   if (args.transition == "feather") options.transition = table::Transition::kFeather;
@@ -48,7 +48,7 @@ table::TableOptions table_options(const Args& args) {
 
 /// The parameters that all raymaps of a run share.
 struct Job {
-  Args args;
+  StitchArgs args;
   RaymapFormat format = RaymapFormat::kJpg;
   geometry::RaymapSize size;
   StitchInput input;
@@ -130,7 +130,7 @@ Status calibrate(Console& console, Job& job) {
   return write_file(beside(job.args.out, ".rig.json"), to_json(job.input.calibration));
 }
 
-Result<Job> make_job(Console& console, const Args& args) {
+Result<Job> make_job(Console& console, const StitchArgs& args) {
   Job job;
   job.args = args;
   const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(args.layout);
@@ -182,7 +182,7 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
   return job.format == RaymapFormat::kTiff ? encode_tiff(received) : encode_png(received);
 }
 
-Status run(Context& context, const Args& args) {
+Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
   const Result<Job> job = interruptible(console, [&] { return make_job(console, args); });
@@ -264,7 +264,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
       "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<StitchArgs>();
   command
       ->add_option("INPUT", args->inputs,
                    "Pictures; or a calibration or project, then its pictures: one a head, in its order; or folders")
@@ -307,7 +307,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
   add_nominal_options(*command, args->nominal);
-  line.on(command, [args](Context& context) { return run(context, *args); });
+  line.on(command, [args](Context& context) { return run_stitch(context, *args); });
 }
 
 }  // namespace nodal::host

@@ -10,7 +10,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct SyncArgs {
   std::uint64_t sets = 300;
   std::string svg;
 };
@@ -26,7 +26,7 @@ Result<std::vector<std::string>> head_names(RigConnection& rig) {
 }
 
 /// Collects the timing data of sets until there are enough, Ctrl-C, or the rig closes the stream.
-Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& console, SyncReport& report) {
+Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Console& console, SyncReport& report) {
   Progress progress(console, "set", args.sets);
   while (report.sets() < args.sets) {
     const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
@@ -55,7 +55,7 @@ Status collect(RigConnection& rig, StreamId stream, const Args& args, Console& c
   return {};
 }
 
-Status run(Context& context, const Args& args) {
+Status run_sync(Context& context, const SyncArgs& args) {
   Console& console = context.console();
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
@@ -92,12 +92,12 @@ void add_sync(CLI::App& app, CommandLine& line) {
                                  "  nodal sync report                          ten seconds at 29.97\n"
                                  "  nodal sync report -n 1800 --svg sync.svg\n"
                                  "  nodal sync report --json | jq '.heads[] | {name, worst_ns}'\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<SyncArgs>();
   report->add_option("-n,--sets", args->sets, "How many sets (300 when not given)")
       ->type_name("N")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}));
   report->add_option("--svg", args->svg, "Draw every head's skew in this file")->type_name("FILE");
-  line.on(report, [args](Context& context) { return run(context, *args); });
+  line.on(report, [args](Context& context) { return run_sync(context, *args); });
 }
 
 }  // namespace nodal::host

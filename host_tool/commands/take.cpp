@@ -22,7 +22,7 @@ std::string show_utc(std::int64_t ns) {
   return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
 }
 
-Json to_json(const wire::TakeEntry& take) {
+Json take_json(const wire::TakeEntry& take) {
   Json json{{"take", take.number()},
             {"state", take.state()},
             {"started_utc_ns", take.started_utc_ns()},
@@ -36,7 +36,7 @@ Json to_json(const wire::TakeEntry& take) {
   return json;
 }
 
-Status run_list(Context& context) {
+Status list_takes(Context& context) {
   wire::Request request;
   request.mutable_take_list();
   const Result<wire::Reply> reply = context.ask(request);
@@ -50,7 +50,7 @@ Status run_list(Context& context) {
                {"size", Table::Align::kRight},
                {"state"}});
   for (const wire::TakeEntry& take : reply->takes().takes()) {
-    list.push_back(to_json(take));
+    list.push_back(take_json(take));
     std::string state = take.state();
     if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
     if (take.is_protected()) state += ", protected";
@@ -135,7 +135,7 @@ void add_take(CLI::App& app, CommandLine& line) {
   CLI::App* list = add_command(*take, "list", "The takes on the rig's disk",
                                "  nodal take list\n"
                                "  nodal take list --json | jq '.takes[] | select(.lost_sets>0)'\n");
-  line.on(list, run_list);
+  line.on(list, list_takes);
   add_take_verify(*take, line);
   auto deleted = std::make_shared<TakeOptions>();
   CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk", "  nodal take delete 42\n");

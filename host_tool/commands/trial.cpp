@@ -12,7 +12,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr int kUploadAttempts = 4;
+constexpr int kTrialUploadAttempts = 4;
 constexpr double kLeastFall = 0.001;  // share of the objective; repeating the same calibration must not count as better
 
 /// Ends the trial on the rig in its destructor, unless it has been ended before.
@@ -58,7 +58,7 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   if (document.empty()) document = to_json(tried);
   const Reconnect connect = [&context] { return context.connect(); };
   const Result<Uploaded> uploaded =
-      upload(connect, {document.begin(), document.end()}, kUploadAttempts, context.console(), limit, signature);
+      upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), limit, signature);
   if (!uploaded) return fail(uploaded.error());
   TrialUnderWay trial(**rig, tried);
   const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());

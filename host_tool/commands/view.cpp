@@ -8,7 +8,7 @@
 namespace nodal::host {
 namespace {
 
-struct Args {
+struct ViewArgs {
   FrameOptions frames;
   std::string camera = "perspective";
   std::string size = "1920x1080";
@@ -17,7 +17,7 @@ struct Args {
 
 constexpr int kMostSide = 16384;
 
-Result<geometry::RaymapSize> parse_size(const std::string& text) {
+Result<geometry::RaymapSize> parse_view_size(const std::string& text) {
   geometry::RaymapSize size;
   const char* end = text.data() + text.size();
   const auto [x, error] = std::from_chars(text.data(), end, size.width);
@@ -32,10 +32,10 @@ Result<geometry::RaymapSize> parse_size(const std::string& text) {
   return size;
 }
 
-Status run(Context& context, const Args& args) {
+Status run_view(Context& context, const ViewArgs& args) {
   view::CameraSpec spec = args.spec;
   spec.projection = view::parse_projection(args.camera).value();
-  const geometry::RaymapSize size = parse_size(args.size).value();
+  const geometry::RaymapSize size = parse_view_size(args.size).value();
   spec.width = size.width;
   spec.height = size.height;
   const Result<view::Camera> camera = view::Camera::make(spec);
@@ -56,7 +56,7 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "      --fov 300 --size 1500x1500\n"
                   "  nodal view r-*.jpg -o v-%04d.jpg\n"
                   "Where the camera shows nothing, beyond 180 degrees from its axis, the view is black.\n");
-  auto args = std::make_shared<Args>();
+  auto args = std::make_shared<ViewArgs>();
   add_frame_options(*command, args->frames);
   command->add_option("--camera", args->camera, "perspective when not given; fisheye is equidistant")
       ->type_name("perspective|fisheye|stereographic|equisolid")
@@ -74,8 +74,8 @@ void add_view(CLI::App& app, CommandLine& line) {
       ->type_name("DEGREES");
   command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
       ->type_name("WIDTHxHEIGHT")
-      ->check(checked_by(parse_size));
-  line.on(command, [args](Context& context) { return run(context, *args); });
+      ->check(checked_by(parse_view_size));
+  line.on(command, [args](Context& context) { return run_view(context, *args); });
 }
 
 }  // namespace nodal::host

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
-#include <numbers>
 
 #include "host_tool/console/files.h"
+#include "protocol/base/angles.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
@@ -16,8 +16,6 @@ namespace nodal::host {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr double kRadians = std::numbers::pi / 180;
 
 // Parses numbers separated by `between`; nothing if the text is anything else.
 std::vector<double> numbers(std::string_view text, char between) {
@@ -220,7 +218,7 @@ Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<Decode
     head.height = height;
     head.center_x = circle.x;
     head.center_y = circle.y;
-    head.max_angle = nominal.view_deg / 2 * kRadians;
+    head.max_angle = nominal.view_deg / 2 * kRadiansPerDegree;
     head.lens = EquidistantLens{{circle.radius / head.max_angle}};
     double yaw = 360.0 * static_cast<double>(h) / nominal.heads;
     if (yaw > 180) yaw -= 360;

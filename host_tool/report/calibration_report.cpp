@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/rotation.h"
@@ -17,7 +18,6 @@ using geometry::Head;
 using geometry::Pixel;
 using geometry::Ray;
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kRays = 20'000;  // one per 2 square degrees
 
 std::string lens_name(const LensModel& lens) {
@@ -37,7 +37,7 @@ double reach(const Head& head, double step_x, double step_y) {
   for (; head.distance_to_edge_without_masks(pixel) >= 0; pixel = {pixel.x + step_x, pixel.y + step_y}) {
     if (const std::optional<Ray> ray = head.unproject(pixel)) angle = geometry::angle_between(*ray, head.axis());
   }
-  return angle * kDegrees;
+  return angle * kDegreesPerRadian;
 }
 
 /// Without "-0.00" and "-180.00".
@@ -81,7 +81,8 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
     twice += count >= 2;
     unseen += count == 0;
     if (count == 0 && !report.hole) {
-      report.hole = CalibrationReport::Direction{ray.angles().theta * kDegrees, -ray.angles().phi * kDegrees};
+      report.hole =
+          CalibrationReport::Direction{ray.angles().theta * kDegreesPerRadian, -ray.angles().phi * kDegreesPerRadian};
     }
   }
   const std::vector<geometry::MaskHole> holes = geometry::find_mask_holes(*heads);

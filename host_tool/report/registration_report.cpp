@@ -11,6 +11,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/report/html_report.h"
 #include "host_tool/report/sphere_graph.h"
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/media/png_writer.h"
@@ -23,12 +24,12 @@ using geometry::Ray;
 using registration::FrameSet;
 using registration::Report;
 
-constexpr int kWidth = 768, kHeight = 384;
+constexpr int kMapWidth = 768, kMapHeight = 384;
 constexpr int kColourWidth = 1152, kColourHeight = 576;
 constexpr int kClose = 288;   // side of a close-up, px
 constexpr int kChecker = 36;  // side of a square from one head, px
 constexpr std::size_t kSeams = 6;
-constexpr double kStretch = 8;  // a difference of 32 levels is shown white
+constexpr double kDifferenceStretch = 8;  // a difference of 32 levels is shown white
 
 // One calibration's heads with their pictures.
 class Rig {
@@ -115,10 +116,10 @@ struct Spheres {
 
 Spheres spheres_of(const Rig& rig) {
   Spheres spheres;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const Ray ray =
-          Ray::at({((x + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi, ((y + 0.5) / kHeight - 0.5) * std::numbers::pi});
+  for (int y = 0; y < kMapHeight; ++y) {
+    for (int x = 0; x < kMapWidth; ++x) {
+      const Ray ray = Ray::at(
+          {((x + 0.5) / kMapWidth - 0.5) * 2 * std::numbers::pi, ((y + 0.5) / kMapHeight - 0.5) * std::numbers::pi});
       double sum = 0, squares = 0, count = 0;
       for (std::size_t h = 0; h < rig.heads().size(); ++h) {
         const std::optional<double> light = rig.light(h, ray);
@@ -129,7 +130,7 @@ Spheres spheres_of(const Rig& rig) {
       }
       const double mean = count > 0 ? sum / count : 0;
       const double spread = count > 1 ? std::sqrt(std::max(0.0, squares / count - mean * mean)) : 0;
-      spheres.difference.push_back(static_cast<std::uint8_t>(std::min(255.0, kStretch * spread)));
+      spheres.difference.push_back(static_cast<std::uint8_t>(std::min(255.0, kDifferenceStretch * spread)));
       spheres.seers.push_back(static_cast<std::uint8_t>(count));
     }
   }
@@ -170,12 +171,12 @@ std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width
 // The centre of the area that two heads share, as a ray of the rig.
 std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
   double x = 0, y = 0, z = 0;
-  for (int j = 0; j < kHeight; j += 6) {
-    for (int i = 0; i < kWidth; i += 6) {
-      const Ray ray =
-          Ray::at({((i + 0.5) / kWidth - 0.5) * 2 * std::numbers::pi, ((j + 0.5) / kHeight - 0.5) * std::numbers::pi});
+  for (int j = 0; j < kMapHeight; j += 6) {
+    for (int i = 0; i < kMapWidth; i += 6) {
+      const Ray ray = Ray::at(
+          {((i + 0.5) / kMapWidth - 0.5) * 2 * std::numbers::pi, ((j + 0.5) / kMapHeight - 0.5) * std::numbers::pi});
       if (!rig.light(a, ray) || !rig.light(b, ray)) continue;
-      const double weight = std::sin((j + 0.5) / kHeight * std::numbers::pi);
+      const double weight = std::sin((j + 0.5) / kMapHeight * std::numbers::pi);
       x += weight * ray.x();
       y += weight * ray.y();
       z += weight * ray.z();
@@ -257,9 +258,8 @@ void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlRe
 // The head's direction as yaw and pitch.
 GraphNode node_of(const Head& head, const registration::HeadReport& report) {
   const std::array<double, 9>& R = head.calibration().R_head_rig;  // its last row is the axis in the rig's frame
-  constexpr double kDegrees = 180 / std::numbers::pi;
-  return {report.name, kDegrees * std::atan2(R[6], R[8]), -kDegrees * std::asin(std::clamp(R[7], -1.0, 1.0)),
-          !report.placed};
+  return {report.name, kDegreesPerRadian * std::atan2(R[6], R[8]),
+          -kDegreesPerRadian * std::asin(std::clamp(R[7], -1.0, 1.0)), !report.placed};
 }
 
 void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
@@ -341,9 +341,9 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   add_heads(report, page);
   add_convergence(report, page);
   page.heading("Differences of the heads");
-  page.pictures({{png(old_spheres.difference, kWidth, kHeight), "before; white is 32 levels or more"},
-                 {png(spheres.difference, kWidth, kHeight), "after"}});
-  page.pictures({{png(spheres.seers, kWidth, kHeight), "how many heads see each ray; black is none"}});
+  page.pictures({{png(old_spheres.difference, kMapWidth, kMapHeight), "before; white is 32 levels or more"},
+                 {png(spheres.difference, kMapWidth, kMapHeight), "after"}});
+  page.pictures({{png(spheres.seers, kMapWidth, kMapHeight), "how many heads see each ray; black is none"}});
   add_graph(*after, report, page);
   add_pairs(report, page);
   add_seams(*before, *after, report, page);

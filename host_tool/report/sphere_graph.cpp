@@ -10,7 +10,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kWidth = 760, kHeight = 400, kMap = 360;  // the legend is below the map
+constexpr double kGraphWidth = 760, kGraphHeight = 400, kMap = 360;  // the legend is below the map
 constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
 constexpr double kGood = 0.8;
 
@@ -20,7 +20,7 @@ const char* colour_of(double agreement) {
 
 double x_of(const GraphNode& node) {
   const double turns = node.yaw_deg / 360 + 0.5;
-  return kWidth * (turns - std::floor(turns));
+  return kGraphWidth * (turns - std::floor(turns));
 }
 double y_of(const GraphNode& node) { return kMap * std::clamp(0.5 - node.pitch_deg / 180, 0.045, 0.955); }
 
@@ -39,7 +39,7 @@ std::string line(double x0, double y0, double x1, double y1, const GraphLink& li
 std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
   const GraphNode &a = nodes[link.a], &b = nodes[link.b];
   const double xa = x_of(a), xb = x_of(b);
-  const double way = xb - xa > kWidth / 2 ? -kWidth : xb - xa < -kWidth / 2 ? kWidth : 0;
+  const double way = xb - xa > kGraphWidth / 2 ? -kGraphWidth : xb - xa < -kGraphWidth / 2 ? kGraphWidth : 0;
   std::string svg = line(xa, y_of(a), xb + way, y_of(b), link);
   if (way != 0) svg += line(xa - way, y_of(a), xb, y_of(b), link);
   return svg;
@@ -53,7 +53,7 @@ std::string drawn(const GraphNode& node, double x) {
                   node.faint ? " stroke-dasharray=\"3 3\"" : "");
   return svg +
          fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\" fill=\"#222\" font-size=\"9.5\">{}</text>",
-                     std::clamp(x, half, kWidth - half), y_of(node) + 3.5, html_escaped(node.name));
+                     std::clamp(x, half, kGraphWidth - half), y_of(node) + 3.5, html_escaped(node.name));
 }
 
 std::string legend() {
@@ -61,12 +61,12 @@ std::string legend() {
   double x = 12;
   for (const auto& [agreement, text] : {std::pair{1.0, "agrees"}, {0.5, "agrees in part"}, {0.0, "does not agree"}}) {
     const GraphLink link{0, 0, 0.4, agreement, text};
-    svg += line(x, kHeight - 18, x + 34, kHeight - 18, link);
-    svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{}</text>", x + 42, kHeight - 14, text);
+    svg += line(x, kGraphHeight - 18, x + 34, kGraphHeight - 18, link);
+    svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">{}</text>", x + 42, kGraphHeight - 14, text);
     x += 150;
   }
-  return svg +
-         fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">thicker: they share more of the sphere</text>", x, kHeight - 14);
+  return svg + fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\">thicker: they share more of the sphere</text>", x,
+                           kGraphHeight - 14);
 }
 
 }  // namespace
@@ -76,16 +76,16 @@ std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<
       "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" role=\"img\" "
       "aria-label=\"The heads' directions on the sphere, joined where they overlap\" "
       "font-family=\"sans-serif\" font-size=\"11\">",
-      kWidth, kHeight);
+      kGraphWidth, kGraphHeight);
   for (int k = 1; k < 4; ++k) {
     svg += fmt::format("<line x1=\"{0:.1f}\" y1=\"0\" x2=\"{0:.1f}\" y2=\"{1:.0f}\" stroke=\"#e3e3e3\"/>",
-                       kWidth * k / 4, kMap);
+                       kGraphWidth * k / 4, kMap);
     svg += fmt::format("<line x1=\"0\" y1=\"{0:.1f}\" x2=\"{1:.0f}\" y2=\"{0:.1f}\" stroke=\"#e3e3e3\"/>", kMap * k / 4,
-                       kWidth);
+                       kGraphWidth);
   }
   for (const auto& [at, text] : {std::pair{0.25, "left"}, {0.5, "front"}, {0.75, "right"}}) {
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\" fill=\"#888\">{}</text>", kWidth * at,
-                       kMap - 4, text);
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\" fill=\"#888\">{}</text>",
+                       kGraphWidth * at, kMap - 4, text);
   }
   // Links with the highest agreement are drawn last, on top.
   std::vector<GraphLink> sorted = links;
@@ -94,8 +94,8 @@ std::string sphere_graph(const std::vector<GraphNode>& nodes, const std::vector<
   for (const GraphNode& node : nodes) {
     const double x = x_of(node);
     svg += drawn(node, x);
-    if (x < kRadius) svg += drawn(node, x + kWidth);  // a head that looks back is drawn half on each side
-    if (x > kWidth - kRadius) svg += drawn(node, x - kWidth);
+    if (x < kRadius) svg += drawn(node, x + kGraphWidth);  // a head that looks back is drawn half on each side
+    if (x > kGraphWidth - kRadius) svg += drawn(node, x - kGraphWidth);
   }
   return svg + legend() + "</svg>\n";
 }

@@ -14,9 +14,9 @@ namespace {
 using Json = nlohmann::json;
 
 /// A field of an object; errors name the file and the field.
-class Fields {
+class JsonFields {
  public:
-  Fields(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
+  JsonFields(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
 
   Result<std::uint64_t> number(const char* key, std::uint64_t most) const {
     const auto at = json_.find(key);
@@ -56,7 +56,7 @@ Result<Json> parse(std::string_view text, const std::string& file, std::size_t l
   auto json = parse_strict_json(text, {.bytes = limit, .depth = 8});
   if (!json) return fail(json.error().in(file));
   if (!json->is_object()) return fail(Errc::kBadFormat, file + ": not a JSON object");
-  const auto version = Fields(*json, file).number("version", UINT32_MAX);
+  const auto version = JsonFields(*json, file).number("version", UINT32_MAX);
   if (!version) return fail(version.error());
   if (*version != static_cast<std::uint64_t>(kTakeVersion)) {
     return fail(Errc::kFutureVersion,
@@ -93,7 +93,7 @@ std::string take_json(const TakeDocument& take) {
 
 Result<TakeDocument> parse_take_json(std::string_view text, const std::string& file) {
   NODAL_TAKE(json, parse(text, file, kMaxTakeJsonBytes));
-  const Fields fields(json, file);
+  const JsonFields fields(json, file);
   TakeDocument take;
   NODAL_TAKE(number, fields.number("take", kMostNs));
   NODAL_TAKE(rig, fields.text("rig", 256));
@@ -160,7 +160,7 @@ std::string manifest_json(const Manifest& manifest) {
 
 Result<Manifest> parse_manifest(std::string_view text, const std::string& file) {
   NODAL_TAKE(json, parse(text, file, kMaxManifestBytes));
-  const Fields fields(json, file);
+  const JsonFields fields(json, file);
   Manifest manifest;
   NODAL_TAKE(number, fields.number("take", kMostNs));
   NODAL_TAKE(sets, fields.number("sets", std::uint64_t{1} << 48));
@@ -170,7 +170,7 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   NODAL_TAKE(marks, fields.list("marks", kMostMarks));
   for (const Json& each : *marks) {
     if (!each.is_object()) return fields.wrong("marks", "not a list of objects");
-    const Fields entry(each, file + ": marks");
+    const JsonFields entry(each, file + ": marks");
     NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
     NODAL_TAKE(mark, entry.text("text", kMaxMarkBytes));
     manifest.marks.push_back({set, mark});
@@ -179,7 +179,7 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   std::set<std::string> names;
   for (const Json& each : *files) {
     if (!each.is_object()) return fields.wrong("files", "not a list of objects");
-    const Fields entry(each, file + ": files");
+    const JsonFields entry(each, file + ": files");
     NODAL_TAKE(name, entry.text("name", 64));
     NODAL_TAKE(bytes, entry.number("bytes", std::uint64_t{1} << 40));
     NODAL_TAKE(xxh3, entry.text("xxh3", 32));

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
+#include "protocol/base/angles.h"
 #include "stitch/autocalibration/bundle.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/registration/pair_start.h"
@@ -14,7 +14,6 @@ namespace {
 
 using Eigen::Matrix3d;
 
-constexpr double kRadians = std::numbers::pi / 180;
 constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens may be off
 constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
@@ -32,9 +31,9 @@ std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic, std::optiona
   for (const double part : {0.5, 1.0, 0.0}) {
     if (stated) all.push_back({{*stated, {part / 3, part * 2 / 15}}});
   }
-  for (double angle = 60; circles && angle <= 135; angle += 5) all.push_back({{1 / (angle * kRadians), {}}});
+  for (double angle = 60; circles && angle <= 135; angle += 5) all.push_back({{1 / (angle * kRadiansPerDegree), {}}});
   for (double angle = 8; !circles && angle <= 105; angle *= 1.12) {
-    const double a = angle * kRadians;
+    const double a = angle * kRadiansPerDegree;
     all.push_back({{1 / a, {}}});
     for (const double part : {0.5, 1.0}) {
       if (angle > 60) break;

@@ -7,24 +7,25 @@
 #include <numbers>
 #include <optional>
 
+#include "protocol/base/angles.h"
+
 namespace nodal::autocalibration {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kLeastSlope = 3;              // levels per pixel, for an edge
-constexpr int kStraight = 6;                   // px; an edge is straight if its slope is the same so far along it,
-constexpr double kAlike = 0.985;               // up to this cosine
-constexpr double kTolerance = 1.5 * kRadians;  // at first,
-constexpr double kFinest = 0.3 * kRadians;     // and at the end
-constexpr double kWindow = 35 * kRadians;      // how far up may be from where the light comes from
-constexpr double kRingWindow = 12 * kRadians;  // or from a ring's axis
-constexpr double kRim = 0.06;                  // of an image circle's radius; edges are not used there
+constexpr double kLeastSlope = 3;  // levels per pixel, for an edge
+constexpr int kStraight = 6;       // px; an edge is straight if its slope is the same so far along it,
+constexpr double kAlike = 0.985;   // up to this cosine
+constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // at first,
+constexpr double kFinest = 0.3 * kRadiansPerDegree;            // and at the end
+constexpr double kWindow = 35 * kRadiansPerDegree;             // how far up may be from where the light comes from
+constexpr double kRingWindow = 12 * kRadiansPerDegree;         // or from a ring's axis
+constexpr double kRim = 0.06;                                  // of an image circle's radius; edges are not used there
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
-constexpr double kStep = 1 * kRadians;
+constexpr double kStep = 1 * kRadiansPerDegree;
 constexpr double kLeastHeld = 0.5;  // of the mean of the heads' upward axes, for heads that are held alike
 constexpr double kSure = 150;       // standard deviations; textures and patterns reach 130
 constexpr std::size_t kMostEdges = 40000;
@@ -188,7 +189,7 @@ void search_around(const std::vector<Edge>& edges, const Vector3d& start, double
     for (int j = -steps; j <= steps; ++j) {
       if (i * i + j * j > steps * steps) continue;
       const Vector3d up = (start + std::tan(i * kStep) * side + std::tan(j * kStep) * other).normalized();
-      const double score = agreement(edges, up, kTolerance);
+      const double score = agreement(edges, up, kUprightTolerance);
       if (score <= best) continue;
       best = score;
       found.up = up;

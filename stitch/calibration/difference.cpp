@@ -5,9 +5,9 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/geometry/rotation.h"
@@ -15,8 +15,6 @@
 
 namespace nodal::calibration {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
 
@@ -53,7 +51,7 @@ Result<Pairs> pair_heads(const Calibration& a, const Calibration& b, std::vector
 double angle_of(const Eigen::Matrix3d& R) {
   // By sine and cosine, which is accurate for small angles too.
   const Eigen::Vector3d axis(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
-  return std::atan2(axis.norm() / 2, (R.trace() - 1) / 2) / kDegree;
+  return std::atan2(axis.norm() / 2, (R.trace() - 1) / 2) / kRadiansPerDegree;
 }
 
 /// The rotation R_b_a of the rig for which R_head_b R_b_a is nearest to R_head_a; all heads have equal weight.

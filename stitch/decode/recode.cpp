@@ -9,10 +9,10 @@
 namespace nodal::decode {
 namespace {
 
-constexpr int kBits = 14;
-constexpr int kHalf = 1 << (kBits - 1);
+constexpr int kRecodeBits = 14;
+constexpr int kRecodeHalf = 1 << (kRecodeBits - 1);
 
-/// Coefficients in 1 / 2^kBits: a result is luma * (Y - black) + u * (U - 128) + v * (V - 128).
+/// Coefficients in 1 / 2^kRecodeBits: a result is luma * (Y - black) + u * (U - 128) + v * (V - 128).
 struct Row {
   int luma = 0, u = 0, v = 0;
 };
@@ -28,7 +28,7 @@ struct Primaries {
 constexpr Primaries k601{0.299, 0.114};
 constexpr Primaries k709{0.2126, 0.0722};
 
-int fixed(double value) { return static_cast<int>(std::lround(value * (1 << kBits))); }
+int fixed(double value) { return static_cast<int>(std::lround(value * (1 << kRecodeBits))); }
 
 Matrix matrix_of(const ColourCoding& coding) {
   const Primaries from = coding.bt709 ? k709 : k601;
@@ -68,14 +68,14 @@ template <int kLuma, int kChroma>
                                             std::uint8_t* out, int width) {
   const Row row = m.to[0];
   for (int i = 0; i < width / 2; ++i) {
-    const int base = row.u * (chroma.u[i * kChroma] - 128) + row.v * (chroma.v[i * kChroma] - 128) + kHalf;
-    out[2 * i * kLuma] = clipped((row.luma * (luma[2 * i * kLuma] - m.black) + base) >> kBits);
-    out[(2 * i + 1) * kLuma] = clipped((row.luma * (luma[(2 * i + 1) * kLuma] - m.black) + base) >> kBits);
+    const int base = row.u * (chroma.u[i * kChroma] - 128) + row.v * (chroma.v[i * kChroma] - 128) + kRecodeHalf;
+    out[2 * i * kLuma] = clipped((row.luma * (luma[2 * i * kLuma] - m.black) + base) >> kRecodeBits);
+    out[(2 * i + 1) * kLuma] = clipped((row.luma * (luma[(2 * i + 1) * kLuma] - m.black) + base) >> kRecodeBits);
   }
   if (width % 2 == 0) return;
   const int i = width / 2;
-  const int base = row.u * (chroma.u[i * kChroma] - 128) + row.v * (chroma.v[i * kChroma] - 128) + kHalf;
-  out[2 * i * kLuma] = clipped((row.luma * (luma[2 * i * kLuma] - m.black) + base) >> kBits);
+  const int base = row.u * (chroma.u[i * kChroma] - 128) + row.v * (chroma.v[i * kChroma] - 128) + kRecodeHalf;
+  out[2 * i * kLuma] = clipped((row.luma * (luma[2 * i * kLuma] - m.black) + base) >> kRecodeBits);
 }
 
 template <int kFrom, int kTo>
@@ -86,8 +86,8 @@ template <int kFrom, int kTo>
   for (int i = 0; i < width; ++i) {
     const int a = from.u[i * kFrom] - 128;
     const int b = from.v[i * kFrom] - 128;
-    u[i * kTo] = clipped(128 + ((to_u.u * a + to_u.v * b + kHalf) >> kBits));
-    v[i * kTo] = clipped(128 + ((to_v.u * a + to_v.v * b + kHalf) >> kBits));
+    u[i * kTo] = clipped(128 + ((to_u.u * a + to_u.v * b + kRecodeHalf) >> kRecodeBits));
+    v[i * kTo] = clipped(128 + ((to_v.u * a + to_v.v * b + kRecodeHalf) >> kRecodeBits));
   }
 }
 

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <optional>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
 
 constexpr int kRays = 80'000;
-constexpr double kPi = std::numbers::pi;
 
 /// Ray i of kRays on a spiral of equal areas.
 Ray even_ray(int i) {

@@ -5,20 +5,17 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
-namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
-
-}  // namespace
+namespace {}  // namespace
 
 Eigen::Matrix3d to_R_head_rig(const YawPitchRoll& degrees) {
   // Positive rotations about y (down) turn right, about x (right) tilt up, about z (forward) roll clockwise.
-  const Eigen::Matrix3d R_rig_head = (Eigen::AngleAxisd(degrees.yaw * kDegree, Eigen::Vector3d::UnitY()) *
-                                      Eigen::AngleAxisd(degrees.pitch * kDegree, Eigen::Vector3d::UnitX()) *
-                                      Eigen::AngleAxisd(degrees.roll * kDegree, Eigen::Vector3d::UnitZ()))
+  const Eigen::Matrix3d R_rig_head = (Eigen::AngleAxisd(degrees.yaw * kRadiansPerDegree, Eigen::Vector3d::UnitY()) *
+                                      Eigen::AngleAxisd(degrees.pitch * kRadiansPerDegree, Eigen::Vector3d::UnitX()) *
+                                      Eigen::AngleAxisd(degrees.roll * kRadiansPerDegree, Eigen::Vector3d::UnitZ()))
                                          .toRotationMatrix();
   return R_rig_head.transpose();
 }
@@ -28,8 +25,9 @@ YawPitchRoll to_yaw_pitch_roll(const Eigen::Matrix3d& R_head_rig) {
   // R = Ry Rx Rz: third column (sin y cos p, -sin p, cos y cos p), second row (cos p sin r, cos p cos r, -sin p).
   const double level = std::hypot(R(0, 2), R(2, 2));
   const double pitch = std::atan2(-R(1, 2), level);
-  if (level < 1e-9) return {std::atan2(-R(2, 0), R(0, 0)) / kDegree, pitch / kDegree, 0};
-  return {std::atan2(R(0, 2), R(2, 2)) / kDegree, pitch / kDegree, std::atan2(R(1, 0), R(1, 1)) / kDegree};
+  if (level < 1e-9) return {std::atan2(-R(2, 0), R(0, 0)) / kRadiansPerDegree, pitch / kRadiansPerDegree, 0};
+  return {std::atan2(R(0, 2), R(2, 2)) / kRadiansPerDegree, pitch / kRadiansPerDegree,
+          std::atan2(R(1, 0), R(1, 1)) / kRadiansPerDegree};
 }
 
 Result<Eigen::Matrix3d> nearest_rotation(const Eigen::Matrix3d& R, double tolerance) {

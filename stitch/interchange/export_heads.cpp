@@ -11,7 +11,7 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr double kTellPx = 0.01;
+constexpr double kTellExportPx = 0.01;
 constexpr double kSquare = 1e-6;
 constexpr double kTangentEnds = 85 * std::numbers::pi / 180;
 
@@ -116,7 +116,7 @@ Result<PolynomialHead> best_fit(const SampledHead& head, const std::vector<Radia
 void tell_fit(const SampledHead& head, const PolynomialHead& fit, const std::string& why, ExportResult& result) {
   const std::string& name = head.calibration().name;
   result.heads.push_back({name, fit.rms_px, fit.max_px});
-  if (fit.max_px < kTellPx) return;
+  if (fit.max_px < kTellExportPx) return;
   result.notes.push_back("Head '" + name + "': " + why + "; what is written is off by " + short_number(fit.rms_px) +
                          " px rms, " + short_number(fit.max_px) + " px at most.");
 }

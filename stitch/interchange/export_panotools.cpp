@@ -2,8 +2,8 @@
 //   r = N (a p^4 + b p^3 + c p^2 + (1 - a - b - c) p),  p = ideal radius / N.
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/export_heads.h"
 #include "stitch/interchange/panotools_masks.h"
@@ -11,7 +11,6 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr const char* kNoAspect = "its lens, or pixels that are not square, fit the format's polynomial only nearly";
 
 /// A fourth-degree polynomial in the basis, written as focal length and a, b, c for the radius N.
@@ -51,7 +50,7 @@ Result<Written> written_head(const SampledHead& head, double width, double heigh
   written.rectilinear = fit->basis == RadialBasis::kTangent;
   written.numbers = panotools_of(*fit, std::min(width, height) / 2);
   const double f = written.numbers.f;
-  written.hfov = (written.rectilinear ? 2 * std::atan(width / 2 / f) : width / f) / kDegree;
+  written.hfov = (written.rectilinear ? 2 * std::atan(width / 2 / f) : width / f) / kRadiansPerDegree;
   written.turn = geometry::to_yaw_pitch_roll(geometry::matrix_of(head.calibration().R_head_rig));
   written.fit = std::move(*fit);
   return written;

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "protocol/lens_range.h"
@@ -13,8 +13,7 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kTellPx = 0.01;
+constexpr double kTellImportPx = 0.01;
 
 }  // namespace
 
@@ -64,8 +63,9 @@ Status finish_head(HeadCalibration& head, std::vector<std::string>& notes) {
   if (farthest > range.max_radius && range.max_radius >= 1 && !cut_already) {
     head.max_angle = range.turns ? 0.99 * end : end;
     notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
-                    short_number(range.max_angle / kDegree) + " degrees, inside its picture: it is used up to " +
-                    short_number(head.max_angle / kDegree) + " degrees.");
+                    short_number(range.max_angle / kRadiansPerDegree) +
+                    " degrees, inside its picture: it is used up to " +
+                    short_number(head.max_angle / kRadiansPerDegree) + " degrees.");
   }
   return check_head(head);
 }
@@ -82,7 +82,7 @@ void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadC
 
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes) {
-  if (max_px < kTellPx) return;
+  if (max_px < kTellImportPx) return;
   notes.push_back("Head '" + head.name + "': " + what_was_lost + "; the lens nearest to it is off by " +
                   short_number(rms_px) + " px rms, " + short_number(max_px) + " px at most.");
 }

@@ -1,8 +1,8 @@
 // Kalibr's camchain.yaml: a chain of cameras; T_cn_cnm1 gives each camera's pose relative to the previous one.
 #include <Eigen/Core>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/geometry/rotation.h"
@@ -15,8 +15,6 @@
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// A projection that is not a pinhole: r(a) in units of the focal length, before distortion.
 struct Projection {

@@ -2,8 +2,8 @@
 // `forward`; the world has x forward, y left, z up.
 #include <Eigen/Core>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
@@ -14,8 +14,6 @@
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 constexpr double kWidestRigInMetres = 2;
 

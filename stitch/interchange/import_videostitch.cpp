@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
@@ -16,8 +16,6 @@
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// One input's lens with the file's numbers.
 struct Lens {

@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/project.h"
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 Result<LensModel> to_lens(const PanotoolsImage& image) {
   const double width = image.lens.right - image.lens.left;
@@ -30,7 +28,7 @@ Result<LensModel> to_lens(const PanotoolsImage& image) {
   if (!(image.hfov > 0 && image.hfov < (rectilinear ? 180 : 720))) {
     return fail(Errc::kBadValue, "its horizontal field of view v is " + short_number(image.hfov) + " degrees");
   }
-  const double v = image.hfov * kDegree;
+  const double v = image.hfov * kRadiansPerDegree;
   const double f = rectilinear ? width / 2 / std::tan(v / 2) : width / v;
   const double n = std::min(width, height) / 2;
   const double p = f / n;  // p for an angle or tangent of 1
@@ -73,9 +71,9 @@ void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
   if (farthest <= (range.turns ? kSafelyInside : 1) * range.max_radius || range.max_radius < 1) return;
   head.max_angle = range.turns ? 0.99 * range.max_angle : range.max_angle;
   notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
-                  short_number(range.max_angle / kDegree) + " degrees, " + short_number(range.max_radius) +
+                  short_number(range.max_angle / kRadiansPerDegree) + " degrees, " + short_number(range.max_radius) +
                   " px from its centre, and the picture reaches " + short_number(farthest) + " px: it is used up to " +
-                  short_number(head.max_angle / kDegree) + " degrees.");
+                  short_number(head.max_angle / kRadiansPerDegree) + " degrees.");
 }
 
 }  // namespace

@@ -3,16 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <optional>
 
+#include "protocol/base/angles.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/tsai_fit.h"
 
 namespace nodal::interchange {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kMostTangent = 60;  // beyond 89 degrees a pinhole has no picture
 
 Status check_pinhole(const PinholeNumbers& p, const std::string& name) {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/descent.h"
 #include "stitch/registration/level.h"
@@ -13,7 +13,6 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kByChance = 4;   // standard deviations up to which a movement may be chance
 constexpr double kKnownWell = 2;  // standard deviations that must fit into the tolerance
 
@@ -22,7 +21,7 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   HeadDrift drift;
   drift.name = found.name;
   drift.sigma_deg = found.sigma_deg;
-  drift.sigma_px = found.sigma_deg / kDegrees * focal_px;
+  drift.sigma_px = found.sigma_deg / kDegreesPerRadian * focal_px;
   if (!found.placed) {
     drift.why = found.why_not;
     return drift;
@@ -31,9 +30,9 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
       R_is(is.R_head_rig.data());
   // The matrix takes a ray from the old head frame to the new one: the head itself turned by the inverse.
   const Eigen::AngleAxisd turn(Eigen::Matrix3d(R_was * R_is.transpose()));
-  const Eigen::Vector3d about = turn.angle() * turn.axis() * kDegrees;
+  const Eigen::Vector3d about = turn.angle() * turn.axis() * kDegreesPerRadian;
   drift.moved_deg = about.norm();
-  drift.moved_px = drift.moved_deg / kDegrees * focal_px;
+  drift.moved_px = drift.moved_deg / kDegreesPerRadian * focal_px;
   drift.up_deg = about.x();
   drift.right_deg = about.y();
   drift.roll_deg = about.z();

@@ -7,14 +7,16 @@
 #include <map>
 #include <numbers>
 
+#include "protocol/base/angles.h"
+
 namespace nodal::registration {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kLeastBase = 2 * kDegree;  // two points closer to each other do not determine the rotation about them
+constexpr double kLeastBase =
+    2 * kRadiansPerDegree;  // two points closer to each other do not determine the rotation about them
 constexpr std::size_t kMostTried = 1500;
 constexpr int kMostAttempts = 4;
 

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <span>
 #include <tuple>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/registration/descent.h"
@@ -23,15 +23,14 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMostRounds = 60;
-constexpr double kEnough = 1e-14;                  // of the cost
-constexpr double kDamping = 1e-9;                  // the start is close, so steps are nearly Gauss-Newton steps
-constexpr double kLeastOutlier = 0.05 / kDegrees;  // pairs set by hand are not more accurate than this
+constexpr double kEnough = 1e-14;  // of the cost
+constexpr double kDamping = 1e-9;  // the start is close, so steps are nearly Gauss-Newton steps
+constexpr double kLeastOutlier = 0.05 / kDegreesPerRadian;  // pairs set by hand are not more accurate than this
 constexpr double kFocalSigma =
     0.05;  // relative error of a prior's focal length; determines focal lengths that the pairs do not
 constexpr double kFocalStep = 1e-5;
-constexpr double kMostRms = 2 / kDegrees;
+constexpr double kMostRms = 2 / kDegreesPerRadian;
 
 /// The estimated parameters of the heads.
 struct Stand {
@@ -260,7 +259,7 @@ Status Bundle::add_agreements(PairFit& fit) const {
     std::tie(agreement.a, agreement.b) = heads;
     agreement.rejected += used_[p] ? 0 : 1;
     if (!used_[p]) continue;
-    const double degrees = (*all)[p] * kDegrees;
+    const double degrees = (*all)[p] * kDegreesPerRadian;
     ++agreement.used;
     agreement.rms_deg += degrees * degrees;
     agreement.worst_deg = std::max(agreement.worst_deg, degrees);
@@ -295,11 +294,12 @@ Result<PairFit> Bundle::fit() const {
       continue;
     }
     const Matrix3d prior = geometry::matrix_of(prior_.heads[h].R_head_rig);
-    head.turned_deg = Eigen::AngleAxisd(Matrix3d(stand_.R_head_rig[h] * prior.transpose())).angle() * kDegrees;
+    head.turned_deg = Eigen::AngleAxisd(Matrix3d(stand_.R_head_rig[h] * prior.transpose())).angle() * kDegreesPerRadian;
     int column = column_of(h);
     if (static_cast<int>(h) != first_) {
       const Matrix3d own = covariance.block<3, 3>(column, column);
-      head.sigma_deg = std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3d>(own).eigenvalues().maxCoeff()) * kDegrees;
+      head.sigma_deg =
+          std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3d>(own).eigenvalues().maxCoeff()) * kDegreesPerRadian;
       column += 3;
     }
     HeadCalibration& found = fit.calibration.heads[h];

@@ -6,6 +6,7 @@
 #include <functional>
 #include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/gauge.h"
 #include "stitch/registration/lens_misfit.h"
@@ -15,7 +16,6 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kLooseSigmaPx =
     0.5;  // pixels of the picture, or of the raymap if that is coarser: more is visible at seams
 constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
@@ -102,7 +102,7 @@ Sought Run::sought_of(const LevelPlan& plan) const {
 }
 
 void Run::tell(const LevelPlan& plan, int iteration, double objective, double turn) {
-  report_.steps.push_back({plan.width, plan.level, iteration, objective, turn * kDegrees});
+  report_.steps.push_back({plan.width, plan.level, iteration, objective, turn * kDegreesPerRadian});
   if (!options_.progress) return;
   const double level = static_cast<double>(plan.width) * plan.width;
   const double within = std::min(1.0, iteration / 6.0);
@@ -314,8 +314,8 @@ Result<Report> Run::report() {
     head.name = prior_.heads[i].name;
     head.placed = why_not_[i].empty();
     head.why_not = why_not_[i];
-    head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegrees;
-    head.sigma_deg = (head.placed ? certainty.rotation_rad[i] : loose_sigma_[i]) * kDegrees;
+    head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegreesPerRadian;
+    head.sigma_deg = (head.placed ? certainty.rotation_rad[i] : loose_sigma_[i]) * kDegreesPerRadian;
     head.focal_change_percent = 100 * (focal_of(heads_[i].lens) / focal_of(start_[i].lens) - 1);
     head.sigma_focal_percent = 100 * certainty.log_focal[i];
     head.shared_sr = detail->heads[i].shared_sr;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <optional>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/registration/head_sight.h"
 
@@ -15,7 +15,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kRadians = std::numbers::pi / 180;
 constexpr double kPixelDeg = 1.2;  // approximate angle of a pixel in the pictures that are compared
 constexpr double kGridDeg = 3.0;   // step of the search: detail blurred by two such pixels still correlates over it
 constexpr int kStride = 2;         // every second blurred pixel is used, in both directions
@@ -45,7 +44,7 @@ struct Pair {
 };
 
 int search_level(const HeadPyramid& pyramid, double per_radian) {
-  const double level = std::log2(kPixelDeg * kRadians * per_radian);
+  const double level = std::log2(kPixelDeg * kRadiansPerDegree * per_radian);
   return std::clamp(static_cast<int>(std::lround(level)), 0, static_cast<int>(pyramid.levels.size()) - 1);
 }
 
@@ -159,7 +158,7 @@ std::vector<Vector3d> grid_of_turns() {
     for (int j = -reach; j <= reach; ++j) {
       for (int k = -reach; k <= reach; ++k) {
         const Vector3d turn = Vector3d(i, j, k) * kGridDeg;
-        if (turn.norm() <= kSearchedDeg) turns.push_back(turn * kRadians);
+        if (turn.norm() <= kSearchedDeg) turns.push_back(turn * kRadiansPerDegree);
       }
     }
   }
@@ -179,7 +178,7 @@ Candidate climb(Correlator& correlator, Candidate best) {
     for (bool better = true; better;) {
       better = false;
       for (int k = 0; k < 6; ++k) {
-        const Vector3d w = Vector3d::Unit(k / 2) * (k % 2 == 0 ? step : -step) * kRadians;
+        const Vector3d w = Vector3d::Unit(k / 2) * (k % 2 == 0 ? step : -step) * kRadiansPerDegree;
         const Matrix3d R = turn_by(w) * best.R_b_a;
         const double score = correlator.score(R);
         if (score <= best.score) continue;
@@ -206,7 +205,7 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
   std::vector<Candidate> kept;
   for (const Candidate& each : all) {
     const auto near = [&](const Candidate& other) {
-      return apart(each.R_b_a, other.R_b_a) < 2.5 * kGridDeg * kRadians;
+      return apart(each.R_b_a, other.R_b_a) < 2.5 * kGridDeg * kRadiansPerDegree;
     };
     if (std::ranges::any_of(kept, near)) continue;
     kept.push_back(each);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kOctaves = 3;  // factors from 2^-3 to 2^3
 constexpr int kStepsPerOctave = 16;
-constexpr int kSteps = static_cast<int>(2 * kOctaves) * kStepsPerOctave;
+constexpr int kGainSteps = static_cast<int>(2 * kOctaves) * kStepsPerOctave;
 constexpr int kLevels = 256;
 
 /// The c that minimizes the sum of (c * seen - true)^2 over encoded values spread evenly.
@@ -39,9 +39,9 @@ EncodedGain::EncodedGain(const Response& response) {
   for (std::size_t i = 0; i < light.size(); ++i) {
     light[i] = geometry::decode(response, (static_cast<double>(i) + 0.5) / kLevels);
   }
-  for (int k = 0; k <= kSteps; ++k) {
+  for (int k = 0; k <= kGainSteps; ++k) {
     const double factor = std::exp2(static_cast<double>(k) / kStepsPerOctave - kOctaves);
-    fitted_.push_back(k == kSteps / 2 ? 1.0 : least_squares_gain(light, factor, response));
+    fitted_.push_back(k == kGainSteps / 2 ? 1.0 : least_squares_gain(light, factor, response));
   }
 }
 
@@ -50,7 +50,7 @@ double EncodedGain::undo(double factor) const {
   if (f == 1) return 1;
   if (fitted_.empty()) return exponent_ == -1 ? 1 / f : std::pow(f, exponent_);
   const double at = (std::log2(f) + kOctaves) * kStepsPerOctave;
-  const int k = std::clamp(static_cast<int>(at), 0, kSteps - 1);
+  const int k = std::clamp(static_cast<int>(at), 0, kGainSteps - 1);
   const double rest = at - k;
   return fitted_[static_cast<std::size_t>(k)] * (1 - rest) + fitted_[static_cast<std::size_t>(k) + 1] * rest;
 }

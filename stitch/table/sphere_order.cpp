@@ -20,7 +20,7 @@ struct Placed {
   std::int32_t phi = 0;
 };
 
-constexpr double kSteps = 1 << 28;  // steps of the integer angles in pi
+constexpr double kAngleSteps = 1 << 28;  // steps of the integer angles in pi
 
 /// The number of strips from pole to pole. Each of n evenly spread rays has a solid angle of 4 pi / n.
 std::int64_t strips_of(const RaySampler::Grid& shape) {
@@ -39,9 +39,9 @@ std::vector<Placed> placed(const RaySampler& sampler, int grid, std::int64_t str
       const std::optional<geometry::Ray> ray = sampler.ray(grid, x, y);
       if (!ray) continue;
       const geometry::Angles at = ray->angles();
-      pixel.theta = static_cast<std::int32_t>(round_up_ties(at.theta / std::numbers::pi * kSteps));
-      pixel.phi = static_cast<std::int32_t>(round_up_ties((at.phi / std::numbers::pi + 0.5) * kSteps));
-      const std::int64_t strip = pixel.phi * strips / static_cast<std::int64_t>(kSteps);
+      pixel.theta = static_cast<std::int32_t>(round_up_ties(at.theta / std::numbers::pi * kAngleSteps));
+      pixel.phi = static_cast<std::int32_t>(round_up_ties((at.phi / std::numbers::pi + 0.5) * kAngleSteps));
+      const std::int64_t strip = pixel.phi * strips / static_cast<std::int64_t>(kAngleSteps);
       pixel.strip = static_cast<std::int32_t>(std::min(strips - 1, strip));
     }
   }
@@ -65,7 +65,7 @@ std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t stri
     const double middle = std::numbers::pi * ((static_cast<double>(band) + 0.5) / bands - 0.5);
     const double around = 2 * bands * std::max(0.0, std::cos(middle));
     const std::int64_t cells = std::max<std::int64_t>(1, round_up_ties(around));
-    const auto half = static_cast<std::int64_t>(kSteps);
+    const auto half = static_cast<std::int64_t>(kAngleSteps);
     tiles.push_back({first, band, (ray.theta + half) * cells / (2 * half + 1), strip});
   }
   std::ranges::stable_sort(tiles, [](const Tile& a, const Tile& b) {

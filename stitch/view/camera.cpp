@@ -2,13 +2,12 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <string>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::view {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 struct Known {
   std::string_view name;

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr int kWidth = 2048, kHeight = 1024;
+constexpr int kToolWidth = 2048, kToolHeight = 1024;
 
 [[noreturn]] void die(const std::string& why) {
   std::fprintf(stderr, "registration_tool: %s\n", why.c_str());
@@ -93,7 +93,7 @@ void make_prior(const fs::path& folder, const Spoil& spoil, std::uint64_t seed, 
 }
 
 double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::vector<std::string>& images) {
-  const auto layout = must(geometry::make_layout("equirectangular", kWidth, kHeight), "layout");
+  const auto layout = must(geometry::make_layout("equirectangular", kToolWidth, kToolHeight), "layout");
   std::vector<DecodedImage> pictures;
   std::vector<ImageView> views;
   for (const std::string& image : images) {
@@ -107,18 +107,18 @@ double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::ve
       must(table::compile_blend_table(rig, *layout, PixelFormat::kRgb24,
                                       std::vector<PixelFormat>(views.size(), PixelFormat::kRgb24), options),
            "blend table");
-  test::Picture raymap(PixelFormat::kRgb24, kWidth, kHeight);
+  test::Picture raymap(PixelFormat::kRgb24, kToolWidth, kToolHeight);
   blend::blend_rows(table, test::PreparedHeads(table, views).views(), blend::calibrated_tone(table),
-                    raymap.mutable_view(), 0, kHeight);
+                    raymap.mutable_view(), 0, kToolHeight);
   const test::Picture truth = must(test::read_png(folder / "gt_equirect_2048.png"), "the true sphere");
   return test::score(raymap.view(), truth.view(), *layout).psnr_db;
 }
 
 double picture_psnr(const fs::path& folder, const fs::path& raymap) {
-  const auto layout = must(geometry::make_layout("equirectangular", kWidth, kHeight), "layout");
+  const auto layout = must(geometry::make_layout("equirectangular", kToolWidth, kToolHeight), "layout");
   const auto got = must(media::read_image(raymap, PixelFormat::kRgb24), raymap.string());
   const test::Picture truth = must(test::read_png(folder / "gt_equirect_2048.png"), "the true sphere");
-  if (got.width != kWidth || got.height != kHeight) die(raymap.string() + " is not 2048x1024");
+  if (got.width != kToolWidth || got.height != kToolHeight) die(raymap.string() + " is not 2048x1024");
   return test::score(got.view(), truth.view(), *layout).psnr_db;
 }
 

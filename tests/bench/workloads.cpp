@@ -5,13 +5,12 @@
 #include <numbers>
 #include <utility>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::bench {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 HeadCalibration head_at(int index, int width, int height, LensModel lens, geometry::YawPitchRoll pose) {
   HeadCalibration head;
@@ -67,13 +66,13 @@ double scene(const Eigen::Vector3d& d, int component, std::uint32_t seed) {
 Workload r10() {
   Workload work{"r10", {}, {"equirectangular", 2048, 1024, PixelFormat::kI420}};
   work.rig.name = work.name;
-  const double t = std::tan(50 * kDegree);
+  const double t = std::tan(50 * kRadiansPerDegree);
   const double focal = 360 / (t * (1 - 0.1 * t * t));
   for (int h = 0; h < 10; ++h) {
     geometry::YawPitchRoll pose{(h % 4) * 90.0 + (h < 4 ? 0 : 45), h < 4 ? 31.0 : -31.0, 0};
     if (h >= 8) pose = {20, h == 8 ? 90.0 : -90.0, 0};
     work.rig.heads.push_back(head_at(h, 720, 480, RectilinearLens{{focal, 0, -0.1 * focal}}, pose));
-    work.rig.heads.back().max_angle = 60.5 * kDegree;  // it turns back at 61.3, just inside the corners
+    work.rig.heads.back().max_angle = 60.5 * kRadiansPerDegree;  // it turns back at 61.3, just inside the corners
   }
   return work;
 }
@@ -81,7 +80,7 @@ Workload r10() {
 Workload r8() {
   Workload work{"r8", {}, {"equirectangular", 3840, 1920, PixelFormat::kI420}};
   work.rig.name = work.name;
-  const double a = 41 * kDegree;
+  const double a = 41 * kRadiansPerDegree;
   const double focal = 540 / (a * (1 - 0.03 * a * a));
   for (int h = 0; h < 8; ++h) {
     geometry::YawPitchRoll pose{h * 60.0, 0, 90};
@@ -101,7 +100,8 @@ Workload spread(int heads, double heads_a_ray, int width) {
   const int side = static_cast<int>(std::ceil(2 * radius / 16)) * 16;
   const KannalaBrandtLens lens{focal, {-1.0 / 24, 1.0 / 1920, -1.0 / 322560, 1.0 / 92897280}};  // 2 sin(a / 2)
   for (const Eigen::Vector3d& axis : spread_points(heads)) {
-    const double yaw = std::atan2(axis.x(), axis.z()) / kDegree, pitch = -std::asin(axis.y()) / kDegree;
+    const double yaw = std::atan2(axis.x(), axis.z()) / kRadiansPerDegree,
+                 pitch = -std::asin(axis.y()) / kRadiansPerDegree;
     const int index = static_cast<int>(work.rig.heads.size());
     work.rig.heads.push_back(head_at(index, side, side, lens, {yaw, pitch, 0}));
     HeadCalibration& head = work.rig.heads.back();

@@ -17,7 +17,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-Clock::time_point in_seconds(int seconds) { return Clock::now() + std::chrono::seconds(seconds); }
+Clock::time_point in_seconds(int count) { return Clock::now() + std::chrono::seconds(count); }
 
 void wait_a_moment() { ::poll(nullptr, 0, 2); }
 

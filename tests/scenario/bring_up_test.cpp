@@ -2,9 +2,9 @@
 #include <turbojpeg.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "hal/sim/scene/response.h"
+#include "protocol/base/angles.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -127,7 +127,6 @@ TEST(BringUp, EveryPixel_HoldsTheLightOfItsRay) {
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
   const std::vector<std::uint8_t>& rgb = host.pulled[stream].at(0).body;
   ASSERT_EQ(rgb.size(), 128u * 64u * 3u);
-  constexpr double kPi = std::numbers::pi;
   for (int j = 0; j < 64; ++j) {
     for (int i = 0; i < 128; ++i) {
       const double theta = 2 * kPi * ((i + 0.5) / 128 - 0.5);  // atan2(X, Z)

@@ -6,15 +6,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "tests/reference/png_file.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr int kWidth = 1024;
 constexpr int kHeight = 512;
 constexpr Duration kHalfPeriod = Duration::nanoseconds(16'683'333);

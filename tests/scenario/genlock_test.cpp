@@ -9,9 +9,9 @@ namespace {
 
 using firmware::GenlockState;
 
-constexpr Duration kPeriod = Duration::nanoseconds(33'366'666);
+constexpr Duration kGenlockPeriod = Duration::nanoseconds(33'366'666);
 
-wire::Request genlock(wire::GenlockRequest::Action action) {
+wire::Request genlock_request(wire::GenlockRequest::Action action) {
   wire::Request request;
   request.mutable_genlock()->set_action(action);
   return request;
@@ -21,7 +21,7 @@ TEST(Genlock, Started_LocksEveryHeadToWithinItsJitter) {
   Stand stand;
   TestHost& host = stand.bring_up();
   EXPECT_EQ(host.status().genlock().state(), "off");
-  const wire::Reply started = host.ask(genlock(wire::GenlockRequest::START));
+  const wire::Reply started = host.ask(genlock_request(wire::GenlockRequest::START));
   EXPECT_EQ(started.genlock().state(), "acquiring");
   ASSERT_TRUE(
       stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
@@ -74,7 +74,7 @@ TEST(Genlock, TheTriggerDies_ItIsLostWithinThreePeriodsAndSaysSo) {
   TestHost& host = stand.bring_up();
   stand.lock(host);
   stand.world.trigger().unplug();
-  stand.run(kPeriod * 3);
+  stand.run(kGenlockPeriod * 3);
   EXPECT_EQ(stand.capture().genlock.state, GenlockState::kLost);
   EXPECT_EQ(host.status().genlock().state(), "lost");
 }
@@ -84,7 +84,8 @@ TEST(Genlock, PulsesAreMissing_ItIsLostAndLocksAgainByItself) {
   TestHost& host = stand.bring_up();
   stand.lock(host);
   for (int i = 0; i < 5; ++i) stand.world.trigger().lose_pulse();
-  EXPECT_TRUE(stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLost; }, kPeriod * 4));
+  EXPECT_TRUE(
+      stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLost; }, kGenlockPeriod * 4));
   EXPECT_TRUE(
       stand.run_until([&] { return stand.capture().genlock.state == GenlockState::kLocked; }, Duration::seconds(1)));
   EXPECT_EQ(host.status().genlock().missing_triggers(), 5u);
@@ -94,7 +95,7 @@ TEST(Genlock, Stopped_HeadsRunFreeAgain) {
   Stand stand;
   TestHost& host = stand.bring_up();
   stand.lock(host);
-  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::STOP)).genlock().state(), "off");
+  EXPECT_EQ(host.ask(genlock_request(wire::GenlockRequest::STOP)).genlock().state(), "off");
   stand.run(Duration::seconds(1));
   const std::uint64_t sets = stand.capture().sets;
   stand.run(Duration::seconds(1));
@@ -105,7 +106,7 @@ TEST(Genlock, Stopped_HeadsRunFreeAgain) {
 TEST(Genlock, AnotherRate_IsWhatTheSetsComeAt) {
   Stand stand;
   TestHost& host = stand.bring_up();
-  wire::Request request = genlock(wire::GenlockRequest::START);
+  wire::Request request = genlock_request(wire::GenlockRequest::START);
   request.mutable_genlock()->set_rate_numerator(15);
   request.mutable_genlock()->set_rate_denominator(1);
   ASSERT_TRUE(host.ask(request).has_genlock());
@@ -120,7 +121,7 @@ TEST(Genlock, RatesAndPulsesThatCannotBe_AreRefusedAndNothingChanges) {
   Stand stand;
   TestHost& host = stand.bring_up();
   stand.lock(host);
-  wire::Request request = genlock(wire::GenlockRequest::START);
+  wire::Request request = genlock_request(wire::GenlockRequest::START);
   request.mutable_genlock()->set_rate_numerator(30);
   EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
   request.mutable_genlock()->set_rate_denominator(1);
@@ -134,7 +135,7 @@ TEST(Genlock, RatesWhoseProductsExceed64Bits_AreReducedOrRefused) {
   Stand stand;
   TestHost& host = stand.bring_up();
   stand.lock(host);
-  wire::Request request = genlock(wire::GenlockRequest::START);
+  wire::Request request = genlock_request(wire::GenlockRequest::START);
   for (const auto& [numerator, denominator] : {std::pair{299'700'300U, 10'000'000U}, {2'997'003U, 100'000U}}) {
     request.mutable_genlock()->set_rate_numerator(numerator);
     request.mutable_genlock()->set_rate_denominator(denominator);
@@ -165,7 +166,7 @@ TEST(Genlock, SuspendedForADay_GoesOnWithinASecond) {
   TestHost& later = stand.connect();
   EXPECT_GE(later.status().genlock().missing_triggers(), 86'000U * 29);
   EXPECT_GE(stand.world.head(0).counts().without_buffer, 86'000U * 29);
-  ASSERT_TRUE(later.ask(genlock(wire::GenlockRequest::STOP)).has_genlock());
+  ASSERT_TRUE(later.ask(genlock_request(wire::GenlockRequest::STOP)).has_genlock());
   stand.run(Duration::seconds(1));
   stand.world.clock().advance(Duration::seconds(86'400));
   const std::uint64_t sets = stand.capture().full_sets;
@@ -194,7 +195,8 @@ TEST(Genlock, NobodyDrivesTheLineThatIsToBeFollowed_TheStartSaysSo) {
   options.config.trigger.source = firmware::SyncSource::kExternal;
   Stand stand(std::move(options));
   TestHost& host = stand.bring_up();
-  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::START)).error().code(), static_cast<unsigned>(Errc::kUnsupported));
+  EXPECT_EQ(host.ask(genlock_request(wire::GenlockRequest::START)).error().code(),
+            static_cast<unsigned>(Errc::kUnsupported));
   EXPECT_EQ(stand.capture().genlock.state, GenlockState::kOff);
 }
 
@@ -242,7 +244,7 @@ TEST(Genlock, AWiredHead_IsInLockWithTheOthersAndIsNotRestarted) {
   EXPECT_LE(header.begin_spread_ns(), 4'000U);
   EXPECT_NEAR(static_cast<double>(header.offset_ns(2)), 7e6, 5e3);
   EXPECT_EQ(stand.capture().heads[2].opened, 1U);
-  EXPECT_EQ(host.ask(genlock(wire::GenlockRequest::STOP)).genlock().state(), "off");
+  EXPECT_EQ(host.ask(genlock_request(wire::GenlockRequest::STOP)).genlock().state(), "off");
   const std::uint64_t frames = stand.capture().heads[2].counts.frames;
   stand.run(Duration::seconds(1));
   EXPECT_NEAR(static_cast<double>(stand.capture().heads[2].counts.frames - frames), 30, 1);
@@ -298,7 +300,7 @@ TEST(Exposure, Set_IsInEffectInEveryHeadAfterItsLatency) {
   request.mutable_head_set()->set_blue_q12(3072);
   ASSERT_TRUE(host.ask(request).has_done());
   EXPECT_NE(host.heads().heads(0).exposure_ns(), 2'500'000u) << "what is told is what was in effect, not the wish";
-  stand.run(kPeriod * 6);
+  stand.run(kGenlockPeriod * 6);
   const wire::Heads heads = host.heads();
   for (const wire::HeadState& head : heads.heads()) {
     EXPECT_EQ(head.exposure_ns(), 2'500'000u) << head.name();
@@ -315,7 +317,7 @@ TEST(Exposure, TwiceAsLong_IsTwiceAsBright) {
   wire::Request request;
   request.mutable_head_set()->set_exposure_ns(20'000'000);  // the reference is 10 ms
   ASSERT_TRUE(host.ask(request).has_done());
-  stand.run(kPeriod * 8);
+  stand.run(kGenlockPeriod * 8);
   const StreamId stream = host.pull(false, 1);
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
   for (const std::uint8_t value : host.pulled[stream].at(0).body) ASSERT_EQ(value, 102);  // 0.4 of 255
@@ -333,7 +335,7 @@ TEST(Exposure, OutsideAHeadsLimits_NamesItAndChangesNone) {
   request.mutable_head_set()->set_exposure_ns(1'000'000);
   request.mutable_head_set()->add_heads(17);
   EXPECT_EQ(host.ask(request).error().code(), static_cast<unsigned>(Errc::kBadValue));
-  stand.run(kPeriod * 6);
+  stand.run(kGenlockPeriod * 6);
   EXPECT_EQ(host.heads().heads(0).exposure_ns(), 10'000'000u);
 }
 

@@ -28,7 +28,7 @@ wire::Reply end_trial(TestHost& host, bool keep, const std::string& id = "") {
   return host.ask(request);
 }
 
-std::string id_of(const Calibration& calibration) { return sha256_to_wire(calibration_id(calibration)); }
+std::string trial_id(const Calibration& calibration) { return sha256_to_wire(calibration_id(calibration)); }
 std::string in_force(TestHost& host) { return host.status().calibration_id(); }
 
 /// The calibration with which the newest raymap was made.
@@ -60,11 +60,11 @@ class Trials : public testing::Test {
 };
 
 TEST_F(Trials, OnTrial_ItRunsAndIsToldAndOnlyTheOldOneIsStored) {
-  EXPECT_EQ(blended_by(stand_, *host_), id_of(better_));
+  EXPECT_EQ(blended_by(stand_, *host_), trial_id(better_));
   const wire::RigStatus status = host_->status();
   ASSERT_TRUE(status.has_trial());
-  EXPECT_EQ(status.trial().id(), id_of(better_));
-  EXPECT_EQ(status.trial().before(), id_of(good_));
+  EXPECT_EQ(status.trial().id(), trial_id(better_));
+  EXPECT_EQ(status.trial().before(), trial_id(good_));
   EXPECT_GT(status.trial().left_ns(), 20'000'000'000u);
   EXPECT_LE(status.trial().left_ns(), 30'000'000'000u);
   wire::Request list, get;
@@ -76,26 +76,26 @@ TEST_F(Trials, OnTrial_ItRunsAndIsToldAndOnlyTheOldOneIsStored) {
   EXPECT_FALSE(all.calibrations().entries(1).in_force());
   get.mutable_calibration_get();
   EXPECT_EQ(host_->ask(get).calibration().json(), canonical_json(better_));
-  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), id_of(good_));
+  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), trial_id(good_));
 }
 
 TEST_F(Trials, Kept_ItIsInForceForGoodAndAfterARestart) {
-  ASSERT_TRUE(end_trial(*host_, true, id_of(better_).substr(0, 3)).has_done());
+  ASSERT_TRUE(end_trial(*host_, true, trial_id(better_).substr(0, 3)).has_done());
   stand_.run(kTrial + Duration::seconds(1));
-  EXPECT_EQ(in_force(*host_), id_of(better_));
+  EXPECT_EQ(in_force(*host_), trial_id(better_));
   EXPECT_FALSE(host_->status().has_trial());
-  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), id_of(better_));
+  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), trial_id(better_));
   // The way back works as usual.
   wire::Request back;
   back.mutable_calibration_rollback();
   ASSERT_TRUE(host_->ask(back).has_done());
-  EXPECT_EQ(blended_by(stand_, *host_), id_of(good_));
+  EXPECT_EQ(blended_by(stand_, *host_), trial_id(good_));
 }
 
 TEST_F(Trials, Refused_TheOldOneRunsWhenTheAnswerIsThere) {
   ASSERT_TRUE(end_trial(*host_, false).has_done());
-  EXPECT_EQ(in_force(*host_), id_of(good_));
-  EXPECT_EQ(blended_by(stand_, *host_), id_of(good_));
+  EXPECT_EQ(in_force(*host_), trial_id(good_));
+  EXPECT_EQ(blended_by(stand_, *host_), trial_id(good_));
   const wire::Reply again = end_trial(*host_, true);
   EXPECT_EQ(again.error().code(), static_cast<std::uint32_t>(Errc::kWrongState)) << again.error().message();
   // A calibration can be tried again.
@@ -106,11 +106,11 @@ TEST_F(Trials, TheHostVanishes_TheRigGoesBackByItselfInTimeAndSaysSo) {
   host_->link().reset();
   stand_.run(Duration::seconds(5));
   TestHost& other = stand_.connect();
-  EXPECT_EQ(in_force(other), id_of(better_)) << "a lost link alone ends nothing";
+  EXPECT_EQ(in_force(other), trial_id(better_)) << "a lost link alone ends nothing";
   stand_.rig->control().take_news();
   stand_.run(kTrial);
-  EXPECT_EQ(in_force(other), id_of(good_));
-  EXPECT_EQ(blended_by(stand_, other), id_of(good_));
+  EXPECT_EQ(in_force(other), trial_id(good_));
+  EXPECT_EQ(blended_by(stand_, other), trial_id(good_));
   const std::vector<std::string> news = stand_.rig->control().take_news();
   EXPECT_TRUE(std::any_of(news.begin(), news.end(), [](const std::string& sentence) {
     return sentence == "the trial has ended; calibration 'small' is in force again";
@@ -119,7 +119,7 @@ TEST_F(Trials, TheHostVanishes_TheRigGoesBackByItselfInTimeAndSaysSo) {
 
 TEST_F(Trials, ThePowerGoes_TheGoodOneIsInForceWhateverTheDiskLost) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_power_loss(seed)), id_of(good_)) << seed;
+    EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_power_loss(seed)), trial_id(good_)) << seed;
   }
 }
 
@@ -128,11 +128,11 @@ TEST_F(Trials, AnotherCalibrationMeanwhile_IsToldToWaitAndARollbackEndsTheTrial)
   EXPECT_EQ(upload.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
   EXPECT_NE(upload.error().message().find("is on trial for another "), std::string::npos) << upload.error().message();
   EXPECT_EQ(end_trial(*host_, true, "xyz").error().code(), static_cast<std::uint32_t>(Errc::kNotFound));
-  EXPECT_EQ(in_force(*host_), id_of(better_));
+  EXPECT_EQ(in_force(*host_), trial_id(better_));
   wire::Request back;
   back.mutable_calibration_rollback();
   ASSERT_TRUE(host_->ask(back).has_done());
-  EXPECT_EQ(blended_by(stand_, *host_), id_of(good_));
+  EXPECT_EQ(blended_by(stand_, *host_), trial_id(good_));
   EXPECT_TRUE(host_->upload(to_json(small_calibration("third"))).has_done());
 }
 
@@ -140,10 +140,10 @@ TEST_F(Trials, TheDiskIsFullWhenItShouldBeKept_TheTrialGoesOnAndTheOldOneComesBa
   stand_.disk->set_capacity((std::uint64_t{1} << 40) - *stand_.disk->free_bytes());
   const wire::Reply kept = end_trial(*host_, true);
   EXPECT_EQ(kept.error().code(), static_cast<std::uint32_t>(Errc::kDiskFull)) << kept.error().message();
-  EXPECT_EQ(in_force(*host_), id_of(better_));
+  EXPECT_EQ(in_force(*host_), trial_id(better_));
   stand_.run(kTrial);
-  EXPECT_EQ(blended_by(stand_, *host_), id_of(good_));
-  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), id_of(good_));
+  EXPECT_EQ(blended_by(stand_, *host_), trial_id(good_));
+  EXPECT_EQ(in_force_after_a_restart(stand_.disk->after_kill()), trial_id(good_));
 }
 
 TEST(Trial, NothingToGoBackTo_IsRefused) {

@@ -24,10 +24,11 @@ function(canary name)
       COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
               -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
     list(APPEND copies ${mutated})
+    nodal_replaceable(${file})
     math(EXPR i "${i} + 3")
   endwhile()
-  nodal_module(swarm_canary_${name} EXECUTABLE SOURCES main.cpp ${copies}
-    SEES ${swarm_modules} sim_hostile sim_swarm PACKAGES protobuf)
+  nodal_module(swarm_canary_${name} EXECUTABLE SOURCES ${copies}
+    SEES sim_main ${swarm_modules} sim_hostile sim_swarm PACKAGES protobuf SEPARATE)
   add_test(NAME sim/canary_${name}
     COMMAND swarm_canary_${name} --canary --seeds 200 --minutes ${minutes} --quiet ${hostile})
   set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600 PROCESSORS 2)

@@ -8,8 +8,6 @@ namespace nodal::hal::sim {
 
 namespace {
 
-double dot(const Direction& a, const Direction& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
 Direction cross(const Direction& a, const Direction& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }

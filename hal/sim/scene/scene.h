@@ -18,6 +18,8 @@ struct Direction {
   double x = 0, y = 0, z = 1;
 };
 
+inline double dot(const Direction& a, const Direction& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
 /// Linear red, green, blue.
 struct Light {
   float r = 0, g = 0, b = 0;

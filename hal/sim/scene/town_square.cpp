@@ -21,8 +21,6 @@ constexpr Light kHaze{0.62F, 0.72F, 0.84F};
 /// A factor of about 1, varied by noise, at least 0.12.
 float varied(double by) { return static_cast<float>(std::max(0.12, 1 + by)); }
 
-double dot(const Direction& a, const Direction& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
 // 5x7 letters, one byte per row, the leftmost cell in bit 4.
 struct Glyph {
   char letter;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/calibration/lens/find_pattern.h"
 #include "stitch/calibration/lens/photometry.h"
 #include "stitch/calibration/lens/region.h"
@@ -14,14 +15,13 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kLeastExplained = 0.6;  // share of a photograph's variance
-constexpr double kLeastTilt = 4 * kDegree;
+constexpr double kLeastTilt = 4 * kRadiansPerDegree;
 constexpr double kMostFocalDeviation = 0.003;
 constexpr double kHopeless = 0.03;  // deviation after kQuick; kThorough divides it by five, not by ten
 constexpr std::size_t kLeastViews = 2;
-constexpr double kAlikeTurn = 3 * kDegree;  // photographs that differ by less count as one view
-constexpr double kAlikeMove = 0.03;         // share of the pattern's distance
+constexpr double kAlikeTurn = 3 * kRadiansPerDegree;  // photographs that differ by less count as one view
+constexpr double kAlikeMove = 0.03;                   // share of the pattern's distance
 constexpr double kWellCovered = 0.95;
 constexpr std::size_t kLightSamples = 8'000;  // per photograph, at least
 
@@ -93,7 +93,7 @@ Status check_views_differ(const std::vector<Pose>& poses) {
   if (turn > kAlikeTurn || move > kAlikeMove) return {};
   return fail(Errc::kNotDetermined,
               "all " + std::to_string(poses.size()) + " photographs are taken from one place (they differ by at most " +
-                  text(turn / kDegree, "%.1f") + " degrees and " + text(100 * move, "%.1f") +
+                  text(turn / kRadiansPerDegree, "%.1f") + " degrees and " + text(100 * move, "%.1f") +
                   " % of the distance), which is one view of the pattern; turn it by 20 to 40 degrees between them, to "
                   "different sides");
 }
@@ -141,7 +141,8 @@ Status check_determined(const Arrangement& arrangement, const LensReport& report
   if (tilt >= kLeastTilt && part <= kMostFocalDeviation) return {};
   return fail(Errc::kNotDetermined,
               "the focal length is not determined (" + text(report.focal.value, "%.1f") + " px, give or take " +
-                  text(100 * part) + " %; the most tilted photograph is tilted by " + text(tilt / kDegree, "%.1f") +
+                  text(100 * part) + " %; the most tilted photograph is tilted by " +
+                  text(tilt / kRadiansPerDegree, "%.1f") +
                   " degrees): focal length and distance look alike head on; take some with the pattern turned by 20 "
                   "to 40 degrees, to different sides");
 }
@@ -276,7 +277,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
     ViewReport view;
     view.name = photographs[v].name;
     view.pairs = static_cast<int>(radial[v].inliers.size());
-    view.tilt_deg = tilt_of(pose) / kDegree;
+    view.tilt_deg = tilt_of(pose) / kRadiansPerDegree;
     view.distance = pose.t.dot(pose.R.col(2)) / pose.R(2, 2);
     view.blur_px = std::exp(state.log_blur[v]);
     view.covered = survey.fits[v].covered;

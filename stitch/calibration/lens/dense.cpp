@@ -10,9 +10,9 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr int kBands = 24;           // bands of rows; fixed, so that sums do not depend on the threads
-constexpr solve::Huber kHuber{2.0};  // in standard deviations of the residuals
-constexpr int kShadeStride = 3;      // shading is smooth: every third pixel of a row suffices
+constexpr int kBands = 24;                // bands of rows; fixed, so that sums do not depend on the threads
+constexpr solve::Huber kPixelHuber{2.0};  // in standard deviations of the residuals
+constexpr int kShadeStride = 3;           // shading is smooth: every third pixel of a row suffices
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;  // px, of the coarsest pyramid level
 constexpr int kMostTaps = 9;
@@ -209,9 +209,9 @@ solve::Evaluation DenseAlignment::evaluate(const DenseState& state) const {
       // norm limits the effect of outliers.
       const double scale = 1 / shadings_.scatter(v);
       const double size = std::abs(residual) * scale;
-      const double weight = kHuber.weight(size);
+      const double weight = kPixelHuber.weight(size);
       sum.equations.add(static_cast<int>(v), by_shared.data(), by_own.data(), residual, weight * scale * scale);
-      sum.cost += kHuber.cost(size);
+      sum.cost += kPixelHuber.cost(size);
     });
   });
   // The cost is a mean: a sum would fall when a photograph moves off the pattern and has fewer pixels.

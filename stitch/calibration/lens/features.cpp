@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
+#include "protocol/base/angles.h"
 #include "stitch/calibration/lens/scale_space.h"
 
 namespace nodal::calibration {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr int kScales = 3;           // per octave
 constexpr double kFirstSigma = 1.6;  // px of the octave
 constexpr float kLeastContrast = 0.006F;

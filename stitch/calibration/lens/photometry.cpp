@@ -16,15 +16,15 @@ namespace {
 constexpr int kFlare = 0, kVignetting = 1, kCurve = 4;  // indices of the shared unknowns
 constexpr int kMostCurve = 3;
 constexpr int kShared = kCurve + kMostCurve;
-constexpr int kOwn = 5;                            // gain, slope x, slope y, x^2 - y^2, x y
+constexpr int kLightOwn = 5;                       // gain, slope x, slope y, x^2 - y^2, x y
 constexpr double kLowest = 0.02, kHighest = 0.98;  // outside, recorded values are crushed or saturated
 constexpr double kFoot = 0.002;                    // share of full light
-constexpr solve::Huber kHuber{0.03};
+constexpr solve::Huber kLightHuber{0.03};
 constexpr double kClearly = 0.9;  // of a gamma curve's rms: a polynomial must be below
 
 struct State {
   std::array<double, kShared> shared{};
-  std::vector<std::array<double, kOwn>> own;
+  std::vector<std::array<double, kLightOwn>> own;
 };
 
 /// Samples with positions in -1..1 and the squared radius relative to `radius`.
@@ -92,7 +92,7 @@ Decoded encode_with_slopes(const Curve& curve, double light) {
 
 solve::Evaluation evaluate(const State& state, const std::vector<Placed>& samples, bool gamma) {
   const Response response = response_of(state, gamma);
-  solve::Evaluation sum{solve::NormalEquations(kShared, kOwn, static_cast<int>(state.own.size()))};
+  solve::Evaluation sum{solve::NormalEquations(kShared, kLightOwn, static_cast<int>(state.own.size()))};
   if (!rises(response)) {
     sum.cost = solve::kImpossible;
     return sum;
@@ -101,9 +101,9 @@ solve::Evaluation evaluate(const State& state, const std::vector<Placed>& sample
   const auto& v = state.shared;
   for (const Placed& p : samples) {
     const auto& own = state.own[static_cast<std::size_t>(p.view)];
-    const std::array<double, kOwn> field{1, p.x, p.y, p.x * p.x - p.y * p.y, p.x * p.y};
+    const std::array<double, kLightOwn> field{1, p.x, p.y, p.x * p.x - p.y * p.y, p.x * p.y};
     double lamp = 0;
-    for (std::size_t k = 0; k < kOwn; ++k) lamp += own[k] * field[k];
+    for (std::size_t k = 0; k < kLightOwn; ++k) lamp += own[k] * field[k];
     const double fall = 1 + p.s * (v[kVignetting] + p.s * (v[kVignetting + 1] + p.s * v[kVignetting + 2]));
     const double seen = p.light + v[kFlare];
     const Decoded d = encode_with_slopes(curve, lamp * fall * seen);
@@ -115,11 +115,11 @@ solve::Evaluation evaluate(const State& state, const std::vector<Placed>& sample
     by_shared[kVignetting + 1] = by_shared[kVignetting] * p.s;
     by_shared[kVignetting + 2] = by_shared[kVignetting + 1] * p.s;
     for (std::size_t k = 0; k < kMostCurve; ++k) by_shared[kCurve + k] = -d.by_curve[k] / d.slope;
-    std::array<double, kOwn> by_own;
-    for (std::size_t k = 0; k < kOwn; ++k) by_own[k] = by_light * fall * seen * field[k];
+    std::array<double, kLightOwn> by_own;
+    for (std::size_t k = 0; k < kLightOwn; ++k) by_own[k] = by_light * fall * seen * field[k];
     const double size = std::abs(residual);
-    sum.equations.add(p.view, by_shared.data(), by_own.data(), residual, kHuber.weight(size));
-    sum.cost += kHuber.cost(size);
+    sum.equations.add(p.view, by_shared.data(), by_own.data(), residual, kLightHuber.weight(size));
+    sum.cost += kLightHuber.cost(size);
   }
   return sum;
 }
@@ -128,13 +128,14 @@ State moved(const State& from, const Eigen::VectorXd& step) {
   State next = from;
   for (std::size_t k = 0; k < kShared; ++k) next.shared[k] += step[static_cast<Eigen::Index>(k)];
   for (std::size_t v = 0; v < next.own.size(); ++v) {
-    for (std::size_t k = 0; k < kOwn; ++k) next.own[v][k] += step[static_cast<Eigen::Index>(kShared + v * kOwn + k)];
+    for (std::size_t k = 0; k < kLightOwn; ++k)
+      next.own[v][k] += step[static_cast<Eigen::Index>(kShared + v * kLightOwn + k)];
   }
   return next;
 }
 
 solve::Descent<State, solve::Evaluation> fit(State start, const std::vector<Placed>& samples, bool gamma) {
-  std::vector<bool> fixed(kShared + start.own.size() * kOwn, false);
+  std::vector<bool> fixed(kShared + start.own.size() * kLightOwn, false);
   if (gamma) fixed[kCurve + 1] = fixed[kCurve + 2] = true;
   return solve::descend(std::move(start), [&](const State& s) { return evaluate(s, samples, gamma); }, moved, fixed,
                         {.most_steps = 60, .enough = 1e-7, .first_damping = 1e-3});

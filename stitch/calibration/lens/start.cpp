@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/solve/levenberg_marquardt.h"
 #include "stitch/solve/robust.h"
 
@@ -16,7 +16,7 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kTries = 1500;
-constexpr double kLeastTilt = 5 * std::numbers::pi / 180;
+constexpr double kLeastStartTilt = 5 * kRadiansPerDegree;
 using Row6 = Eigen::Matrix<double, 1, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
@@ -225,7 +225,7 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
     tilt = std::max(tilt, view.tilt());
     for (const PointPair& pair : view.inliers) farthest = std::max(farthest, from_center(pair, center, aspect).norm());
   }
-  if (tilt < kLeastTilt) {
+  if (tilt < kLeastStartTilt) {
     return fail(Errc::kNotDetermined,
                 "every photograph looks at the pattern head on, so that focal length and distance cannot be told "
                 "apart; take some with the pattern turned by 20 to 40 degrees");
@@ -265,7 +265,7 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
 
 namespace {
 
-constexpr int kOwn = 6;
+constexpr int kPoseUnknowns = 6;
 constexpr double kLost = 100;  // px, for a pair that the lens or the plane does not reach
 
 /// Adds one pair's two residuals, px; returns their length.
@@ -283,7 +283,7 @@ double add_pair(int view, const PointPair& pair, const SightFinder& lens, const 
   for (int k = 0; k < 2; ++k) {
     const Eigen::Matrix<double, 1, kMaxLensParameters> by_shared = by_lens.row(k);
     const Eigen::Vector3d g = by_move.row(k);
-    Eigen::Matrix<double, 1, kOwn> by_own;
+    Eigen::Matrix<double, 1, kPoseUnknowns> by_own;
     by_own << g.cross(point->in_head).transpose(), -g.transpose();
     sum.add(view, by_shared.data(), by_own.data(), residual[k], weight);
   }
@@ -293,7 +293,7 @@ double add_pair(int view, const PointPair& pair, const SightFinder& lens, const 
 solve::Evaluation evaluate_points(const Arrangement& arrangement, const std::vector<std::vector<PointPair>>& pairs,
                                   const solve::Huber& huber, std::vector<std::vector<double>>* errors) {
   const int views = static_cast<int>(pairs.size());
-  solve::Evaluation evaluation{solve::NormalEquations(arrangement.lens.count, kOwn, views)};
+  solve::Evaluation evaluation{solve::NormalEquations(arrangement.lens.count, kPoseUnknowns, views)};
   const SightFinder lens(arrangement.lens);
   for (int v = 0; v < views; ++v) {
     const PlaneFinder plane(arrangement.poses[static_cast<std::size_t>(v)]);
@@ -321,12 +321,12 @@ Arrangement moved(const Arrangement& arrangement, const Eigen::VectorXd& step, i
 double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::vector<bool>& fixed_lens,
                         double huber_px, Arrangement& arrangement) {
   std::vector<bool> fixed = fixed_lens;
-  fixed.resize(static_cast<std::size_t>(arrangement.lens.count) + kOwn * pairs.size(), false);
+  fixed.resize(static_cast<std::size_t>(arrangement.lens.count) + kPoseUnknowns * pairs.size(), false);
   const solve::Huber huber{huber_px};
   arrangement = solve::descend(
                     arrangement, [&](const Arrangement& a) { return evaluate_points(a, pairs, huber, nullptr); },
-                    [](const Arrangement& a, const Eigen::VectorXd& step) { return moved(a, step, kOwn); }, fixed,
-                    {.most_steps = 60, .enough = 1e-6, .first_damping = 1e-3})
+                    [](const Arrangement& a, const Eigen::VectorXd& step) { return moved(a, step, kPoseUnknowns); },
+                    fixed, {.most_steps = 60, .enough = 1e-6, .first_damping = 1e-3})
                     .state;
   std::vector<std::vector<double>> errors(pairs.size());
   (void)evaluate_points(arrangement, pairs, huber, &errors);

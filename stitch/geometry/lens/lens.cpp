@@ -2,15 +2,13 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <string>
 
+#include "protocol/base/angles.h"
 #include "protocol/lens_range.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 std::array<double, 5> tsai_coefficients(const TsaiLens& lens) { return {1, 0, lens.kappa1, 0, lens.kappa2}; }
 

@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
-namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-}  // namespace
+namespace {}  // namespace
 
 CompressedSpherical::CompressedSpherical(RaymapSize size) : RaymapLayout(size.width, size.height) {
   for (int j = 0; j < size.height; ++j) {

@@ -1,12 +1,11 @@
 #include "stitch/geometry/raymap/equirectangular.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 double theta_at(double x, int width) { return 2 * kPi * (x / width - 0.5); }
 double phi_at(double y, int height) { return kPi * (y / height - 0.5); }

@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// The ring and longitude of the southernmost corner of each face: rings in units of a face from the zenith, longitudes
 /// in units of pi / 4.

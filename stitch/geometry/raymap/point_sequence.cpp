@@ -1,14 +1,12 @@
 #include "stitch/geometry/raymap/point_sequence.h"
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/raymap/scattered_rays.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 double radical_inverse(std::uint64_t base, std::uint64_t k) {
   std::uint64_t mirrored = 0, scale = 1;  // k is below 2^31, so both stay below 3^20 and 2^31

@@ -4,12 +4,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// Twice the area of the triangle a, b, c.
 double cross(const Pixel& a, const Pixel& b, const Pixel& c) {

@@ -4,8 +4,8 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/raymap/compressed_spherical.h"
 #include "stitch/geometry/raymap/cube.h"
 #include "stitch/geometry/raymap/cylinder.h"
@@ -20,7 +20,6 @@
 namespace nodal::geometry {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr LayoutParameter kPad{"pad", 0, 64, 0};
 constexpr LayoutParameter kFov{"fov", 10, 160, 90};
 constexpr LayoutParameter kSeed{"seed", 0, 0xFFFF'FFFF, 1};

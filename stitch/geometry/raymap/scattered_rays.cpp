@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
-namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-}  // namespace
+namespace {}  // namespace
 
 std::optional<Ray> ScatteredRays::ray(double x, double y) const {
   if (!(x >= 0 && x <= width() && y >= 0 && y <= height())) return std::nullopt;

@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
-namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-}  // namespace
+namespace {}  // namespace
 
 Result<std::unique_ptr<RaymapLayout>> Sinusoidal::make(RaymapSize size, std::int64_t) {
   return std::unique_ptr<RaymapLayout>(new Sinusoidal(size.width, size.height));

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kTurn = 4294967296.0;
 
 /// SplitMix64 (Steele, Lea and Flood 2014) at position k of the sequence: the upper half.

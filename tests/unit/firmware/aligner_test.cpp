@@ -7,7 +7,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr Duration kPeriod = FrameRate{}.period();
+constexpr Duration kAlignerPeriod = FrameRate{}.period();
 constexpr hal::NudgeLimits kEitherWay = {Duration::microseconds(10), Duration::milliseconds(-4),
                                          Duration::milliseconds(4), 2};
 constexpr Exposure kExposure = Exposure::microseconds(8000);
@@ -41,7 +41,7 @@ class AlignerTest : public testing::Test {
       set.mask |= head_bit(i);
     }
     set.mid_exposure = set.frames[0].mid_exposure;
-    const Aligner::Nudges nudges = aligner.plan(free, in_step, now + kPeriod / 2);
+    const Aligner::Nudges nudges = aligner.plan(free, in_step, now + kAlignerPeriod / 2);
     for (std::size_t i = 0; i < heads.size(); ++i) heads[i].pending.push_back(heads[i].stuck ? Duration() : nudges[i]);
     return nudges;
   }
@@ -49,13 +49,13 @@ class AlignerTest : public testing::Test {
     for (int i = 0; i < n; ++i) period();
   }
   Duration place(std::size_t i) const { return heads[i].phase + heads[i].done + heads[i].exposure.duration() / 2; }
-  AlignerTest() { aligner.restart(kPeriod); }
+  AlignerTest() { aligner.restart(kAlignerPeriod); }
 
   Aligner aligner;
   std::array<FreeHead, kMaxHeads> free{};
   std::vector<Physical> heads;
   FrameSet set;  ///< the heads' newest exposures
-  Duration their_period = kPeriod;
+  Duration their_period = kAlignerPeriod;
   Instant now = Instant::from_ns(5'000'000'000);
 };
 
@@ -78,7 +78,7 @@ TEST_F(AlignerTest, HeadsApart_AreAskedOnceAndStandTogetherAfterTheirLatency) {
 TEST_F(AlignerTest, AcrossTheEndOfAPeriod_TheShortWayIsTaken) {
   add(Duration::milliseconds(1));
   add(Duration::milliseconds(1));
-  add(kPeriod - Duration::milliseconds(1));
+  add(kAlignerPeriod - Duration::milliseconds(1));
   period();
   EXPECT_EQ(period()[2], Duration::milliseconds(2));
 }
@@ -123,7 +123,7 @@ TEST_F(AlignerTest, AHeadFarAfterTheOthersThatCanOnlyWait_WaitsForTheNextPeriod)
   add(Duration::milliseconds(12), waits);
   periods(20);
   EXPECT_EQ(heads[0].done, Duration());
-  EXPECT_NEAR(static_cast<double>((place(2) - place(0) - kPeriod).us()), 0, 10);
+  EXPECT_NEAR(static_cast<double>((place(2) - place(0) - kAlignerPeriod).us()), 0, 10);
 }
 
 TEST_F(AlignerTest, BehindAHeadThatCannotBeMoved_OneThatCanOnlyWaitIsNamed) {
@@ -169,7 +169,7 @@ TEST_F(AlignerTest, TheReferencesExposureChanges_NoHeadSeemsToHaveGoneWhatNobody
 }
 
 TEST_F(AlignerTest, AllHeadsClocksAreSlow_NoneSeemsToCreep) {
-  their_period = kPeriod + kPeriod / 10'000;
+  their_period = kAlignerPeriod + kAlignerPeriod / 10'000;
   add({});
   add({});
   periods(PhaseLine::kMomentsForRate + 200);
@@ -213,15 +213,15 @@ TEST_F(AlignerTest, AHeadIsStartedAnew_ItsNudgesAreForgottenAndItIsBroughtBack) 
   hal::FrameView frame;
   frame.in_effect.exposure = kExposure;
   for (int i = 0; i < 4; ++i) {
-    now = now + kPeriod;
+    now = now + kAlignerPeriod;
     frame.mid_exposure = now + Duration::milliseconds(12) + kExposure.duration() / 2;
     aligner.on_frame(0, 2, frame);
   }
-  for (const Duration by : aligner.plan(free, false, now + kPeriod / 2))
+  for (const Duration by : aligner.plan(free, false, now + kAlignerPeriod / 2))
     EXPECT_EQ(by, Duration()) << "not knowing of it";
   free[0].starts = 2;
   // The other heads are at 3 ms.
-  EXPECT_EQ(aligner.plan(free, false, now + kPeriod / 2)[0], Duration::milliseconds(-9));
+  EXPECT_EQ(aligner.plan(free, false, now + kAlignerPeriod / 2)[0], Duration::milliseconds(-9));
 }
 
 }  // namespace

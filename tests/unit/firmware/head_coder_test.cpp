@@ -16,15 +16,15 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr int kWidth = 128, kHeight = 96;
+constexpr int kCodedWidth = 128, kCodedHeight = 96;
 
 /// A smooth picture whose rows of one parity are dark and of the other bright, as two fields of a flash are.
 Bytes flash(PixelFormat format) {
-  Bytes bytes(packed_size(format, kWidth, kHeight), 128);
-  const MutableImageView view = packed_image(format, kWidth, kHeight, bytes.data());
+  Bytes bytes(packed_size(format, kCodedWidth, kCodedHeight), 128);
+  const MutableImageView view = packed_image(format, kCodedWidth, kCodedHeight, bytes.data());
   const MutablePlaneView& luma = view.planes[0];
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < kCodedHeight; ++y) {
+    for (int x = 0; x < kCodedWidth; ++x) {
       luma.data[y * luma.row_stride + x * luma.pixel_stride] =
           static_cast<std::uint8_t>((y % 2 == 0 ? 30 : 170) + x / 4 + y / 8);
     }
@@ -43,11 +43,11 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
   if (test::Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
   const auto [format, fields] = GetParam();
   const Bytes bytes = flash(format);
-  const ImageView picture = packed_image(format, kWidth, kHeight, bytes.data());
-  HeadCoder coder(HeadStream{format, kWidth, kHeight, {}, fields});
+  const ImageView picture = packed_image(format, kCodedWidth, kCodedHeight, bytes.data());
+  HeadCoder coder(HeadStream{format, kCodedWidth, kCodedHeight, {}, fields});
   take::VideoTrack track;
-  track.width = kWidth;
-  track.height = kHeight;
+  track.width = kCodedWidth;
+  track.height = kCodedHeight;
   track.rate = FrameRate{30, 1};
   track.fields = fields;
   take::MatroskaWriter writer(track);
@@ -69,15 +69,15 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
                                      .wait();
   ASSERT_EQ(decoded.code, 0) << decoded.err;
   const Bytes raw = test::read_bytes(folder / "raw");
-  constexpr std::size_t kFrame = std::size_t{kWidth} * kHeight;
+  constexpr std::size_t kFrame = std::size_t{kCodedWidth} * kCodedHeight;
   ASSERT_EQ(raw.size(), 3 * kFrame);
   const PlaneView& luma = picture.planes[0];
   for (std::size_t frame = 0; frame < 3; ++frame) {
     double worst = 0;
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
+    for (int y = 0; y < kCodedHeight; ++y) {
+      for (int x = 0; x < kCodedWidth; ++x) {
         const int was = luma.data[y * luma.row_stride + x * luma.pixel_stride];
-        const int is = raw[frame * kFrame + static_cast<std::size_t>(y * kWidth + x)];
+        const int is = raw[frame * kFrame + static_cast<std::size_t>(y * kCodedWidth + x)];
         worst = std::max(worst, std::abs(static_cast<double>(is - was)));
       }
     }
@@ -94,8 +94,8 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(HeadCoder, ALowerQuality_GivesFewerBytes) {
   const Bytes bytes = flash(PixelFormat::kI420);
-  const ImageView picture = packed_image(PixelFormat::kI420, kWidth, kHeight, bytes.data());
-  HeadCoder coder(HeadStream{PixelFormat::kI420, kWidth, kHeight, {}, Fields::kProgressive});
+  const ImageView picture = packed_image(PixelFormat::kI420, kCodedWidth, kCodedHeight, bytes.data());
+  HeadCoder coder(HeadStream{PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive});
   const std::size_t good = (*coder.encode(picture, 90))[0].size();
   EXPECT_LT((*coder.encode(picture, 45))[0].size(), good);
   EXPECT_EQ((*coder.encode(picture, 90))[0].size(), good);

@@ -39,7 +39,7 @@ TEST(OffsetFilter, ATruthThatIsAsTheModelSays_IsWithinOneAndThreeDeviationsAsOft
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> error(-clock_spec::kTimestampErrorUs, clock_spec::kTimestampErrorUs);
-  constexpr double kPeriod = 0.1;
+  constexpr double kFilterPeriod = 0.1;
   int within_one = 0, within_three = 0, all = 0;
   for (int run = 0; run < 400; ++run) {
     double offset = 0, drift = std::sqrt(clock_spec::kDriftVariancePpm2) * normal(random);
@@ -47,11 +47,11 @@ TEST(OffsetFilter, ATruthThatIsAsTheModelSays_IsWithinOneAndThreeDeviationsAsOft
     filter.restart(offset + error(random), kNoise, clock_spec::kDriftVariancePpm2);
     for (int i = 0; i < 100; ++i) {
       // Random walk over t: the drift's step is w, the offset's t w / 2 plus a rest with variance q t^3 / 12.
-      const double w = std::sqrt(kDriftNoise * kPeriod) * normal(random);
-      offset += drift * kPeriod + w * kPeriod / 2 +
-                std::sqrt(kDriftNoise * kPeriod * kPeriod * kPeriod / 12) * normal(random);
+      const double w = std::sqrt(kDriftNoise * kFilterPeriod) * normal(random);
+      offset += drift * kFilterPeriod + w * kFilterPeriod / 2 +
+                std::sqrt(kDriftNoise * kFilterPeriod * kFilterPeriod * kFilterPeriod / 12) * normal(random);
       drift += w;
-      filter.predict(kPeriod, kDriftNoise);
+      filter.predict(kFilterPeriod, kDriftNoise);
       filter.update(offset + error(random), kNoise);
       const double off = std::abs(filter.offset_us() - offset), deviation = std::sqrt(filter.variance_us2());
       within_one += off <= deviation;

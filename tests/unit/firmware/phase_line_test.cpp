@@ -10,12 +10,12 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr Duration kPeriod = FrameRate{}.period();
+constexpr Duration kLinePeriod = FrameRate{}.period();
 constexpr Instant kBegin = Instant::from_ns(1'000'000'000'000);
 
 /// The n-th exposure of a head whose crystal is off by `ppm`.
 Instant exposure(std::int64_t n, std::int64_t ppm) {
-  return kBegin + kPeriod * n + Duration::nanoseconds(kPeriod.ns() * n / 1'000'000 * ppm);
+  return kBegin + kLinePeriod * n + Duration::nanoseconds(kLinePeriod.ns() * n / 1'000'000 * ppm);
 }
 
 RC_GTEST_PROP(PhaseLine, AfterManyTimestampsWithNoise_PhaseAndRateAreWithinSixDeviations, ()) {
@@ -23,7 +23,7 @@ RC_GTEST_PROP(PhaseLine, AfterManyTimestampsWithNoise_PhaseAndRateAreWithinSixDe
   const auto jitter = Duration::microseconds(*rc::gen::inRange<std::int64_t>(0, 201));
   hal::sim::Random random(*rc::gen::arbitrary<std::uint64_t>(), "stamps");
   PhaseLine line;
-  line.restart(kPeriod);
+  line.restart(kLinePeriod);
   constexpr std::int64_t kMany = 512;
   for (std::int64_t n = 0; n < kMany; ++n) line.add(exposure(n, ppm) + random.around_zero(jitter));
   const Instant next = exposure(kMany + 3, ppm);
@@ -31,12 +31,13 @@ RC_GTEST_PROP(PhaseLine, AfterManyTimestampsWithNoise_PhaseAndRateAreWithinSixDe
   // 3.5 / 512^1.5. The filter gives late timestamps more weight, because crystals wander: 1.5 times. Six deviations,
   // plus the effect of the rate's own variance of 41 ppm: 0.03 ppm.
   RC_ASSERT(std::abs((line.nearest(next) - next).ns()) <= jitter.ns() * 3062 / 10000 * 3 / 2 + 500);
-  RC_ASSERT(std::abs(*line.drift_ppb() - ppm * 1000) <= jitter.ns() * 1'000'000'000 / kPeriod.ns() / 956 * 3 / 2 + 100);
+  RC_ASSERT(std::abs(*line.drift_ppb() - ppm * 1000) <=
+            jitter.ns() * 1'000'000'000 / kLinePeriod.ns() / 956 * 3 / 2 + 100);
 }
 
 TEST(PhaseLine, ExactStamps_AreForetoldAtOnceAndGapsChangeNothing) {
   PhaseLine line;
-  line.restart(kPeriod);
+  line.restart(kLinePeriod);
   for (std::int64_t n = 0; n < 200; ++n) {
     if (n % 7 != 3) line.add(exposure(n, 40));
   }
@@ -49,7 +50,7 @@ TEST(PhaseLine, ExactStamps_AreForetoldAtOnceAndGapsChangeNothing) {
 
 TEST(PhaseLine, OneWildStamp_IsNotBelieved_ThreeAreANewPhaseOfTheSameCrystal) {
   PhaseLine line;
-  line.restart(kPeriod);
+  line.restart(kLinePeriod);
   std::int64_t n = 0;
   for (; n < 300; ++n) line.add(exposure(n, 25));
   line.add(exposure(n++, 25) + Duration::milliseconds(9));
@@ -64,7 +65,7 @@ TEST(PhaseLine, ClockSetBackOrAheadByLessThanALeap_ThePhaseIsAnotherAtOnce) {
   for (const Duration by : {Duration::seconds(-3), Duration::seconds(-3) + Duration::milliseconds(1),
                             Duration::seconds(3) + Duration::milliseconds(1)}) {
     PhaseLine line;
-    line.restart(kPeriod);
+    line.restart(kLinePeriod);
     for (std::int64_t n = 0; n < 400; ++n) line.add(exposure(n, 40));
     for (std::int64_t n = 400; n < 405; ++n) line.add(exposure(n, 40) + by);
     const Instant next = exposure(405, 40) + by;
@@ -74,7 +75,7 @@ TEST(PhaseLine, ClockSetBackOrAheadByLessThanALeap_ThePhaseIsAnotherAtOnce) {
 
 TEST(PhaseLine, NothingCameForLong_ItIsNotKnown) {
   PhaseLine line;
-  line.restart(kPeriod);
+  line.restart(kLinePeriod);
   EXPECT_FALSE(line.known(kBegin));
   line.add(exposure(0, 0));
   EXPECT_FALSE(line.known(kBegin)) << "one stamp may be anything";

@@ -7,27 +7,27 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr FrameRate kNtsc{30000, 1001};
-constexpr Duration kJitter = Duration::microseconds(200);
+constexpr FrameRate kPulseRate{30000, 1001};
+constexpr Duration kPulseJitter = Duration::microseconds(200);
 
 /// A head on a line, with jitter of the pulses' and of the exposures' timestamps.
 class Line {
  public:
-  explicit Line(std::uint64_t seed = 1) : random_(seed, "line") { watch.restart(kNtsc); }
+  explicit Line(std::uint64_t seed = 1) : random_(seed, "line") { watch.restart(kPulseRate); }
 
   /// `count` pulses, of which the head has exposed every `every`-th `delay` later, and then `drift_ppm` more each second.
   void expose(int count, Duration delay, std::int64_t drift_ppm = 0, std::uint64_t every = 1) {
     for (int i = 0; i < count; ++i, ++pulse_) {
       const Duration drifted =
-          Duration::nanoseconds(kNtsc.start_of(static_cast<std::uint64_t>(i)).us() * drift_ppm / 1000);
+          Duration::nanoseconds(kPulseRate.start_of(static_cast<std::uint64_t>(i)).us() * drift_ppm / 1000);
       if (pulse_ % every == 0) add(delay + drifted);
     }
   }
   void add(Duration skew) {
-    const Duration period = kNtsc.period();
+    const Duration period = kPulseRate.period();
     while (skew > period / 2) skew = skew - period;
     while (skew < -(period / 2)) skew = skew + period;
-    watch.add(pulse_, skew + random_.around_zero(kJitter) + random_.around_zero(kJitter), sequence_++);
+    watch.add(pulse_, skew + random_.around_zero(kPulseJitter) + random_.around_zero(kPulseJitter), sequence_++);
   }
   std::uint64_t pulse() const { return pulse_; }
 

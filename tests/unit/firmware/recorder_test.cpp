@@ -10,7 +10,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr int kWidth = 640, kHeight = 480;
+constexpr int kHeadWidth = 640, kHeadHeight = 480;
 
 RigConfig config(int heads, TakesConfig::Mode mode) {
   RigConfig config;
@@ -26,7 +26,7 @@ class Stand {
   explicit Stand(int heads, TakesConfig::Mode mode = TakesConfig::Mode::kDriver)
       : heads_(heads), config_(config(heads, mode)), recorder_(config_, sets_in_, encoder_) {
     for (int head = 0; head < heads; ++head)
-      pixels_.emplace_back(kWidth * kHeight, static_cast<std::uint8_t>(head + 1));
+      pixels_.emplace_back(kHeadWidth * kHeadHeight, static_cast<std::uint8_t>(head + 1));
     begin(false);
   }
   void begin(bool still) {
@@ -42,7 +42,7 @@ class Stand {
   }
 
   /// A set 10 ms after the one before it.
-  void offer(HeadMask mask, int height = kHeight) {
+  void offer(HeadMask mask, int height = kHeadHeight) {
     SetLoan loan = pool_.take();
     ASSERT_TRUE(loan);
     FrameSet& set = loan.edit();
@@ -52,7 +52,8 @@ class Stand {
         Instant::from_ns(1'000'000'000) + Duration::milliseconds(10) * static_cast<std::int64_t>(next_++);
     set.mask = mask;
     for (std::size_t head = 0; head < static_cast<std::size_t>(heads_); ++head) {
-      set.frames[head].image = packed_image(PixelFormat::kGrey8, kWidth, height, std::as_const(pixels_[head]).data());
+      set.frames[head].image =
+          packed_image(PixelFormat::kGrey8, kHeadWidth, height, std::as_const(pixels_[head]).data());
     }
     sets_in_.offer(loan);
     loan = {};
@@ -104,7 +105,7 @@ TEST(Recorder, SetsOfAQuarterSecond_AreARowWithTheHeadsPictures) {
   for (const RecordedSet& set : row->sets) {
     for (std::size_t head = 0; head < 2; ++head) {
       EXPECT_EQ(set.frames[head].placeholder, Placeholder::kNone);
-      EXPECT_EQ(set.frames[head].bytes.size(), static_cast<std::size_t>(kWidth * kHeight));
+      EXPECT_EQ(set.frames[head].bytes.size(), static_cast<std::size_t>(kHeadWidth * kHeadHeight));
       EXPECT_EQ(set.frames[head].bytes.front(), head + 1);
       EXPECT_EQ(set.frames[head].bytes.back(), head + 1);
     }
@@ -125,12 +126,12 @@ TEST(Recorder, AHeadWithoutAFrame_HasAPlaceholder) {
 TEST(Recorder, AnotherFormat_IsAPlaceholderForASecondAndThenANewRow) {
   Stand stand(1);
   for (int k = 0; k < 50; ++k) stand.offer(1);
-  for (int k = 0; k < 70; ++k) stand.offer(1, kHeight / 2);
+  for (int k = 0; k < 70; ++k) stand.offer(1, kHeadHeight / 2);
   std::uint64_t other = 0, placeholders = 0;
   while (auto row = stand.take_row()) {
     for (const RecordedSet& set : row->sets) {
       if (set.frames[0].placeholder == Placeholder::kFormat) ++placeholders;
-      else if (row->streams[0]->height == kHeight / 2) ++other;
+      else if (row->streams[0]->height == kHeadHeight / 2) ++other;
     }
     stand.give_back(std::move(row));
   }
@@ -140,7 +141,7 @@ TEST(Recorder, AnotherFormat_IsAPlaceholderForASecondAndThenANewRow) {
 
 TEST(Recorder, ASlowDisk_LosesRaymapsFirstAndThenWholeSets) {
   Stand stand(2);
-  const std::size_t fit = (std::size_t{16} << 20) / (2 * kWidth * kHeight);
+  const std::size_t fit = (std::size_t{16} << 20) / (2 * kHeadWidth * kHeadHeight);
   for (std::size_t k = 0; k < fit + 20; ++k) {
     stand.offer(3);
     if (k % 5 != 0) continue;

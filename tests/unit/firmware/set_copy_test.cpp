@@ -7,12 +7,13 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr int kWidth = 7, kHeight = 5;
+constexpr int kCopiedWidth = 7, kCopiedHeight = 5;
 
 /// A picture in memory with padded rows, as from drivers; all samples differ.
 struct Padded {
   explicit Padded(PixelFormat format) {
-    const ImageView packed = packed_image(format, kWidth, kHeight, static_cast<const std::uint8_t*>(nullptr));
+    const ImageView packed =
+        packed_image(format, kCopiedWidth, kCopiedHeight, static_cast<const std::uint8_t*>(nullptr));
     view = packed;
     memory.resize(3 * 64 * 64);
     for (std::size_t k = 0; k < memory.size(); ++k) memory[k] = static_cast<std::uint8_t>(k * 31 + k / 64);
@@ -27,7 +28,7 @@ struct Padded {
 
 SetCopy places_of(const std::vector<PixelFormat>& formats) {
   HeadShapes heads;
-  for (const PixelFormat format : formats) heads.push_back(HeadShape{format, kWidth, kHeight});
+  for (const PixelFormat format : formats) heads.push_back(HeadShape{format, kCopiedWidth, kCopiedHeight});
   return SetCopy::places_for(heads, std::make_shared<std::vector<std::uint8_t>>());
 }
 
@@ -48,7 +49,7 @@ TEST(SetCopy, PaddedPicturesOfEveryFormat_EverySampleIsInItsPlace) {
   EXPECT_EQ(taken.set, 41u);
   EXPECT_EQ(taken.heads, set.mask);
   for (std::size_t i = 0; i < formats.size(); ++i) {
-    const ImageView copy = packed_image(formats[i], kWidth, kHeight,
+    const ImageView copy = packed_image(formats[i], kCopiedWidth, kCopiedHeight,
                                         static_cast<const std::uint8_t*>(taken.bytes->data() + taken.places[i].offset));
     EXPECT_EQ(taken.places[i].in_effect.gain.mdb(), static_cast<std::int32_t>(i));
     for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(formats[i])); ++c) {
@@ -76,12 +77,12 @@ TEST(SetCopy, AHeadIsAwayOrDeliversSomethingElse_ItIsLeftOut) {
 }
 
 TEST(SetCopy, Jpegs_AreCopiedWholeWithTheirLengthUnlessTheyAreLargerThanThePicture) {
-  const std::size_t room = packed_size(PixelFormat::kI420, kWidth, kHeight);
+  const std::size_t room = packed_size(PixelFormat::kI420, kCopiedWidth, kCopiedHeight);
   for (const std::size_t length : {std::size_t{1}, room, room + 1}) {
     std::vector<std::uint8_t> jpeg(length, 9);
     FrameSet set;
     ImageView& image = set.frames[1].image;
-    image = {PixelFormat::kMjpeg, kWidth, kHeight, {}, length};
+    image = {PixelFormat::kMjpeg, kCopiedWidth, kCopiedHeight, {}, length};
     image.planes[0].data = jpeg.data();
     set.mask = head_bit(1);
     SetCopy taken = places_of({PixelFormat::kGrey8, PixelFormat::kMjpeg});

@@ -18,12 +18,12 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr int kWidth = 24, kHeight = 10, kHeads = 3, kSetsARow = 4, kRowsASync = 2;
-constexpr Duration kPeriod = Duration::milliseconds(33);
+constexpr int kTakeWidth = 24, kTakeHeight = 10, kHeads = 3, kSetsARow = 4, kRowsASync = 2;
+constexpr Duration kTakePeriod = Duration::milliseconds(33);
 
 /// Grey pictures, and for head 2 bytes that count as JPEGs of different lengths.
 Bytes picture(std::uint64_t set, std::size_t head) {
-  Bytes bytes(head == 2 ? 100 + set % 50 : kWidth * kHeight, static_cast<std::uint8_t>(set * 7 + head));
+  Bytes bytes(head == 2 ? 100 + set % 50 : kTakeWidth * kTakeHeight, static_cast<std::uint8_t>(set * 7 + head));
   for (std::size_t k = 0; k < 8; ++k) bytes[k] = static_cast<std::uint8_t>(set >> (8 * k));
   bytes[8] = static_cast<std::uint8_t>(head);
   return bytes;
@@ -35,19 +35,19 @@ struct Film {
   std::vector<std::unique_ptr<Bytes>> pictures;
 };
 
-Film film(int rows, int first_height = kHeight) {
+Film film(int rows, int first_height = kTakeHeight) {
   Film film;
   std::uint64_t set = 100;
   for (int r = 0; r < rows; ++r) {
     TakeRow& row = film.rows.emplace_back();
     for (std::size_t head = 0; head < kHeads; ++head) {
       const PixelFormat format = head == 2 ? PixelFormat::kMjpeg : PixelFormat::kGrey8;
-      row.streams[head] = HeadStream{format, kWidth, first_height, {}, Fields::kProgressive};
+      row.streams[head] = HeadStream{format, kTakeWidth, first_height, {}, Fields::kProgressive};
     }
     for (int k = 0; k < kSetsARow; ++k, ++set) {
       RecordedSet& to = row.sets.emplace_back();
       to.number = set;
-      to.mid_exposure = Instant::from_ns(5'000'000'000) + kPeriod * static_cast<std::int64_t>(set);
+      to.mid_exposure = Instant::from_ns(5'000'000'000) + kTakePeriod * static_cast<std::int64_t>(set);
       for (std::size_t head = 0; head < kHeads; ++head) {
         if (set % 11 == 3 && head == 1) continue;  // it has no picture here
         film.pictures.push_back(std::make_unique<Bytes>(picture(set, head)));
@@ -252,7 +252,7 @@ TEST(Takes, DiskFull_WhatIsWholeIsKept) {
 
 TEST(Takes, AHeadChangesItsFormat_ANewSegmentBegins) {
   Film made = film(6);
-  Film other = film(6, kHeight * 2);
+  Film other = film(6, kTakeHeight * 2);
   hal::sim::SimDisk disk;
   auto writer = TakeWriter::begin(disk, documents());
   ASSERT_TRUE(writer);

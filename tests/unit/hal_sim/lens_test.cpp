@@ -3,14 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "tests/support/rigs.h"
 
 namespace nodal::hal::sim {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 HeadCalibration head_with(LensModel lens, double max_angle = 0) {
   HeadCalibration head = test::plain_head("cam0", 1000, 1000);

@@ -3,16 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <utility>
 #include <vector>
 
 #include "hal/sim/scene/plate.h"
+#include "protocol/base/angles.h"
 
 namespace nodal::hal::sim {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Direction at(double theta, double phi) {
   return {std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};

@@ -8,7 +8,7 @@
 namespace nodal::hal::sim {
 namespace {
 
-constexpr Duration kPeriod = FrameRate{}.period();
+constexpr Duration kWirePeriod = FrameRate{}.period();
 
 // The sequence numbers of the pulses that started the frames; -1: the head's own clock did.
 std::vector<int> pulses_of(SimHead& head, const std::vector<FrameView>& frames) {
@@ -44,8 +44,8 @@ class WiredHead : public testing::Test {
   /// The frames of the next `n` periods.
   std::vector<FrameView> periods(int n) {
     std::vector<FrameView> frames;
-    for (const Instant end = world_.clock().now() + kPeriod * n; world_.clock().now() < end;) {
-      world_.clock().advance(kPeriod);
+    for (const Instant end = world_.clock().now() + kWirePeriod * n; world_.clock().now() < end;) {
+      world_.clock().advance(kWirePeriod);
       while (const auto frame = port_->take_frame().value()) {
         port_->release(frame->slot);
         frames.push_back(*frame);
@@ -83,7 +83,7 @@ TEST_F(WiredHead, CablePulled_ItsOwnClockGoesOnAndPulsesTakeOverAgain) {
   ASSERT_NEAR(static_cast<double>(free.size()), 100, 1);
   for (const int pulse : pulses_of(head(), {free.end() - 40, free.end()})) EXPECT_EQ(pulse, -1);
   const Duration took = free.back().mid_exposure - free.front().mid_exposure;
-  const double nominal = static_cast<double>(free.size() - 1) * static_cast<double>(kPeriod.ns());
+  const double nominal = static_cast<double>(free.size() - 1) * static_cast<double>(kWirePeriod.ns());
   EXPECT_NEAR(static_cast<double>(took.ns()), nominal * (1 + 100e-6), 1000);
   head().set_cable(true);
   periods(3);

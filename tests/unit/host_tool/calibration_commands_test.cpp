@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 namespace ph = nodal::photographer;
-using nlohmann::json;
+using Document = nlohmann::json;
 
 /// A folder for one test's files.
 class CalibrationCommands : public testing::Test {
@@ -49,7 +49,7 @@ class CalibrationCommands : public testing::Test {
   fs::path folder_;
 };
 
-json document(const Outcome& run) { return json::parse(run.out, nullptr, false); }
+Document document(const Outcome& run) { return Document::parse(run.out, nullptr, false); }
 
 TEST_F(CalibrationCommands, EveryFormat_ExportedImportedAndComparedIsTheSameRig) {
   const std::string rig = write_rig("rig.json", test::six_fisheyes(400, 110));
@@ -62,8 +62,8 @@ TEST_F(CalibrationCommands, EveryFormat_ExportedImportedAndComparedIsTheSameRig)
     ASSERT_EQ(imported.code, ExitCode::kOk) << imported.err;
     const Outcome compared({"calibration", "diff", rig, path("back.json"), "--json"});
     ASSERT_EQ(compared.code, ExitCode::kOk) << compared.err;
-    const json differences = document(compared);
-    for (const json& head : differences["heads"]) {
+    const Document differences = document(compared);
+    for (const Document& head : differences["heads"]) {
       EXPECT_LT(head["turned_deg"], 1e-5) << format;
       EXPECT_LT(head["max_px"], 1e-2) << format;
     }

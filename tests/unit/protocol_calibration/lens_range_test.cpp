@@ -3,12 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 TEST(LensRange, TsaiWithPositiveCoefficients_ReachesAlmostNinetyDegrees) {
   const LensRange range = lens_range(TsaiLens{490, 2.29e-6, 1.65e-11});

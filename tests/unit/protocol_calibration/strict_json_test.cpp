@@ -23,7 +23,7 @@ struct BadJson {
   friend void PrintTo(const BadJson& bad, std::ostream* out) { *out << bad.name; }
 };
 
-const auto kByName = [](const auto& bad) { return std::string(bad.param.name); };
+const auto kFieldName = [](const auto& bad) { return std::string(bad.param.name); };
 
 class StrictJsonRefuses : public testing::TestWithParam<BadJson> {};
 
@@ -55,7 +55,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BadJson{"ZeroByte", std::string("[1]\0", 4), Errc::kBadFormat, "zero byte"},
                     BadJson{"BadUtf8", "[\"\xff\xfe\"]", Errc::kBadFormat, "not valid JSON"},
                     BadJson{"Comment", "[1] // no", Errc::kBadFormat, "line 1, column 5"}),
-    kByName);
+    kFieldName);
 
 }  // namespace
 }  // namespace nodal

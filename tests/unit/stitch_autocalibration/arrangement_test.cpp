@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <random>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "tests/support/rendered_rig.h"
@@ -14,8 +14,6 @@
 
 namespace nodal::autocalibration {
 namespace {
-
-constexpr double kRadians = std::numbers::pi / 180;
 
 std::vector<Shape> shapes_of(const Calibration& rig) {
   std::vector<Shape> shapes;
@@ -86,7 +84,7 @@ TEST(Arrangement, RectilinearRing_LensAndRotationsWithHalfOfTheMatchesWrong) {
   const auto found = find_arrangement(shapes_of(truth), matches_of(truth, 1500, {0.5, 0.5}), 0);
   ASSERT_TRUE(found) << found.error().text();
   EXPECT_LT(test::rotation_error(truth, with_rotations(truth, *found)).max_deg, 0.1);
-  EXPECT_NEAR(angle_at(found->lens, 1) / kRadians, 35, 0.15);
+  EXPECT_NEAR(angle_at(found->lens, 1) / kRadiansPerDegree, 35, 0.15);
   EXPECT_EQ(found->lens.aspect, 1) << "640x480 has square pixels";
   // Half of the matches are right, give or take some that agree by chance.
   const double share =
@@ -100,7 +98,7 @@ TEST(Arrangement, FisheyesWithCircles_FieldOfViewToAFractionOfADegree) {
     const auto found = find_arrangement(shapes_of(truth), matches_of(truth, 800, {0.5, 0.3}), 0);
     ASSERT_TRUE(found) << found.error().text();
     EXPECT_LT(test::rotation_error(truth, with_rotations(truth, *found)).max_deg, 0.15) << view_deg;
-    EXPECT_NEAR(2 * angle_at(found->lens, 1) / kRadians, view_deg, 1) << view_deg;
+    EXPECT_NEAR(2 * angle_at(found->lens, 1) / kRadiansPerDegree, view_deg, 1) << view_deg;
   }
 }
 
@@ -191,7 +189,7 @@ TEST(Arrangement, FewPointsInANarrowOverlap_TheFocalLengthThatTheCameraStatesHel
   for (std::size_t h = 0; h < 2; ++h) {
     truth.heads[h] = test::plain_head("cam" + std::to_string(h), 640, 480, 36.0 * static_cast<double>(h), 42);
   }
-  const double focal = 320 / std::tan(21 * kRadians);
+  const double focal = 320 / std::tan(21 * kRadiansPerDegree);
   std::vector<Shape> shapes = shapes_of(truth);
   double alone = 0, helped = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {

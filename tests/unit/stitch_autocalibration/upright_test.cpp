@@ -7,17 +7,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/rotation.h"
 #include "tests/support/rendered_rig.h"
 #include "tests/support/rigs.h"
 
 namespace nodal::autocalibration {
 namespace {
-
-constexpr double kRadians = std::numbers::pi / 180;
 
 struct World {
   bool horizon = true, posts = true;
@@ -27,7 +25,7 @@ struct World {
 float level(const Eigen::Vector3d& ray, const World& world) {
   const double pitch = std::asin(-ray.y()), yaw = std::atan2(ray.x(), ray.z());
   double level = world.horizon ? (pitch > 0 ? 190 : 70) : 130 + 60 * std::sin(pitch);
-  const double stripe = std::fmod(yaw / kRadians + 360, 24);
+  const double stripe = std::fmod(yaw / kRadiansPerDegree + 360, 24);
   if (world.posts && stripe < 5 && std::abs(pitch) < 0.6) level -= 45;
   return static_cast<float>(level);
 }
@@ -59,7 +57,7 @@ Scene seen_by(const Calibration& rig, const Eigen::Matrix3d& R_world_rig, const 
 
 double error_deg(const Upright& found, const Eigen::Matrix3d& R_world_rig) {
   const Eigen::Vector3d truth = R_world_rig.transpose() * Eigen::Vector3d(0, -1, 0);
-  return std::acos(std::min(1.0, found.up.dot(truth))) / kRadians;
+  return std::acos(std::min(1.0, found.up.dot(truth))) / kRadiansPerDegree;
 }
 
 TEST(Upright, HorizonAndPosts_ToADegreeAtAnyTilt) {

@@ -3,14 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::calibration {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 Calibration rig() {
   Calibration calibration;
@@ -52,7 +50,7 @@ TEST(Difference, WholeRigTurned_IsRawOnly) {
   }
   const auto d = difference_of(rig(), turned);
   ASSERT_TRUE(d);
-  const double angle = std::hypot(0.1, 0.2, 0.05) / kDegree;
+  const double angle = std::hypot(0.1, 0.2, 0.05) / kRadiansPerDegree;
   EXPECT_NEAR(d->rig_turn_deg, angle, 1e-9);
   for (const HeadDifference& head : d->heads) {
     EXPECT_NEAR(head.raw_deg, angle, 1e-9);
@@ -63,7 +61,7 @@ TEST(Difference, WholeRigTurned_IsRawOnly) {
 
 TEST(Difference, OneHeadTurnedByATenthOfADegree_IsToldInDegreesAndPixels) {
   Calibration moved = rig();
-  moved.heads[2].R_head_rig = geometry::rows_of(geometry::rotation_about({0, 0, 0.1 * kDegree}) *
+  moved.heads[2].R_head_rig = geometry::rows_of(geometry::rotation_about({0, 0, 0.1 * kRadiansPerDegree}) *
                                                 geometry::matrix_of(moved.heads[2].R_head_rig));
   const auto d = difference_of(rig(), moved);
   ASSERT_TRUE(d);
@@ -72,7 +70,7 @@ TEST(Difference, OneHeadTurnedByATenthOfADegree_IsToldInDegreesAndPixels) {
   EXPECT_NEAR(d->heads[2].turned_deg, 0.075, 0.001);
   EXPECT_NEAR(d->heads[0].turned_deg, 0.025, 0.001);
   // A roll of 0.075 degrees moves the corner, 400 px from the centre, by 0.52 px.
-  EXPECT_NEAR(d->heads[2].max_px, 400 * 0.075 * kDegree, 0.01);
+  EXPECT_NEAR(d->heads[2].max_px, 400 * 0.075 * kRadiansPerDegree, 0.01);
   EXPECT_NEAR(d->heads[2].lens_max_px, 0, 1e-9);
 }
 

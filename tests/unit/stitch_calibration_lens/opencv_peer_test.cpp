@@ -28,7 +28,7 @@ bool there_is_opencv() {
 }
 
 /// The paper's lens (Figure 3) on NTSC pixels.
-ph::Lens paper_lens() {
+ph::Lens peer_lens() {
   ph::Lens lens;
   lens.aspect = 1.083;
   lens.k = {2.29e-6, 1.65e-11};
@@ -186,7 +186,7 @@ MappingError opencvs(const ph::Lens& truth) {
 }
 
 TEST(PeerOpenCv, SameHeadSameLight_OurMappingErrorIsSmallAndAtMostHalfOfItsOwn) {
-  const ph::Lens truth = paper_lens();
+  const ph::Lens truth = peer_lens();
   const MappingError mine = ours(truth);
   EXPECT_LE(mine.rms, 0.03);
   if (!there_is_opencv()) GTEST_SKIP() << "python3-opencv is not installed: compared with no peer";

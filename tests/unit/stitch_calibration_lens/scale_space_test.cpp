@@ -3,12 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
+
+#include "protocol/base/angles.h"
 
 namespace nodal::calibration {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 GreyImage wave(int width, int height, double period_x) {
   GreyImage image(width, height);

@@ -5,14 +5,12 @@
 #include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <cmath>
-#include <numbers>
 
 #include "examples.h"
+#include "protocol/base/angles.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Head made(const HeadCalibration& calibration) {
   Result<Head> head = Head::make(calibration);

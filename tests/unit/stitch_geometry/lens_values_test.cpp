@@ -2,15 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "examples.h"
+#include "protocol/base/angles.h"
 #include "stitch/geometry/lens/lens.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Lens made(const LensModel& model, double max_angle = 0) {
   Result<Lens> lens = Lens::make(model, max_angle);

@@ -5,15 +5,13 @@
 #include <rapidcheck/gtest.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <numbers>
 
 #include "examples.h"
+#include "protocol/base/angles.h"
 #include "stitch/geometry/ray.h"
 
 namespace nodal::geometry {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// The direction in the rig of a vector in the head's frame.
 Eigen::Vector3d in_rig(const YawPitchRoll& pose, const Eigen::Vector3d& in_head) {

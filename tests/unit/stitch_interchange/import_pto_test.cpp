@@ -2,16 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 ImportResult imported(std::string_view text) {
   Result<ImportResult> import = import_project(text, "rig");
@@ -38,7 +36,7 @@ TEST(ImportPto, FisheyePolynomial_IsTheSameCurve) {
   const double a = 0.03, b = -0.1, c = 0.02;
   const auto import = imported("i w1200 h800 f3 v120 a0.03 b-0.1 c0.02 y0 p0 r0 n\"a\"\n");
   const auto& lens = std::get<EquidistantLens>(import.calibration.heads[0].lens);
-  const double f = 1200 / (120 * kDegree), n = 400;
+  const double f = 1200 / (120 * kRadiansPerDegree), n = 400;
   for (const double t : {0.1, 0.5, 0.9}) {
     const double p = f * t / n;
     const double hugin = n * (a * std::pow(p, 4) + b * std::pow(p, 3) + c * p * p + (1 - a - b - c) * p);
@@ -167,7 +165,7 @@ TEST(ImportPto, LensThatTurnsBackInItsPicture_IsCappedAndSaidSo) {
   // r = n (1.3 p - 0.3 p^3) turns at p = sqrt(1.3 / 0.9), r = 1.0415 n; the corners are 1.66 n away.
   const auto import = imported("i w800 h600 f3 v120 b-0.3 n\"a\"\n");
   const HeadCalibration& head = import.calibration.heads[0];
-  const double turn = std::sqrt(1.3 / 0.9) * 300 / (800 / (120 * kDegree));
+  const double turn = std::sqrt(1.3 / 0.9) * 300 / (800 / (120 * kRadiansPerDegree));
   EXPECT_NEAR(head.max_angle, 0.99 * turn, 1e-9);
   ASSERT_EQ(import.notes.size(), 1u);
   EXPECT_NE(import.notes[0].find("turns back"), std::string::npos);

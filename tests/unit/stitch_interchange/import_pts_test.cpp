@@ -2,14 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 /// Two fisheyes linked to a dummy line, in PTGui 9's format, with Windows line ends.
 constexpr std::string_view kProject =
@@ -26,14 +24,14 @@ constexpr std::string_view kProject =
     "o f2 y-90 r0 p0 v=0 a=0 b=0 c=0 d5 e=0 g=0 t=0 C100,1700,-200,1400\r\n"
     "c n1 N2 x10 y20 X30 Y40 t0\r\n";
 
-ImportResult imported(std::string_view text) {
+ImportResult imported_pts(std::string_view text) {
   Result<ImportResult> import = import_project(text, "rig");
   EXPECT_TRUE(import) << (import ? "" : import.error().text());
   return import ? *import : ImportResult{};
 }
 
 TEST(ImportPts, WithACrop_EverythingRefersToTheCrop) {
-  const auto import = imported(kProject);
+  const auto import = imported_pts(kProject);
   ASSERT_EQ(import.calibration.heads.size(), 2u);
   const HeadCalibration& head = import.calibration.heads[0];
   EXPECT_EQ(head.name, "left_cam");
@@ -43,7 +41,7 @@ TEST(ImportPts, WithACrop_EverythingRefersToTheCrop) {
   EXPECT_EQ(import.calibration.heads[1].center_x, 905);
   EXPECT_EQ(head.region, (Region{100, 0, 1700, 1200, Region::Circle{900, 600, 800}}));
   const auto& lens = std::get<EquidistantLens>(head.lens);
-  const double f = 1600 / (200 * kDegree);
+  const double f = 1600 / (200 * kRadiansPerDegree);
   EXPECT_NEAR(lens.coefficients[0], f * (1 + 0.1 - 0.2 + 0.05), 1e-9);
   EXPECT_NEAR(lens.coefficients[1], f * f / 800 * -0.05, 1e-9);
   EXPECT_NEAR(lens.coefficients[2], f * f * f / (800.0 * 800) * 0.2, 1e-9);
@@ -51,7 +49,7 @@ TEST(ImportPts, WithACrop_EverythingRefersToTheCrop) {
 }
 
 TEST(ImportPts, ControlPoints_CountTheDummyAndHavePixelCentresAtIntegers) {
-  const auto import = imported(kProject);
+  const auto import = imported_pts(kProject);
   ASSERT_EQ(import.control_points.size(), 1u);
   EXPECT_EQ(import.control_points[0].head_a, 0u);
   EXPECT_EQ(import.control_points[0].head_b, 1u);
@@ -59,7 +57,7 @@ TEST(ImportPts, ControlPoints_CountTheDummyAndHavePixelCentresAtIntegers) {
 }
 
 TEST(ImportPts, EmptyPhotometry_NeedsNoNote) {
-  EXPECT_TRUE(imported(kProject).notes.empty()) << imported(kProject).notes[0];
+  EXPECT_TRUE(imported_pts(kProject).notes.empty()) << imported_pts(kProject).notes[0];
 }
 
 TEST(ImportPts, WhatItCannotTake_IsSaid) {
@@ -67,7 +65,7 @@ TEST(ImportPts, WhatItCannotTake_IsSaid) {
   text.replace(text.find("#-vignettingparams "), 19, "#-vignettingparams -0.06 1.3");
   text.replace(text.find("#-cameracurve 0 0 0"), 19, "#-cameracurve 3.4 0 -0.5");
   text.replace(text.find("#-exposureparams 0 0 0 0"), 24, "#-exposureparams 0 0 0 -0.007\r\n#-sourcemask iVBOR");
-  const auto import = imported(text);
+  const auto import = imported_pts(text);
   ASSERT_EQ(import.notes.size(), 4u);
   EXPECT_NE(import.notes[0].find("Vignetting"), std::string::npos);
   EXPECT_NE(import.notes[1].find("camera curve"), std::string::npos);
@@ -77,7 +75,7 @@ TEST(ImportPts, WhatItCannotTake_IsSaid) {
 }
 
 TEST(ImportPts, WithoutDummyAndCrop_TheWholePictureIsMeant) {
-  const auto import = imported("#-imgfile 1000 800 \"a.jpg\"\no f0 v90 y0 p0 r0 a0 b0 c0 d0 e0\n");
+  const auto import = imported_pts("#-imgfile 1000 800 \"a.jpg\"\no f0 v90 y0 p0 r0 a0 b0 c0 d0 e0\n");
   ASSERT_EQ(import.calibration.heads.size(), 1u);
   EXPECT_EQ(import.calibration.heads[0].center_x, 500);
   EXPECT_EQ(import.calibration.heads[0].region, (Region{0, 0, 1000, 800, {}}));

@@ -4,17 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <regex>
 
 #include "files.h"
+#include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 /// Angles between the two rays of each control point, degrees, sorted.
 std::vector<double> residuals(const Calibration& calibration, const std::vector<ControlPoint>& points) {
@@ -25,7 +23,7 @@ std::vector<double> residuals(const Calibration& calibration, const std::vector<
     const auto a = (*heads)[point.head_a].unproject(point.pixel_a);
     const auto b = (*heads)[point.head_b].unproject(point.pixel_b);
     EXPECT_TRUE(a && b);
-    if (a && b) angles.push_back(geometry::angle_between(*a, *b) / kDegree);
+    if (a && b) angles.push_back(geometry::angle_between(*a, *b) / kRadiansPerDegree);
   }
   std::ranges::sort(angles);
   return angles;

@@ -3,17 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "files.h"
+#include "protocol/base/angles.h"
 #include "stitch/calibration/difference.h"
 #include "stitch/geometry/head.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 std::string project(const std::string& proj, const std::string& geometry, const std::string& extra = "") {
   return R"({"pano": {"inputs": [{"reader_config": "a.jpg", "width": 1000, "height": 800, "proj": ")" + proj + "\", " +
@@ -57,7 +55,7 @@ TEST(ImportVideoStitch, TurnedHead_LooksWhereItsAnglesSay) {
       import_project(project("rectilinear", R"("horizontalFocal": 600, "yaw": 90, "pitch": 30)"), "one");
   ASSERT_TRUE(import) << import.error().text();
   const auto axis = geometry::Head::make(import->calibration.heads[0])->axis().direction();
-  EXPECT_NEAR(axis.x(), std::cos(30 * kDegree), 1e-12);
+  EXPECT_NEAR(axis.x(), std::cos(30 * kRadiansPerDegree), 1e-12);
   EXPECT_NEAR(axis.y(), -0.5, 1e-12);  // up
 }
 
@@ -86,7 +84,7 @@ std::vector<double> point_angles(const ImportResult& import) {
   for (const ControlPoint& p : import.control_points) {
     const auto a = heads[p.head_a].unproject(p.pixel_a);
     const auto b = heads[p.head_b].unproject(p.pixel_b);
-    if (a && b) angles.push_back(geometry::angle_between(*a, *b) / kDegree);
+    if (a && b) angles.push_back(geometry::angle_between(*a, *b) / kRadiansPerDegree);
   }
   std::ranges::sort(angles);
   return angles;
@@ -137,7 +135,7 @@ TEST(ImportVideoStitch, OtherRealProjects_AreRead) {
   }
   const auto heads = *geometry::make_heads(four->calibration);
   // Four heads a quarter turn apart, like the product.
-  EXPECT_NEAR(geometry::angle_between(heads[0].axis(), heads[1].axis()) / kDegree, 143.7, 1);
+  EXPECT_NEAR(geometry::angle_between(heads[0].axis(), heads[1].axis()) / kRadiansPerDegree, 143.7, 1);
   const auto six = import_project(louvre, "louvre");
   ASSERT_TRUE(six) << six.error().text();
   EXPECT_EQ(six->calibration.heads.size(), 6u);

@@ -9,12 +9,12 @@
 namespace nodal::media {
 namespace {
 
-constexpr int kWidth = 48, kHeight = 32;
+constexpr int kJpegWidth = 48, kJpegHeight = 32;
 
 /// Ramps in every component, so that transposed or swapped planes are detected.
 std::vector<std::uint8_t> slopes(PixelFormat format) {
-  std::vector<std::uint8_t> bytes(packed_size(format, kWidth, kHeight));
-  const MutableImageView image = packed_image(format, kWidth, kHeight, bytes.data());
+  std::vector<std::uint8_t> bytes(packed_size(format, kJpegWidth, kJpegHeight));
+  const MutableImageView image = packed_image(format, kJpegWidth, kJpegHeight, bytes.data());
   for (int c = 0; c < component_count(format); ++c) {
     const MutablePlaneView& plane = image.planes[static_cast<std::size_t>(c)];
     for (int y = 0; y < plane.height; ++y) {
@@ -29,9 +29,9 @@ std::vector<std::uint8_t> slopes(PixelFormat format) {
 
 std::vector<std::uint8_t> written(PixelFormat format, const std::vector<std::uint8_t>& pixels, std::string_view xmp,
                                   std::string_view comment) {
-  JpegWriter writer({format, kWidth, kHeight, 100, xmp});
+  JpegWriter writer({format, kJpegWidth, kJpegHeight, 100, xmp});
   std::vector<std::uint8_t> file;
-  EXPECT_TRUE(writer.write(packed_image(format, kWidth, kHeight, pixels.data()), comment, file));
+  EXPECT_TRUE(writer.write(packed_image(format, kJpegWidth, kJpegHeight, pixels.data()), comment, file));
   return file;
 }
 
@@ -72,11 +72,11 @@ TEST(JpegWriter, NoXmp_NoApp1) {
 }
 
 TEST(JpegWriter, ASecondPictureIntoALargerBuffer_LeavesNothingOfWhatWasThere) {
-  JpegWriter writer({PixelFormat::kRgb24, kWidth, kHeight, 90, ""});
+  JpegWriter writer({PixelFormat::kRgb24, kJpegWidth, kJpegHeight, 90, ""});
   const auto pixels = slopes(PixelFormat::kRgb24);
   std::vector<std::uint8_t> first, second(1'000'000, 1);
-  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kWidth, kHeight, pixels.data()), "c", first));
-  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kWidth, kHeight, pixels.data()), "c", second));
+  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kJpegWidth, kJpegHeight, pixels.data()), "c", first));
+  ASSERT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kJpegWidth, kJpegHeight, pixels.data()), "c", second));
   EXPECT_EQ(first, second);
 }
 

@@ -16,14 +16,14 @@ struct Picture {
   GreyRaster raster() const { return {40, 30, values}; }
 };
 
-Picture picture() {
+Picture grey_picture() {
   Picture p;
   for (int i = 0; i < 40 * 30; ++i) p.values.push_back(static_cast<std::uint8_t>(i * 37 % 251));
   return p;
 }
 
 TEST(PngFile, GreyPicture_IsReadBackAsItWas) {
-  const Picture p = picture();
+  const Picture p = grey_picture();
   const auto png = png_file({40, 30, 1, 8, p.values}, {PngNotes::Numbers::kSrgb, 10000, "a comment", {}, 6});
   ASSERT_TRUE(png) << png.error().text();
   const auto read = decode_image(*png, "p.png", PixelFormat::kGrey8);
@@ -34,7 +34,7 @@ TEST(PngFile, GreyPicture_IsReadBackAsItWas) {
 }
 
 TEST(GreyPdf, TableAndPicture_AreWhereItSaysTheyAre) {
-  const Picture p = picture();
+  const Picture p = grey_picture();
   const auto bytes = grey_pdf(p.raster(), 420, 297, 10, "made (by) hand");
   ASSERT_TRUE(bytes) << bytes.error().text();
   const std::string pdf(bytes->begin(), bytes->end());
@@ -64,7 +64,7 @@ TEST(GreyPdf, TableAndPicture_AreWhereItSaysTheyAre) {
 }
 
 TEST(GreyPdf, MarginsWithoutRoom_AreRefused) {
-  const Picture p = picture();
+  const Picture p = grey_picture();
   const auto refused = grey_pdf(p.raster(), 100, 100, 48, "");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, Errc::kBadValue);

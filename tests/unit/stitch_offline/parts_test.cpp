@@ -15,7 +15,7 @@
 namespace nodal::offline {
 namespace {
 
-constexpr int kWidth = 512;
+constexpr int kPartsWidth = 512;
 
 std::unique_ptr<geometry::RaymapLayout> layout_of(const std::string& name, int width) {
   const geometry::RaymapSize size = geometry::LayoutName::parse(name).value().size_for_width(width);
@@ -28,7 +28,7 @@ test::RenderedRig town(const Calibration& rig, PixelFormat format) {
 
 /// The same pictures, blended by one table and by tables for parts of at most `most` heads.
 void expect_same(const test::RenderedRig& rig, PixelFormat raymap, const std::string& layout_name, std::size_t most) {
-  const auto layout = layout_of(layout_name, kWidth);
+  const auto layout = layout_of(layout_name, kPartsWidth);
   const table::RaymapSpec spec{layout_name, layout->width(), layout->height(), raymap};
   const auto parts = cut_into_parts(rig.truth, *layout, most);
   ASSERT_TRUE(parts) << parts.error().text();
@@ -52,7 +52,7 @@ TEST(Parts, TheBytesAreThoseOfOneTable) {
 
 TEST(Parts, TwentyFourHeads_ShowTheScene) {
   const test::RenderedRig rig = town(test::three_rings(120, 75), PixelFormat::kRgb24);
-  const auto layout = layout_of("equirectangular", kWidth);
+  const auto layout = layout_of("equirectangular", kPartsWidth);
   const auto parts = cut_into_parts(rig.truth, *layout);
   ASSERT_TRUE(parts) << parts.error().text();
   EXPECT_GT(parts->size(), 1U);
@@ -89,13 +89,13 @@ TEST(Parts, TwentyFourHeads_ShowTheScene) {
       }
     }
   }
-  ASSERT_GT(count, 0.4 * 3 * kWidth * kWidth / 2);
+  ASSERT_GT(count, 0.4 * 3 * kPartsWidth * kPartsWidth / 2);
   EXPECT_GT(10 * std::log10(255 * 255 / (square / count)), 25) << "dB";
 }
 
 TEST(Parts, TooManyHeadsAtOnePlace_AreRefusedWithWhatToDo) {
   const Calibration rig = test::three_rings(120, 170);
-  const auto parts = cut_into_parts(rig, *layout_of("equirectangular", kWidth));
+  const auto parts = cut_into_parts(rig, *layout_of("equirectangular", kPartsWidth));
   ASSERT_FALSE(parts);
   EXPECT_EQ(parts.error().code, Errc::kTooLarge);
   EXPECT_NE(parts.error().message.find("leave some of them out"), std::string::npos) << parts.error().message;

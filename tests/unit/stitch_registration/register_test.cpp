@@ -12,7 +12,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kPixelDeg = 130.0 / 160;  // of six_fisheyes(160)
+constexpr double kRegisterPixelDeg = 130.0 / 160;  // of six_fisheyes(160)
 
 const test::RenderedRig& town() {
   static const test::RenderedRig rig = [] {
@@ -41,11 +41,11 @@ TEST(Register, HeadsTurnedByDegrees_StandToAFractionOfAPixelAndTheirLightIsFound
   const Result<Report> report = register_heads(prior, {town().frames()}, {});
   ASSERT_TRUE(report) << report.error().text();
   const test::RotationError error = test::rotation_error(town().truth, report->calibration);
-  EXPECT_LT(error.rms_deg, 0.01 * kPixelDeg);
+  EXPECT_LT(error.rms_deg, 0.01 * kRegisterPixelDeg);
   EXPECT_LT(report->objective_after, 0.02 * report->objective_before);
   for (std::size_t h = 0; h < 6; ++h) {
     EXPECT_TRUE(report->heads[h].placed);
-    EXPECT_LT(report->heads[h].sigma_deg, 0.02 * kPixelDeg);
+    EXPECT_LT(report->heads[h].sigma_deg, 0.02 * kRegisterPixelDeg);
     // Gains are relative to their geometric mean; the truth's is 0.989.
     EXPECT_NEAR(report->calibration.heads[h].gain[0] / town().truth.heads[h].gain[0], 1 / 0.9886, 0.01);
   }
@@ -78,7 +78,7 @@ TEST(Register, AnObjectFixedToOneHead_TurnsItUnlessItIsMasked) {
   const double masked = error_with({{{103, 44}, {153, 44}, {153, 116}, {103, 116}}});
   const double plain = error_with({});
   std::printf("board in front of a head: rms %.4f degrees, masked %.4f\n", plain, masked);
-  EXPECT_LT(masked, 0.02 * kPixelDeg);
+  EXPECT_LT(masked, 0.02 * kRegisterPixelDeg);
   EXPECT_GT(plain, 2 * masked);
 }
 
@@ -107,7 +107,7 @@ TEST(Register, FocalsTooWrong_BothAreFound) {
   options.free = Free::kFocals;
   const Result<Report> report = register_heads(prior, {town().frames()}, options);
   ASSERT_TRUE(report) << report.error().text();
-  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.02 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.02 * kRegisterPixelDeg);
   for (std::size_t h = 0; h < 6; ++h) {
     const double truth = std::get<EquidistantLens>(town().truth.heads[h].lens).coefficients[0];
     EXPECT_NEAR(std::get<EquidistantLens>(report->calibration.heads[h].lens).coefficients[0] / truth, 1, 5e-4);
@@ -124,7 +124,7 @@ TEST(Register, EveryLayoutAndNorm_FindsTheRigAndTheResultDependsOnTheLayoutABit)
       options.norm = norm;
       const Result<Report> report = register_heads(prior, {town().frames()}, options);
       ASSERT_TRUE(report) << layout << ": " << report.error().text();
-      EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg) << layout;
+      EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kRegisterPixelDeg) << layout;
       found.push_back(report->calibration);
     }
   }
@@ -160,7 +160,7 @@ TEST(Register, MeanGauge_TurnsOfAllHeadsHaveMeanZeroAndNoneIsKnownExactly) {
   options.gauge = Gauge::kMean;
   const Result<Report> report = register_heads(prior, {town().frames()}, options);
   ASSERT_TRUE(report) << report.error().text();
-  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kRegisterPixelDeg);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (std::size_t h = 0; h < 6; ++h) {
     const Eigen::AngleAxisd turn(geometry::matrix_of(report->calibration.heads[h].R_head_rig).transpose() *
@@ -181,7 +181,7 @@ TEST(Register, FogInOneFrameSet_IsRegisteredByTheOther) {
   EXPECT_EQ(alone.error().code, Errc::kNoCoverage) << alone.error().text();
   const Result<Report> both = register_heads(prior, {fog.frames(), town().frames()}, {});
   ASSERT_TRUE(both) << both.error().text();
-  EXPECT_LT(test::rotation_error(town().truth, both->calibration).rms_deg, 0.02 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(town().truth, both->calibration).rms_deg, 0.02 * kRegisterPixelDeg);
 }
 
 }  // namespace

@@ -12,12 +12,12 @@
 namespace nodal::registration {
 namespace {
 
-constexpr int kSide = 160;
-constexpr double kPixelDeg = 130.0 / kSide;
+constexpr int kTroubleSide = 160;
+constexpr double kTroublePixelDeg = 130.0 / kTroubleSide;
 
-const test::RenderedRig& town() {
-  static const test::RenderedRig rig =
-      test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+const test::RenderedRig& trouble_town() {
+  static const test::RenderedRig rig = test::render_rig(
+      test::six_fisheyes(kTroubleSide), hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
   return rig;
 }
 
@@ -36,22 +36,23 @@ void fill_with_noise(std::vector<std::uint8_t>& picture, double mean, double sig
 
 TEST(Register, HeadsFarFromThePrior_AreFoundWithoutPairs) {
   for (const std::uint64_t seed : {1, 2, 3}) {
-    const Calibration prior = test::turned(town().truth, 8, 20, seed);
-    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    const Calibration prior = test::turned(trouble_town().truth, 8, 20, seed);
+    const Result<Report> report = register_heads(prior, {trouble_town().frames()}, {});
     ASSERT_TRUE(report) << "seed " << seed << ": " << report.error().text();
-    EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.01 * kPixelDeg) << "seed " << seed;
+    EXPECT_LT(test::rotation_error(trouble_town().truth, report->calibration).rms_deg, 0.01 * kTroublePixelDeg)
+        << "seed " << seed;
   }
 }
 
 TEST(Register, HeadWithoutDetail_IsNamedAndKeptAtThePriorWhileTheOthersAreFound) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   fill_with_noise(rig.bytes[4], 140, 1.0, 9);
   const Calibration prior = test::turned(rig.truth, 1, 3, 4);
   const Result<Report> report = register_heads(prior, {rig.frames()}, {});
   ASSERT_TRUE(report) << report.error().text();
   std::vector<bool> counted(6, true);
   counted[4] = false;
-  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.01 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.01 * kTroublePixelDeg);
   EXPECT_FALSE(report->heads[4].placed);
   EXPECT_NE(report->heads[4].why_not.find("no detail"), std::string::npos) << report->heads[4].why_not;
   EXPECT_EQ(report->calibration.heads[4].R_head_rig, prior.heads[4].R_head_rig);
@@ -61,25 +62,25 @@ TEST(Register, HeadWithoutDetail_IsNamedAndKeptAtThePriorWhileTheOthersAreFound)
 }
 
 TEST(Register, BlackFrame_NamesTheHeadAndWhatToTry) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   std::ranges::fill(rig.bytes[2], std::uint8_t{2});
   expect_refused(rig.truth, rig, Errc::kNotDetermined, "head 'cam2' is black; take its lens cap off");
 }
 
 TEST(Register, OnePictureForTwoHeads_NamesBoth) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   rig.bytes[5] = rig.bytes[3];
   expect_refused(rig.truth, rig, Errc::kHeadMismatch, "heads 'cam3' and 'cam5' have the same picture");
 }
 
 TEST(Register, AHeadUpsideDown_IsNamed) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   std::ranges::reverse(rig.bytes[1]);
   expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch, "head 'cam1' is upside down");
 }
 
 TEST(Register, AHeadThatFilmedSomethingElse_IsLeftOutAndNamedWhileTheOthersAreFound) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   rig.bytes[2] =
       test::render_rig(rig.truth, hal::sim::town_square_scene(77), {PixelFormat::kGrey8, 1.0, 5, 3}).bytes[5];
   const Calibration prior = test::turned(rig.truth, 0.5, 1.5, 3);
@@ -87,7 +88,7 @@ TEST(Register, AHeadThatFilmedSomethingElse_IsLeftOutAndNamedWhileTheOthersAreFo
   ASSERT_TRUE(report) << report.error().text();
   std::vector<bool> counted(6, true);
   counted[2] = false;
-  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kPixelDeg);
+  EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kTroublePixelDeg);
   EXPECT_FALSE(report->heads[2].placed);
   EXPECT_NE(report->heads[2].why_not.find("see different things"), std::string::npos) << report->heads[2].why_not;
   EXPECT_EQ(report->calibration.heads[2].R_head_rig, prior.heads[2].R_head_rig);
@@ -98,12 +99,12 @@ TEST(Register, AHeadThatFilmedSomethingElse_IsLeftOutAndNamedWhileTheOthersAreFo
 /// The mean over `reach` pixels on all sides.
 std::vector<std::uint8_t> blurred(const std::vector<std::uint8_t>& picture, int reach) {
   std::vector<std::uint8_t> result;
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
+  for (int y = 0; y < kTroubleSide; ++y) {
+    for (int x = 0; x < kTroubleSide; ++x) {
       int sum = 0, count = 0;
-      for (int j = std::max(0, y - reach); j <= std::min(kSide - 1, y + reach); ++j) {
-        for (int i = std::max(0, x - reach); i <= std::min(kSide - 1, x + reach); ++i, ++count) {
-          sum += picture[static_cast<std::size_t>(j * kSide + i)];
+      for (int j = std::max(0, y - reach); j <= std::min(kTroubleSide - 1, y + reach); ++j) {
+        for (int i = std::max(0, x - reach); i <= std::min(kTroubleSide - 1, x + reach); ++i, ++count) {
+          sum += picture[static_cast<std::size_t>(j * kTroubleSide + i)];
         }
       }
       result.push_back(static_cast<std::uint8_t>(sum / count));
@@ -116,7 +117,7 @@ TEST(Register, TheFirstHeadIsNotPlaced_TheSecondHoldsTheRig) {
   // Out of focus: the first head has some detail, holds the rig at first, and is given up later.
   bool given_up_late = false;
   for (const int reach : {12, 20}) {
-    test::RenderedRig rig = town();
+    test::RenderedRig rig = trouble_town();
     rig.bytes[0] = blurred(rig.bytes[0], reach);
     const Calibration prior = test::turned(rig.truth, 1, 3, 4);
     const Result<Report> report = register_heads(prior, {rig.frames()}, {});
@@ -128,7 +129,7 @@ TEST(Register, TheFirstHeadIsNotPlaced_TheSecondHoldsTheRig) {
     }
     std::vector<bool> counted(6, true);
     counted[0] = false;
-    EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kPixelDeg) << reach;
+    EXPECT_LT(test::rotation_error(rig.truth, report->calibration, counted).rms_deg, 0.02 * kTroublePixelDeg) << reach;
   }
   EXPECT_TRUE(given_up_late) << "or this test shows nothing";
 }
@@ -148,19 +149,19 @@ double worst_ratio(const Calibration& truth, const Report& report) {
 
 TEST(Register, LensesALittleWrong_TheClaimedUncertaintyIsThatOfTheResult) {
   for (const double percent : {0.0, 0.3, 0.7}) {
-    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    Calibration prior = test::turned(trouble_town().truth, 1, 3, 6);
     for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
-    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    const Result<Report> report = register_heads(prior, {trouble_town().frames()}, {});
     ASSERT_TRUE(report) << report.error().text();
-    EXPECT_LT(worst_ratio(town().truth, *report), 3) << percent;
+    EXPECT_LT(worst_ratio(trouble_town().truth, *report), 3) << percent;
   }
 }
 
 TEST(Register, MirroredPictures_AreRefused) {
-  test::RenderedRig rig = town();
+  test::RenderedRig rig = trouble_town();
   for (auto& picture : rig.bytes) {
-    for (int row = 0; row < kSide; ++row)
-      std::reverse(picture.begin() + row * kSide, picture.begin() + (row + 1) * kSide);
+    for (int row = 0; row < kTroubleSide; ++row)
+      std::reverse(picture.begin() + row * kTroubleSide, picture.begin() + (row + 1) * kTroubleSide);
   }
   expect_refused(test::turned(rig.truth, 0.5, 1.5, 3), rig, Errc::kHeadMismatch,
                  "the pictures of all heads are mirrored");
@@ -184,7 +185,7 @@ TEST(Register, SixteenHeadsOfNoise_AreRefused) {
 }
 
 TEST(Register, HeadsThatShareNothing_AreToldSo) {
-  Calibration truth = test::six_fisheyes(kSide, 70);
+  Calibration truth = test::six_fisheyes(kTroubleSide, 70);
   const test::RenderedRig rig =
       test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
   expect_refused(truth, rig, Errc::kNoCoverage, "share");
@@ -192,19 +193,19 @@ TEST(Register, HeadsThatShareNothing_AreToldSo) {
 
 TEST(Register, WrongLensModel_IsRefused) {
   // The same field of view at the edge, but another lens law: 20 px different half way.
-  Calibration prior = town().truth;
+  Calibration prior = trouble_town().truth;
   for (HeadCalibration& head : prior.heads) {
     const double edge = 65 * std::numbers::pi / 180;
-    head.lens = RectilinearLens{{kSide / 2.0 / std::tan(edge)}};
+    head.lens = RectilinearLens{{kTroubleSide / 2.0 / std::tan(edge)}};
   }
-  expect_refused(prior, town(), Errc::kHeadMismatch, "lens");
+  expect_refused(prior, trouble_town(), Errc::kHeadMismatch, "lens");
 }
 
 TEST(Register, FocalsABitWrongAndNotSought_IsWarnedOf) {
   for (const double percent : {0.0, 0.7}) {
-    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    Calibration prior = test::turned(trouble_town().truth, 1, 3, 6);
     for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
-    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    const Result<Report> report = register_heads(prior, {trouble_town().frames()}, {});
     ASSERT_TRUE(report) << report.error().text();
     EXPECT_EQ(report->warnings.size(), percent > 0 ? 1u : 0u);
     for (const std::string& warning : report->warnings) {
@@ -215,9 +216,9 @@ TEST(Register, FocalsABitWrongAndNotSought_IsWarnedOf) {
 
 TEST(Register, FocalsTwoPercentOffAndNotSought_AreRefusedWithHowFarOffTheyAre) {
   for (const double percent : {2.0, -2.0}) {
-    Calibration prior = test::turned(town().truth, 1, 3, 6);
+    Calibration prior = test::turned(trouble_town().truth, 1, 3, 6);
     for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
-    const Result<Report> report = register_heads(prior, {town().frames()}, {});
+    const Result<Report> report = register_heads(prior, {trouble_town().frames()}, {});
     ASSERT_FALSE(report) << percent;
     EXPECT_EQ(report.error().code, Errc::kHeadMismatch);
     const std::string says = percent > 0 ? "about 2.0 % too long" : "about 2.0 % too short";
@@ -228,9 +229,9 @@ TEST(Register, FocalsTwoPercentOffAndNotSought_AreRefusedWithHowFarOffTheyAre) {
 }
 
 TEST(Register, FocalsFarOffAndNotSought_AreRefused) {
-  Calibration prior = test::turned(town().truth, 1, 3, 6);
+  Calibration prior = test::turned(trouble_town().truth, 1, 3, 6);
   for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1.05;
-  expect_refused(prior, town(), Errc::kHeadMismatch, "% too long");
+  expect_refused(prior, trouble_town(), Errc::kHeadMismatch, "% too long");
 }
 
 }  // namespace

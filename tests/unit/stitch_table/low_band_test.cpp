@@ -5,6 +5,7 @@
 #include <numbers>
 #include <random>
 
+#include "protocol/base/angles.h"
 #include "rigs.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
@@ -17,7 +18,6 @@ namespace {
 
 using test::Picture;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kSide = 800;
 
 TableOptions two_bands() {
@@ -36,7 +36,7 @@ Calibration back_to_back() {
   for (const double yaw : {0.0, 180.0}) {
     HeadCalibration head =
         test::head_at("h" + std::to_string(rig.heads.size()), kSide, kSide, EquidistantLens{{200}}, {yaw, 0, 0});
-    head.max_angle = 110 * kDegree;
+    head.max_angle = 110 * kRadiansPerDegree;
     head.region.circle = {kSide / 2.0, kSide / 2.0, 200 * head.max_angle};
     rig.heads.push_back(head);
   }
@@ -62,7 +62,7 @@ Picture raymap_of(const Calibration& rig, const RaymapSpec& spec, const std::vec
 double from_seam(int x, int y, int width) {
   const double theta = ((x + 0.5) / width - 0.5) * 2 * std::numbers::pi;
   const double phi = ((y + 0.5) / (width / 2.0) - 0.5) * std::numbers::pi;
-  return std::asin(std::cos(phi) * std::cos(theta)) / kDegree;
+  return std::asin(std::cos(phi) * std::cos(theta)) / kRadiansPerDegree;
 }
 
 const RaymapSpec kSphere{"equirectangular", 512, 256, PixelFormat::kGrey8};

@@ -6,8 +6,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "rigs.h"
 #include "stitch/table/ray_sampler.h"
 #include "stitch/table/table_compiler.h"
@@ -18,8 +18,6 @@ namespace {
 using Eigen::Vector3d;
 using test::cube_rig;
 using test::head_at;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 /// Any rays, one per pixel.
 class Rays final : public geometry::RaymapLayout {
@@ -61,13 +59,13 @@ std::vector<std::vector<double>> weights_of(const Calibration& rig, const std::v
 }
 
 /// Two fisheyes of 220 degrees, back to back: by symmetry the seam is the great circle z = 0.
-Calibration back_to_back() {
+Calibration seam_heads() {
   Calibration rig;
   rig.name = "two";
   for (const double yaw : {0.0, 180.0}) {
     HeadCalibration head =
         head_at("h" + std::to_string(rig.heads.size()), 800, 800, EquidistantLens{{200}}, {yaw, 0, 0});
-    head.max_angle = 110 * kDegree;
+    head.max_angle = 110 * kRadiansPerDegree;
     head.region.circle = {400, 400, 200 * head.max_angle};
     rig.heads.push_back(head);
   }
@@ -121,14 +119,14 @@ TEST(Seam, HeadsThatAreTheSameEverywhere_ShareAndNeverDivideByNothing) {
 }
 
 TEST(Seam, OfTwoFisheyesBackToBack_IsTheGreatCircleBetweenThemAndAsWideAsItSays) {
-  const Calibration rig = back_to_back();
+  const Calibration rig = seam_heads();
   for (const double width : {0.2, 1.0, 3.0, 8.0}) {
     for (const double turn : {0.0, 0.7, 2.9}) {
       std::vector<Vector3d> rays;
       std::vector<double> at;  // degrees from the great circle, towards head 0
       for (int k = -600; k <= 600; ++k) {
         at.push_back(k * width / 600);
-        const double a = at.back() * kDegree;
+        const double a = at.back() * kRadiansPerDegree;
         rays.emplace_back(std::cos(a) * std::cos(turn), std::cos(a) * std::sin(turn), std::sin(a));
       }
       const auto weights = weights_of(rig, rays, seam_of(width));
@@ -199,7 +197,7 @@ TEST(Seam, OfACube_IsThePlaneBetweenEachTwoFacesAndTheSameForAllOfThem) {
     Eigen::Index face = 0;
     const double most = d.maxCoeff(&face);
     const double next = std::max(d[(face + 1) % 3], d[(face + 2) % 3]);
-    const double off = std::asin((most - next) / std::sqrt(2.0)) / kDegree;  // from the nearest plane
+    const double off = std::asin((most - next) / std::sqrt(2.0)) / kRadiansPerDegree;  // from the nearest plane
     const double largest = *std::ranges::max_element(before[k]);
     if (off > 2.2) {
       EXPECT_NEAR(largest, 1, 1e-12) << rays[k].transpose();
@@ -219,7 +217,7 @@ TEST(Seam, AlongAnyPath_WeightsAreContinuous) {
     std::vector<Vector3d> path;
     const Vector3d aside = start.unitOrthogonal();
     for (int k = 0; k * kStepDeg < 360; ++k) {
-      const double a = k * kStepDeg * kDegree;
+      const double a = k * kStepDeg * kRadiansPerDegree;
       path.push_back(std::cos(a) * start + std::sin(a) * aside);
     }
     const auto weights = weights_of(rig, path, seam_of(4));
@@ -232,14 +230,14 @@ TEST(Seam, AlongAnyPath_WeightsAreContinuous) {
 }
 
 TEST(Seam, RoundAMask_TheOtherHeadTakesOverContinuouslyAndNothingElseMoves) {
-  const Calibration rig = back_to_back();
+  const Calibration rig = seam_heads();
   Calibration masked = rig;
   // For head 0, from 80 to 86 degrees to the right of its axis: head 1 sees all of it.
-  const double near = 400 + 200 * 80 * kDegree, far = 400 + 200 * 86 * kDegree;
+  const double near = 400 + 200 * 80 * kRadiansPerDegree, far = 400 + 200 * 86 * kRadiansPerDegree;
   masked.heads[0].region.masks = {{{near, 380}, {far, 380}, {far, 420}, {near, 420}}};
   std::vector<Vector3d> along;
   for (int k = 0; k <= 20000; ++k) {
-    const double a = (60 + k * 0.002) * kDegree;
+    const double a = (60 + k * 0.002) * kRadiansPerDegree;
     along.emplace_back(std::sin(a), 0, std::cos(a));
   }
   for (const TableOptions& options : {seam_of(0.5), seam_of(4), TableOptions{.transition = Transition::kFeather}}) {

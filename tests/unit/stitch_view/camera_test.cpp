@@ -3,14 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "protocol/base/angles.h"
 #include "scene.h"
 
 namespace nodal::view {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Camera made(Projection projection, double fov, geometry::YawPitchRoll pose = {}) {
   return Camera::make({projection, pose, fov, 400, 300}).value();
