@@ -16,6 +16,14 @@
 namespace nodal::host {
 namespace {
 
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
 struct FrameInput {
   DecodedImage picture;
   bool says_equirectangular = false;  ///< by GPano metadata
@@ -92,7 +100,7 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
       ->type_name("NAME");
   command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
-      ->type_name("nearest|bilinear|bicubic")
+      ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));
   command.add_option("--quality", options.quality, "JPEG quality (92 when not given)")
       ->type_name("N")
@@ -105,7 +113,8 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
 Status run_frames(Context& context, const FrameOptions& options,
                   const std::function<Result<Outcome>(const geometry::LayoutName&, geometry::RaymapSize)>& outcome) {
   Console& console = context.console();
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch whole;
+  double plan_seconds = 0, resampling_seconds = 0;
   const Result<RaymapFormat> format = raymap_format_of_name(options.out);
   if (!format) return fail(format.error().in("--out"));
   if (const Status good = check_names(options); !good) return good;
@@ -113,6 +122,7 @@ Status run_frames(Context& context, const FrameOptions& options,
   const view::Filter filter = view::parse_filter(options.filter).value();
   std::unique_ptr<geometry::RaymapLayout> source;
   std::optional<view::Resampler> resampler;
+  view::Resampler::Plan plan;
   Result<Outcome> made = fail(Errc::kInternal, "no raymap was read");
   std::string last;
   {
@@ -132,7 +142,12 @@ Status run_frames(Context& context, const FrameOptions& options,
         source = std::move(*layout);
         made = outcome(*from, {picture.width, picture.height});
         if (!made) return fail(made.error());
-        interruptible(console, [&] { resampler.emplace(*source, filter, workers); });
+        interruptible(console, [&] {
+          const Stopwatch watch;
+          resampler.emplace(*source, filter, workers);
+          plan = resampler->plan(made->target, workers);
+          plan_seconds = watch.seconds();
+        });
       }
       if (picture.width != source->width() || picture.height != source->height()) {
         return fail(Errc::kBadValue,
@@ -141,8 +156,10 @@ Status run_frames(Context& context, const FrameOptions& options,
                                 options.inputs[k], picture.width, picture.height, source->width(), source->height()));
       }
       const auto file = interruptible(console, [&] {
-        return encode(resampler->resample(picture.view(), made->target, workers), *format, made->layout,
-                      options.quality);
+        const Stopwatch watch;
+        const DecodedImage result = resampler->resample(picture.view(), plan, workers);
+        resampling_seconds += watch.seconds();
+        return encode(result, *format, made->layout, options.quality);
       });
       if (!file) return fail(file.error());
       last = numbered_name(options.out, k).value();
@@ -150,17 +167,18 @@ Status run_frames(Context& context, const FrameOptions& options,
       bar.update(k + 1, last);
     }
   }
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Json document{{"pictures", options.inputs.size()},
                 {"out", last},
                 {"width", made->target.width},
                 {"height", made->target.height},
-                {"seconds", seconds}};
+                {"seconds", whole.seconds()},
+                {"plan_seconds", plan_seconds},
+                {"resampling_seconds", resampling_seconds}};
   if (made->layout) document["layout"] = made->layout->text();
   console.document(document);
   console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out,
                            made->target.width, made->target.height, made->layout ? ", " + made->layout->text() : "",
-                           seconds));
+                           whole.seconds()));
   return {};
 }
 

@@ -16,6 +16,7 @@ class CompressedSpherical final : public RaymapLayout {
   static Result<std::unique_ptr<RaymapLayout>> make(RaymapSize size, std::int64_t);
   std::string_view name() const override { return "compressed_spherical"; }
   bool scattered() const override { return false; }
+  bool smooth() const override { return false; }
   std::optional<Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override;
   std::optional<Pixel> pixel(const Ray& ray) const override;

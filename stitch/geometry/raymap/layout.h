@@ -30,6 +30,10 @@ class RaymapLayout {
   /// nearest ray.
   virtual bool scattered() const = 0;
 
+  /// Whether the layout consists of faces that are convex in the picture, and the ray is a smooth function of the place
+  /// within each: then rays can be interpolated. Not if every row has a scale of its own.
+  virtual bool smooth() const { return !scattered(); }
+
   /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5). Nothing
   /// where the layout holds no ray.
   virtual std::optional<Ray> ray(double x, double y) const = 0;

@@ -58,7 +58,8 @@ TEST_P(Resampling, EquirectangularToEveryLayout_ShowsTheSceneWhereItWas) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Filters, Resampling, testing::Values(Filter::kNearest, Filter::kBilinear, Filter::kBicubic));
+INSTANTIATE_TEST_SUITE_P(Filters, Resampling,
+                         testing::Values(Filter::kNearest, Filter::kBilinear, Filter::kBicubic, Filter::kLanczos));
 
 TEST(Resampler, AnyNumberOfThreads_GivesTheSameBytes) {
   const auto from = made("icosahedron", 200), to = made("healpix", 96);

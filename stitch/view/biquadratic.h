@@ -1,0 +1,56 @@
+// A smooth function of the points of a square of pixels, by its values at nine of them.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+
+namespace nodal::view {
+
+/// The biquadratic polynomial through the values at the centres of nine pixels of a square of kSide x kSide: those in its
+/// corners, in the middle of its sides and in its middle. N values a point.
+template <int N>
+struct Biquadratic {
+  using Value = Eigen::Matrix<double, N, 1>;
+  static constexpr int kSide = 16;
+  /// Columns and rows of the nine pixels.
+  static constexpr std::array kNodes{0.0, 8.0, 15.0};
+
+  std::array<Value, 9> nodes;  ///< rows of three
+
+  /// At (i, j) pixels from the centre of the square's first pixel.
+  Value at(double i, double j) const {
+    const Eigen::Vector3d across = weights(i), down = weights(j);
+    Value sum = Value::Zero();
+    for (int b = 0; b < 3; ++b) {
+      for (int a = 0; a < 3; ++a) sum += across[a] * down[b] * nodes[static_cast<std::size_t>(3 * b + a)];
+    }
+    return sum;
+  }
+
+  /// Lagrange's polynomials for the three nodes.
+  static Eigen::Vector3d weights(double t) {
+    const auto [a, b, c] = kNodes;
+    return {(t - b) * (t - c) / ((a - b) * (a - c)), (t - a) * (t - c) / ((b - a) * (b - c)),
+            (t - a) * (t - b) / ((c - a) * (c - b))};
+  }
+
+  /// The polynomial through `value(i, j)`, if it is within `tolerance` of it at two more pixels, too: where third
+  /// derivatives show. `value` returns an optional Value.
+  template <class F>
+  static std::optional<Biquadratic> fit(const F& value, double tolerance) {
+    Biquadratic made;
+    for (int k = 0; k < 9; ++k) {
+      const auto found = value(kNodes[static_cast<std::size_t>(k % 3)], kNodes[static_cast<std::size_t>(k / 3)]);
+      if (!found) return std::nullopt;
+      made.nodes[static_cast<std::size_t>(k)] = *found;
+    }
+    for (const double i : {4.0, 12.0}) {
+      const auto found = value(i, i == 4 ? 4.0 : 3.0);
+      if (!found || !((*found - made.at(i, i == 4 ? 4.0 : 3.0)).norm() < tolerance)) return std::nullopt;
+    }
+    return made;
+  }
+};
+
+}  // namespace nodal::view

@@ -1,0 +1,117 @@
+#include "stitch/view/pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "stitch/view/biquadratic.h"
+
+namespace nodal::view {
+namespace {
+
+using geometry::Ray;
+using geometry::RaymapLayout;
+
+/// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
+constexpr double kFar = 5;
+
+bool rows_are_circles(const RaymapLayout& layout) {
+  for (const double y : {0.5, 0.3 * layout.height(), 0.5 * layout.height()}) {
+    const std::optional<Ray> left = layout.ray(0, y), right = layout.ray(layout.width(), y);
+    if (!left || !right || !(geometry::angle_between(*left, *right) < 1e-9)) return false;
+    for (const double part : {0.1, 0.25, 0.45, 0.8}) {
+      const std::optional<Ray> ray = layout.ray(part * layout.width(), y);
+      if (!ray || !(std::abs(ray->y() - left->y()) < 1e-9)) return false;
+    }
+  }
+  return true;
+}
+
+/// Whether the square of pixels (i, j) .. (i + 1, j + 1) is one piece.
+bool is_joined(const RaymapLayout& layout, int i, int j) {
+  // Just on both sides of the edge between two pixels, rays differ by less than a quarter of a pixel.
+  const auto meet = [&](double x0, double y0, double x1, double y1, int k, int l) {
+    const std::optional<Ray> a = layout.ray(x0, y0), b = layout.ray(x1, y1);
+    if (!a || !b) return false;
+    const double pitch = std::sqrt(layout.solid_angle(k, l));
+    return (a->direction() - b->direction()).norm() < 0.25 * pitch;
+  };
+  // An edge that crosses both pixels aslant may miss that point, but then their own rays are far apart.
+  const auto near = [&](int k, int l, int m, int n) {
+    const std::optional<Ray> a = layout.ray(k + 0.5, l + 0.5), b = layout.ray(m + 0.5, n + 0.5);
+    return a && b && (a->direction() - b->direction()).norm() < kFar * std::sqrt(layout.solid_angle(k, l));
+  };
+  const auto across = [&](int k, int l) {
+    return meet(k + 1 - 1e-6, l + 0.5, k + 1 + 1e-6, l + 0.5, k, l) && near(k, l, k + 1, l);
+  };
+  const auto below = [&](int k, int l) {
+    return meet(k + 0.5, l + 1 - 1e-6, k + 0.5, l + 1 + 1e-6, k, l) && near(k, l, k, l + 1);
+  };
+  return across(i, j) && across(i, j + 1) && below(i, j) && below(i + 1, j);
+}
+
+}  // namespace
+
+Pieces::Pieces(const RaymapLayout& layout, const parallel::Workers& workers)
+    : width_(layout.width()), height_(layout.height()), blocks_across_((layout.width() + kBlock - 1) / kBlock) {
+  if (layout.scattered()) return;
+  wraps_ = rows_are_circles(layout);
+  if (wraps_) return;
+  squares_.assign(square(0, height_), 0);
+  const int rows = (height_ + kBlock - 1) / kBlock;
+  blocks_.assign(static_cast<std::size_t>(blocks_across_) * static_cast<std::size_t>(rows), 0);
+  workers.run(rows, [&](int row) { join(layout, row); });
+}
+
+void Pieces::join(const RaymapLayout& layout, int block_row) {
+  const int top = block_row * kBlock, bottom = std::min(top + kBlock, height_ - 1);
+  for (int block = 0; block < blocks_across_; ++block) {
+    const int left = block * kBlock, right = std::min(left + kBlock, width_ - 1);
+    std::uint8_t& all = blocks_[static_cast<std::size_t>(block_row * blocks_across_ + block)];
+    // Faces are convex in the picture: if the rays at the block's corners are in one, so are those between. Were they
+    // not, no polynomial would fit.
+    const bool whole = layout.smooth() && bottom - top == kBlock && right - left == kBlock;
+    const auto ray = [&](double i, double j) -> std::optional<Eigen::Vector3d> {
+      const double stretch = static_cast<double>(kBlock) / (Biquadratic<3>::kSide - 1);
+      const std::optional<Ray> found = layout.ray(left + 0.5 + i * stretch, top + 0.5 + j * stretch);
+      return found ? std::optional(found->direction()) : std::nullopt;
+    };
+    const double pitch = std::sqrt(layout.solid_angle(left + kBlock / 2, std::min(top + kBlock / 2, height_ - 1)));
+    all = whole && Biquadratic<3>::fit(ray, pitch / 16) ? 1 : 0;
+    bool each = right > left && bottom > top;
+    for (int j = top; j < bottom; ++j) {
+      for (int i = left; i < right; ++i) {
+        const bool joined = all != 0 || is_joined(layout, i, j);
+        squares_[square(i, j)] = joined ? 1 : 0;
+        each = each && joined;
+      }
+    }
+    all = each ? 1 : 0;
+  }
+}
+
+bool Pieces::joined(int i, int j, int reach) const {
+  if (j - reach < 0 || j + 1 + reach >= height_) return false;
+  if (wraps_) return true;
+  if (squares_.empty() || i - reach < 0 || i + 1 + reach >= width_) return false;
+  for (int y = j - reach; y <= j + reach; ++y) {
+    for (int x = i - reach; x <= i + reach; ++x) {
+      if (squares_[square(x, y)] == 0) return false;
+    }
+  }
+  return true;
+}
+
+bool Pieces::all_joined(int left, int top, int right, int bottom) const {
+  if (left < 0 || top < 0 || right >= width_ || bottom >= height_) return false;
+  if (wraps_) return true;
+  if (blocks_.empty()) return false;
+  for (int y = top / kBlock; y <= bottom / kBlock; ++y) {
+    for (int x = left / kBlock; x <= right / kBlock; ++x) {
+      if (blocks_[static_cast<std::size_t>(y * blocks_across_ + x)] == 0) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace nodal::view

@@ -1,0 +1,128 @@
+#include "stitch/view/point_sampler.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace nodal::view {
+namespace {
+
+using geometry::Pixel;
+using geometry::Ray;
+
+/// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
+constexpr double kFar = 5;
+
+void add_sample(const std::uint8_t* at, int channels, float weight, Sum& sum) {
+  sum.value[0] += weight * static_cast<float>(at[0]);
+  if (channels == 1) return;
+  sum.value[1] += weight * static_cast<float>(at[1]);
+  sum.value[2] += weight * static_cast<float>(at[2]);
+}
+
+void add_pixel(const PlaneView& plane, int channels, int i, int j, float weight, Sum& sum) {
+  add_sample(plane.data + j * plane.row_stride + i * plane.pixel_stride, channels, weight, sum);
+}
+
+}  // namespace
+
+/// Directions of longitude and latitude at a ray; any at the poles.
+Tangent tangent_at(const Ray& ray) {
+  const double across = std::hypot(ray.x(), ray.z());
+  const Eigen::Vector3d right =
+      across > 1e-12 ? Eigen::Vector3d(ray.z() / across, 0, -ray.x() / across) : Eigen::Vector3d(1, 0, 0);
+  return {right, ray.direction().cross(right)};
+}
+
+PointSampler::PointSampler(const geometry::RaymapLayout& layout, const Pieces& pieces, Filter filter)
+    : layout_(layout),
+      pieces_(pieces),
+      filter_(filter),
+      mean_sr_(4 * std::numbers::pi / layout.width() / layout.height()) {}
+
+/// How far neighbouring rays are apart, rad; at least the mean over the raymap.
+double PointSampler::pitch_at(const Position& at) const {
+  const int i = std::clamp(static_cast<int>(at.x), 0, layout_.width() - 1);
+  const int j = std::clamp(static_cast<int>(at.y), 0, layout_.height() - 1);
+  return std::sqrt(std::max(layout_.solid_angle(i, j), mean_sr_));
+}
+
+/// The pixels that hold the nearest rays of nine about this one, three quarters of a pixel apart, each with a weight that falls to 0
+/// one pixel away along longitude and latitude: bilinear if rows follow the latitude.
+void PointSampler::add_across_edge(const PlaneView& plane, int channels, const Ray& ray, Sum& sum) const {
+  const auto pixel_of = [&](const Ray& towards) {
+    const std::optional<Pixel> at = layout_.pixel(towards);
+    if (!at) return std::pair(-1, -1);
+    return std::pair(std::clamp(static_cast<int>(at->x), 0, layout_.width() - 1),
+                     std::clamp(static_cast<int>(at->y), 0, layout_.height() - 1));
+  };
+  const std::pair<int, int> own = pixel_of(ray);
+  if (own.first < 0) return;
+  const double angle = layout_.solid_angle(own.first, own.second);
+  const double pitch = std::sqrt(angle > 0 ? angle : mean_sr_);
+  const Tangent tangent = tangent_at(ray);
+  std::array<std::pair<int, int>, 9> found;
+  std::size_t count = 0;
+  float total = 0;
+  Sum weighted;
+  double nearest = 10;
+  std::pair<int, int> closest = own;
+  for (int k = 0; k < 9; ++k) {
+    const double x = 0.75 * (k % 3 - 1) * pitch, y = 0.75 * (k / 3 - 1) * pitch;
+    const std::pair<int, int> pixel = pixel_of(Ray::towards(ray.direction() + x * tangent.right + y * tangent.down));
+    if (pixel.first < 0 || std::find(found.begin(), found.begin() + count, pixel) != found.begin() + count) continue;
+    found[count++] = pixel;
+    const std::optional<Ray> its = layout_.ray(pixel.first + 0.5, pixel.second + 0.5);
+    if (!its) continue;
+    const double dx = its->direction().dot(tangent.right) / pitch, dy = its->direction().dot(tangent.down) / pitch;
+    const double away = (its->direction() - ray.direction()).squaredNorm();
+    if (away < nearest) nearest = away, closest = pixel;
+    if (away > 4 * pitch * pitch) continue;  // a ray of another face in a pixel that an edge crosses
+    const auto weight = static_cast<float>(std::max(0.0, 1 - std::abs(dx)) * std::max(0.0, 1 - std::abs(dy)));
+    add_pixel(plane, channels, pixel.first, pixel.second, weight, weighted);
+    total += weight;
+  }
+  if (total < 1e-3F || filter_ == Filter::kNearest) {
+    return add_pixel(plane, channels, closest.first, closest.second, 1, sum);
+  }
+  for (int c = 0; c < channels; ++c) sum.value[c] += weighted.value[c] / total;
+}
+
+void PointSampler::add(const PlaneView& plane, int channels, const Position& at, const std::function<Ray()>& ray,
+                       Sum& sum) const {
+  const int width = layout_.width();
+  if (filter_ == Filter::kNearest) {
+    const int i = std::clamp(static_cast<int>(at.x), 0, width - 1);
+    const int j = std::clamp(static_cast<int>(at.y), 0, layout_.height() - 1);
+    const std::optional<Ray> its = layout_.ray(i + 0.5, j + 0.5);
+    if (its && (its->direction() - ray().direction()).norm() < kFar * pitch_at(at))
+      return add_pixel(plane, channels, i, j, 1, sum);
+    return add_across_edge(plane, channels, ray(), sum);
+  }
+  if (layout_.scattered()) return add_across_edge(plane, channels, ray(), sum);
+  const double left = at.x - 0.5, top = at.y - 0.5;
+  const int i = static_cast<int>(left + 1) - 1, j = static_cast<int>(top + 1) - 1;  // rounded down: both are over -1
+  Filter filter = filter_;
+  if (filter != Filter::kBilinear && !pieces_.joined(i, j, Taps::of(filter).before)) filter = Filter::kBilinear;
+  if (filter == Filter::kBilinear && !pieces_.joined(i, j, 0)) return add_across_edge(plane, channels, ray(), sum);
+  const Taps& taps = Taps::of(filter);
+  const auto phase = [](double part) { return static_cast<std::size_t>(part * Taps::kPhases); };
+  const auto &across = taps.phases[phase(left - i)], &down = taps.phases[phase(top - j)];
+  constexpr float kScale = 1.0F / (static_cast<float>(Taps::kOne) * static_cast<float>(Taps::kOne));
+  for (int b = 0; b < taps.count; ++b) {
+    const std::uint8_t* row = plane.data + (j - taps.before + b) * plane.row_stride;
+    for (int a = 0; a < taps.count; ++a) {
+      int column = i - taps.before + a;
+      if (column < 0 || column >= width) column = (column % width + width) % width;
+      add_sample(row + column * plane.pixel_stride, channels,
+                 kScale * static_cast<float>(across[static_cast<std::size_t>(a)] * down[static_cast<std::size_t>(b)]),
+                 sum);
+    }
+  }
+}
+
+}  // namespace nodal::view

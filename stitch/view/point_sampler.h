@@ -1,0 +1,56 @@
+// Samples a raymap along one ray, wherever its pixels' neighbours are.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+
+#include "protocol/base/image.h"
+#include "stitch/geometry/ray.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/view/filter.h"
+#include "stitch/view/pieces.h"
+
+namespace nodal::view {
+
+/// Where a ray is in the raymap, px; NaN if it is not there.
+struct Position {
+  double x = std::numeric_limits<double>::quiet_NaN();
+  double y = std::numeric_limits<double>::quiet_NaN();
+};
+
+struct Sum {
+  float value[3] = {0, 0, 0};
+};
+
+/// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows; scattered
+/// raymaps), a sample is the mean of the nearest pixels of nine rays about it, weighted by their distance.
+///
+/// Threading: immutable; any thread.
+/// Ownership: keeps the layout and its pieces by reference.
+class PointSampler {
+ public:
+  PointSampler(const geometry::RaymapLayout& layout, const Pieces& pieces, Filter filter);
+
+  /// Adds the raymap at a position; `ray` is asked for only where the position is not enough.
+  void add(const PlaneView& plane, int channels, const Position& at, const std::function<geometry::Ray()>& ray,
+           Sum& sum) const;
+  /// How far neighbouring rays are apart, rad; at least the mean over the raymap.
+  double pitch_at(const Position& at) const;
+
+ private:
+  void add_across_edge(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
+
+  const geometry::RaymapLayout& layout_;
+  const Pieces& pieces_;
+  Filter filter_;
+  double mean_sr_;
+};
+
+/// Directions of longitude and latitude at a ray; any at the poles.
+struct Tangent {
+  Eigen::Vector3d right, down;
+};
+Tangent tangent_at(const geometry::Ray& ray);
+
+}  // namespace nodal::view

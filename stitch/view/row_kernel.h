@@ -1,0 +1,39 @@
+// Samples a row of positions in a raymap, in integers. The scalar kernel is the specification; every other one gives
+// the same bytes.
+//
+// With p the pixels and a, b the taps of the position's two fractions, a sample is
+//   h_j = (sum_k a_k p_jk + 128) >> 8,   s = (sum_j b_j h_j + 8192) >> 14:   levels in 1/64.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "stitch/view/filter.h"
+
+namespace nodal::view {
+
+/// Positions along a row: x, x + dx, x + 2 dx + ddx, ... Relative to the centre of a pixel, in 2^-18 px.
+struct Curve {
+  static constexpr int kBits = 18;
+  std::int32_t x, dx, ddx;
+  std::int32_t y, dy, ddy;
+};
+
+/// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24, two
+/// more pixels to the right of the last tap: kernels load more than they use. Writes count x channels samples, and may
+/// write over three more.
+using RowKernel = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps, const Curve& curve,
+                           int count, std::int16_t* samples);
+
+/// The fastest kernel for 1 or 3 packed channels.
+RowKernel row_kernel(int channels, const Taps& taps);
+
+/// All that this machine has, the specification first.
+struct NamedRowKernel {
+  const char* name;
+  RowKernel run;
+};
+std::span<const NamedRowKernel> row_kernels(int channels, const Taps& taps);
+
+}  // namespace nodal::view
