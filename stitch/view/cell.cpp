@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 namespace nodal::view {
 namespace {
@@ -14,7 +15,7 @@ constexpr double kSamePlace = 1.0 / 64;  // px of the raymap
 /// Positions of a cell lie within so many px; more would need more samples a pixel than are taken.
 constexpr double kWidest = 1.5 * Cell::kSide * Cell::kMostSamples;
 
-std::int32_t fixed(double value) { return static_cast<std::int32_t>(std::lround(std::ldexp(value, Curve::kBits))); }
+std::int32_t fixed(double value) { return static_cast<std::int32_t>(std::floor(value * (1 << Curve::kBits) + 0.5)); }
 
 }  // namespace
 
@@ -60,6 +61,7 @@ std::optional<Cell> Cell::make(const Target& target, const geometry::RaymapLayou
     cell.down_ = static_cast<std::uint8_t>(samples_for(down));
   }
   if (!cell.covers_one_piece(pieces, taps)) return std::nullopt;
+  cell.expand();
   return cell;
 }
 
@@ -86,25 +88,48 @@ bool Cell::covers_one_piece(const Pieces& pieces, const Taps& taps) {
                            base_y_ + most(high[1]));
 }
 
+void Cell::expand() {
+  // Lagrange's polynomials by powers of their variable, from their values at -1, 0 and 1.
+  static const Eigen::Matrix3d kPowers = [] {
+    const Eigen::Vector3d before = Biquadratic<2>::weights(-1), at = Biquadratic<2>::weights(0),
+                          behind = Biquadratic<2>::weights(1);
+    Eigen::Matrix3d powers;
+    powers.row(0) = at, powers.row(1) = (behind - before) / 2, powers.row(2) = (behind + before) / 2 - at;
+    return powers;
+  }();
+  for (int k = 0; k < 2; ++k) {
+    Eigen::Matrix3d nodes;  // by row and column
+    for (int n = 0; n < 9; ++n) nodes(n / 3, n % 3) = at_.nodes[static_cast<std::size_t>(n)][k];
+    powers_[static_cast<std::size_t>(k)] = kPowers * nodes.transpose() * kPowers.transpose();
+  }
+}
+
 /// The positions of a row from (i, j) on, a pixel apart.
 Curve Cell::curve(double i, double j) const {
-  const Eigen::Vector2d a = at_.at(i, j), b = at_.at(i + 1, j), c = at_.at(i + 2, j);
-  const Eigen::Vector2d step = b - a, bend = c - 2 * b + a;
-  return {fixed(a.x()), fixed(step.x()), fixed(bend.x()), fixed(a.y()), fixed(step.y()), fixed(bend.y())};
+  std::array<std::array<std::int32_t, 3>, 2> made;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Eigen::Matrix3d& c = powers_[k];
+    const auto power = [&](Eigen::Index a) { return c(a, 0) + j * (c(a, 1) + j * c(a, 2)); };
+    const double start = power(0), slope = power(1), bend = power(2);
+    made[k] = {fixed(start + i * (slope + i * bend)), fixed(slope + (2 * i + 1) * bend), fixed(2 * bend)};
+  }
+  return {made[0][0], made[0][1], made[0][2], made[1][0], made[1][1], made[1][2]};
 }
 
 void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKernel kernel, std::uint8_t* to,
                  std::ptrdiff_t stride) const {
   const std::uint8_t* origin = raymap.data + static_cast<std::ptrdiff_t>(base_y_) * raymap.row_stride +
                                static_cast<std::ptrdiff_t>(base_x_) * channels;
-  std::array<std::int16_t, 3 * kSide + 3> samples;
+  std::array<std::int16_t, 3 * kSide + 3> samples{};
   const int values = channels * kSide;
+  std::array<std::uint8_t, 3 * kSide> pixels;
   for (int row = 0; row < kSide; ++row, to += stride) {
     if (across_ == 1 && down_ == 1) {
       kernel(origin, raymap.row_stride, taps, curve(0, row), kSide, samples.data());
-      for (int k = 0; k < values; ++k) {
-        to[k] = static_cast<std::uint8_t>(std::clamp((samples[static_cast<std::size_t>(k)] + 32) >> 6, 0, 255));
+      for (std::size_t k = 0; k < pixels.size(); ++k) {  // a constant number of them: eight or more at once
+        pixels[k] = static_cast<std::uint8_t>(std::clamp((samples[k] + 32) >> 6, 0, 255));
       }
+      std::memcpy(to, pixels.data(), static_cast<std::size_t>(values));
       continue;
     }
     std::array<std::int32_t, 3 * kSide> sums{};

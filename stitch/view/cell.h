@@ -1,6 +1,7 @@
 // A square of the target's pixels whose positions in the raymap are a polynomial: it is sampled in integers.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 
@@ -35,9 +36,12 @@ class Cell {
 
  private:
   Curve curve(double i, double j) const;
+  void expand();
   bool covers_one_piece(const Pieces& pieces, const Taps& taps);
 
   Biquadratic<2> at_;  ///< px, relative to the centre of the base pixel
+  /// The same by powers: of the column by matrix rows, of the row by matrix columns; for x and for y.
+  std::array<Eigen::Matrix3d, 2> powers_;
   std::int32_t base_x_ = 0, base_y_ = 0;
   std::uint8_t across_ = 1, down_ = 1;  ///< samples a pixel
 };
