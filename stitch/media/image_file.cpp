@@ -86,7 +86,8 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
                                       std::to_string(header->width) + "x" + std::to_string(header->height) +
                                       " pixels; fetch or export it again");
   }
-  auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name) : decode_png(bytes, name);
+  auto image =
+      begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24) : decode_png(bytes, name);
   if (!image || !as || *as == image->format) return image;
   return convert_image(image->view(), *as);
 }

@@ -67,11 +67,13 @@ Result<ImageHeader> jpeg_header(std::span<const std::uint8_t> bytes, const std::
   return h->image;
 }
 
-Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name) {
+Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name, bool rgb) {
   const Decoder decoder(tjInitDecompress());
   auto h = header(decoder.get(), bytes, name);
   if (!h) return fail(h.error());
-  DecodedImage image{h->image.natural, h->image.width, h->image.height, {}};
+  const PixelFormat natural = h->image.natural;
+  DecodedImage image{
+      rgb && natural == PixelFormat::kI420 ? PixelFormat::kRgb24 : natural, h->image.width, h->image.height, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
   // If data are truncated or corrupt, libjpeg only warns and fills with grey; here that is an error. TJFLAG_LIMITSCANS:
   // every scan of a progressive JPEG costs time for every pixel, so at most 500 scans are decoded.

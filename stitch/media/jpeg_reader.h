@@ -6,6 +6,7 @@
 namespace nodal::media {
 
 Result<ImageHeader> jpeg_header(std::span<const std::uint8_t> bytes, const std::string& name);
-Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name);
+/// In the natural format of jpeg_header(); with `rgb`, RGB24 in place of I420, with chroma interpolated.
+Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name, bool rgb);
 
 }  // namespace nodal::media
