@@ -12,9 +12,6 @@ namespace {
 using geometry::Ray;
 using geometry::RaymapLayout;
 
-/// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
-constexpr double kFar = 5;
-
 bool rows_are_circles(const RaymapLayout& layout) {
   for (const double y : {0.5, 0.3 * layout.height(), 0.5 * layout.height()}) {
     const std::optional<Ray> left = layout.ray(0, y), right = layout.ray(layout.width(), y);
@@ -39,7 +36,7 @@ bool is_joined(const RaymapLayout& layout, int i, int j) {
   // An edge that crosses both pixels aslant may miss that point, but then their own rays are far apart.
   const auto near = [&](int k, int l, int m, int n) {
     const std::optional<Ray> a = layout.ray(k + 0.5, l + 0.5), b = layout.ray(m + 0.5, n + 0.5);
-    return a && b && (a->direction() - b->direction()).norm() < kFar * std::sqrt(layout.solid_angle(k, l));
+    return a && b && (a->direction() - b->direction()).norm() < Pieces::kFar * std::sqrt(layout.solid_angle(k, l));
   };
   const auto across = [&](int k, int l) {
     return meet(k + 1 - 1e-6, l + 0.5, k + 1 + 1e-6, l + 0.5, k, l) && near(k, l, k + 1, l);

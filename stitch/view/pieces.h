@@ -12,6 +12,9 @@ namespace nodal::view {
 /// Threading: immutable; any thread.
 class Pieces {
  public:
+  /// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
+  static constexpr double kFar = 5;
+
   Pieces(const geometry::RaymapLayout& layout, const parallel::Workers& workers);
 
   /// Rows are whole circles of latitude: the first pixel follows the last, and no row has an edge.

@@ -14,9 +14,6 @@ namespace {
 using geometry::Pixel;
 using geometry::Ray;
 
-/// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
-constexpr double kFar = 5;
-
 void add_sample(const std::uint8_t* at, int channels, float weight, Sum& sum) {
   sum.value[0] += weight * static_cast<float>(at[0]);
   if (channels == 1) return;
@@ -99,7 +96,7 @@ void PointSampler::add(const PlaneView& plane, int channels, const Position& at,
     const int i = std::clamp(static_cast<int>(at.x), 0, width - 1);
     const int j = std::clamp(static_cast<int>(at.y), 0, layout_.height() - 1);
     const std::optional<Ray> its = layout_.ray(i + 0.5, j + 0.5);
-    if (its && (its->direction() - ray().direction()).norm() < kFar * pitch_at(at))
+    if (its && (its->direction() - ray().direction()).norm() < Pieces::kFar * pitch_at(at))
       return add_pixel(plane, channels, i, j, 1, sum);
     return add_across_edge(plane, channels, ray(), sum);
   }
