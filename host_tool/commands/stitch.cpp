@@ -3,6 +3,9 @@
 #include <charconv>
 #include <chrono>
 #include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
@@ -16,6 +19,7 @@
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
 namespace nodal::host {
@@ -28,13 +32,18 @@ struct StitchArgs {
   std::string layout = "equirectangular";
   int width = 0;
   int bits = 8;
-  int quality = 92;
+  std::string quality = "92";
   std::string transition = "two-band";
   double seam_width_deg = table::TableOptions().seam_width_deg;
   double feather = table::TableOptions().feather;
   int threads = 0;
   double distance = 0;  ///< 0: the calibration's
 };
+
+constexpr int kBestJpegQuality = 98;
+
+bool best(const StitchArgs& args) { return args.quality == "best"; }
+int jpeg_quality(const StitchArgs& args) { return best(args) ? kBestJpegQuality : std::stoi(args.quality); }
 
 table::TableOptions table_options(const StitchArgs& args) {
   table::TableOptions options;
@@ -165,7 +174,7 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
   if (job.format == RaymapFormat::kJpg) {
     const std::string xmp =
         job.args.layout == "equirectangular" ? media::gpano_packet(raymap.width, raymap.height) : std::string();
-    media::JpegWriter writer({raymap.format, raymap.width, raymap.height, job.args.quality, xmp});
+    media::JpegWriter writer({raymap.format, raymap.width, raymap.height, jpeg_quality(job.args), xmp});
     const std::string comment = fmt::format("nodal stitch heads={} calibration={}", job.input.calibration.heads.size(),
                                             to_hex(calibration_id(job.input.calibration)));
     std::vector<std::uint8_t> jpeg;
@@ -182,6 +191,42 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
   return job.format == RaymapFormat::kTiff ? encode_tiff(received) : encode_png(received);
 }
 
+/// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.
+class Stitcher {
+ public:
+  explicit Stitcher(const Job& job) : job_(job) {}
+
+  /// `progress`: as for OfflineBlend::make.
+  Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress) {
+    if (const Status made = make(pictures.front().format, progress); !made) return fail(made.error());
+    return best(job_.args) ? best_->blend(pictures) : board_->blend(pictures);
+  }
+
+ private:
+  Status make(PixelFormat format, const std::function<void(double)>& progress) {
+    if (format_ == format) return {};
+    const table::RaymapSpec spec{job_.args.layout, job_.size.width, job_.size.height,
+                                 raymap_format(format, job_.args.bits)};
+    if (best(job_.args)) {
+      auto made = offline::BestBlend::make(job_.input.calibration, spec, job_.args.threads);
+      if (!made) return fail(made.error().in(job_.args.inputs.front()));
+      best_.emplace(std::move(*made));
+    } else {
+      auto made = offline::OfflineBlend::make(job_.input.calibration, spec, table_options(job_.args), format,
+                                              job_.args.threads, progress);
+      if (!made) return fail(made.error().in(job_.args.inputs.front()));
+      board_.emplace(std::move(*made));
+    }
+    format_ = format;
+    return {};
+  }
+
+  const Job& job_;
+  std::optional<PixelFormat> format_;
+  std::optional<offline::OfflineBlend> board_;
+  std::optional<offline::BestBlend> best_;
+};
+
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
@@ -189,34 +234,24 @@ Status run_stitch(Context& context, const StitchArgs& args) {
   if (!job) return fail(job.error());
   for (const std::string& note : job->input.notes) console.note("note: " + note);
   const std::size_t count = job->input.sets.size();
-  std::optional<offline::OfflineBlend> blend;
-  PixelFormat format = PixelFormat::kRgb24;
+  Stitcher stitcher(*job);
   std::string last;
   {
     Progress bar(console, "stitching", 1000 * (count + 1));
+    const auto compiled = [&](double done) {
+      bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
+    };
     for (std::size_t i = 0; i < count; ++i) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
-      auto pictures =
-          interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, args.bits == 16); });
+      const bool rgb = args.bits == 16 || best(args);
+      auto pictures = interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, rgb); });
       if (!pictures) return fail(pictures.error());
-      if (!blend || pictures->front().format != format) {
-        format = pictures->front().format;
-        const table::RaymapSpec spec{job->args.layout, job->size.width, job->size.height,
-                                     raymap_format(format, args.bits)};
-        auto made = interruptible(console, [&] {
-          return offline::OfflineBlend::make(
-              job->input.calibration, spec, table_options(args), format, args.threads,
-              [&](double done) { bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table"); });
-        });
-        if (!made) return fail(made.error().in(args.inputs.front()));
-        blend.emplace(std::move(*made));
-      }
       const Result<std::string> name = numbered_name(args.out, i);
       if (!name) return fail(name.error());
       auto file = interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
         std::vector<ImageView> views;
         for (const DecodedImage& picture : *pictures) views.push_back(picture.view());
-        const Result<DecodedImage> raymap = blend->blend(views);
+        const Result<DecodedImage> raymap = stitcher.stitch(views, compiled);
         if (!raymap) return fail(raymap.error());
         return encode(*job, *raymap);
       });
@@ -260,10 +295,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch front/ back/ -o s-%04d.jpg                  the same, calibrated by the middle of it\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
+      "  nodal stitch rig.json cam*.png --quality best            seams placed where the pictures agree\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
-      "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures.\n");
+      "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures;\n"
+      "with --quality best they are better, and sets are taken as a film: seams stay in place where they can.\n");
   auto args = std::make_shared<StitchArgs>();
   command
       ->add_option("INPUT", args->inputs,
@@ -281,23 +318,30 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
       ->type_name("8|16")
       ->check(CLI::IsMember({8, 16}));
-  command->add_option("--quality", args->quality, "JPEG quality (92 when not given)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 100));
   command
-      ->add_option("--transition", args->transition,
-                   "Where heads overlap: two-band (when not given), sharp without a step in brightness; seam, sharp;\n"
-                   "feather, mixed over the overlap")
-      ->type_name("two-band|seam|feather")
-      ->check(CLI::IsMember({"two-band", "seam", "feather"}));
-  command->add_option("--seam-width", args->seam_width_deg, "Of the ramp between two heads' detail (2 when not given)")
-      ->type_name("DEGREES")
-      ->check(number_between(0, table::kWidestSeamDeg));
-  command
-      ->add_option("--feather", args->feather,
-                   "With two-band and feather: a head fades in over this part of half a picture (0.5 when not given)")
-      ->type_name("PART")
-      ->check(number_between(0.01, 1));
+      ->add_option("--quality", args->quality,
+                   "JPEG quality, 1 to 100 (92 when not given); or best: seams where the pictures agree, blended in\n"
+                   "many bands, cubic interpolation. Slower; takes 60 bytes of memory a pixel")
+      ->type_name("N|best")
+      ->check(checked_by([](const std::string& text) -> Result<double> {
+        if (text == "best") return kBestJpegQuality;
+        int value = 0;
+        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+        if (error == std::errc() && end == text.data() + text.size() && value >= 1 && value <= 100) return value;
+        return fail(Errc::kBadValue, fmt::format("'{}': it must be a whole number from 1 to 100, or best", text));
+      }));
+  CLI::Option* const transition = command->add_option(
+      "--transition", args->transition,
+      "Where heads overlap: two-band (when not given), sharp without a step in brightness; seam, sharp;\n"
+      "feather, mixed over the overlap");
+  transition->type_name("two-band|seam|feather")->check(CLI::IsMember({"two-band", "seam", "feather"}));
+  CLI::Option* const seam_width = command->add_option("--seam-width", args->seam_width_deg,
+                                                      "Of the ramp between two heads' detail (2 when not given)");
+  seam_width->type_name("DEGREES")->check(number_between(0, table::kWidestSeamDeg));
+  CLI::Option* const feather = command->add_option(
+      "--feather", args->feather,
+      "With two-band and feather: a head fades in over this part of half a picture (0.5 when not given)");
+  feather->type_name("PART")->check(number_between(0.01, 1));
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
@@ -307,7 +351,15 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
   add_nominal_options(*command, args->nominal);
-  line.on(command, [args](Context& context) { return run_stitch(context, *args); });
+  line.on(command, [=](Context& context) -> Status {
+    for (const CLI::Option* other : {transition, seam_width, feather}) {
+      if (!best(*args) || other->empty()) continue;
+      return fail(Errc::kBadValue, other->get_name() +
+                                       ": with --quality best, heads pass into each other in many bands; "
+                                       "leave one of the two out");
+    }
+    return run_stitch(context, *args);
+  });
 }
 
 }  // namespace nodal::host

@@ -17,10 +17,9 @@
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/ray.h"
 #include "stitch/geometry/raymap/layout.h"
-#include "stitch/table/encoded_gain.h"
+#include "stitch/table/head_optics.h"
 #include "stitch/table/options.h"
 #include "stitch/table/ray_interpolation.h"
-#include "stitch/table/tabled_lens.h"
 
 namespace nodal::table {
 
@@ -63,15 +62,7 @@ class RaySampler {
   };
   /// In samples: a sixteenth of the tolerance of a tile's fit.
   static constexpr double kSamePlace = 1.0 / 1024;
-  /// Values computed once per head.
-  struct Optics {
-    TabledLens lens;
-    Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
-    double cos_reach = -1;              ///< rays with a smaller cosine to the axis are outside the region
-    double depth_per_px = 1;  ///< 1 over the distance from an edge of the region where the weight has its full value
-    EncodedGain undo;
-    std::array<double, 3> gain{1, 1, 1};  ///< undoes the head's own gain, by ComponentRule::gain_row
-  };
+  using Optics = HeadOptics;
 
   PixelFormat raymap_format() const { return raymap_format_; }
   const geometry::RaymapLayout& layout() const { return *layout_; }

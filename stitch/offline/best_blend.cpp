@@ -1,0 +1,222 @@
+#include "stitch/offline/best_blend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <utility>
+
+#include "stitch/bands/multi_band.h"
+#include "stitch/bands/pyramid.h"
+#include "stitch/parallel/workers.h"
+#include "stitch/table/tone_compiler.h"
+
+namespace nodal::offline {
+namespace {
+
+using bands::Grid;
+using bands::Layer;
+using bands::Window;
+
+/// Of the sphere that other layouts are sampled from, relative to their own resolution: sampling twice blurs less.
+constexpr double kFiner = 1.5;
+/// A head is projected this far beyond the area that it shows: coarser bands reach there.
+constexpr double kMarginDeg = 15;
+
+/// The columns and rows of the pixels that `owner` has, with the margin, inside `outer`. Nothing if it has none.
+std::optional<Window> window_of(const std::vector<std::uint8_t>& owners, Grid grid, std::size_t owner,
+                                const Window& outer) {
+  int top = outer.height, bottom = -1, left = outer.width, right = -1;
+  for (int j = 0; j < outer.height; ++j) {
+    const std::uint8_t* row = owners.data() + static_cast<std::ptrdiff_t>(outer.y + j) * grid.width;
+    for (int i = 0; i < outer.width; ++i) {
+      if (row[(outer.x + i) % grid.width] != owner) continue;
+      top = std::min(top, j);
+      bottom = std::max(bottom, j);
+      left = std::min(left, i);
+      right = std::max(right, i);
+    }
+  }
+  if (bottom < 0) return std::nullopt;
+  const int margin = static_cast<int>(std::ceil(kMarginDeg / 180 * grid.height));
+  Window window = outer;
+  const int first = std::max(0, top - margin), last = std::min(outer.height - 1, bottom + margin);
+  window.y = outer.y + first;
+  window.height = last - first + 1;
+  // Columns are narrower by the cosine of the latitude.
+  const auto cosine = [&](int y) { return std::sin((y + 0.5) / grid.height * std::numbers::pi); };
+  const double narrowest = std::min(cosine(window.y), cosine(window.y + window.height - 1));
+  const int beside = static_cast<int>(std::min<double>(grid.width, margin / narrowest));
+  const int begin = std::max(0, left - beside), end = std::min(outer.width, right + 1 + beside);
+  window.x = (outer.x + begin) % grid.width;
+  window.width = end - begin;
+  return window;
+}
+
+std::uint8_t rounded(float value) { return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0F, 255.0F))); }
+
+}  // namespace
+
+Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads) {
+  if (in_8_bits(raymap.format) != PixelFormat::kRgb24 && in_8_bits(raymap.format) != PixelFormat::kGrey8) {
+    return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap.format)) +
+                                        " cannot be blended at best quality; ask for RGB24, GREY, RGB48 or GREY16");
+  }
+  const auto name = geometry::LayoutName::parse(raymap.layout);
+  if (!name) return fail(name.error());
+  auto layout = geometry::make_layout(*name, raymap.width, raymap.height);
+  if (!layout) return fail(layout.error());
+  const auto heads = geometry::make_heads(calibration);
+  if (!heads) return fail(heads.error());
+  BestBlend made;
+  made.format_ = raymap.format;
+  made.layout_ = std::move(*layout);
+  made.equirectangular_ = name->is_equirectangular();
+  made.sphere_ = {raymap.width, raymap.height};
+  if (!made.equirectangular_) {
+    const double wide = kFiner * 2 * std::numbers::pi * raymap.width / name->kind().radians_across;
+    const int height = std::max(8, static_cast<int>(std::ceil(std::min(wide, 1e6) / 2)));
+    made.sphere_ = {2 * height, height};
+  }
+  if (std::int64_t{made.sphere_.width} * made.sphere_.height > kMostPixels) {
+    return fail(Errc::kTooLarge, "a sphere of " + std::to_string(made.sphere_.width) + " x " +
+                                     std::to_string(made.sphere_.height) +
+                                     " pixels takes too much memory at best quality; ask for a smaller width");
+  }
+  made.map_ = {std::min(kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
+  made.map_.height = made.map_.width / 2;
+  made.power_ = table::linear_power(calibration);
+  made.threads_ = threads;
+  double largest = 0;
+  for (const geometry::Head& head : *heads) {
+    made.heads_.emplace_back(head, raymap.format, made.power_);
+    made.windows_.push_back(made.heads_.back().window(made.sphere_));
+    largest = std::max(largest, made.heads_.back().largest_factor());
+  }
+  made.full_ = 255 * largest;
+  return made;
+}
+
+Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
+  if (pictures.size() != heads_.size()) {
+    return fail(Errc::kHeadMismatch, std::to_string(pictures.size()) + " pictures for " +
+                                         std::to_string(heads_.size()) + " heads; give one a head");
+  }
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    const ImageView& picture = pictures[h];
+    if (picture.planes[0].data == nullptr) continue;
+    if (picture.format == in_8_bits(format_) && picture.width == heads_[h].head().width() &&
+        picture.height == heads_[h].head().height())
+      continue;
+    return fail(Errc::kHeadMismatch, "head " + std::to_string(h) + ": the picture has " +
+                                         std::to_string(picture.width) + "x" + std::to_string(picture.height) +
+                                         " pixels (" + std::string(pixel_format_name(picture.format)) + "), and " +
+                                         std::to_string(heads_[h].head().width()) + "x" +
+                                         std::to_string(heads_[h].head().height()) + " (" +
+                                         std::string(pixel_format_name(in_8_bits(format_))) + ") are needed");
+  }
+  const parallel::Workers workers(threads_);
+  const int colours = component_count(format_);
+  {
+    std::vector<Layer> views;
+    for (std::size_t h = 0; h < heads_.size(); ++h) {
+      if (pictures[h].planes[0].data == nullptr) views.emplace_back(map_, Window{}, colours + 1);
+      else views.push_back(HeadPicture(heads_[h], pictures[h]).on(map_, heads_[h].window(map_), workers));
+    }
+    labels_ = seams::place_seams(views, labels_);
+  }
+  const std::vector<std::uint8_t> owner_of = owners(pictures);
+  bands::MultiBand bands(sphere_, colours, threads_);
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    const std::optional<Window> window = window_of(owner_of, sphere_, h, windows_[h]);
+    if (!window) continue;
+    Layer shown(sphere_, *window, colours + 2);
+    const HeadPicture picture(heads_[h], pictures[h]);
+    workers.run(window->height, [&](int j) {
+      for (int i = 0; i < window->width; ++i) {
+        const int x = (window->x + i) % sphere_.width, y = window->y + j;
+        const auto seen = heads_[h].see(ray_of(sphere_, x + 0.5, y + 0.5));
+        if (!seen) continue;
+        float* pixel = shown.at(i, j);
+        picture.sample(*seen, std::numbers::pi / sphere_.height, pixel);
+        pixel[colours] = 1;
+        pixel[colours + 1] = owner_of[static_cast<std::size_t>(y) * static_cast<std::size_t>(sphere_.width) +
+                                      static_cast<std::size_t>(x)] == h;
+      }
+    });
+    bands.add(std::move(shown));
+  }
+  return in_layout(bands.finish());
+}
+
+std::vector<std::uint8_t> BestBlend::owners(std::span<const ImageView> pictures) const {
+  std::vector<std::uint8_t> owners(static_cast<std::size_t>(sphere_.width) * static_cast<std::size_t>(sphere_.height),
+                                   seams::kNobody);
+  parallel::Workers(threads_).run(sphere_.height, [&](int y) {
+    choose_owners_of_row(y, pictures, owners.data() + static_cast<std::ptrdiff_t>(y) * sphere_.width);
+  });
+  return owners;
+}
+
+void BestBlend::choose_owners_of_row(int y, std::span<const ImageView> pictures, std::uint8_t* owners) const {
+  const auto sees = [&](std::size_t h, const Eigen::Vector3d& ray) {
+    return pictures[h].planes[0].data != nullptr ? heads_[h].see(ray) : std::nullopt;
+  };
+  std::vector<seams::Share> shares;
+  for (int x = 0; x < sphere_.width; ++x) {
+    const Eigen::Vector3d ray = ray_of(sphere_, x + 0.5, y + 0.5);
+    seams::shares_at(labels_, map_, (x + 0.5) * map_.width / sphere_.width, (y + 0.5) * map_.height / sphere_.height,
+                     shares);
+    for (const seams::Share& share : shares) {
+      if (!sees(share.head, ray)) continue;
+      owners[x] = share.head;
+      break;
+    }
+    if (owners[x] != seams::kNobody) continue;
+    double best = 0;
+    for (std::size_t h = 0; h < heads_.size(); ++h) {
+      const auto seen = sees(h, ray);
+      if (!seen || seen->score <= best) continue;
+      best = seen->score;
+      owners[x] = static_cast<std::uint8_t>(h);
+    }
+  }
+}
+
+DecodedImage BestBlend::in_layout(const Layer& sphere) const {
+  const int width = layout_->width(), height = layout_->height(), colours = component_count(format_);
+  const bool linear = is_linear16(format_);
+  DecodedImage raymap{format_, width, height, {}};
+  raymap.bytes.resize(packed_size(format_, width, height));
+  parallel::Workers(threads_).run(height, [&](int y) {
+    std::array<float, 4> pixel{};
+    for (int x = 0; x < width; ++x) {
+      if (equirectangular_) {
+        std::copy_n(sphere.at(x, y), colours + 1, pixel.begin());
+      } else {
+        const auto ray = layout_->ray(x + 0.5, y + 0.5);
+        if (!ray) continue;
+        const geometry::Angles angles = ray->angles();
+        bands::sample_cubic(sphere, (angles.theta / (2 * std::numbers::pi) + 0.5) * sphere_.width,
+                            (angles.phi / std::numbers::pi + 0.5) * sphere_.height, pixel.data());
+      }
+      if (!(pixel[static_cast<std::size_t>(colours)] > 0)) continue;
+      const std::size_t at =
+          (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) *
+          static_cast<std::size_t>(colours);
+      for (std::size_t c = 0; c < static_cast<std::size_t>(colours); ++c) {
+        if (!linear) {
+          raymap.bytes[at + c] = rounded(pixel[c]);
+          continue;
+        }
+        const double light = std::pow(std::clamp(static_cast<double>(pixel[c]) / full_, 0.0, 1.0), power_);
+        const auto number = static_cast<std::uint16_t>(std::lround(65535 * light));
+        raymap.bytes[2 * (at + c)] = static_cast<std::uint8_t>(number & 0xff);
+        raymap.bytes[2 * (at + c) + 1] = static_cast<std::uint8_t>(number >> 8);
+      }
+    }
+  });
+  return raymap;
+}
+
+}  // namespace nodal::offline

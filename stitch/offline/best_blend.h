@@ -1,0 +1,64 @@
+// Raymaps at full quality, for computers with time: seams placed where the pictures agree, blended in many bands.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/bands/layer.h"
+#include "stitch/geometry/raymap/layout.h"
+#include "stitch/offline/head_picture.h"
+#include "stitch/seams/placement.h"
+#include "stitch/table/table_compiler.h"
+
+namespace nodal::offline {
+
+/// Blends sets of pictures, one after the other. Each head's picture is projected onto an equirectangular sphere in
+/// floating point, with cubic interpolation. Seams are placed on a map of at most kMapWidth columns (stitch/seams), and
+/// the pictures are blended there by stitch/bands. Other layouts are sampled from that sphere. Sets are taken as a film:
+/// seams stay where they were unless another place is clearly better.
+///
+/// Threading: thread-bound; starts its own threads and waits for them.
+/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times.
+/// Ownership: does not refer to the calibration after make().
+class BestBlend {
+ public:
+  static constexpr int kMapWidth = 1024;
+  static constexpr std::int64_t kMostPixels = std::int64_t{1} << 26;
+
+  /// Any number of heads that a calibration may have. `threads` 0: one per core; the result does not depend on it.
+  /// Errors: those of geometry::make_heads and geometry::make_layout; kUnsupported for other formats than RGB24, GREY,
+  ///   RGB48 and GREY16; kTooLarge for spheres of more than kMostPixels.
+  static Result<BestBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads);
+
+  /// One picture per head, in the calibration's order; RGB24, or GREY for a grey raymap; one without data is a missing
+  /// head. Errors: kHeadMismatch, with the head's number, for a picture of another size or format.
+  Result<DecodedImage> blend(std::span<const ImageView> pictures);
+
+  /// The seams of the last set, and their map.
+  const seams::Labels& labels() const { return labels_; }
+  bands::Grid map() const { return map_; }
+
+ private:
+  BestBlend() = default;
+  /// The head that shows each pixel of the sphere.
+  std::vector<std::uint8_t> owners(std::span<const ImageView> pictures) const;
+  void choose_owners_of_row(int y, std::span<const ImageView> pictures, std::uint8_t* owners) const;
+  DecodedImage in_layout(const bands::Layer& sphere) const;
+
+  PixelFormat format_ = PixelFormat::kRgb24;
+  std::unique_ptr<geometry::RaymapLayout> layout_;
+  bool equirectangular_ = true;
+  bands::Grid sphere_, map_;
+  double power_ = 1;
+  double full_ = 255;  ///< of linear light: the blended number of 65535
+  std::vector<HeadView> heads_;
+  std::vector<bands::Window> windows_;  ///< of the heads, on sphere_
+  int threads_ = 0;
+  seams::Labels labels_;
+};
+
+}  // namespace nodal::offline

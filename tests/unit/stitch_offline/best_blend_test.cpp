@@ -1,0 +1,97 @@
+// Raymaps at best quality against the scene itself, evaluated along each pixel's ray by the simulator.
+#include "stitch/offline/best_blend.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "stitch/offline/offline_blend.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::offline {
+namespace {
+
+constexpr int kWidth = 256;
+
+/// dB between a grey raymap and the scene.
+double psnr(const DecodedImage& raymap, const std::string& layout_name, const hal::sim::ScenePtr& scene) {
+  const auto layout = geometry::make_layout(layout_name, raymap.width, raymap.height).value();
+  double square = 0, count = 0;
+  for (int y = 0; y < raymap.height; ++y) {
+    for (int x = 0; x < raymap.width; ++x) {
+      const Eigen::Vector3d d = layout->ray(x + 0.5, y + 0.5)->direction();
+      const hal::sim::Light light = scene->light({d.x(), d.y(), d.z()}, 0.02);
+      const double grey = 255 * std::clamp(0.299 * light.r + 0.587 * light.g + 0.114 * light.b, 0.0, 1.0);
+      square += std::pow(raymap.bytes[static_cast<std::size_t>(y * raymap.width + x)] - grey, 2);
+      ++count;
+    }
+  }
+  return 10 * std::log10(255 * 255 / (square / count));
+}
+
+DecodedImage best(const test::RenderedRig& rig, const table::RaymapSpec& spec, int threads = 2) {
+  auto blend = BestBlend::make(rig.truth, spec, threads);
+  EXPECT_TRUE(blend) << blend.error().text();
+  auto raymap = blend->blend(rig.frames());
+  EXPECT_TRUE(raymap) << raymap.error().text();
+  return std::move(*raymap);
+}
+
+const table::RaymapSpec kSphere{"equirectangular", kWidth, kWidth / 2, PixelFormat::kGrey8};
+
+TEST(BestBlend, HeadsAtOnePoint_AreAsCloseToTheSceneAsTheBoardsBlend) {
+  const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(160), town);
+  const auto board = OfflineBlend::make(rig.truth, kSphere, {}, rig.format, 2, {})->blend(rig.frames()).value();
+  EXPECT_GT(psnr(best(rig, kSphere), "equirectangular", town), psnr(board, "equirectangular", town) - 0.1);
+}
+
+TEST(BestBlend, ACube_ShowsTheScene) {
+  const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(160), town);
+  const geometry::RaymapSize size = geometry::LayoutName::parse("cube").value().size_for_width(192);
+  const table::RaymapSpec cube{"cube", size.width, size.height, PixelFormat::kGrey8};
+  const auto board = OfflineBlend::make(rig.truth, cube, {}, rig.format, 2, {})->blend(rig.frames()).value();
+  EXPECT_GT(psnr(best(rig, cube), "cube", town), psnr(board, "cube", town) - 0.5);
+}
+
+TEST(BestBlend, AMissingHead_IsFilledByTheOthers) {
+  const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(160, 190), town);
+  auto blend = BestBlend::make(rig.truth, kSphere, 2);
+  ASSERT_TRUE(blend);
+  std::vector<ImageView> frames = rig.frames();
+  frames[2].planes[0].data = nullptr;
+  const auto raymap = blend->blend(frames);
+  ASSERT_TRUE(raymap) << raymap.error().text();
+  for (const std::uint8_t label : blend->labels()) ASSERT_NE(label, 2);
+  EXPECT_GT(psnr(*raymap, "equirectangular", town), 20);
+}
+
+TEST(BestBlend, ThreadsDoNotMatter) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(96), hal::sim::town_square_scene(3));
+  EXPECT_TRUE(best(rig, kSphere, 1).bytes == best(rig, kSphere, 3).bytes);
+}
+
+TEST(BestBlend, BadInput_IsNamed) {
+  const test::RenderedRig rig = test::render_rig(test::six_fisheyes(96), hal::sim::town_square_scene(3));
+  auto blend = BestBlend::make(rig.truth, kSphere, 2);
+  ASSERT_TRUE(blend);
+  std::vector<ImageView> frames = rig.frames();
+  frames[3].width -= 2;
+  const auto wrong = blend->blend(frames);
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().code, Errc::kHeadMismatch);
+  EXPECT_NE(wrong.error().message.find("head 3"), std::string::npos) << wrong.error().message;
+  frames.pop_back();
+  EXPECT_FALSE(blend->blend(frames));
+  table::RaymapSpec spec = kSphere;
+  spec.format = PixelFormat::kI420;
+  EXPECT_EQ(BestBlend::make(rig.truth, spec, 2).error().code, Errc::kUnsupported);
+  spec = {"equirectangular", 16384, 8192, PixelFormat::kGrey8};
+  EXPECT_EQ(BestBlend::make(rig.truth, spec, 2).error().code, Errc::kTooLarge);
+}
+
+}  // namespace
+}  // namespace nodal::offline
