@@ -57,7 +57,8 @@ class HeadPicture {
   HeadPicture(const HeadView& view, const ImageView& picture);
 
   int colours() const { return colours_; }
-  /// The colours at a point, by cubic interpolation in the level whose pixels are closest to the given size.
+  /// The colours at a point, by cubic interpolation in the coarsest level whose pixels are not larger than the given
+  /// size.
   void sample(const Sighting& at, double radians_per_pixel, float* into) const;
   /// The picture on a window of a grid: the colours, then the score; all 0 where the head does not see.
   bands::Layer on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers) const;

@@ -18,7 +18,7 @@ struct PlacementOptions {
   double length = 1;
   /// The cost of a pixel whose head has no score, relative to one with the best score, in levels. Small: it places seams
   /// only where the pictures leave the choice.
-  double score = 0.02;
+  double score = 0.1;
   /// Differences up to this are noise, levels.
   double noise = 1;
   /// Larger differences do not count more, levels.
