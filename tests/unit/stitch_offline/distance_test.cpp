@@ -10,11 +10,11 @@
 namespace nodal::offline {
 namespace {
 
-constexpr int kWidth = 256;
+constexpr int kDistanceWidth = 256;
 
 /// dB between a blended raymap and the scene itself, evaluated along each pixel's ray.
 double psnr(const test::RenderedRig& rig, const Calibration& calibration, const hal::sim::ScenePtr& scene) {
-  const table::RaymapSpec spec{"equirectangular", kWidth, kWidth / 2, PixelFormat::kGrey8};
+  const table::RaymapSpec spec{"equirectangular", kDistanceWidth, kDistanceWidth / 2, PixelFormat::kGrey8};
   const auto blend = OfflineBlend::make(calibration, spec, {}, rig.format, 2, {});
   EXPECT_TRUE(blend) << blend.error().text();
   const auto raymap = blend->blend(rig.frames());
@@ -26,10 +26,10 @@ double psnr(const test::RenderedRig& rig, const Calibration& calibration, const 
       const Eigen::Vector3d d = layout->ray(x + 0.5, y + 0.5)->direction();
       const hal::sim::Light light = scene->light({d.x(), d.y(), d.z()}, 0.02);
       const double grey = 255 * std::clamp(0.299 * light.r + 0.587 * light.g + 0.114 * light.b, 0.0, 1.0);
-      square += std::pow(raymap->bytes[static_cast<std::size_t>(y * kWidth + x)] - grey, 2);
+      square += std::pow(raymap->bytes[static_cast<std::size_t>(y * kDistanceWidth + x)] - grey, 2);
     }
   }
-  return 10 * std::log10(255 * 255 / (square / (spec.height * kWidth)));
+  return 10 * std::log10(255 * 255 / (square / (spec.height * kDistanceWidth)));
 }
 
 Calibration at(Calibration rig, double distance) {
@@ -61,7 +61,7 @@ TEST(Distance, InABox_TheDistanceOfItsWallsIsMuchBetterThanInfinity) {
 TEST(Distance, OfAMillionMetres_IsInfinity) {
   const Calibration spread = test::spread_out(test::six_fisheyes(160), 0.1);
   const test::RenderedRig rig = test::render_rig(spread, hal::sim::town_square_scene(3));
-  const table::RaymapSpec spec{"equirectangular", kWidth, kWidth / 2, PixelFormat::kGrey8};
+  const table::RaymapSpec spec{"equirectangular", kDistanceWidth, kDistanceWidth / 2, PixelFormat::kGrey8};
   const auto raymap = [&](const Calibration& calibration) {
     return OfflineBlend::make(calibration, spec, {}, rig.format, 2, {})->blend(rig.frames()).value().bytes;
   };
