@@ -9,6 +9,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/pictures.h"
 #include "host_tool/report/lens_report.h"
 #include "stitch/calibration/lens/calibrate.h"
 #include "stitch/media/image_file.h"
@@ -30,7 +31,7 @@ struct CalibrateLensArgs {
 
 /// Returns the encoded luma; a grey file's values are its luma.
 Result<cal::LensPhotograph> read_photograph(const std::string& file) {
-  const Result<DecodedImage> image = media::read_image(file, PixelFormat::kGrey8);
+  const Result<DecodedImage> image = read_picture(file, PixelFormat::kGrey8);
   if (!image) return fail(image.error());
   cal::LensPhotograph photo{file, cal::GreyImage(image->width, image->height)};
   for (std::size_t i = 0; i < photo.luma.values.size(); ++i) {
@@ -51,7 +52,7 @@ Result<std::vector<cal::LensPhotograph>> read_photographs(const std::vector<std:
 
 Result<cal::PatternRaster> read_pattern(const std::string& file) {
   if (file.empty()) return cal::make_pattern({});
-  const Result<DecodedImage> image = media::read_image(file, PixelFormat::kGrey8);
+  const Result<DecodedImage> image = read_picture(file, PixelFormat::kGrey8);
   if (!image) return fail(image.error());
   if (std::min(image->width, image->height) < cal::kMinPatternSide) {
     return fail(Errc::kBadValue, fmt::format("{}: is {}x{} px; a pattern has at least {} across", file, image->width,

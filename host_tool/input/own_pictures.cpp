@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "host_tool/input/pictures.h"
 #include "stitch/autocalibration/autocalibration.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
@@ -57,12 +58,8 @@ bool all_placed(const registration::Report& report) {
 }  // namespace
 
 bool is_picture(const std::string& path) {
-  if (is_folder(path)) return !media::pictures_in(path).empty();
-  // A file that only claims to be a picture is refused as one, not as a calibration.
-  std::string ending = fs::path(path).extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const bool claims = ending == ".jpg" || ending == ".jpeg" || ending == ".png";
-  return claims || media::read_image_header(path).has_value();
+  // A folder is never a calibration, and a file that only claims to be a picture is refused as one.
+  return is_folder(path) || named_like_a_picture(path) || read_picture_header(path).has_value();
 }
 
 Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
@@ -71,24 +68,24 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
   std::vector<std::string> files;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
-      if (const Result<ImageHeader> header = media::read_image_header(argument); !header) return fail(header.error());
+      if (const Result<ImageHeader> header = read_picture_header(argument); !header) return fail(header.error());
       files.push_back(argument);
       continue;
     }
-    const std::vector<std::string> inside = media::pictures_in(argument);
-    if (inside.empty()) return fail(Errc::kNotFound, argument + ": there is no picture in this folder");
+    const Result<std::vector<std::string>> inside = pictures_in(argument);
+    if (!inside) return fail(inside.error());
     if (!sequences) {
-      files.insert(files.end(), inside.begin(), inside.end());
+      files.insert(files.end(), inside->begin(), inside->end());
       continue;
     }
-    if (own.sets.empty()) own.sets.resize(inside.size());
-    if (inside.size() != own.sets.size()) {
+    if (own.sets.empty()) own.sets.resize(inside->size());
+    if (inside->size() != own.sets.size()) {
       return fail(Errc::kBadValue,
                   fmt::format("{} has {} pictures, and {} has {}; with a folder for each head, every head needs one "
                               "for each set",
-                              argument, inside.size(), arguments.front(), own.sets.size()));
+                              argument, inside->size(), arguments.front(), own.sets.size()));
     }
-    for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].push_back(inside[n]);
+    for (std::size_t n = 0; n < inside->size(); ++n) own.sets[n].push_back((*inside)[n]);
   }
   own.names = head_names(sequences ? arguments : files);
   if (!sequences) own.sets = {std::move(files)};
@@ -100,7 +97,7 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
   std::vector<DecodedImage> images, grey;
   for (const std::string& file : files) {
     progress(0.3 * static_cast<double>(images.size()) / static_cast<double>(files.size()), "reading " + file);
-    Result<DecodedImage> image = media::read_image(file);
+    Result<DecodedImage> image = read_picture(file);
     if (!image) return fail(image.error());
     grey.push_back(media::convert_image(image->view(), PixelFormat::kGrey8));
     images.push_back(std::move(*image));

@@ -12,7 +12,7 @@
 
 namespace nodal::host {
 
-/// Whether the file starts like a picture or is called like one, or the folder holds files that start so.
+/// Whether it is a folder, or a file that starts like a picture or is called like one.
 bool is_picture(const std::string& path);
 
 /// Pictures of a rig without a calibration.

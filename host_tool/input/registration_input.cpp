@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "host_tool/console/files.h"
+#include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
@@ -60,10 +61,9 @@ Result<std::string> picture_of(const fs::path& folder, const std::string& head) 
   std::vector<std::string> found;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    std::string ending = entry.path().extension().string();
-    std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    const bool picture = ending == ".png" || ending == ".jpg" || ending == ".jpeg";
-    if (picture && entry.path().stem() == head) found.push_back(entry.path().string());
+    if (named_like_a_picture(entry.path().string()) && entry.path().stem() == head) {
+      found.push_back(entry.path().string());
+    }
   }
   if (error) return fail(Errc::kIo, folder.string() + ": " + error.message());
   if (found.empty()) {
@@ -82,14 +82,15 @@ Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std
   std::vector<std::vector<std::string>> sets;
   for (std::size_t h = 0; h < names.size(); ++h) {
     const auto own = std::ranges::find(folders, names[h], folder_name);
-    const std::vector<std::string> pictures = media::pictures_in(*own);
-    if (h == 0) sets.resize(pictures.size());
-    if (pictures.empty() || pictures.size() != sets.size()) {
+    const Result<std::vector<std::string>> pictures = pictures_in(*own);
+    if (!pictures) return fail(pictures.error());
+    if (h == 0) sets.resize(pictures->size());
+    if (pictures->size() != sets.size()) {
       return fail(Errc::kBadValue,
                   fmt::format("{} has {} pictures, and {} has {}; every head needs one for each set", *own,
-                              pictures.size(), *std::ranges::find(folders, names[0], folder_name), sets.size()));
+                              pictures->size(), *std::ranges::find(folders, names[0], folder_name), sets.size()));
     }
-    for (std::size_t n = 0; n < sets.size(); ++n) sets[n].push_back(pictures[n]);
+    for (std::size_t n = 0; n < sets.size(); ++n) sets[n].push_back((*pictures)[n]);
   }
   return sets;
 }
@@ -152,7 +153,7 @@ Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, con
   for (const auto& set : *files) {
     pictures.sets.emplace_back();
     for (const std::string& file : set) {
-      Result<DecodedImage> picture = media::read_image(file);
+      Result<DecodedImage> picture = read_picture(file);
       if (!picture) return fail(picture.error());
       pictures.sets.back().push_back(std::move(*picture));
     }

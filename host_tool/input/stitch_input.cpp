@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "host_tool/console/files.h"
+#include "host_tool/input/pictures.h"
 #include "stitch/interchange/import.h"
 #include "stitch/media/image_file.h"
 
@@ -87,7 +88,7 @@ Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files
                                            bool rgb) {
   std::vector<DecodedImage> pictures;
   for (std::size_t h = 0; h < files.size(); ++h) {
-    Result<DecodedImage> picture = media::read_image(files[h]);
+    Result<DecodedImage> picture = read_picture(files[h]);
     if (!picture) return fail(picture.error());
     const HeadCalibration& head = calibration.heads[h];
     if (picture->width != head.width || picture->height != head.height) {

@@ -114,14 +114,4 @@ Result<ImageHeader> read_image_header(const std::filesystem::path& file) {
   return header_of(*bytes, file.string());
 }
 
-std::vector<std::string> pictures_in(const std::filesystem::path& folder) {
-  std::vector<std::string> found;
-  std::error_code error;
-  for (const std::filesystem::directory_entry& entry : std::filesystem::directory_iterator(folder, error)) {
-    if (entry.is_regular_file(error) && read_image_header(entry.path())) found.push_back(entry.path().string());
-  }
-  std::ranges::sort(found);
-  return found;
-}
-
 }  // namespace nodal::media

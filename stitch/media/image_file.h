@@ -36,9 +36,6 @@ Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional
 /// Reads the header of a file, without decoding the picture.
 Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 
-/// The files of a folder that start like pictures, sorted by name; none if it cannot be read.
-std::vector<std::string> pictures_in(const std::filesystem::path& folder);
-
 /// Converts a picture to another format (neither may be kMjpeg or Bayer): RGB and YUV by full-range BT.601; chroma is
 /// interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);

@@ -1,13 +1,8 @@
 #include "stitch/media/tiff/tiff_writer.h"
 
-#include <tiffio.h>
-
-#include <algorithm>
-#include <array>
-#include <cstdarg>
-#include <cstdio>
 #include <cstring>
-#include <memory>
+
+#include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
 namespace {
@@ -15,63 +10,6 @@ namespace {
 constexpr std::uint64_t kMostBytes = std::uint64_t{4000} << 20;  // of samples: offsets in a TIFF have 32 bits
 constexpr int kEffort = 3;  // zlib's level, as in PNGs: a third of the time of the default 6, for 5 % more bytes
 constexpr std::uint32_t kStripRows = 32;
-
-struct Memory {
-  std::vector<std::uint8_t> bytes;
-  std::size_t at = 0;
-  std::string why;
-};
-
-Memory& memory_of(thandle_t handle) { return *static_cast<Memory*>(handle); }
-
-tmsize_t read_from(thandle_t handle, void* into, tmsize_t count) {
-  Memory& memory = memory_of(handle);
-  const std::size_t there = memory.bytes.size() - std::min(memory.at, memory.bytes.size());
-  const std::size_t got = std::min(static_cast<std::size_t>(count), there);
-  if (got > 0) std::memcpy(into, memory.bytes.data() + memory.at, got);
-  memory.at += got;
-  return static_cast<tmsize_t>(got);
-}
-
-tmsize_t write_to(thandle_t handle, void* from, tmsize_t count) {
-  Memory& memory = memory_of(handle);
-  const std::size_t end = memory.at + static_cast<std::size_t>(count);
-  if (end > memory.bytes.size()) memory.bytes.resize(end);
-  std::memcpy(memory.bytes.data() + memory.at, from, static_cast<std::size_t>(count));
-  memory.at = end;
-  return count;
-}
-
-toff_t seek_to(thandle_t handle, toff_t offset, int from) {
-  Memory& memory = memory_of(handle);
-  const std::size_t base = from == SEEK_SET ? 0 : from == SEEK_CUR ? memory.at : memory.bytes.size();
-  memory.at = base + static_cast<std::size_t>(offset);
-  return memory.at;
-}
-
-int keep_open(thandle_t /*handle*/) { return 0; }
-toff_t size_of(thandle_t handle) { return memory_of(handle).bytes.size(); }
-
-int on_error(TIFF* /*tiff*/, void* memory, const char* /*module*/, const char* format, va_list words) {
-  std::array<char, 256> text{};
-  std::vsnprintf(text.data(), text.size(), format, words);
-  static_cast<Memory*>(memory)->why = text.data();
-  return 1;
-}
-
-struct CloseTiff {
-  void operator()(TIFF* tiff) const { TIFFClose(tiff); }
-};
-using TiffPtr = std::unique_ptr<TIFF, CloseTiff>;
-
-TiffPtr open_for_writing(Memory& memory) {
-  const std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(TIFFOpenOptionsAlloc(),
-                                                                                 TIFFOpenOptionsFree);
-  if (!options) return nullptr;
-  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), on_error, &memory);
-  return TiffPtr(TIFFClientOpenExt("picture", "w", &memory, read_from, write_to, seek_to, keep_open, size_of, nullptr,
-                                   nullptr, options.get()));
-}
 
 bool write(TIFF* tiff, const ImageView& picture, const TiffNotes& notes) {
   const int channels = component_count(picture.format);
@@ -111,9 +49,9 @@ Result<std::vector<std::uint8_t>> tiff_file(const ImageView& picture, const Tiff
   if (packed_size(picture.format, picture.width, picture.height) > kMostBytes) {
     return fail(Errc::kTooLarge, "a TIFF holds at most 4 GB; choose a smaller picture, or PNG");
   }
-  Memory memory;
+  TiffMemory memory;
   {
-    const TiffPtr tiff = open_for_writing(memory);
+    const TiffPtr tiff = open_tiff(memory, "w");
     if (!tiff || !write(tiff.get(), picture, notes)) {
       return fail(Errc::kInternal, "libtiff could not write the picture: " + memory.why);
     }

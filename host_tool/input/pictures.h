@@ -1,0 +1,27 @@
+// Pictures as files of any format that nodal reads: JPEG, PNG, TIFF.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/result.h"
+
+namespace nodal::host {
+
+/// A picture as media::decode_image() or media::read_tiff() gives it; `as`: GREY or RGB24 instead of its natural format.
+/// Errors: theirs; each names the file.
+Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt);
+
+/// Its size and natural format, without decoding it.
+Result<ImageHeader> read_picture_header(const std::string& file);
+
+/// The files of a folder that start like pictures, sorted by name.
+/// Errors: kIo when the folder cannot be read, kNotFound when no file in it is a picture.
+Result<std::vector<std::string>> pictures_in(const std::string& folder);
+
+/// Whether a name ends like that of a picture, in any case.
+bool named_like_a_picture(const std::string& file);
+
+}  // namespace nodal::host

@@ -1,0 +1,188 @@
+#include "stitch/media/tiff/tiff_reader.h"
+
+#include <gtest/gtest.h>
+#include <tiffio.h>
+
+#include <cstring>
+
+#include "tests/support/pictures.h"
+
+namespace nodal::media {
+namespace {
+
+constexpr int kWidth = 50;
+constexpr int kHeight = 34;
+constexpr std::uint32_t kTile = 16;
+
+/// How libtiff stores the picture.
+struct Kind {
+  int channels = 3;
+  int bits = 8;
+  bool tiles = false;
+  bool by_plane = false;
+  std::uint16_t compression = COMPRESSION_NONE;
+  const char* mode = "w";  ///< with b: big-endian; with 8: BigTIFF
+};
+
+class TiffReader : public testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  /// Sample c of pixel (x, y) of the picture, 0..65535; for 8 bits, its upper byte.
+  static int sample(int x, int y, int c) { return (x * 1201 + y * 907 + c * 7919 + x * y * 13) & 0xffff; }
+  /// The sample, rounded from 16 bits to 8 by the definition: v / 257.
+  static int expected(int x, int y, int c, const Kind& kind) {
+    const int value = sample(x, y, c);
+    return kind.bits == 16 ? (value + 128) / 257 : value >> 8;
+  }
+
+  /// A block of the picture, interleaved, or of one channel.
+  static std::vector<std::uint8_t> block(const Kind& kind, int left, int top, int width, int height, int channel) {
+    std::vector<std::uint8_t> bytes;
+    for (int y = top; y < top + height; ++y) {
+      for (int x = left; x < left + width; ++x) {
+        for (int c = 0; c < kind.channels; ++c) {
+          if (channel >= 0 && c != channel) continue;
+          const auto value = static_cast<std::uint16_t>(sample(x, y, c));
+          if (kind.bits == 8) {
+            bytes.push_back(static_cast<std::uint8_t>(value >> 8));
+          } else {
+            bytes.resize(bytes.size() + 2);
+            std::memcpy(&bytes[bytes.size() - 2], &value, 2);
+          }
+        }
+      }
+    }
+    return bytes;
+  }
+
+  std::string write(const std::string& name, const Kind& kind) const {
+    TIFF* tiff = TIFFOpen(path(name).c_str(), kind.mode);
+    TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, kWidth);
+    TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, kHeight);
+    TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, kind.channels);
+    TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, kind.bits);
+    TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, kind.by_plane ? PLANARCONFIG_SEPARATE : PLANARCONFIG_CONTIG);
+    TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, kind.channels < 3 ? PHOTOMETRIC_MINISBLACK : PHOTOMETRIC_RGB);
+    TIFFSetField(tiff, TIFFTAG_COMPRESSION, kind.compression);
+    TIFFSetField(tiff, TIFFTAG_ORIENTATION, ORIENTATION_BOTRIGHT);  // rows are to be taken as they are stored
+    const int planes = kind.by_plane ? kind.channels : 1;
+    if (kind.tiles) {
+      TIFFSetField(tiff, TIFFTAG_TILEWIDTH, kTile);
+      TIFFSetField(tiff, TIFFTAG_TILELENGTH, kTile);
+      for (int p = 0; p < planes; ++p) {
+        for (std::uint32_t y = 0; y < kHeight; y += kTile) {
+          for (std::uint32_t x = 0; x < kWidth; x += kTile) {
+            auto bytes = block(kind, static_cast<int>(x), static_cast<int>(y), kTile, kTile, kind.by_plane ? p : -1);
+            TIFFWriteTile(tiff, bytes.data(), x, y, 0, static_cast<std::uint16_t>(p));
+          }
+        }
+      }
+    } else {
+      TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 7);
+      for (int p = 0; p < planes; ++p) {
+        for (int y = 0; y < kHeight; ++y) {
+          auto bytes = block(kind, 0, y, kWidth, 1, kind.by_plane ? p : -1);
+          TIFFWriteScanline(tiff, bytes.data(), static_cast<std::uint32_t>(y), static_cast<std::uint16_t>(p));
+        }
+      }
+    }
+    TIFFClose(tiff);
+    return path(name);
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(TiffReader, StripsTilesPlanesDepthsAndByteOrders_GiveTheSameSamples) {
+  for (const Kind& kind :
+       {Kind{}, Kind{3, 16}, Kind{1, 8}, Kind{1, 16}, Kind{3, 8, true}, Kind{3, 16, true}, Kind{3, 8, false, true},
+        Kind{3, 16, true, true, COMPRESSION_LZW}, Kind{3, 16, false, false, COMPRESSION_ADOBE_DEFLATE, "wb"},
+        Kind{1, 16, true, false, COMPRESSION_NONE, "wb"}, Kind{3, 8, false, false, COMPRESSION_LZW, "w8"}}) {
+    const std::string file = write("a.tif", kind);
+    SCOPED_TRACE(testing::Message() << kind.channels << " x " << kind.bits << (kind.tiles ? " tiles" : " strips")
+                                    << (kind.by_plane ? " by plane " : " ") << kind.compression << kind.mode);
+    EXPECT_TRUE(is_tiff(file));
+    const auto picture = read_tiff(file);
+    ASSERT_TRUE(picture) << picture.error().text();
+    EXPECT_EQ(picture->format, kind.channels == 1 ? PixelFormat::kGrey8 : PixelFormat::kRgb24);
+    const auto header = read_tiff_header(file);
+    ASSERT_TRUE(header);
+    EXPECT_EQ(header->natural, picture->format);
+    ASSERT_EQ(picture->width, kWidth);
+    ASSERT_EQ(picture->height, kHeight);
+    std::size_t at = 0;
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        for (int c = 0; c < kind.channels; ++c, ++at) {
+          ASSERT_EQ(picture->bytes[at], expected(x, y, c, kind)) << x << " " << y << " " << c;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(TiffReader, CutAnywhere_IsOneErrorThatNamesThePicture) {
+  const auto whole = test::read_bytes(write("whole.tif", {3, 16, false, false, COMPRESSION_LZW}));
+  for (std::size_t length = 0; length + 1 < whole.size(); length += 1 + length / 20) {
+    test::write_bytes(path("cut.tif"), {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length)});
+    const auto picture = read_tiff(path("cut.tif"));
+    ASSERT_FALSE(picture) << "cut at " << length << " of " << whole.size();
+    EXPECT_NE(picture.error().message.find("cut.tif'"), std::string::npos) << picture.error().text();
+  }
+}
+
+TEST_F(TiffReader, BytesChanged_NeverMoreThanAnError) {
+  const auto whole = test::read_bytes(write("whole.tif", {3, 8, true, false, COMPRESSION_ADOBE_DEFLATE}));
+  std::uint64_t draw = 7;
+  int refused = 0;
+  for (int i = 0; i < 300; ++i) {
+    auto bytes = whole;
+    for (int k = 0; k < 3; ++k) {
+      draw = draw * 6364136223846793005ULL + 1442695040888963407ULL;
+      // Half of the changes are in the directory at the end of the file, which holds sizes and offsets.
+      const std::size_t from = k == 0 ? 0 : bytes.size() - std::min<std::size_t>(bytes.size(), 300);
+      bytes[from + (draw >> 33) % (bytes.size() - from)] ^= static_cast<std::uint8_t>(1U << ((draw >> 20) % 8));
+    }
+    test::write_bytes(path("changed.tif"), bytes);
+    const auto picture = read_tiff(path("changed.tif"));
+    refused += picture ? 0 : 1;
+    if (!picture) continue;
+    EXPECT_EQ(picture->bytes.size(), packed_size(picture->format, picture->width, picture->height));
+  }
+  EXPECT_GT(refused, 100);
+}
+
+TEST_F(TiffReader, SizesThatTheFileCannotHold_AreRefusedBeforeMemoryIsTaken) {
+  // A TIFF by the specification's bytes: 30000 x 30000 pixels of RGB in a file of 200 bytes.
+  const auto entry = [](std::uint16_t tag, std::uint16_t type, std::uint32_t value) {
+    std::vector<std::uint8_t> bytes;
+    for (const std::uint32_t word : {std::uint32_t{tag} | std::uint32_t{type} << 16, std::uint32_t{1}, value}) {
+      for (int k = 0; k < 4; ++k) bytes.push_back(static_cast<std::uint8_t>(word >> (8 * k)));
+    }
+    return bytes;
+  };
+  std::vector<std::uint8_t> bytes{'I', 'I', 42, 0, 8, 0, 0, 0, 8, 0};
+  for (const auto& one : {entry(256, 4, 30000), entry(257, 4, 30000), entry(258, 3, 8), entry(259, 3, 1),
+                          entry(262, 3, 2), entry(273, 4, 8), entry(277, 3, 3), entry(279, 4, 100)}) {
+    bytes.insert(bytes.end(), one.begin(), one.end());
+  }
+  bytes.insert(bytes.end(), 100, 0);
+  test::write_bytes(path("huge.tif"), bytes);
+  const auto picture = read_tiff(path("huge.tif"));
+  ASSERT_FALSE(picture);
+  EXPECT_EQ(picture.error().code, Errc::kTruncated) << picture.error().text();
+}
+
+TEST_F(TiffReader, WhatIsNoPicture_IsRefusedWithItsReason) {
+  EXPECT_FALSE(is_tiff(path("nowhere.tif")));
+  EXPECT_EQ(read_tiff(path("nowhere.tif")).error().code, Errc::kNotFound);
+  test::write_bytes(path("text.tif"), {'t', 'e', 'x', 't', 's'});
+  EXPECT_FALSE(is_tiff(path("text.tif")));
+  EXPECT_EQ(read_tiff(path("text.tif")).error().code, Errc::kBadFormat);
+  EXPECT_EQ(read_tiff_header(path("text.tif")).error().code, Errc::kBadFormat);
+  EXPECT_FALSE(is_tiff(folder_.path().string()));
+}
+
+}  // namespace
+}  // namespace nodal::media
