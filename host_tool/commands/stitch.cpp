@@ -351,15 +351,14 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
   add_nominal_options(*command, args->nominal);
-  line.on(command, [=](Context& context) -> Status {
+  command->parse_complete_callback([=] {
     for (const CLI::Option* other : {transition, seam_width, feather}) {
       if (!best(*args) || other->empty()) continue;
-      return fail(Errc::kBadValue, other->get_name() +
-                                       ": with --quality best, heads pass into each other in many bands; "
-                                       "leave one of the two out");
+      throw CLI::ValidationError(other->get_name(),
+                                 "--quality best passes from head to head in many bands; leave one of the two out");
     }
-    return run_stitch(context, *args);
   });
+  line.on(command, [args](Context& context) { return run_stitch(context, *args); });
 }
 
 }  // namespace nodal::host

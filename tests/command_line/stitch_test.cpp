@@ -84,6 +84,16 @@ TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
       << "two pictures are exchanged; a measure that does not see it is none";
 }
 
+TEST_F(StitchCommand, BestQuality_ShowsTheSceneAtLeastAsWell) {
+  write_pictures("pictures");
+  Words words{"stitch", path("rig.json"), path("pictures"), "-o", path("sphere.png")};
+  ASSERT_EQ(nodal(words).code, 0);
+  const double usual = correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value());
+  words.insert(words.end(), {"--quality", "best"});
+  ASSERT_EQ(nodal(words).code, 0);
+  EXPECT_GT(correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value()), usual - 0.001);
+}
+
 TEST_F(StitchCommand, TwentyFourPictures_WithAndWithoutACalibration) {
   constexpr int kRingSide = 300;
   const test::RenderedRig rig = test::render_rig(test::three_rings(kRingSide, 80), hal::sim::town_square_scene(3),
@@ -370,6 +380,8 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, pictures, "--seam-width", "181"}, "--seam-width");
   expect_refused({rig, pictures, "--seam-width", "nan"}, "--seam-width");
   expect_refused({rig, pictures, "--transition", "cut"}, "--transition");
+  expect_refused({rig, pictures, "--quality", "better"}, "from 1 to 100, or best");
+  expect_refused({rig, pictures, "--quality", "best", "--feather", "0.2"}, "--feather: --quality best");
   expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
   test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
   expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");
