@@ -43,8 +43,9 @@ struct Share {
   std::uint8_t head = 0;
   float part = 0;
 };
-/// The heads at (u, v) in the map's pixels, the one with the largest share first: by a quadratic B-spline, so that seams
-/// on a finer grid, where the first head changes, are smooth. Without kNobody; empty where nobody is near.
+/// The heads' shares at (u, v), in pixels of the map; the largest share is first. The labels of the pixels around (u, v)
+/// are weighted by a quadratic B-spline: lines along which the first head changes are smooth, although the map is coarse.
+/// kNobody has no share. Empty if no head's pixels are near.
 void shares_at(const Labels& labels, bands::Grid map, double u, double v, std::vector<Share>& shares);
 
 /// The cost of labels, in levels times pixels of the map.
