@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "stitch/offline/offline_blend.h"
 #include "tests/support/rendered_rig.h"
@@ -68,6 +69,39 @@ TEST(BestBlend, AMissingHead_IsFilledByTheOthers) {
   for (const std::uint8_t label : blend->labels()) ASSERT_NE(label, 2);
   EXPECT_GT(psnr(*raymap, "equirectangular", town), 20);
 }
+
+/// Half way between the axes of heads 0 and 1, and at the edge of head 0's picture.
+class NearObject : public testing::TestWithParam<double> {};
+
+TEST_P(NearObject, SeenByOneHeadAlone_IsShownWholeOrNotAtAll) {
+  constexpr double kRadius = 8 * std::numbers::pi / 180;
+  const double yaw = GetParam() * std::numbers::pi / 180;
+  const Eigen::Vector3d middle(std::sin(yaw), 0, std::cos(yaw));
+  const auto covers = [&](const geometry::Ray& ray) { return std::acos(ray.direction().dot(middle)) < kRadius; };
+  test::RenderedRig rig = test::render_rig(test::six_fisheyes(160), hal::sim::town_square_scene(3));
+  const DecodedImage without = best(rig, kSphere);
+  const std::vector<geometry::Head> heads = geometry::make_heads(rig.truth).value();
+  for (int i = 0; i < 160 * 160; ++i) {
+    const auto ray = heads[1].unproject({i % 160 + 0.5, i / 160 + 0.5});
+    std::uint8_t& sample = rig.bytes[1][static_cast<std::size_t>(i)];
+    if (ray && covers(*ray)) sample = sample < 128 ? 255 : 0;
+  }
+  const DecodedImage with = best(rig, kSphere);
+  const auto layout = geometry::make_layout("equirectangular", kWidth, kWidth / 2).value();
+  double all = 0, shown = 0;
+  for (int y = 0; y < kWidth / 2; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (!covers(*layout->ray(x + 0.5, y + 0.5))) continue;
+      const auto at = static_cast<std::size_t>(y * kWidth + x);
+      all += 1;
+      shown += std::abs(with.bytes[at] - without.bytes[at]) > 60 ? 1 : 0;
+    }
+  }
+  ASSERT_GT(all, 50);
+  EXPECT_GT(std::abs(shown / all - 0.5), 0.4) << "shown: " << shown << " of " << all << " pixels";
+}
+
+INSTANTIATE_TEST_SUITE_P(Yaw, NearObject, testing::Values(45.0, 63.0));
 
 TEST(BestBlend, ThreadsDoNotMatter) {
   const test::RenderedRig rig = test::render_rig(test::six_fisheyes(96), hal::sim::town_square_scene(3));
