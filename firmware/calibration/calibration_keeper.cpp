@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <new>
 
+#include "stitch/sets/rig_heads.h"
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
 
@@ -19,38 +20,21 @@ Error out_of_memory(const Sha256& id) {
               "; make the raymap in rig.toml smaller, or raise nodald's limit (ulimit -v, MemoryMax=)"};
 }
 
-std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
 }  // namespace
 
 Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector<HeadConfig>& rig,
                                const HeadShapes& heads) {
-  Calibration fitted = calibration;
-  fitted.heads.clear();
+  std::vector<sets::RigHead> named;
   for (std::size_t i = 0; i < rig.size(); ++i) {
-    const auto found = std::find_if(calibration.heads.begin(), calibration.heads.end(),
-                                    [&](const HeadCalibration& head) { return head.name == rig[i].name; });
-    if (found == calibration.heads.end()) {
-      return fail(Errc::kHeadMismatch, "the rig's head '" + rig[i].name + "' is not in the calibration '" +
-                                           calibration.name + "'; calibrate it, or rename it in rig.toml");
-    }
-    if (i < heads.size() && heads[i] && (heads[i]->width != found->width || heads[i]->height != found->height)) {
-      return fail(Errc::kHeadMismatch, "head '" + found->name + "' delivers " +
-                                           size_of(heads[i]->width, heads[i]->height) +
-                                           ", but its calibration is for " + size_of(found->width, found->height));
-    }
-    fitted.heads.push_back(*found);
+    sets::RigHead& head = named.emplace_back(sets::RigHead{rig[i].name, {}});
+    if (i < heads.size() && heads[i]) head.size = {heads[i]->width, heads[i]->height};
   }
-  for (const HeadCalibration& head : calibration.heads) {
-    if (std::none_of(rig.begin(), rig.end(), [&](const HeadConfig& ours) { return ours.name == head.name; })) {
-      return fail(Errc::kHeadMismatch, "the calibration's head '" + head.name + "' is not in rig.toml");
-    }
-  }
-  return fitted;
+  return sets::calibration_of(calibration, named, "rig.toml");
 }
 
-CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
-                                     SpscRing<InstalledPtr>& tables_back)
+CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk,
+                                     SpscRing<sets::InstalledPtr>& tables_out,
+                                     SpscRing<sets::InstalledPtr>& tables_back)
     : config_(config),
       disk_(disk),
       tables_out_(tables_out),
@@ -240,7 +224,7 @@ bool CalibrationKeeper::watch_trial() {
 
 /// Gives the old calibration to the blend. A ticket is answered when the blend has taken it.
 void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
-  InstalledPtr before = trial_.go_back();
+  sets::InstalledPtr before = trial_.go_back();
   report_.in_force = before->id;
   report_.name = before->name;
   report_.document = document_before_trial_;
@@ -253,7 +237,7 @@ void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
   installing_.emplace(std::move(back));
 }
 
-void CalibrationKeeper::hand_over(InstalledPtr installed) {
+void CalibrationKeeper::hand_over(sets::InstalledPtr installed) {
   running_ = installed;
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
 }
@@ -273,7 +257,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
     formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
   }
   try {
-    auto job = TableJob::make(*fitted, config_, std::move(formats));
+    auto job = sets::TableJob::make(*fitted, config_.raymap, config_.heads[0].fields, std::move(formats));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration))});
@@ -307,7 +291,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
   // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
-  auto installed = make_installed(
+  auto installed = sets::make_installed(
       done.id, done.calibration.name, std::move(*tables), std::move(*meter),
       table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft), delivered);
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.

@@ -9,16 +9,16 @@
 #include <vector>
 
 #include "firmware/calibration/calibration_store.h"
-#include "firmware/calibration/table_job.h"
 #include "firmware/calibration/trial.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
-#include "firmware/frame/installed_calibration.h"
 #include "firmware/frame/snapshot.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
 #include "protocol/calibration.h"
+#include "stitch/sets/installed_calibration.h"
+#include "stitch/sets/table_job.h"
 
 namespace nodal::firmware {
 
@@ -94,8 +94,8 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 /// Ownership: the disk outlives it. Errors: in the answers, and in the report's problem.
 class CalibrationKeeper {
  public:
-  CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<InstalledPtr>& tables_out,
-                    SpscRing<InstalledPtr>& tables_back);
+  CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<sets::InstalledPtr>& tables_out,
+                    SpscRing<sets::InstalledPtr>& tables_back);
 
   /// True when it did something.
   bool step(Instant now);
@@ -115,7 +115,7 @@ class CalibrationKeeper {
     Calibration calibration;
     Sha256 id{};
     bool newly_stored = false;
-    std::optional<TableJob> job;  ///< empty: the table of this calibration is in memory already
+    std::optional<sets::TableJob> job;  ///< empty: the table of this calibration is in memory already
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form
@@ -134,7 +134,7 @@ class CalibrationKeeper {
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how);
   bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
-  void hand_over(InstalledPtr installed);
+  void hand_over(sets::InstalledPtr installed);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
                const HeadShapes& heads);
   bool compile_some();
@@ -148,8 +148,8 @@ class CalibrationKeeper {
 
   const RigConfig config_;
   hal::DiskPort& disk_;
-  SpscRing<InstalledPtr>& tables_out_;
-  SpscRing<InstalledPtr>& tables_back_;
+  SpscRing<sets::InstalledPtr>& tables_out_;
+  SpscRing<sets::InstalledPtr>& tables_back_;
   SpscRing<KeeperRequest> requests_;
   SpscRing<KeeperAnswer> answers_;
   Snapshot<KeeperReport> snapshot_;
@@ -162,7 +162,7 @@ class CalibrationKeeper {
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
   std::shared_ptr<const std::string> document_before_trial_;
-  InstalledPtr running_;                  ///< the calibration that the blend uses, or takes next
+  sets::InstalledPtr running_;            ///< the calibration that the blend uses, or takes next
   Instant now_;                           ///< time of the current step
   std::optional<KeeperRequest> waiting_;  ///< a request that waits until the current installation has ended
 };

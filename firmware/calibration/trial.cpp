@@ -9,8 +9,8 @@ void CalibrationTrial::enter(State from, State to) {
   state_ = to;
 }
 
-void CalibrationTrial::prepare(Calibration calibration, std::optional<SignedDocument> original, InstalledPtr before,
-                               Duration lasts) {
+void CalibrationTrial::prepare(Calibration calibration, std::optional<SignedDocument> original,
+                               sets::InstalledPtr before, Duration lasts) {
   enter(State::kNone, State::kPreparing);
   NODAL_ASSERT(before);
   report_ = Trial{calibration_id(calibration), calibration.name, before->id, {}};
@@ -35,7 +35,7 @@ void CalibrationTrial::keep() {
   before_.reset();
 }
 
-InstalledPtr CalibrationTrial::go_back() {
+sets::InstalledPtr CalibrationTrial::go_back() {
   enter(State::kRunning, State::kNone);
   return std::exchange(before_, nullptr);
 }

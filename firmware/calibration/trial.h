@@ -6,9 +6,9 @@
 #include <string>
 
 #include "firmware/calibration/calibration_store.h"
-#include "firmware/frame/installed_calibration.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
+#include "stitch/sets/installed_calibration.h"
 
 namespace nodal::firmware {
 
@@ -38,14 +38,15 @@ class CalibrationTrial {
   State state() const { return state_; }
   bool running() const { return state_ == State::kRunning; }
 
-  void prepare(Calibration calibration, std::optional<SignedDocument> original, InstalledPtr before, Duration lasts);
+  void prepare(Calibration calibration, std::optional<SignedDocument> original, sets::InstalledPtr before,
+               Duration lasts);
   /// Starts the time of the trial.
   void run(Instant now);
   void give_up();
   /// The calibration is stored and stays in force: releases the one before.
   void keep();
   /// Ends the trial and returns the calibration that was in force before.
-  InstalledPtr go_back();
+  sets::InstalledPtr go_back();
 
   /// The following three only while running().
   const Trial& report() const;
@@ -61,7 +62,7 @@ class CalibrationTrial {
   Trial report_;
   Calibration calibration_;
   std::optional<SignedDocument> original_;
-  InstalledPtr before_;
+  sets::InstalledPtr before_;
   Duration lasts_;
 };
 

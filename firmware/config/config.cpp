@@ -8,9 +8,9 @@
 
 #include "firmware/config/gpio_entry.h"
 #include "firmware/config/head_entry.h"
-#include "firmware/config/toml_reader.h"
 #include "protocol/base/limits.h"
-#include "stitch/geometry/raymap/registry.h"
+#include "protocol/toml/toml_reader.h"
+#include "stitch/sets/raymap_toml.h"
 
 namespace nodal::firmware {
 namespace {
@@ -37,46 +37,6 @@ void read_rig(TomlReader reader, RigConfig& config) {
   }
 }
 
-/// A key that has no effect on the kind of transition is refused.
-void read_transition(TomlReader& reader, RaymapConfig& raymap) {
-  raymap.transition = reader.choice<RaymapTransition>("transition", {{"two-band", RaymapTransition::kTwoBand},
-                                                                     {"seam", RaymapTransition::kSeam},
-                                                                     {"feather", RaymapTransition::kFeather}});
-  if (raymap.transition == RaymapTransition::kSeam && reader.has("feather")) {
-    reader.refuse("feather",
-                  "has no effect with transition = \"seam\"; remove it, or write \"two-band\" or \"feather\"");
-  }
-  if (raymap.transition == RaymapTransition::kFeather && reader.has("seam_width")) {
-    reader.refuse("seam_width",
-                  "has no effect with transition = \"feather\"; remove it, or write \"two-band\" or \"seam\"");
-  }
-  raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);
-  raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
-}
-
-void read_raymap(TomlReader reader, RaymapConfig& raymap) {
-  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(reader.text("layout", raymap.layout));
-  if (!layout) return reader.refuse("layout", "cannot be used: " + layout.error().message, layout.error().code);
-  raymap.layout = layout->text();
-  const int usual = layout->size_for_width(layout->kind().name == "cube" ? 1536 : 2048).width;
-  raymap.width = static_cast<int>(reader.integer("width", 16, 16384, usual));
-  const int height = layout->size_for_width(raymap.width).height;
-  raymap.height = static_cast<int>(reader.integer("height", 16, 16384, height));
-  if (const Status shaped = layout->check_size({raymap.width, raymap.height}); !shaped) {
-    reader.refuse("height", "is " + std::to_string(raymap.height) + ": " + std::to_string(raymap.width) + "x" +
-                                std::to_string(raymap.height) + " " + shaped.error().message);
-  }
-  raymap.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
-                                                        {"NV12", PixelFormat::kNv12},
-                                                        {"RGB24", PixelFormat::kRgb24},
-                                                        {"GREY", PixelFormat::kGrey8},
-                                                        {"RGB48", PixelFormat::kRgb48},
-                                                        {"GREY16", PixelFormat::kGrey16}});
-  raymap.jpeg_quality = static_cast<int>(reader.integer("jpeg_quality", 1, 100, 85));
-  read_transition(reader, raymap);
-  raymap.soft = reader.choice<bool>("tone", {{"soft", true}, {"clip", false}});
-}
-
 /// Call after the heads are read: the raymap's format can only be made from certain formats of heads.
 void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
   const char* wanted = has_chroma(raymap) ? "I420, NV12, I422, YUYV, UYVY, MJPEG or a Bayer format"
@@ -93,8 +53,7 @@ void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, Pixe
 
 /// Call after the heads are read: separate fields form sets only if all heads are interlaced and expose the same field
 /// first.
-void read_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, RaymapConfig& raymap) {
-  raymap.fields = reader.choice<FieldUse>("fields", {{"weave", FieldUse::kWeave}, {"separate", FieldUse::kSeparate}});
+void check_field_use(TomlReader reader, const std::vector<HeadConfig>& heads, const RaymapConfig& raymap) {
   if (raymap.fields == FieldUse::kWeave) return;
   for (const HeadConfig& head : heads) {
     if (head.fields == Fields::kProgressive) {
@@ -264,11 +223,8 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   };
   if (!file.has("rig")) file.refuse("rig", "is missing; write a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
-  TomlReader raymap(
-      section("raymap"), "raymap",
-      {"layout", "width", "height", "format", "jpeg_quality", "transition", "seam_width", "feather", "tone", "fields"},
-      error);
-  read_raymap(raymap, config.raymap);
+  TomlReader raymap = sets::raymap_reader(section("raymap"), error);
+  config.raymap = sets::read_raymap(raymap);
   read_trigger(
       {section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source", "port", "readback"}, error},
       config.rate, config.trigger);
@@ -306,7 +262,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     if (head.wired) file.refuse("trigger", no_pulse + "follow; remove its trigger_mode");
     if (head.trigger_delay != Duration()) file.refuse("trigger", no_pulse + "delay; remove its trigger_delay_us");
   }
-  read_field_use(raymap, config.heads, config.raymap);
+  check_field_use(raymap, config.heads, config.raymap);
   read_exposure(
       {section("exposure"),
        "exposure",

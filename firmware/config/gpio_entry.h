@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "firmware/config/config.h"
-#include "firmware/config/toml_reader.h"
+#include "protocol/toml/toml_reader.h"
 
 namespace nodal::firmware {
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "firmware/config/config.h"
-#include "firmware/config/toml_reader.h"
+#include "protocol/toml/toml_reader.h"
 
 namespace nodal::firmware {
 

@@ -4,9 +4,9 @@
 #include <string_view>
 
 #include "firmware/config/exposure_settings.h"
-#include "firmware/config/toml_reader.h"
 #include "firmware/storage/settings_store.h"
 #include "protocol/base/limits.h"
+#include "protocol/toml/toml_reader.h"
 
 namespace nodal::firmware {
 namespace {

@@ -10,16 +10,6 @@ namespace {
 
 void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memory_order_relaxed); }
 
-/// The part of a head's frame that is blended: all of it, or the field that the source is for.
-ImageView picture_of(const blend::BlendTable::Source& source, const ImageView& frame) {
-  return source.field ? field_of(frame, *source.field) : frame;
-}
-
-/// `first` is the head's source in the first table, the one for the field exposed first.
-bool has_fields_for(const blend::BlendTable::Source& first, const hal::FrameView& frame) {
-  return !first.field || frame.fields == fields_from(*first.field);
-}
-
 }  // namespace
 
 Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in)
@@ -62,19 +52,13 @@ bool Blender::run_band() {
       break;
     }
   }
-  const blend::BlendTable& table = this->table();
   if (doing_ == Round::kDecode) {
     decode(band_of(ticket));
   } else if (doing_ == Round::kPrepare) {
-    const ToPrepare& head = to_prepare_[band_of(ticket)];
-    std::array<ImageView, blend::kMaxPictures> views;
-    blend::prepare_picture(*head.source, head.picture, head.memory, views);
-    for (std::size_t level = 0; level < head.source->pictures(); ++level) {
-      pictures_[level * table.sources.size() + head.index] = views[level];
-    }
+    blend_.prepare(band_of(ticket));
   } else {
     const int row = static_cast<int>(band_of(ticket)) * kBandRows;
-    blend::blend_rows(table, pictures_, tone_, into_, row, std::min(row + kBandRows, config_.height));
+    blend_.blend(row, std::min(row + kBandRows, config_.height));
   }
   bands_done_.fetch_add(1, std::memory_order_acq_rel);
   return true;
@@ -109,7 +93,7 @@ bool Blender::finish() {
   raymaps_out_.push(std::move(raymap_));
   raymap_ = {};
   count(counts_.blended);
-  if (field_ + 1 < installed_->tables.size()) {
+  if (field_ + 1 < blend_.installed()->tables.size()) {
     ++field_;
     begun_ = clock_.now();
     begin_raymap();
@@ -124,8 +108,7 @@ bool Blender::adopt() {
   if (tables_out_.full() || adoptions_out_.full()) return false;
   auto installed = tables_in_.pop();
   if (!installed) return false;
-  std::swap(installed_, *installed);
-  if (*installed) tables_out_.push(std::move(*installed));
+  if (sets::InstalledPtr before = blend_.adopt(std::move(*installed))) tables_out_.push(std::move(before));
   adoption_unreported_ = true;
   count(counts_.adopted);
   return true;
@@ -139,116 +122,68 @@ bool Blender::begin() {
   }
   const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
-  if (std::exchange(adoption_unreported_, false)) adoptions_out_.push({set->number, installed_->id});
+  if (std::exchange(adoption_unreported_, false)) adoptions_out_.push({set->number, blend_.installed()->id});
   sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
-  if (!installed_) {
+  if (!blend_.installed()) {
     count(counts_.without_calibration);
   } else if (set->number % every_.load(std::memory_order_relaxed) != 0) {
     count(counts_.shed);
-  } else if (ready = take_pixels(installed_->tables.size()); !ready) {
+  } else if (ready = take_pixels(blend_.installed()->tables.size()); !ready) {
     count(counts_.without_buffer);
   }
   if (!ready) return true;
   set_ = set;
   field_ = 0;
   begun_ = clock_.now();
-  take_frames(*set_);
-  if (heads_to_decode_ == 0) {
+  begin_blend();
+  if (blend_.to_decode() == 0) {
     begin_raymap();
   } else {
     doing_ = Round::kDecode;
-    start_round(heads_to_decode_);
+    start_round(blend_.to_decode());
   }
   return true;
 }
 
-/// Notes which frames of the set are blended, and which are decoded before.
-void Blender::take_frames(const FrameSet& set) {
-  heads_to_decode_ = 0;
-  const auto& decoders = installed_->decoders;
-  for (std::size_t i = 0; i < decoders.size(); ++i) {
-    frames_[i] = {};
-    if (!set.has(i)) continue;
-    if (!decoders[i]->takes(set.frames[i].image) || !has_fields_for(installed_->tables[0].sources[i], set.frames[i])) {
-      count(counts_.unfit_frames);
-      continue;
-    }
-    frames_[i] = set.frames[i].image;
-    if (decoders[i]->needed(frames_[i])) to_decode_[heads_to_decode_++] = i;
+void Blender::begin_blend() {
+  std::array<sets::SetFrame, kMaxHeads> frames;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (!set_->has(i)) continue;
+    const hal::FrameView& frame = set_->frames[i];
+    const hal::HeadSettings& in_effect = frame.in_effect;
+    frames[i] = {true, frame.image, frame.fields, in_effect.exposure, in_effect.gain, in_effect.gamma.thousandths()};
   }
+  counts_.unfit_frames.fetch_add(blend_.begin(frames), std::memory_order_relaxed);
 }
 
 void Blender::decode(std::uint64_t band) {
-  const std::size_t head = to_decode_[band];
-  const ImageView frame = frames_[head];
-  const decode::DecodeFault fault = installed_->decoders[head]->decode(frame, frames_[head]);
+  const auto [head, fault] = blend_.decode(band);
   undecodable_[head].now.store(fault, std::memory_order_relaxed);
   if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
 }
 
 void Blender::begin_raymap() {
-  const blend::BlendTable& table = this->table();
-  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, 0, installed_->id, {}, {}};
-  if (const auto parity = table.sources[0].field) {
+  raymap_.pixels = std::exchange(pixels_[field_], {});
+  blend_.begin_raymap(field_, raymap_.pixels.edit().data());
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, blend_.heads(), blend_.installed()->id, {}, {}};
+  raymap_.info.linear = blend_.linear();
+  for (std::size_t i = 0; i < kMaxHeads; ++i) {
+    if ((blend_.heads() & head_bit(i)) != 0) raymap_.info.in_effect[i] = set_->frames[i].in_effect;
+  }
+  if (const auto parity = blend_.table().sources[0].field) {
     raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
     if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
   }
-  raymap_.pixels = std::exchange(pixels_[field_], {});
-  into_ = packed_image(table.format, table.width, table.height, raymap_.pixels.edit().data());
-  take_pictures(*set_);
-  undo_exposures(*set_);
-  doing_ = heads_to_prepare_ > 0 ? Round::kPrepare : Round::kBlend;
-  start_round(heads_to_prepare_ > 0 ? heads_to_prepare_ : bands_);
+  doing_ = blend_.to_prepare() > 0 ? Round::kPrepare : Round::kBlend;
+  start_round(blend_.to_prepare() > 0 ? blend_.to_prepare() : bands_);
   if (field_ == 0) measure();  // while other threads blend; the set stays: only this thread can release it
-}
-
-void Blender::take_pictures(const FrameSet& set) {
-  const blend::BlendTable& table = this->table();
-  std::uint8_t* memory = installed_->prepared->data();
-  heads_to_prepare_ = 0;
-  for (std::size_t i = 0; i < table.sources.size(); ++i) {
-    const blend::BlendTable::Source& source = table.sources[i];
-    const std::size_t bytes = blend::prepared_size(source);
-    std::uint8_t* own_memory = memory;
-    memory += bytes;
-    pictures_[i] = {};
-    if (frames_[i].planes[0].data == nullptr) continue;
-    const ImageView picture = picture_of(source, frames_[i]);
-    raymap_.info.heads |= head_bit(i);
-    raymap_.info.in_effect[i] = set.frames[i].in_effect;
-    pictures_[i] = picture;
-    if (bytes > 0) to_prepare_[heads_to_prepare_++] = {&source, picture, own_memory, i};
-  }
-}
-
-/// A missing head counts with its last exposure, so that the brightness of the others does not jump when it disappears.
-void Blender::undo_exposures(const FrameSet& set) {
-  const std::size_t heads = table().sources.size();
-  bool known = installed_->exposures.heads.size() == heads;
-  for (std::size_t i = 0; i < heads; ++i) {
-    if (set.has(i)) {
-      const hal::HeadSettings& in_effect = set.frames[i].in_effect;
-      exposed_[i] = {stops_of(in_effect.exposure) + stops_of(in_effect.gain), in_effect.gamma.thousandths()};
-      was_exposed_ |= head_bit(i);
-    }
-    known = known && (was_exposed_ & head_bit(i)) != 0;
-  }
-  if (is_linear16(table().format)) {
-    const auto as_calibrated = decltype(exposed_){};
-    const std::span<const blend::ExposedHead> exposed(known ? exposed_ : as_calibrated);
-    tone_ = blend::linear_tone(table(), installed_->exposures, exposed.first(heads));
-    raymap_.info.linear = blend::linear_scale(installed_->exposures, tone_, exposed.first(heads));
-    if (!known) raymap_.info.linear->full.reset();
-    return;
-  }
-  tone_ = known ? blend::tone_of_exposures(table(), installed_->exposures, exposed_) : installed_->tone;
 }
 
 void Blender::measure() {
   if (light_out_.full()) return;
-  // The unprepared frames: other threads change pictures_ meanwhile.
-  blend::SphereLight seen = blend::meter(installed_->meter, frames_, exposed_);
+  // The unprepared frames: other threads prepare pictures meanwhile.
+  blend::SphereLight seen = blend::meter(blend_.installed()->meter, blend_.frames(), blend_.exposed());
   seen.set = set_->number;
   light_out_.push(std::move(seen));
 }

@@ -8,15 +8,14 @@
 
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
-#include "firmware/frame/installed_calibration.h"
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/raymap.h"
 #include "firmware/frame/statistics.h"
 #include "hal/clock.h"
 #include "protocol/base/image.h"
 #include "protocol/base/spsc_ring.h"
-#include "stitch/blend/blend.h"
-#include "stitch/blend/prepare.h"
+#include "stitch/sets/installed_calibration.h"
+#include "stitch/sets/set_blend.h"
 
 namespace nodal::decode {
 enum class DecodeFault : std::uint8_t;
@@ -45,9 +44,9 @@ class Blender {
   void close();
 
   Outlet<SetLoan>& sets_in() { return sets_in_; }
-  SpscRing<InstalledPtr>& tables_in() { return tables_in_; }
+  SpscRing<sets::InstalledPtr>& tables_in() { return tables_in_; }
   /// Calibrations that are no longer in force; the keeper frees them outside the frame path.
-  SpscRing<InstalledPtr>& tables_out() { return tables_out_; }
+  SpscRing<sets::InstalledPtr>& tables_out() { return tables_out_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   /// The metered light of each blended set. When the ring is full, new entries are discarded.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
@@ -110,14 +109,11 @@ class Blender {
   bool finish();
   bool adopt();
   bool begin();
-  void take_frames(const FrameSet& set);
+  void begin_blend();
   void decode(std::uint64_t band);
   void begin_raymap();
-  void take_pictures(const FrameSet& set);
-  const blend::BlendTable& table() const { return installed_->tables[field_]; }
   void start_round(std::uint64_t bands);
   bool take_pixels(std::size_t count);
-  void undo_exposures(const FrameSet& set);
   void measure();
 
   const RaymapConfig config_;
@@ -125,8 +121,8 @@ class Blender {
   hal::ClockPort& clock_;
   Outlet<SetLoan>& sets_in_;
   LoanPool<LineVector> pixels_pool_;
-  SpscRing<InstalledPtr> tables_in_;
-  SpscRing<InstalledPtr> tables_out_;
+  SpscRing<sets::InstalledPtr> tables_in_;
+  SpscRing<sets::InstalledPtr> tables_out_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
   SpscRing<Adoption> adoptions_out_;
@@ -134,35 +130,18 @@ class Blender {
 
   // Written between raymaps, only by the thread that holds coordinating_.
   std::atomic_flag coordinating_;
-  InstalledPtr installed_;
+  sets::SetBlend blend_;
   bool adoption_unreported_ = false;  ///< goes to adoptions_out_ with the next set
   std::uint64_t round_ = 0;
-  std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< the newest known exposure of each head
-  HeadMask was_exposed_ = 0;                             ///< heads with an entry in exposed_
-  SetLoan set_;                                          ///< the set being blended
-  std::size_t field_ = 0;                                ///< index of the field being blended, and of its table
-  std::array<PixelsLoan, 2> pixels_;                     ///< for the raymaps still to be made from set_
+  SetLoan set_;                       ///< the set being blended
+  std::size_t field_ = 0;             ///< index of the field being blended, and of its table
+  std::array<PixelsLoan, 2> pixels_;  ///< for the raymaps still to be made from set_
   Instant begun_;
 
   // The raymap being blended. Constant while threads work on its bands.
   enum class Round : std::uint8_t { kDecode, kPrepare, kBlend };
   Round doing_ = Round::kBlend;
-  /// The set's frames as the blend reads them, in place or decoded; empty where there is none.
-  std::array<ImageView, kMaxHeads> frames_;
-  std::array<std::size_t, kMaxHeads> to_decode_{};  ///< heads
-  std::size_t heads_to_decode_ = 0;
   Raymap raymap_;
-  struct ToPrepare {
-    const blend::BlendTable::Source* source = nullptr;
-    ImageView picture;
-    std::uint8_t* memory = nullptr;
-    std::size_t index = 0;
-  };
-  std::array<ToPrepare, kMaxHeads> to_prepare_;
-  std::size_t heads_to_prepare_ = 0;
-  std::array<ImageView, kMaxHeads * blend::kMaxPictures> pictures_;  ///< in the order of blend::Pictures
-  blend::SetTone tone_;
-  MutableImageView into_;
   std::atomic<std::uint64_t> next_band_{0};
   std::atomic<std::uint64_t> bands_done_{0};
 

@@ -1,10 +1,8 @@
 #include "firmware/picture/jpeg.h"
 
-#include <algorithm>
 #include <cstdarg>
 #include <cstdio>
 #include <string>
-#include <utility>
 
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
@@ -40,47 +38,13 @@ JpegEncoder::JpegEncoder(const RaymapConfig& config) : config_(config) {
   const std::string xmp = sphere_metadata(config);
   writer_ = std::make_unique<media::JpegWriter>(
       media::JpegSpec{in_8_bits(config.format), config.width, config.height, config.jpeg_quality, xmp});
-  if (!is_linear16(config.format)) return;
-  picture_.resize(packed_size(in_8_bits(config.format), config.width, config.height));
-  level_of_.resize(65536);
 }
 
 JpegEncoder::~JpegEncoder() = default;
 
-void JpegEncoder::set_levels(const blend::LinearScale& scale) {
-  if (scale.shown_from == shown_from_) return;  // the usual case: exposures did not change
-  shown_from_ = scale.shown_from;
-  std::size_t number = 0;
-  for (std::size_t level = 0; level < 256; ++level) {
-    const std::size_t end = level < 255 ? std::max<std::size_t>(number, shown_from_[level + 1]) : level_of_.size();
-    std::fill(level_of_.begin() + static_cast<std::ptrdiff_t>(number),
-              level_of_.begin() + static_cast<std::ptrdiff_t>(end), static_cast<std::uint8_t>(level));
-    number = end;
-  }
-}
-
-ImageView JpegEncoder::shown(const ImageView& raymap, const RaymapInfo& info) {
-  if (!is_linear16(raymap.format)) return raymap;
-  if (info.linear) set_levels(*info.linear);
-  const PixelFormat in_8 = in_8_bits(raymap.format);
-  const MutableImageView picture = packed_image(in_8, raymap.width, raymap.height, picture_.data());
-  for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(in_8)); ++c) {
-    const PlaneView& from = raymap.planes[c];
-    const MutablePlaneView& to = picture.planes[c];
-    for (int y = 0; y < to.height; ++y) {
-      const std::uint8_t* in = from.data + y * from.row_stride;
-      std::uint8_t* out = to.data + y * to.row_stride;
-      for (int x = 0; x < to.width; ++x, in += from.pixel_stride, out += to.pixel_stride) {
-        *out = level_of_[static_cast<std::size_t>(in[0] | in[1] << 8)];
-      }
-    }
-  }
-  return packed_image(in_8, raymap.width, raymap.height, std::as_const(picture_).data());
-}
-
 Status JpegEncoder::encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into) {
   NODAL_ASSERT(raymap.format == config_.format && raymap.width == config_.width && raymap.height == config_.height);
-  return writer_->write(shown(raymap, info), RaymapComment(info).text(), into);
+  return writer_->write(shown_.in_8_bits(raymap, info.linear), RaymapComment(info).text(), into);
 }
 
 }  // namespace nodal::firmware

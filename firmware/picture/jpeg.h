@@ -11,6 +11,7 @@
 #include "firmware/frame/raymap.h"
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
+#include "stitch/sets/shown_raymap.h"
 
 namespace nodal::media {
 class JpegWriter;
@@ -47,14 +48,8 @@ class JpegEncoder {
   Status encode(const ImageView& raymap, const RaymapInfo& info, std::vector<std::uint8_t>& into);
 
  private:
-  /// The raymap in 8 bits: the raymap itself, or a conversion in picture_.
-  ImageView shown(const ImageView& raymap, const RaymapInfo& info);
-  void set_levels(const blend::LinearScale& scale);
-
   const RaymapConfig config_;
-  std::vector<std::uint8_t> picture_;            ///< converted picture; empty if raymaps have 8 bits already
-  std::vector<std::uint8_t> level_of_;           ///< lookup table: 16-bit value to 8-bit level
-  std::array<std::uint16_t, 256> shown_from_{};  ///< the scale that level_of_ was computed from
+  sets::ShownRaymap shown_;
   std::unique_ptr<media::JpegWriter> writer_;
 };
 

@@ -13,10 +13,10 @@ namespace {
 
 using firmware::CalibrationKeeper;
 using firmware::CalibrationStore;
-using firmware::InstalledPtr;
 using firmware::KeeperAnswer;
 using firmware::KeeperRequest;
 using hal::sim::SimDisk;
+using sets::InstalledPtr;
 
 firmware::RigConfig tiny_config() {
   firmware::RigConfig config = scenario::small_config();
@@ -51,8 +51,8 @@ class Keeping {
   }
 
  private:
-  SpscRing<InstalledPtr> out_{1};
-  SpscRing<InstalledPtr> back_{8};
+  SpscRing<sets::InstalledPtr> out_{1};
+  SpscRing<sets::InstalledPtr> back_{8};
 
  public:
   CalibrationKeeper keeper;

@@ -37,7 +37,7 @@ Calibration ring() {
   return calibration;
 }
 
-StandOptions before(hal::sim::ScenePtr scene, firmware::FieldUse use, Fields fields = Fields::kBottomFirst) {
+StandOptions before(hal::sim::ScenePtr scene, FieldUse use, Fields fields = Fields::kBottomFirst) {
   StandOptions options;
   options.truth = ring();
   options.config.heads.resize(4);
@@ -107,7 +107,7 @@ void leave_picture(const Pulled& raymap, const std::string& name) {
 
 TEST(Fields, SeparateBeforeAMovingBar_EachRaymapHasItsEdgesWhereTheyWereAtItsFieldsTime) {
   for (const Fields fields : {Fields::kBottomFirst, Fields::kTopFirst}) {
-    Stand stand(before(turning_bar(), firmware::FieldUse::kSeparate, fields));
+    Stand stand(before(turning_bar(), FieldUse::kSeparate, fields));
     const std::vector<Pulled> raymaps = pull(stand, 32);
     ASSERT_EQ(raymaps.size(), 32u);
     double worst = 0;
@@ -140,7 +140,7 @@ TEST(Fields, SeparateBeforeAMovingBar_EachRaymapHasItsEdgesWhereTheyWereAtItsFie
 }
 
 TEST(Fields, WovenBeforeAMovingBar_RowsShowTheEdgeOfEitherFieldInTurns) {
-  Stand stand(before(turning_bar(), firmware::FieldUse::kWeave));
+  Stand stand(before(turning_bar(), FieldUse::kWeave));
   const std::vector<Pulled> raymaps = pull(stand, 8);
   ASSERT_EQ(raymaps.size(), 8u);
   int rows = 0, of_first = 0, of_second = 0, jumps = 0;
@@ -170,8 +170,7 @@ TEST(Fields, WovenBeforeAMovingBar_RowsShowTheEdgeOfEitherFieldInTurns) {
 TEST(Fields, SeparateBeforeAStillEdge_BothFieldsHaveItWhereItIs) {
   const double tilt = 3 * kPi / 180;
   const hal::sim::Direction axis{std::cos(tilt), std::sin(tilt), 0};
-  Stand stand(
-      before(hal::sim::bar_scene(axis, Duration::seconds(1'000'000'000), kHalfBar), firmware::FieldUse::kSeparate));
+  Stand stand(before(hal::sim::bar_scene(axis, Duration::seconds(1'000'000'000), kHalfBar), FieldUse::kSeparate));
   const std::vector<Pulled> raymaps = pull(stand, 2);
   ASSERT_EQ(raymaps.size(), 2u);
   for (const Pulled& raymap : raymaps) {
@@ -194,7 +193,7 @@ TEST(Fields, SeparateBeforeAStillEdge_BothFieldsHaveItWhereItIs) {
 }
 
 TEST(Fields, SeparateForAWhile_StatusTellsOfTwiceTheRaymapsAndNoSetIsLost) {
-  Stand stand(before(turning_bar(), firmware::FieldUse::kSeparate));
+  Stand stand(before(turning_bar(), FieldUse::kSeparate));
   TestHost& host = stand.bring_up();
   stand.run(Duration::seconds(4));
   const wire::RigStatus status = host.status();
@@ -208,7 +207,7 @@ TEST(Fields, SeparateForAWhile_StatusTellsOfTwiceTheRaymapsAndNoSetIsLost) {
 }
 
 TEST(Fields, EvidenceOfSeparateFields_IsToldOnceASet) {
-  Stand stand(before(turning_bar(), firmware::FieldUse::kSeparate));
+  Stand stand(before(turning_bar(), FieldUse::kSeparate));
   TestHost& host = stand.bring_up();
   wire::Request request;
   request.mutable_pull()->set_coding(wire::PullRequest::EVIDENCE);
@@ -222,7 +221,7 @@ TEST(Fields, EvidenceOfSeparateFields_IsToldOnceASet) {
 }
 
 TEST(Fields, ACalibrationComesWhileFieldsAreBlended_NoSetIsMadeByTwo) {
-  Stand stand(before(turning_bar(), firmware::FieldUse::kSeparate));
+  Stand stand(before(turning_bar(), FieldUse::kSeparate));
   TestHost& host = stand.bring_up();
   const StreamId stream = host.pull(false, 0, true);
   Calibration other = ring();
@@ -244,7 +243,7 @@ TEST(Fields, ACalibrationComesWhileFieldsAreBlended_NoSetIsMadeByTwo) {
 }
 
 TEST(Fields, OneFieldOfAFrameIsLost_TheOtherHeadsMakeBothRaymapsOfItsSet) {
-  Stand stand(before(turning_bar(), firmware::FieldUse::kSeparate));
+  Stand stand(before(turning_bar(), FieldUse::kSeparate));
   TestHost& host = stand.bring_up();
   stand.lock(host);
   const StreamId stream = host.pull(false, 0, true);

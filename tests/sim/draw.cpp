@@ -125,7 +125,7 @@ firmware::RigConfig config_of(const Nature& nature) {
   config.raymap.width = 16;
   config.raymap.height = 8;
   config.raymap.format = PixelFormat::kGrey8;
-  if (nature.fields != Fields::kProgressive) config.raymap.fields = firmware::FieldUse::kSeparate;
+  if (nature.fields != Fields::kProgressive) config.raymap.fields = FieldUse::kSeparate;
   config.trigger.start = nature.genlocked;
   if (nature.aligned) config.trigger.source = firmware::SyncSource::kNone;
   for (int i = 0; i < nature.heads; ++i) {

@@ -44,7 +44,7 @@ class JpegHeads : public BlenderTest {
   }
   std::array<std::vector<std::uint8_t>, kHeads> jpegs;
   std::array<std::vector<std::uint8_t>, kHeads> decoded;
-  const InstalledPtr calibration = installed("jpegs", 1, std::vector(kHeads, PixelFormat::kMjpeg));
+  const sets::InstalledPtr calibration = installed("jpegs", 1, std::vector(kHeads, PixelFormat::kMjpeg));
 };
 
 TEST_F(JpegHeads, ASet_IsTheRaymapOfItsDecodedPictures) {

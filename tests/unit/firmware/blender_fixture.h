@@ -8,6 +8,7 @@
 
 #include "firmware/picture/blender.h"
 #include "hal/sim/clock.h"
+#include "stitch/blend/blend.h"
 #include "stitch/table/table_compiler.h"
 #include "tests/reference/prepared_heads.h"
 #include "tests/support/rigs.h"
@@ -25,8 +26,8 @@ inline RaymapConfig raymap_config() {
   return config;
 }
 
-inline InstalledPtr installed(const std::string& name, std::uint8_t mark,
-                              const std::vector<PixelFormat>& delivered = {}) {
+inline sets::InstalledPtr installed(const std::string& name, std::uint8_t mark,
+                                    const std::vector<PixelFormat>& delivered = {}) {
   Calibration calibration = test::ring(kHeads, kSide, kSide);
   calibration.name = name;
   const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
@@ -38,7 +39,7 @@ inline InstalledPtr installed(const std::string& name, std::uint8_t mark,
   id.fill(mark);
   std::vector<blend::BlendTable> tables;
   tables.push_back(std::move(*table));
-  return make_installed(id, name, std::move(tables), {}, {}, delivered);
+  return sets::make_installed(id, name, std::move(tables), {}, {}, delivered);
 }
 
 class BlenderTest : public testing::Test {
@@ -61,7 +62,7 @@ class BlenderTest : public testing::Test {
     return set;
   }
   /// The result of blend_rows for the set in one call; the bands must give exactly the same.
-  LineVector whole(const FrameSet& set, const InstalledCalibration& calibration) {
+  LineVector whole(const FrameSet& set, const sets::InstalledCalibration& calibration) {
     const RaymapConfig config = raymap_config();
     LineVector pixels(packed_size(config.format, config.width, config.height));
     std::array<ImageView, kHeads> views;
@@ -88,7 +89,7 @@ class BlenderTest : public testing::Test {
     sets.collect();
     return sets.lent();
   }
-  void install(InstalledPtr calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
+  void install(sets::InstalledPtr calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
 
   std::array<std::vector<std::uint8_t>, kHeads> pictures;
   hal::sim::SimClock clock;

@@ -19,7 +19,7 @@ TEST_F(BlenderTest, WithoutACalibration_SetsGoBackAndAreCounted) {
 }
 
 TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
-  const InstalledPtr calibration = installed("one", 1);
+  const sets::InstalledPtr calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(7);
   set.sync.trigger = 9;
@@ -36,7 +36,7 @@ TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
 }
 
 TEST_F(BlenderTest, AHeadIsMissing_ItsBitIsTooAndTheOthersTakeItsRays) {
-  const InstalledPtr calibration = installed("one", 1);
+  const sets::InstalledPtr calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(0);
   set.mask &= ~head_bit(2);
@@ -48,7 +48,7 @@ TEST_F(BlenderTest, AHeadIsMissing_ItsBitIsTooAndTheOthersTakeItsRays) {
 }
 
 TEST_F(BlenderTest, AFrameOfAnotherSize_IsNotReadAndCounted) {
-  const InstalledPtr calibration = installed("one", 1);
+  const sets::InstalledPtr calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(0);
   set.frames[1].image = packed_image(PixelFormat::kRgb24, kSide / 2, kSide, std::as_const(pictures[1]).data());
@@ -63,8 +63,8 @@ TEST_F(BlenderTest, AFrameOfAnotherSize_IsNotReadAndCounted) {
 }
 
 TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
-  const InstalledPtr first = installed("one", 1);
-  const InstalledPtr second = installed("two", 2);
+  const sets::InstalledPtr first = installed("one", 1);
+  const sets::InstalledPtr second = installed("two", 2);
   install(first);
   FrameSet set = full_set(0);
   lend(set);
@@ -101,7 +101,7 @@ TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
 }
 
 /// The ring's heads interlaced, the bottom field first.
-InstalledPtr installed_by_field() {
+sets::InstalledPtr installed_by_field() {
   const RaymapConfig config = raymap_config();
   const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
   std::vector<blend::BlendTable> tables;
@@ -111,11 +111,11 @@ InstalledPtr installed_by_field() {
     const table::RaymapSpec spec{"equirectangular", config.width, config.height, config.format};
     tables.push_back(table::compile_blend_table(test::ring(kHeads, kSide, kSide), spec, formats, options).value());
   }
-  return make_installed({}, "fields", std::move(tables));
+  return sets::make_installed({}, "fields", std::move(tables));
 }
 
 TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfTheirOwn) {
-  const InstalledPtr calibration = installed_by_field();
+  const sets::InstalledPtr calibration = installed_by_field();
   install(calibration);
   FrameSet set = full_set(3);
   set.mid_exposure = Instant{} + Duration::milliseconds(100);
@@ -206,7 +206,7 @@ TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
 }
 
 TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
-  const std::array<InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
+  const std::array<sets::InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
   constexpr std::uint64_t kSets =
       1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
@@ -235,7 +235,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     while (blender.tables_out().pop()) {}
     while (blender.adoptions_out().pop()) {}
     if (given % 50 == 49) {
-      InstalledPtr next = calibrations[(given / 50) % 2];
+      sets::InstalledPtr next = calibrations[(given / 50) % 2];
       (void)blender.tables_in().push(std::move(next));  // both tables give the same picture
     }
     auto raymap = blender.raymaps_out().pop();

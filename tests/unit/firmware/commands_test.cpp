@@ -152,7 +152,7 @@ class CalibrationTrialTest : public testing::Test {
  protected:
   void prepare() { trial.prepare(Calibration{}, std::nullopt, before, Duration::seconds(60)); }
 
-  InstalledPtr before = std::make_shared<InstalledCalibration>();
+  sets::InstalledPtr before = std::make_shared<sets::InstalledCalibration>();
   Instant start = Instant::from_ns(1'000'000'000);
   CalibrationTrial trial;
 };

@@ -4,14 +4,15 @@
 #include <optional>
 #include <vector>
 
-#include "firmware/config/config.h"
+#include "protocol/base/field.h"
 #include "protocol/base/image.h"
+#include "protocol/base/raymap_config.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/table/table_compiler.h"
 
-namespace nodal::firmware {
+namespace nodal::sets {
 
 /// Tables are compiled one after the other: joining a table's rows needs the memory twice, and so only for one table.
 ///
@@ -20,8 +21,9 @@ namespace nodal::firmware {
 /// Errors: those of table::TableCompiler, from make() or finish().
 class TableJob {
  public:
-  /// For heads that deliver `formats`, in the calibration's order. The tables are for pictures of blended_format().
-  static Result<TableJob> make(const Calibration& calibration, const RigConfig& config,
+  /// For heads that deliver `formats`, in the calibration's order. The tables are for pictures of blended_format(). `fields`
+  /// of the heads decides which field's table is in front, if there are two.
+  static Result<TableJob> make(const Calibration& calibration, const RaymapConfig& raymap, Fields fields,
                                std::vector<PixelFormat> formats);
 
   bool done() const { return !compiler_; }
@@ -49,4 +51,4 @@ class TableJob {
   Status status_;
 };
 
-}  // namespace nodal::firmware
+}  // namespace nodal::sets

@@ -1,4 +1,4 @@
-#include "firmware/config/toml_reader.h"
+#include "protocol/toml/toml_reader.h"
 
 #include <algorithm>
 #include <sstream>
@@ -6,7 +6,7 @@
 #include "protocol/base/nearest_word.h"
 #include "protocol/base/text.h"
 
-namespace nodal::firmware {
+namespace nodal {
 namespace {
 
 std::string listed(std::span<const std::string_view> words) {
@@ -138,4 +138,4 @@ const toml::table* TomlReader::table(std::string_view key) {
   return node ? node->as_table() : nullptr;
 }
 
-}  // namespace nodal::firmware
+}  // namespace nodal

@@ -1,4 +1,4 @@
-#include "firmware/frame/installed_calibration.h"
+#include "stitch/sets/installed_calibration.h"
 
 #include <algorithm>
 #include <utility>
@@ -7,7 +7,7 @@
 #include "stitch/blend/prepare.h"
 #include "stitch/decode/frame_decoder.h"
 
-namespace nodal::firmware {
+namespace nodal::sets {
 
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
                             blend::MeterTable meter, blend::ToneTable exposures,
@@ -33,4 +33,4 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
                                                                            std::move(meter), std::move(exposures)});
 }
 
-}  // namespace nodal::firmware
+}  // namespace nodal::sets

@@ -17,7 +17,7 @@ namespace nodal::decode {
 class FrameDecoder;
 }
 
-namespace nodal::firmware {
+namespace nodal::sets {
 
 /// Immutable.
 struct InstalledCalibration {
@@ -27,8 +27,8 @@ struct InstalledCalibration {
   std::vector<blend::BlendTable> tables;
   blend::SetTone tone;  ///< for heads with the exposures they were calibrated at
   std::shared_ptr<std::vector<std::uint8_t>>
-      prepared;  ///< scratch memory of the blender, for the prepared pictures that a table requires
-  /// Scratch memory of the blender, too: what decodes each head's frames where the blend cannot read them as they are.
+      prepared;  ///< scratch memory of the blend, for the prepared pictures that a table requires
+  /// Scratch memory of the blend, too: what decodes each head's frames where the blend cannot read them as they are.
   std::vector<std::shared_ptr<decode::FrameDecoder>> decoders;
   blend::MeterTable meter;
   blend::ToneTable exposures;  ///< compensates the differences between the heads' exposures
@@ -41,4 +41,4 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
                             blend::MeterTable meter = {}, blend::ToneTable exposures = {},
                             const std::vector<PixelFormat>& delivered = {});
 
-}  // namespace nodal::firmware
+}  // namespace nodal::sets

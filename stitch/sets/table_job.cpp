@@ -1,10 +1,10 @@
-#include "firmware/calibration/table_job.h"
+#include "stitch/sets/table_job.h"
 
 #include <algorithm>
 #include <string>
 #include <utility>
 
-namespace nodal::firmware {
+namespace nodal::sets {
 namespace {
 
 table::Transition transition_of(RaymapTransition transition) {
@@ -18,9 +18,8 @@ table::Transition transition_of(RaymapTransition transition) {
 
 }  // namespace
 
-Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig& config,
+Result<TableJob> TableJob::make(const Calibration& calibration, const RaymapConfig& raymap, Fields fields,
                                 std::vector<PixelFormat> formats) {
-  const RaymapConfig& raymap = config.raymap;
   TableJob job;
   job.calibration_ = calibration;
   for (const PixelFormat delivered : formats) {
@@ -34,7 +33,7 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RigConfig&
   job.options_.feather = raymap.feather;
   job.fields_ = {std::nullopt};
   if (raymap.fields == FieldUse::kSeparate) {
-    const FieldParity first = first_field(config.heads[0].fields);
+    const FieldParity first = first_field(fields);
     job.fields_ = {first, other(first)};
   }
   if (Status begun = job.next_table(); !begun) return fail(begun.error());
@@ -78,4 +77,4 @@ Result<std::vector<blend::BlendTable>> TableJob::finish() && {
   return std::move(tables_);
 }
 
-}  // namespace nodal::firmware
+}  // namespace nodal::sets

@@ -14,7 +14,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::firmware {
+namespace nodal {
 
 /// The first error of a file. Later errors are not recorded: they are often consequences of the first.
 class FirstError {
@@ -74,4 +74,4 @@ class TomlReader {
   FirstError& error_;
 };
 
-}  // namespace nodal::firmware
+}  // namespace nodal

@@ -1,0 +1,37 @@
+// How a rig makes its raymaps. firmware/RIG.md explains every key and its limits.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "protocol/base/image.h"
+
+namespace nodal {
+
+/// How interlaced frames are blended.
+enum class FieldUse : std::uint8_t {
+  kWeave,     ///< the rows of both fields in one raymap, as if they were one exposure
+  kSeparate,  ///< one raymap per field, each with a table for the rows of that field
+};
+
+enum class RaymapTransition : std::uint8_t { kTwoBand, kSeam, kFeather };
+
+/// What raymaps are like: [raymap] of rig.toml.
+struct RaymapConfig {
+  std::string layout = "equirectangular";  ///< the canonical text of a geometry::LayoutName; also in the protocol
+  int width = 2048;
+  int height = 1024;
+  PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
+  int jpeg_quality = 85;                    ///< 1 .. 100
+  /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
+  RaymapTransition transition = RaymapTransition::kTwoBand;
+  double seam_width_deg = 2;  ///< kTwoBand, kSeam: 0 .. 180
+  double feather = 0.5;       ///< kTwoBand, kFeather: 0.01 .. 1
+  bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped
+  FieldUse fields = FieldUse::kWeave;
+
+  /// Raymaps that are made from one frame set.
+  int raymaps_a_set() const { return fields == FieldUse::kSeparate ? 2 : 1; }
+};
+
+}  // namespace nodal
