@@ -1,0 +1,141 @@
+// Reads the folder of a take (protocol/TAKE.md).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/field.h"
+#include "protocol/base/image.h"
+#include "protocol/base/result.h"
+#include "protocol/base/units.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+#include "stitch/media/take/plain_file.h"
+
+namespace nodal::media {
+
+/// The largest picture that is read from a take: 64 MiB, 50 MB of which are 8192x4096 px in I420.
+inline constexpr std::uint64_t kMaxTakePictureBytes = std::uint64_t{64} << 20;
+
+/// The pictures of one file.
+struct TakeStream {
+  std::string file;                   ///< its name in the folder
+  std::optional<std::uint32_t> head;  ///< nothing: raymaps
+  PixelFormat format = PixelFormat::kMjpeg;
+  int width = 0;  ///< px
+  int height = 0;
+  ColourCoding coding;
+  Fields fields = Fields::kProgressive;
+};
+
+/// One segment. Whatever is read is compared with the hashes in the evidence first.
+///
+/// Threading: thread-bound.
+/// Ownership: owns the open files, and the newest MiB of each.
+/// Errors: see TakeFolder.
+class TakeSegment {
+ public:
+  const take::Segment& evidence() const { return evidence_; }
+  /// By the number of the file in the evidence.
+  const std::vector<TakeStream>& streams() const { return streams_; }
+  /// Replaces `into` by bytes of a file, such as those of a frame.
+  Status read(std::uint32_t file, std::uint64_t at, std::uint64_t bytes, std::vector<std::uint8_t>& into);
+
+ private:
+  friend class TakeFolder;
+  struct File {
+    PlainFile file;
+    std::vector<take::Xxh128> hashes;
+    std::vector<std::uint8_t> piece{};  ///< the newest that was read
+    std::optional<std::uint64_t> piece_number{};
+  };
+  Status open_files(const std::filesystem::path& folder, const take::Manifest& manifest);
+  Status check_frame(const take::wire::Frame& frame, std::uint64_t set) const;
+  Status load(File& file, std::uint64_t piece);
+
+  take::Segment evidence_;
+  std::vector<TakeStream> streams_;
+  std::vector<File> files_;
+};
+
+/// Threading: thread-bound.
+/// Ownership: none.
+/// Errors: each names the file. kNotReady for a take that was not ended; kNotFound for what is missing, a symbolic link or a
+///   device; kBadFormat for what contradicts itself; kChecksum for bytes that differ from the manifest or the hashes; those
+///   of take::parse_manifest() and take::read_evidence(); kTooLarge.
+class TakeFolder {
+ public:
+  /// Reads take.json and the manifest.
+  static Result<TakeFolder> open(const std::filesystem::path& folder);
+
+  const std::filesystem::path& path() const { return folder_; }
+  const take::TakeDocument& about() const { return about_; }
+  const take::Manifest& manifest() const { return manifest_; }
+  bool has(const std::string& name) const { return find(name) != nullptr; }
+  /// The text of a document, such as "rig.toml".
+  Result<std::string> text(const std::string& name, std::uint64_t limit) const;
+
+  std::size_t segments() const { return segments_.size(); }
+  /// Segment `k` of them, in the order of recording; `first_set`: the index that its first set must have.
+  Result<TakeSegment> segment(std::size_t k, std::uint64_t first_set) const;
+
+ private:
+  const take::Manifest::File* find(const std::string& name) const;
+  Result<std::vector<std::uint8_t>> whole(const std::string& name, std::uint64_t limit) const;
+
+  std::filesystem::path folder_;
+  take::TakeDocument about_;
+  take::Manifest manifest_;
+  std::vector<std::uint32_t> segments_;  ///< their numbers, rising
+};
+
+/// One head in a set.
+struct TakeFrame {
+  bool there = false;         ///< the head had a frame in the set: its time and settings are known
+  std::string placeholder{};  ///< why there is no picture: "missing", "format"; empty: there is one
+  ImageView image{};          ///< refers to the TakeSet; without data if it was not read
+  Fields fields = Fields::kProgressive;
+  Duration offset{};  ///< its mid-exposure after the set's
+  Exposure exposure{};
+  Gain gain{};
+  WhiteBalance white_balance{};
+  std::int32_t gamma = 0;  ///< thousandths; 0: the head's own curve
+  std::uint32_t sequence = 0;
+};
+
+/// One set, with a frame for each head of the take. A head that has no file in the segment is not there.
+struct TakeSet {
+  take::wire::Set evidence;  ///< without its frames
+  Instant mid_exposure;
+  std::array<TakeFrame, kMaxHeads> heads{};
+  std::array<std::vector<std::uint8_t>, kMaxHeads> bytes{};
+};
+
+/// All sets of a take, one after the other.
+///
+/// Threading: thread-bound.
+/// Ownership: refers to the folder; has one segment in memory.
+/// Errors: those of TakeFolder.
+class TakeSets {
+ public:
+  explicit TakeSets(const TakeFolder& folder) : folder_(folder) {}
+  /// The next set, without pictures; false after the last.
+  Result<bool> next(TakeSet& set);
+  /// Reads the pictures of the set that next() gave last.
+  Status read_pictures(TakeSet& set);
+  /// The segment of that set.
+  TakeSegment& segment() { return *segment_; }
+
+ private:
+  const TakeFolder& folder_;
+  std::optional<TakeSegment> segment_;
+  std::size_t next_segment_ = 0;
+  std::size_t next_set_ = 0;  ///< of the segment
+  std::uint64_t sets_ = 0;    ///< before the segment
+};
+
+}  // namespace nodal::media

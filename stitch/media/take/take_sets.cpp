@@ -1,0 +1,76 @@
+#include <algorithm>
+#include <utility>
+
+#include "protocol/base/limits.h"
+#include "stitch/media/take/take_folder.h"
+
+namespace nodal::media {
+namespace {
+
+TakeFrame frame_of(const take::wire::Frame& told, const TakeStream& stream) {
+  TakeFrame frame;
+  frame.there = told.placeholder() != "missing";
+  frame.placeholder = told.placeholder();
+  frame.fields = stream.fields;
+  if (!frame.there) return frame;
+  frame.offset = Duration::nanoseconds(told.offset_ns());
+  constexpr std::uint64_t kLongest = 1'000'000'000'000;  // ns
+  frame.exposure =
+      Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(std::min(told.exposure_ns(), kLongest))));
+  frame.gain = Gain::millidecibels(std::clamp(told.gain_mdb(), -kMostGainMdb, kMostGainMdb));
+  const auto q12 = [](std::uint32_t value) {
+    return static_cast<std::uint16_t>(std::min<std::uint32_t>(value, 65535));
+  };
+  frame.white_balance = {q12(told.red_q12()), q12(told.blue_q12())};
+  frame.gamma = static_cast<std::int32_t>(std::min<std::uint32_t>(told.gamma(), 100'000));
+  frame.sequence = told.sequence();
+  return frame;
+}
+
+ImageView view_of(const TakeStream& stream, const std::vector<std::uint8_t>& bytes) {
+  ImageView view{stream.format, stream.width, stream.height, {}, bytes.size(), stream.coding};
+  if (stream.format == PixelFormat::kMjpeg) {
+    const int length = static_cast<int>(bytes.size());
+    view.planes[0] = {bytes.data(), length, 1, length, 1};
+    return view;
+  }
+  view.planes = packed_image(stream.format, stream.width, stream.height, bytes.data()).planes;
+  return view;
+}
+
+}  // namespace
+
+Result<bool> TakeSets::next(TakeSet& set) {
+  while (!segment_ || next_set_ == segment_->evidence().sets.size()) {
+    if (next_segment_ == folder_.segments()) return false;
+    if (segment_) sets_ += segment_->evidence().sets.size();
+    segment_.reset();
+    auto opened = folder_.segment(next_segment_++, sets_);
+    if (!opened) return fail(opened.error());
+    segment_.emplace(std::move(*opened));
+    next_set_ = 0;
+  }
+  const take::wire::Set& told = segment_->evidence().sets[next_set_++];
+  set.evidence = told;
+  set.mid_exposure = Instant::from_ns(told.mid_exposure_ns());
+  set.heads = {};
+  for (const take::wire::Frame& frame : told.frames()) {
+    const TakeStream& stream = segment_->streams()[frame.file()];
+    set.heads[*stream.head] = frame_of(frame, stream);
+  }
+  return true;
+}
+
+Status TakeSets::read_pictures(TakeSet& set) {
+  for (const take::wire::Frame& frame : set.evidence.frames()) {
+    const TakeStream& stream = segment_->streams()[frame.file()];
+    TakeFrame& head = set.heads[*stream.head];
+    if (!head.placeholder.empty()) continue;
+    std::vector<std::uint8_t>& bytes = set.bytes[*stream.head];
+    if (const Status read = segment_->read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
+    head.image = view_of(stream, bytes);
+  }
+  return {};
+}
+
+}  // namespace nodal::media
