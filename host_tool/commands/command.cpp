@@ -139,6 +139,7 @@ CommandLine::CommandLine(Console& console)
   add_sync(app_, *this);
   add_raymap(app_, *this);
   add_stitch(app_, *this);
+  add_render(app_, *this);
   add_convert(app_, *this);
   add_view(app_, *this);
   add_import(app_, *this);

@@ -91,6 +91,7 @@ void add_pairs(CLI::App& app, CommandLine& line);
 void add_drift(CLI::App& app, CommandLine& line);
 void add_register(CLI::App& app, CommandLine& line);
 void add_stitch(CLI::App& app, CommandLine& line);
+void add_render(CLI::App& app, CommandLine& line);
 void add_convert(CLI::App& app, CommandLine& line);
 void add_view(CLI::App& app, CommandLine& line);
 void add_export(CLI::App& app, CommandLine& line);

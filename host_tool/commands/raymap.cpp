@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/commands/film_file.h"
 #include "host_tool/commands/picture_file.h"
+#include "host_tool/commands/raymap_sink.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
@@ -104,25 +104,14 @@ class Assembly {
   BulkItemBytes bytes_;
 };
 
-/// Where and in which format raymaps are stored.
-struct Sink {
-  std::string pattern;  ///< "-": standard output
-  RaymapFormat format = RaymapFormat::kJpg;
-  std::shared_ptr<FilmFile> film{};  ///< all raymaps in one file; then `format` is kJpg
-};
-
-Result<Sink> make_sink(const RaymapArgs& args, Console& console) {
-  Sink sink;
+Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
   if (args.out.ends_with(".mkv")) {
     if (!args.format.empty() && args.format != "jpg") {
       return fail(Errc::kBadValue, "--format " + args.format + ": a film (.mkv) is of JPEGs; leave it out");
     }
-    auto film = FilmFile::create(args.out);
-    if (!film) return fail(film.error());
-    sink.film = std::move(*film);
-    sink.pattern = args.out;
-    return sink;
+    return RaymapSink::film_of(args.out);
   }
+  RaymapSink sink;
   if (!args.format.empty()) {
     sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
   } else if (!args.out.empty() && args.out != "-") {
@@ -143,35 +132,6 @@ Result<Sink> make_sink(const RaymapArgs& args, Console& console) {
   if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error());
   if (many && !has_number(sink.pattern)) console.note(sink.pattern + " holds the newest raymap only; %06d keeps all");
   return sink;
-}
-
-/// Stores a raymap and returns its file name.
-Result<std::string> store(const Sink& sink, const ReceivedRaymap& raymap, std::uint64_t number, Console& console) {
-  if (sink.film) {
-    if (const Status added = sink.film->add(raymap); !added) return fail(added.error());
-    return sink.pattern;
-  }
-  std::vector<std::uint8_t> file;
-  std::span<const std::uint8_t> bytes = raymap.bytes;
-  if (sink.format == RaymapFormat::kPng || sink.format == RaymapFormat::kTiff) {
-    Result<std::vector<std::uint8_t>> encoded =
-        sink.format == RaymapFormat::kPng ? encode_png(raymap) : encode_tiff(raymap);
-    if (!encoded) return fail(encoded.error());
-    file = std::move(*encoded);
-    bytes = file;
-  }
-  if (sink.pattern == "-") {
-    console.bytes({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-    return std::string("-");
-  }
-  const Result<std::string> name = numbered_name(sink.pattern, number);
-  if (!name) return fail(name.error());
-  // Not synced: a disk could not sync 30 files per second, and a new file follows soon anyway.
-  if (const Status written = write_file(*name, bytes, Durability::kLater); !written) return fail(written.error());
-  if (sink.format == RaymapFormat::kRaw) {
-    if (const Status written = write_file(*name + ".json", raw_sidecar(raymap)); !written) return fail(written.error());
-  }
-  return *name;
 }
 
 void tell_frame(Console& console, const ReceivedRaymap& raymap, const std::string& name, std::uint64_t dropped) {
@@ -206,7 +166,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
 /// One pull, from its first piece to its summary.
 class Pull {
  public:
-  Pull(RigConnection& rig, StreamId stream, const RaymapArgs& args, const Sink& sink, int heads, Console& console)
+  Pull(RigConnection& rig, StreamId stream, const RaymapArgs& args, const RaymapSink& sink, int heads, Console& console)
       : rig_(rig),
         stream_(stream),
         args_(args),
@@ -288,7 +248,7 @@ class Pull {
       return {};
     }
     tally_.add(raymap);
-    const Result<std::string> stored = store(sink_, raymap, tally_.pulled, console_);
+    const Result<std::string> stored = sink_.store(raymap, tally_.pulled, console_);
     if (!stored) return fail(stored.error());
     name_ = *stored;
     tell_frame(console_, raymap, name_, tally_.dropped);
@@ -300,7 +260,7 @@ class Pull {
   RigConnection& rig_;
   StreamId stream_;
   const RaymapArgs& args_;
-  const Sink& sink_;
+  const RaymapSink& sink_;
   int heads_;
   Console& console_;
   bool endless_;
@@ -341,7 +301,7 @@ Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Co
 }
 
 Status run_raymap(Context& context, const RaymapArgs& args) {
-  const Result<Sink> sink = make_sink(args, context.console());
+  const Result<RaymapSink> sink = make_sink(args, context.console());
   if (!sink) return fail(sink.error());
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());

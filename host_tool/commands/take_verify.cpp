@@ -10,6 +10,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/local_file.h"
+#include "host_tool/offload/take_files.h"
 #include "protocol/base/sha256.h"
 #include "protocol/take/digest.h"
 #include "protocol/take/documents.h"
@@ -22,25 +23,13 @@ namespace fs = std::filesystem;
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
 
-Result<Bytes> read_small(const fs::path& path, std::size_t limit) {
-  const auto file = LocalFile::open_to_read(path);
-  if (!file) return fail(file.error());
-  const auto size = file->size();
-  if (!size) return fail(size.error());
-  if (*size > limit) return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", path.string(), *size, limit));
-  Bytes bytes(static_cast<std::size_t>(*size));
-  const auto read = file->read(0, bytes);
-  if (!read) return fail(read.error());
-  bytes.resize(*read);
-  return bytes;
-}
-
 /// The hashes of the video files' pieces, from the evidence beside them.
 std::map<std::string, std::vector<take::Xxh128>> hashes_in(const fs::path& folder, const take::Manifest& manifest) {
   std::map<std::string, std::vector<take::Xxh128>> all;
+  const auto files = take_files(folder);
   for (const take::Manifest::File& file : manifest.files) {
     if (!file.name.starts_with("evidence-")) continue;
-    const auto bytes = read_small(folder / file.name, take::kMaxEvidenceBytes);
+    const auto bytes = media::read_take_file(*files, file.name, take::kMaxEvidenceBytes);
     if (!bytes) continue;
     PieceHashes hashes;
     hashes.update(*bytes);
@@ -102,7 +91,7 @@ Status run_verify(Context& context, const std::string& name) {
   const fs::path folder = name;
   std::error_code error;
   if (!fs::is_directory(folder, error)) return fail(Errc::kNotFound, name + ": there is no such folder");
-  const auto text = read_small(folder / take::kManifestFile, take::kMaxManifestBytes);
+  const auto text = media::read_take_file(*take_files(folder), take::kManifestFile, take::kMaxManifestBytes);
   if (!text && fs::exists(folder / (take::kManifestFile + ".part"), error)) {
     return fail(Errc::kNotReady, name + ": the copy is not complete; the same `nodal offload` goes on with it");
   }

@@ -6,11 +6,15 @@
 #include <cstring>
 #include <optional>
 
+#include "protocol/base/field.h"
+
 namespace nodal::decode {
 namespace {
 
 constexpr std::uint8_t kSoi = 0xD8;
+constexpr std::uint8_t kEoi = 0xD9;
 constexpr std::uint8_t kSos = 0xDA;
+constexpr std::uint8_t kApp0 = 0xE0;
 constexpr std::uint8_t kFirstAlone = 0xD0;  // markers without a length: RST0..7, SOI, EOI
 constexpr std::uint8_t kLastAlone = 0xD9;
 
@@ -19,6 +23,8 @@ struct Frame {
   std::uint8_t process = 0;  ///< 0: baseline, 1: extended sequential, 2: progressive; others are not decoded
   int components = 0;
   int components_in_scan = 0;
+  bool bottom_field = false;  ///< by an AVI1 segment
+  std::size_t scan_at = 0;    ///< of the scan's marker
 };
 
 bool is_start_of_frame(std::uint8_t marker) {
@@ -46,7 +52,11 @@ std::optional<Frame> read_segments(std::span<const std::uint8_t> jpeg) {
       frame.process = static_cast<std::uint8_t>(marker & 15);
       frame.components = jpeg[at + 9];
     }
+    if (marker == kApp0 && length >= 7 && std::memcmp(&jpeg[at + 4], "AVI1", 4) == 0) {
+      frame.bottom_field = jpeg[at + 8] == 2;
+    }
     if (marker == kSos) {
+      frame.scan_at = at;
       if (length < 3 || frame.components == 0) return std::nullopt;
       frame.components_in_scan = jpeg[at + 4];
       return frame;
@@ -54,6 +64,18 @@ std::optional<Frame> read_segments(std::span<const std::uint8_t> jpeg) {
     at += 2 + length;
   }
   return std::nullopt;
+}
+
+/// What begins with the first SOI behind the EOI of the JPEG whose scan is at `scan_at`; empty if nothing does. Inside of a scan's
+/// data FF D9 means EOI only (ITU-T T.81, B.1.1.5).
+std::span<const std::uint8_t> next_jpeg(std::span<const std::uint8_t> jpegs, std::size_t scan_at) {
+  std::uint8_t wanted = kEoi;
+  for (std::size_t at = scan_at; at + 1 < jpegs.size(); ++at) {
+    if (jpegs[at] != 0xFF || jpegs[at + 1] != wanted) continue;
+    if (wanted == kSoi) return jpegs.subspan(at);
+    wanted = kSoi;
+  }
+  return {};
 }
 
 std::uint8_t mean_of(int a, int b) { return static_cast<std::uint8_t>((a + b + 1) >> 1); }
@@ -176,29 +198,48 @@ DecodeFault JpegDecoder::decode(std::span<const std::uint8_t> jpeg, const Mutabl
   return fault;
 }
 
-DecodeFault JpegDecoder::try_to_decode(std::span<const std::uint8_t> jpeg, const MutableImageView& into) {
+DecodeFault JpegDecoder::open(std::span<const std::uint8_t> jpeg, Opened& opened) {
   const auto frame = read_segments(jpeg);
   if (!frame) return DecodeFault::kNoJpeg;
   if (frame->process > 1 || frame->components_in_scan != frame->components) return DecodeFault::kSeveralScans;
-  int width = 0;
-  int height = 0;
-  int subsampling = 0;
+  opened.jpeg = jpeg;
+  opened.bottom_field = frame->bottom_field;
+  opened.scan_at = frame->scan_at;
   int colours = 0;
-  if (!handle_ ||
-      tjDecompressHeader3(handle_.get(), jpeg.data(), jpeg.size(), &width, &height, &subsampling, &colours) != 0) {
+  if (!handle_ || tjDecompressHeader3(handle_.get(), jpeg.data(), jpeg.size(), &opened.width, &opened.height,
+                                      &opened.subsampling, &colours) != 0) {
     return DecodeFault::kOtherCoding;
   }
-  if (width != into.width || height != into.height) return DecodeFault::kOtherSize;
-  if (colours != TJCS_YCbCr && colours != TJCS_GRAY) return DecodeFault::kOtherCoding;
+  return colours == TJCS_YCbCr || colours == TJCS_GRAY ? DecodeFault::kNone : DecodeFault::kOtherCoding;
+}
+
+DecodeFault JpegDecoder::decode_opened(const Opened& opened, const MutableImageView& into) {
+  if (opened.width != into.width || opened.height != into.height) return DecodeFault::kOtherSize;
   int status = 0;
   if (into.format == PixelFormat::kI420) {
-    status = decode_planes(jpeg, subsampling, into);
+    status = decode_planes(opened.jpeg, opened.subsampling, into);
   } else {
-    status = tjDecompress2(handle_.get(), jpeg.data(), jpeg.size(), into.planes[0].data, width,
-                           static_cast<int>(into.planes[0].row_stride), height,
+    status = tjDecompress2(handle_.get(), opened.jpeg.data(), opened.jpeg.size(), into.planes[0].data, opened.width,
+                           static_cast<int>(into.planes[0].row_stride), opened.height,
                            into.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
   return status == 0 || only_superfluous_bytes() ? DecodeFault::kNone : DecodeFault::kBroken;
+}
+
+DecodeFault JpegDecoder::try_to_decode(std::span<const std::uint8_t> jpeg, const MutableImageView& into) {
+  Opened opened;
+  if (const DecodeFault fault = open(jpeg, opened); fault != DecodeFault::kNone) return fault;
+  const int rows_of_fields = into.format == PixelFormat::kI420 ? 4 : 2;
+  if (opened.width != into.width || 2 * opened.height != into.height || into.height % rows_of_fields != 0) {
+    return decode_opened(opened, into);
+  }
+  const FieldParity first = opened.bottom_field ? FieldParity::kBottom : FieldParity::kTop;
+  const auto second = next_jpeg(jpeg, opened.scan_at);
+  if (second.empty()) return DecodeFault::kOtherSize;
+  opened.jpeg = jpeg.first(jpeg.size() - second.size());
+  if (const DecodeFault fault = decode_opened(opened, field_of(into, first)); fault != DecodeFault::kNone) return fault;
+  if (const DecodeFault fault = open(second, opened); fault != DecodeFault::kNone) return fault;
+  return decode_opened(opened, field_of(into, other(first)));
 }
 
 }  // namespace nodal::decode

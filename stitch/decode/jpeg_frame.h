@@ -37,14 +37,27 @@ class JpegDecoder {
   JpegDecoder();
 
   /// `into` is I420, RGB24 or GREY, and the JPEG has its size. Chroma of any subsampling becomes that of I420: by means of
-  /// its samples, or by linear interpolation where it is coarser. What `into` holds after a fault is undefined.
+  /// its samples, or by linear interpolation where it is coarser. Two JPEGs of half the height, one behind the other, are the
+  /// fields of an interlaced frame: the first is the top field, unless its AVI1 segment says that it is the bottom field.
+  /// What `into` holds after a fault is undefined.
   DecodeFault decode(std::span<const std::uint8_t> jpeg, const MutableImageView& into);
 
  private:
   struct Close {
     void operator()(void* handle) const;
   };
+  /// A JPEG whose header the decompressor has read.
+  struct Opened {
+    std::span<const std::uint8_t> jpeg;
+    int width = 0;
+    int height = 0;
+    int subsampling = 0;
+    bool bottom_field = false;  ///< it says that it is one
+    std::size_t scan_at = 0;
+  };
   DecodeFault try_to_decode(std::span<const std::uint8_t> jpeg, const MutableImageView& into);
+  DecodeFault open(std::span<const std::uint8_t> jpeg, Opened& opened);
+  DecodeFault decode_opened(const Opened& opened, const MutableImageView& into);
   int decode_planes(std::span<const std::uint8_t> jpeg, int subsampling, const MutableImageView& into);
   bool only_superfluous_bytes() const;
 

@@ -56,9 +56,15 @@ int TableJob::percent() const {
 }
 
 void TableJob::compile_some(int rows) {
+  compile_some(rows, [](int n, const std::function<void(int)>& work) {
+    for (int i = 0; i < n; ++i) work(i);
+  });
+}
+
+void TableJob::compile_some(int rows, const Run& run) {
   NODAL_ASSERT(compiler_);
   const int until = std::min(compiler_->row_count(), rows_done_ + rows);
-  compiler_->compile_rows(rows_done_, until);
+  run(until - rows_done_, [&](int i) { compiler_->compile_rows(rows_done_ + i, rows_done_ + i + 1); });
   rows_done_ = until;
   if (rows_done_ < compiler_->row_count()) return;
   auto table = std::move(*compiler_).finish();

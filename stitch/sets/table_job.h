@@ -1,6 +1,7 @@
 // Compiles the tables of a calibration in slices: one table for whole frames, or one per field.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -30,6 +31,9 @@ class TableJob {
   int percent() const;
   /// Compiles at most `rows` further rows of tiles. Only while not done().
   void compile_some(int rows);
+  /// The same with threads of the caller: run(n, work) calls work(i) once for every i of 0 .. n-1, on any threads.
+  using Run = std::function<void(int n, const std::function<void(int)>& work)>;
+  void compile_some(int rows, const Run& run);
   /// What the heads deliver.
   const std::vector<PixelFormat>& delivered() const { return delivered_; }
   /// The tables, that of the field exposed first in front. Only when done().

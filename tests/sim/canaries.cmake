@@ -60,7 +60,8 @@ canary(calibration_not_synced firmware/storage/durable_file.cpp "if (done) done 
 canary(told_and_not_kept firmware/calibration/calibration_keeper.cpp
   "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
 canary(raymap_names_the_first firmware/picture/blender.cpp
-  "installed_->id, {}, {}}\;" "[this] { static const Sha256 first = installed_->id\; return first\; }(), {}, {}}\;")
+  "blend_.installed()->id, {}, {}}\;"
+  "[this] { static const Sha256 first = blend_.installed()->id\; return first\; }(), {}, {}}\;")
 canary(moved_the_wrong_way firmware/sync/aligner.cpp
   "nudges[i] = in_steps(off, limits.step)\;" "nudges[i] = in_steps(-off, limits.step)\;")
 canary(asked_taken_for_done firmware/sync/aligner.cpp

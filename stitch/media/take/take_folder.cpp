@@ -8,7 +8,6 @@
 namespace nodal::media {
 namespace {
 
-namespace fs = std::filesystem;
 using take::PieceHashes;
 
 constexpr std::string_view kEvidence = "evidence-";
@@ -40,21 +39,32 @@ Error differs(const std::string& name, const std::string& how) {
 
 }  // namespace
 
-Result<TakeFolder> TakeFolder::open(const fs::path& folder) {
+Result<std::vector<std::uint8_t>> read_take_file(TakeFiles& files, const std::string& name, std::uint64_t limit) {
+  const auto file = files.open(name);
+  if (!file) return fail(file.error());
+  if ((*file)->size() > limit) {
+    return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", files.shown(name), (*file)->size(), limit));
+  }
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>((*file)->size()));
+  if (const Status read = (*file)->read(0, bytes); !read) return fail(read.error());
+  return bytes;
+}
+
+Result<TakeFolder> TakeFolder::open(std::shared_ptr<TakeFiles> files) {
   TakeFolder take;
-  take.folder_ = folder;
-  const auto about = read_plain_file(folder / take::kTakeFile, take::kMaxTakeJsonBytes);
+  take.files_ = std::move(files);
+  const auto about = read_take_file(*take.files_, take::kTakeFile, take::kMaxTakeJsonBytes);
   if (!about) return fail(about.error());
-  auto document = take::parse_take_json(text_of(*about), (folder / take::kTakeFile).string());
+  auto document = take::parse_take_json(text_of(*about), take.shown(take::kTakeFile));
   if (!document) return fail(document.error());
-  const auto listed = read_plain_file(folder / take::kManifestFile, take::kMaxManifestBytes);
+  const auto listed = read_take_file(*take.files_, take::kManifestFile, take::kMaxManifestBytes);
   if (!listed && listed.error().code == Errc::kNotFound) {
-    return fail(Errc::kNotReady, folder.string() +
+    return fail(Errc::kNotReady, take.shown("") +
                                      ": has no manifest: the take was not ended. The rig finishes it when nodald "
                                      "starts; copy it again then");
   }
   if (!listed) return fail(listed.error());
-  const std::string name = (folder / take::kManifestFile).string();
+  const std::string name = take.shown(take::kManifestFile);
   auto manifest = take::parse_manifest(text_of(*listed), name);
   if (!manifest) return fail(manifest.error());
   if (manifest->number != document->number) {
@@ -80,14 +90,14 @@ const take::Manifest::File* TakeFolder::find(const std::string& name) const {
 Result<std::vector<std::uint8_t>> TakeFolder::whole(const std::string& name, std::uint64_t limit) const {
   const take::Manifest::File* file = find(name);
   if (file == nullptr) {
-    return fail(Errc::kNotFound, fmt::format("{}: does not list {}", (folder_ / take::kManifestFile).string(), name));
+    return fail(Errc::kNotFound, fmt::format("{}: does not list {}", shown(take::kManifestFile), name));
   }
-  auto bytes = read_plain_file(folder_ / name, limit);
+  auto bytes = read_take_file(*files_, name, limit);
   if (!bytes) return bytes;
   PieceHashes hashes;
   hashes.update(*bytes);
   if (bytes->size() != file->bytes || take::digest_of(hashes.all()) != file->digest) {
-    return fail(differs((folder_ / name).string(), "differs from the manifest"));
+    return fail(differs(shown(name), "differs from the manifest"));
   }
   return bytes;
 }
@@ -100,7 +110,7 @@ Result<std::string> TakeFolder::text(const std::string& name, std::uint64_t limi
 
 Result<TakeSegment> TakeFolder::segment(std::size_t k, std::uint64_t first_set) const {
   const std::string name = take::evidence_file(segments_[k]);
-  const std::string path = (folder_ / name).string();
+  const std::string path = shown(name);
   const auto bytes = whole(name, take::kMaxEvidenceBytes);
   if (!bytes) return fail(bytes.error());
   auto evidence = take::read_evidence(*bytes, path);
@@ -118,7 +128,7 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, std::uint64_t first_set) 
   }
   TakeSegment segment;
   segment.evidence_ = std::move(*evidence);
-  if (const Status opened = segment.open_files(folder_, manifest_); !opened) return fail(opened.error());
+  if (const Status opened = segment.open_files(*files_, manifest_); !opened) return fail(opened.error());
   for (const take::wire::Set& set : segment.evidence_.sets) {
     for (const take::wire::Frame& frame : set.frames()) {
       if (const Status good = segment.check_frame(frame, set.index()); !good) return fail(good.error().in(path));
@@ -132,23 +142,23 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, std::uint64_t first_set) 
   return segment;
 }
 
-Status TakeSegment::open_files(const fs::path& folder, const take::Manifest& manifest) {
+Status TakeSegment::open_files(TakeFiles& files, const take::Manifest& manifest) {
   for (std::size_t k = 0; k < static_cast<std::size_t>(evidence_.begin.files_size()); ++k) {
     const int index = static_cast<int>(k);
     streams_.push_back(stream_of(evidence_.begin.files(index)));
-    const fs::path path = folder / streams_.back().file;
-    auto file = PlainFile::open(path);
+    const std::string shown = files.shown(streams_.back().file);
+    auto file = files.open(streams_.back().file);
     if (!file) return fail(file.error());
     const std::uint64_t length = evidence_.end->length(index);
-    if (file->size() != length) {
-      return fail(differs(path.string(), fmt::format("has {} bytes, not {}", file->size(), length)));
+    if ((*file)->size() != length) {
+      return fail(differs(shown, fmt::format("has {} bytes, not {}", (*file)->size(), length)));
     }
     std::vector<take::Xxh128> hashes = evidence_.hashes_of(k);
     const auto listed = std::ranges::find(manifest.files, streams_.back().file, &take::Manifest::File::name);
     if (listed == manifest.files.end() || listed->bytes != length || listed->digest != take::digest_of(hashes)) {
-      return fail(Errc::kBadFormat, path.string() + ": manifest and evidence do not say the same of it");
+      return fail(Errc::kBadFormat, shown + ": manifest and evidence do not say the same of it");
     }
-    files_.push_back({std::move(*file), std::move(hashes)});
+    files_.push_back({std::move(*file), shown, std::move(hashes)});
   }
   return {};
 }
@@ -174,10 +184,10 @@ Status TakeSegment::load(File& file, std::uint64_t piece) {
   if (file.piece_number == piece) return {};
   file.piece_number.reset();
   const std::uint64_t from = piece * PieceHashes::kPiece;
-  file.piece.resize(static_cast<std::size_t>(std::min(PieceHashes::kPiece, file.file.size() - from)));
-  if (const Status read = file.file.read(from, file.piece); !read) return read;
+  file.piece.resize(static_cast<std::size_t>(std::min(PieceHashes::kPiece, file.file->size() - from)));
+  if (const Status read = file.file->read(from, file.piece); !read) return read;
   if (take::xxh128(file.piece) != file.hashes[static_cast<std::size_t>(piece)]) {
-    return fail(differs(file.file.name(), fmt::format("its MiB at byte {} differs from what was recorded", from)));
+    return fail(differs(file.shown, fmt::format("its MiB at byte {} differs from what was recorded", from)));
   }
   file.piece_number = piece;
   return {};
@@ -185,9 +195,8 @@ Status TakeSegment::load(File& file, std::uint64_t piece) {
 
 Status TakeSegment::read(std::uint32_t file, std::uint64_t at, std::uint64_t bytes, std::vector<std::uint8_t>& into) {
   File& from = files_.at(file);
-  if (bytes > kMaxTakePictureBytes || at > from.file.size() || bytes > from.file.size() - at) {
-    return fail(Errc::kBadFormat,
-                fmt::format("{}: {} bytes at byte {} are not a picture", from.file.name(), bytes, at));
+  if (bytes > kMaxTakePictureBytes || at > from.file->size() || bytes > from.file->size() - at) {
+    return fail(Errc::kBadFormat, fmt::format("{}: {} bytes at byte {} are not a picture", from.shown, bytes, at));
   }
   into.resize(static_cast<std::size_t>(bytes));
   for (std::size_t done = 0; done < into.size();) {

@@ -3,7 +3,7 @@
 
 #include <array>
 #include <cstdint>
-#include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,7 +14,7 @@
 #include "protocol/base/units.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
-#include "stitch/media/take/plain_file.h"
+#include "stitch/media/take/take_files.h"
 
 namespace nodal::media {
 
@@ -48,12 +48,13 @@ class TakeSegment {
  private:
   friend class TakeFolder;
   struct File {
-    PlainFile file;
+    std::unique_ptr<TakeFile> file;
+    std::string shown;  ///< its name in messages
     std::vector<take::Xxh128> hashes;
     std::vector<std::uint8_t> piece{};  ///< the newest that was read
     std::optional<std::uint64_t> piece_number{};
   };
-  Status open_files(const std::filesystem::path& folder, const take::Manifest& manifest);
+  Status open_files(TakeFiles& files, const take::Manifest& manifest);
   Status check_frame(const take::wire::Frame& frame, std::uint64_t set) const;
   Status load(File& file, std::uint64_t piece);
 
@@ -63,16 +64,17 @@ class TakeSegment {
 };
 
 /// Threading: thread-bound.
-/// Ownership: none.
+/// Ownership: shares the files' folder.
 /// Errors: each names the file. kNotReady for a take that was not ended; kNotFound for what is missing, a symbolic link or a
 ///   device; kBadFormat for what contradicts itself; kChecksum for bytes that differ from the manifest or the hashes; those
 ///   of take::parse_manifest() and take::read_evidence(); kTooLarge.
 class TakeFolder {
  public:
   /// Reads take.json and the manifest.
-  static Result<TakeFolder> open(const std::filesystem::path& folder);
+  static Result<TakeFolder> open(std::shared_ptr<TakeFiles> files);
 
-  const std::filesystem::path& path() const { return folder_; }
+  /// A file's name in messages.
+  std::string shown(const std::string& name) const { return files_->shown(name); }
   const take::TakeDocument& about() const { return about_; }
   const take::Manifest& manifest() const { return manifest_; }
   bool has(const std::string& name) const { return find(name) != nullptr; }
@@ -87,7 +89,7 @@ class TakeFolder {
   const take::Manifest::File* find(const std::string& name) const;
   Result<std::vector<std::uint8_t>> whole(const std::string& name, std::uint64_t limit) const;
 
-  std::filesystem::path folder_;
+  std::shared_ptr<TakeFiles> files_;
   take::TakeDocument about_;
   take::Manifest manifest_;
   std::vector<std::uint32_t> segments_;  ///< their numbers, rising

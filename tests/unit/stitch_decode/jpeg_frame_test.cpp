@@ -206,5 +206,68 @@ TEST(JpegFrame, CutOrChangedAnywhere_NeverCrashesAndTheDecoderGoesOn) {
   EXPECT_EQ(into, decoded(good, 99, 77).bytes);
 }
 
+/// A grey JPEG of one level, with an AVI1 segment if `field` is not 0.
+Bytes field_jpeg(int width, int height, std::uint8_t level, std::uint8_t field) {
+  const Bytes grey(static_cast<std::size_t>(width * height), level);
+  void* const encoder = tjInitCompress();
+  unsigned char* out = nullptr;
+  unsigned long size = 0;
+  EXPECT_EQ(tjCompress2(encoder, grey.data(), width, 0, height, TJPF_GRAY, &out, &size, TJSAMP_GRAY, 95, 0), 0);
+  Bytes jpeg(out, out + size);
+  tjFree(out);
+  tjDestroy(encoder);
+  if (field != 0) {
+    const Bytes avi1{0xFF, 0xE0, 0, 10, 'A', 'V', 'I', '1', field, 0, 0, 0};
+    jpeg.insert(jpeg.begin() + 2, avi1.begin(), avi1.end());
+  }
+  return jpeg;
+}
+
+Bytes joined(Bytes first, const Bytes& second) {
+  first.insert(first.end(), second.begin(), second.end());
+  return first;
+}
+
+void expect_rows(const Decoded& frame, int even, int odd) {
+  ASSERT_EQ(frame.fault, DecodeFault::kNone) << decode_fault_text(frame.fault);
+  const MutablePlaneView& luma = frame.view.planes[0];
+  for (int y = 0; y < luma.height; ++y) {
+    for (int x = 0; x < luma.width; ++x) {
+      ASSERT_NEAR(luma.data[y * luma.row_stride + x], y % 2 == 0 ? even : odd, 2) << x << "," << y;
+    }
+  }
+}
+
+TEST(TwoJpegs, AreTheFieldsOfAFrame_TheTopOneFirstUnlessTheySayOtherwise) {
+  const auto two = [](std::uint8_t first, std::uint8_t second) {
+    return joined(field_jpeg(50, 24, 60, first), field_jpeg(50, 24, 180, second));
+  };
+  for (const PixelFormat as : {PixelFormat::kI420, PixelFormat::kGrey8}) {
+    expect_rows(decoded(two(0, 0), 50, 48, as), 60, 180);
+    expect_rows(decoded(two(1, 2), 50, 48, as), 60, 180);
+    expect_rows(decoded(two(2, 1), 50, 48, as), 180, 60);
+  }
+  // Bytes between the two, as some cameras pad each field.
+  Bytes padded = field_jpeg(50, 24, 60, 1);
+  padded.resize(padded.size() + 13);
+  expect_rows(decoded(joined(padded, field_jpeg(50, 24, 180, 2)), 50, 48), 60, 180);
+}
+
+TEST(TwoJpegs, AFieldThatIsMissingOrWrong_IsAFault) {
+  const Bytes field = field_jpeg(50, 24, 60, 1);
+  EXPECT_EQ(decoded(field, 50, 48).fault, DecodeFault::kOtherSize);
+  EXPECT_EQ(decoded(joined(field, field_jpeg(50, 12, 60, 2)), 50, 48).fault, DecodeFault::kOtherSize);
+  EXPECT_EQ(decoded(joined(field, field_jpeg(50, 48, 60, 2)), 50, 48).fault, DecodeFault::kOtherSize);
+  // Rows of chroma of a height that is not a multiple of four do not belong to one field each.
+  EXPECT_EQ(decoded(joined(field_jpeg(50, 23, 60, 1), field_jpeg(50, 23, 60, 2)), 50, 46).fault,
+            DecodeFault::kOtherSize);
+  const Bytes both = joined(field, field);
+  for (std::size_t bytes = 0; bytes < both.size(); ++bytes) {
+    EXPECT_NE(decoded(Bytes(both.begin(), both.begin() + static_cast<std::ptrdiff_t>(bytes)), 50, 48).fault,
+              DecodeFault::kNone)
+        << bytes;
+  }
+}
+
 }  // namespace
 }  // namespace nodal::decode

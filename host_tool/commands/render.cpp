@@ -1,0 +1,288 @@
+// `nodal render`: a take's sets as raymaps.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/layout_option.h"
+#include "host_tool/commands/raymap_sink.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/offload/take_files.h"
+#include "host_tool/rig/wire_json.h"
+#include "protocol/base/stops.h"
+#include "stitch/media/gpano.h"
+#include "stitch/media/jpeg_writer.h"
+#include "stitch/render/take_render.h"
+#include "stitch/sets/shown_raymap.h"
+
+namespace nodal::host {
+namespace {
+
+struct RenderArgs {
+  std::string folder;
+  std::string out;
+  std::string calibration;
+  std::string layout;
+  int width = 0;
+  int quality = 0;
+  std::string from;
+  std::string to;
+  int threads = 0;
+};
+
+/// The take's [raymap] with what the arguments change in it.
+Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const RenderArgs& args) {
+  Result<RaymapConfig> raymap = render::raymap_of(folder);
+  if (!raymap || (args.layout.empty() && args.width == 0 && args.quality == 0)) return raymap;
+  const std::string layout = args.layout.empty() ? raymap->layout : args.layout;
+  const Result<geometry::LayoutName> name = geometry::LayoutName::parse(layout);
+  if (!name) return fail(name.error().in("--layout"));
+  const Result<geometry::LayoutName> before = geometry::LayoutName::parse(raymap->layout);
+  if (!before) return fail(before.error());
+  if (args.quality != 0) raymap->jpeg_quality = args.quality;
+  if (args.layout.empty() && args.width == 0) return raymap;
+  // As fine as the rig's own, unless a width is given.
+  const double natural = name->width_for_resolution(raymap->width / before->width_for_resolution(1));
+  const geometry::RaymapSize size = name->size_for_width(args.width > 0 ? args.width : natural);
+  raymap->layout = name->text();
+  raymap->width = size.width;
+  raymap->height = size.height;
+  return raymap;
+}
+
+Result<RaymapSink> make_sink(const std::string& out) {
+  if (out.ends_with(".mkv")) return RaymapSink::film_of(out);
+  RaymapSink sink;
+  const Result<RaymapFormat> format = raymap_format_of_name(out);
+  if (!format) return fail(format.error().in("--out"));
+  if (const Result<std::string> name = numbered_name(out, 1); !name) return fail(name.error().in("--out"));
+  sink.format = *format;
+  sink.pattern = out;
+  return sink;
+}
+
+/// Makes of a rendered raymap what a rig sends, so that it can be stored in the same ways.
+class Sender {
+ public:
+  Sender(const RaymapConfig& raymap, bool jpeg) : raymap_(raymap), jpeg_(jpeg) {}
+
+  Result<ReceivedRaymap> send(const render::RenderedRaymap& rendered, const media::TakeSet& set,
+                              const Sha256& calibration) {
+    ReceivedRaymap raymap{header(rendered, set, calibration), {}};
+    if (!jpeg_) {
+      raymap.bytes = rendered.pixels.bytes;
+      return raymap;
+    }
+    if (!writer_) {
+      const std::string xmp =
+          raymap_.layout == "equirectangular" ? media::gpano_packet(raymap_.width, raymap_.height) : std::string();
+      writer_ = std::make_unique<media::JpegWriter>(
+          media::JpegSpec{in_8_bits(raymap_.format), raymap_.width, raymap_.height, raymap_.jpeg_quality, xmp});
+    }
+    const std::string comment =
+        fmt::format("nodal render set={} calibration={}", set.evidence.number(), to_hex(calibration));
+    const ImageView shown = shown_.in_8_bits(rendered.pixels.view(), rendered.linear);
+    if (const Status written = writer_->write(shown, comment, raymap.bytes); !written) return fail(written.error());
+    return raymap;
+  }
+
+ private:
+  wire::RaymapHeader header(const render::RenderedRaymap& rendered, const media::TakeSet& set,
+                            const Sha256& calibration) const {
+    wire::RaymapHeader header;
+    header.set_set(set.evidence.number());
+    header.set_mid_exposure_ns(static_cast<std::uint64_t>(std::max<std::int64_t>(0, rendered.mid_exposure.ns())));
+    header.set_coding(jpeg_ ? "jpeg" : std::string(pixel_format_name(raymap_.format)));
+    header.set_width(static_cast<std::uint32_t>(raymap_.width));
+    header.set_height(static_cast<std::uint32_t>(raymap_.height));
+    header.set_layout(raymap_.layout);
+    header.set_calibration_id(calibration.data(), calibration.size());
+    header.set_heads_mask(rendered.heads);
+    header.set_spread_ns(set.evidence.spread_ns());
+    header.set_genlock(set.evidence.genlock());
+    if (set.evidence.has_pulse()) header.set_trigger(set.evidence.pulse());
+    for (std::size_t i = 0; rendered.heads >> i != 0; ++i) {
+      const bool there = (rendered.heads >> i & 1) != 0;
+      const media::TakeFrame& head = set.heads[i];
+      header.add_offset_ns(there ? head.offset.ns() : 0);
+      header.add_exposure_ns(there ? static_cast<std::uint64_t>(head.exposure.duration().ns()) : 0);
+      header.add_gain_mdb(there ? head.gain.mdb() : 0);
+    }
+    if (rendered.field) {
+      header.set_field(static_cast<std::uint32_t>(*rendered.field));
+      header.set_parity(std::string(field_parity_name(rendered.parity)));
+    }
+    if (rendered.linear && rendered.linear->full) {
+      header.set_full_exposure_ns(exp2_stops(std::clamp(*rendered.linear->full, -9 * kStop, 40 * kStop), 1000));
+    }
+    return header;
+  }
+
+  const RaymapConfig raymap_;
+  const bool jpeg_;
+  std::unique_ptr<media::JpegWriter> writer_;
+  sets::ShownRaymap shown_;
+};
+
+struct Rendered {
+  std::uint64_t raymaps = 0;
+  std::uint64_t undecodable = 0;  ///< pictures of heads
+  std::uint64_t incomplete = 0;   ///< raymaps that lack a head
+  std::string last;               ///< file
+};
+
+/// "without a head in 3, ..."; empty: nothing is missing.
+void tell_losses(Console& console, const render::TakeRender& render, const Rendered& done) {
+  if (done.incomplete != 0) {
+    console.note(
+        fmt::format("{} lack a head: it delivered no picture for the set", counted(done.incomplete, "raymap")));
+  }
+  if (done.undecodable != 0) {
+    console.note(fmt::format("{} could not be decoded and are missing", counted(done.undecodable, "picture")));
+  }
+  if (render.other_calibrations() != 0) {
+    console.note(fmt::format(
+        "note: {} recorded with another calibration than {}, which all raymaps here are made with",
+        counted(render.other_calibrations(), "segment") + (render.other_calibrations() == 1 ? " was" : " were"),
+        to_hex(render.calibration()).substr(0, 12)));
+  }
+}
+
+Status run_render(Context& context, RenderArgs args) {
+  watch_interrupts();
+  Console& console = context.console();
+  const auto begin = std::chrono::steady_clock::now();
+  const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(args.folder));
+  if (!folder) return fail(folder.error());
+  const Result<RaymapConfig> raymap = wanted_raymap(*folder, args);
+  if (!raymap) return fail(raymap.error());
+  render::RenderOptions options;
+  options.raymap = *raymap;
+  options.threads = args.threads;
+  if (!args.calibration.empty()) {
+    const Result<std::string> text = read_file(args.calibration, kMaxCalibrationBytes);
+    if (!text) return fail(text.error());
+    Result<Calibration> calibration = parse_calibration(*text);
+    if (!calibration) return fail(calibration.error().in(args.calibration));
+    options.calibration = std::move(*calibration);
+  }
+  if (!args.from.empty()) options.from = *parse_duration(args.from);
+  if (!args.to.empty()) options.to = *parse_duration(args.to);
+  if (options.to <= options.from) {
+    return fail(Errc::kBadValue, fmt::format("--from {} --to {}: the end must be behind the beginning",
+                                             args.from.empty() ? "0s" : args.from, args.to));
+  }
+  const auto render = render::TakeRender::make(*folder, options);
+  if (!render) return fail(render.error());
+
+  const bool many = folder->manifest().sets * static_cast<std::uint64_t>(raymap->raymaps_a_set()) > 1;
+  if (args.out.empty()) args.out = many ? "raymaps.mkv" : "raymap.jpg";
+  const Result<RaymapSink> sink = make_sink(args.out);
+  if (!sink) return fail(sink.error());
+  if (many && !sink->film && !has_number(args.out)) {
+    return fail(Errc::kBadValue, fmt::format("--out {}: the take has {}, and every raymap needs a name of its own; put "
+                                             "%06d into it, or make a film (.mkv)",
+                                             args.out, counted(folder->manifest().sets, "set")));
+  }
+  Sender sender(*raymap, sink->format == RaymapFormat::kJpg);
+  Rendered done;
+  {
+    Progress bar(console, "rendering", folder->manifest().sets);
+    const auto compiled = [&](double part) {
+      bar.update(done.raymaps, fmt::format("compiling the blend table, {:.0f} %", 100 * part));
+    };
+    render::RenderedRaymap rendered;
+    for (;;) {
+      const auto next = [&] { return (*render)->next(rendered, compiled); };
+      const Result<bool> more = done.raymaps == 0 ? interruptible(console, next) : next();
+      if (!more) return fail(more.error());
+      if (!*more || interrupted()) break;
+      const media::TakeSet& set = (*render)->set();
+      const Result<ReceivedRaymap> made = sender.send(rendered, set, (*render)->calibration());
+      if (!made) return fail(made.error());
+      const Result<std::string> stored = sink->store(*made, ++done.raymaps, console);
+      if (!stored) return fail(stored.error());
+      done.last = *stored;
+      if (rendered.field.value_or(0) == 0) done.undecodable += rendered.undecodable_heads;
+      if (rendered.heads != (1U << folder->about().heads.size()) - 1) ++done.incomplete;
+      Json json = to_json(made->header);
+      json["file"] = done.last;
+      json["index"] = set.evidence.index();
+      console.document({{"raymap", json}});
+      bar.update(set.evidence.index() + 1, done.last);
+    }
+  }
+  if (sink->film) {
+    if (const Status ended = sink->film->end(); !ended) return ended;
+  }
+  if (interrupted()) {
+    return fail(Errc::kCancelled, fmt::format("stopped after {}; the newest is in {}", counted(done.raymaps, "raymap"),
+                                              done.last.empty() ? args.out : done.last));
+  }
+  if (done.raymaps == 0) {
+    return fail(Errc::kNotFound,
+                fmt::format("{}: no set between --from and --to; the take is {} long", args.folder,
+                            show_duration(static_cast<std::uint64_t>(folder->manifest().length.ns()))));
+  }
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  console.document({{"summary",
+                     {{"raymaps", done.raymaps},
+                      {"incomplete", done.incomplete},
+                      {"undecodable_pictures", done.undecodable},
+                      {"calibration", to_hex((*render)->calibration())},
+                      {"layout", raymap->layout},
+                      {"width", raymap->width},
+                      {"height", raymap->height},
+                      {"out", args.out},
+                      {"seconds", seconds}}}});
+  tell_losses(console, **render, done);
+  console.line(fmt::format("{}: {} of {}x{}, {} ({:.1f} s)", args.out, counted(done.raymaps, "raymap"), raymap->width,
+                           raymap->height, raymap->layout, seconds));
+  return {};
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, CommandLine& line) {
+  CLI::App* command = add_command(
+      app, "render", "Blend a take's pictures to raymaps; needs no rig",
+      "  nodal render 000042                                  raymaps.mkv, a film\n"
+      "  nodal render 000042 -o r-%06d.png --from 10s --to 12s\n"
+      "  nodal render 000042 -o cube.mkv --layout cube --calibration better.json\n"
+      "The rig's own calibration and [raymap] are in the take. With them, and if the take has the pictures as the\n"
+      "heads delivered them, the pixels are those of the rig's raymaps; sets that the rig had no time to blend are\n"
+      "rendered, too.\n");
+  auto args = std::make_shared<RenderArgs>();
+  command->add_option("TAKE", args->folder, "The folder of the take")->required()->type_name("");
+  command
+      ->add_option("-o,--out", args->out,
+                   "A film, .mkv (raymaps.mkv when not given), or files, .jpg, .png, .tif or .raw, with %06d")
+      ->type_name("FILE");
+  command->add_option("--calibration", args->calibration, "Another one than the take's, for the same heads")
+      ->type_name("FILE");
+  add_layout_option(*command, args->layout, "The rig's when not given");
+  command->add_option("--width", args->width, "As fine as the rig's raymaps when not given")
+      ->type_name("PX")
+      ->check(CLI::Range(16, geometry::kMaxRaymapSide));
+  command->add_option("--from", args->from, "Leaves out what is before, such as 10s after the take's beginning")
+      ->type_name("DURATION")
+      ->check(checked_by(parse_duration));
+  command->add_option("--to", args->to, "Leaves out what is from then on")
+      ->type_name("DURATION")
+      ->check(checked_by(parse_duration));
+  command->add_option("--quality", args->quality, "Of JPEGs; the rig's when not given")
+      ->type_name("N")
+      ->check(CLI::Range(1, 100));
+  command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+  line.on(command, [args](Context& context) { return run_render(context, *args); });
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,174 @@
+#include "stitch/render/take_render.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <string>
+#include <utility>
+
+#include "protocol/take/documents.h"
+#include "stitch/decode/frame_decoder.h"
+#include "stitch/sets/raymap_toml.h"
+#include "stitch/sets/rig_heads.h"
+#include "stitch/sets/table_job.h"
+#include "stitch/table/meter_compiler.h"
+#include "stitch/table/tone_compiler.h"
+
+namespace nodal::render {
+namespace {
+
+constexpr std::size_t kMostTomlBytes = std::size_t{1} << 20;
+constexpr int kBandRows = 64;  ///< raymap rows that a thread blends at once
+
+sets::SetFrame blended(const media::TakeFrame& frame) {
+  return {frame.there, frame.image, frame.fields, frame.exposure, frame.gain, frame.gamma};
+}
+
+}  // namespace
+
+Result<RaymapConfig> raymap_of(const media::TakeFolder& folder) {
+  const auto text = folder.text(take::kRigFile, kMostTomlBytes);
+  if (!text) return fail(text.error());
+  return sets::raymap_config_of(*text, folder.shown(take::kRigFile));
+}
+
+TakeRender::TakeRender(const media::TakeFolder& folder, RenderOptions options, Calibration calibration)
+    : folder_(folder),
+      options_(std::move(options)),
+      calibration_(std::move(calibration)),
+      id_(calibration_id(calibration_)),
+      workers_(options_.threads),
+      sets_(folder) {}
+
+Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& folder, RenderOptions options) {
+  std::optional<Calibration> calibration = options.calibration;
+  std::string from = "--calibration";
+  if (!calibration) {
+    from = folder.shown(take::kCalibrationFile);
+    if (!folder.has(take::kCalibrationFile)) {
+      return fail(Errc::kNotReady, from + ": the take has no calibration; give one with --calibration");
+    }
+    const auto text = folder.text(take::kCalibrationFile, kMaxCalibrationBytes);
+    if (!text) return fail(text.error());
+    auto parsed = parse_calibration(*text);
+    if (!parsed) return fail(parsed.error().in(from));
+    calibration = std::move(*parsed);
+  }
+  std::vector<sets::RigHead> named;
+  for (const std::string& head : folder.about().heads) named.push_back({head, {}});
+  if (const auto fits = sets::calibration_of(*calibration, named, "take.json"); !fits) {
+    return fail(fits.error().in(from));
+  }
+  return std::unique_ptr<TakeRender>(new TakeRender(folder, std::move(options), std::move(*calibration)));
+}
+
+Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(double)>& compiled) {
+  if (next_field_ == 0) {
+    const Result<bool> got = next_set(compiled);
+    if (!got || !*got) return got;
+  }
+  blend(into);
+  next_field_ = (next_field_ + 1) % blend_.installed()->tables.size();
+  return true;
+}
+
+Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
+  std::array<sets::SetFrame, kMaxHeads> before{};  // the settings of heads in the sets that are not rendered
+  for (;;) {
+    const Result<bool> more = sets_.next(set_);
+    if (!more || !*more) return more;
+    if (!first_) first_ = set_.mid_exposure;
+    const Duration since = set_.mid_exposure - *first_;
+    if (since >= options_.to) return false;
+    if (since >= options_.from) break;
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      if (set_.heads[i].there) before[i] = blended(set_.heads[i]);
+    }
+  }
+  if (const Status tables = use_tables(compiled); !tables) return fail(tables.error());
+  if (const Status read = sets_.read_pictures(set_); !read) return fail(read.error());
+  blend_.begin(before);
+  undecodable_ = begin_set();
+  return true;
+}
+
+/// Compiles tables for the heads' formats in a segment, if they are not those of the segment before.
+Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
+  const take::wire::Begin& begin = sets_.segment().evidence().begin;
+  if (segment_ == begin.segment()) return {};
+  segment_ = begin.segment();
+  if (begin.calibration_id() != std::string(id_.begin(), id_.end())) ++other_calibrations_;
+
+  std::vector<sets::RigHead> heads;
+  for (const std::string& name : folder_.about().heads) heads.push_back({name, {}});
+  // Of a head without a picture in the segment no format is known, and none matters.
+  const std::vector<media::TakeStream>& streams = sets_.segment().streams();
+  std::vector<PixelFormat> formats(heads.size(), PixelFormat::kI420);
+  std::optional<Fields> fields;
+  for (const media::TakeStream& stream : streams) {
+    if (!stream.head) continue;
+    if (!fields) formats.assign(heads.size(), stream.format), fields = stream.fields;
+  }
+  for (const media::TakeStream& stream : streams) {
+    if (!stream.head) continue;
+    formats[*stream.head] = stream.format;
+    heads[*stream.head].size = {stream.width, stream.height};
+  }
+  if (blend_.installed() && formats == formats_ && fields == fields_) return {};
+  const auto fitted = sets::calibration_of(calibration_, heads, "take.json");
+  if (!fitted) return fail(fitted.error());
+  auto job = sets::TableJob::make(*fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats);
+  if (!job) return fail(job.error());
+  while (!job->done()) {
+    job->compile_some(4 * workers_.threads(),
+                      [&](int n, const std::function<void(int)>& work) { workers_.run(n, work); });
+    if (compiled) compiled(job->percent() / 100.0);
+  }
+  auto tables = std::move(*job).finish();
+  if (!tables) return fail(tables.error());
+  auto meter = table::compile_meter_table(*fitted);
+  if (!meter) return fail(meter.error());
+  blend_.adopt(sets::make_installed(id_, fitted->name, std::move(*tables), std::move(*meter),
+                                    table::compile_tone_table(*fitted, options_.raymap.format, options_.raymap.soft),
+                                    formats));
+  formats_ = std::move(formats);
+  fields_ = fields;
+  return {};
+}
+
+/// Returns how many pictures could not be decoded.
+std::size_t TakeRender::begin_set() {
+  std::array<sets::SetFrame, kMaxHeads> frames;
+  for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = blended(set_.heads[i]);
+  blend_.begin(frames);
+  std::atomic<std::size_t> faults{0};
+  workers_.run(static_cast<int>(blend_.to_decode()), [&](int k) {
+    if (blend_.decode(static_cast<std::size_t>(k)).fault != decode::DecodeFault::kNone) faults.fetch_add(1);
+  });
+  return faults.load();
+}
+
+void TakeRender::blend(RenderedRaymap& into) {
+  const RaymapConfig& raymap = options_.raymap;
+  into.pixels.format = raymap.format;
+  into.pixels.width = raymap.width;
+  into.pixels.height = raymap.height;
+  into.pixels.bytes.resize(packed_size(raymap.format, raymap.width, raymap.height));
+  blend_.begin_raymap(next_field_, into.pixels.bytes.data());
+  workers_.run(static_cast<int>(blend_.to_prepare()), [&](int k) { blend_.prepare(static_cast<std::size_t>(k)); });
+  const int bands = (raymap.height + kBandRows - 1) / kBandRows;
+  workers_.run(bands,
+               [&](int band) { blend_.blend(band * kBandRows, std::min(raymap.height, (band + 1) * kBandRows)); });
+  into.mid_exposure = set_.mid_exposure;
+  into.heads = blend_.heads();
+  into.linear = blend_.linear();
+  into.field.reset();
+  into.undecodable_heads = undecodable_;
+  if (const auto parity = blend_.table().sources[0].field) {
+    into.field = static_cast<int>(next_field_);
+    into.parity = *parity;
+    if (next_field_ == 1) into.mid_exposure = set_.mid_exposure + folder_.about().rate.period() / 2;
+  }
+}
+
+}  // namespace nodal::render

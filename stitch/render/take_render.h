@@ -1,0 +1,90 @@
+// Blends the sets of a take to raymaps, after it was recorded.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/field.h"
+#include "protocol/base/raymap_config.h"
+#include "protocol/base/result.h"
+#include "protocol/base/sha256.h"
+#include "protocol/base/units.h"
+#include "protocol/calibration.h"
+#include "stitch/media/take/take_folder.h"
+#include "stitch/parallel/workers.h"
+#include "stitch/sets/set_blend.h"
+
+namespace nodal::render {
+
+struct RenderOptions {
+  std::optional<Calibration> calibration{};  ///< instead of the take's
+  RaymapConfig raymap;                       ///< such as that of the take's rig.toml
+  /// Sets whose middle is from this long after the first set's on, and less than that.
+  Duration from{};
+  Duration to = Duration::seconds(1'000'000'000);
+  int threads = 0;  ///< 0: one per core. The bytes do not depend on it.
+};
+
+/// [raymap] of the rig.toml in a take. Errors: those of the file.
+Result<RaymapConfig> raymap_of(const media::TakeFolder& folder);
+
+struct RenderedRaymap {
+  DecodedImage pixels;
+  Instant mid_exposure;                        ///< of this field
+  std::uint32_t heads = 0;                     ///< bit i: head i of the take is in it
+  std::optional<blend::LinearScale> linear{};  ///< of 16 bits
+  std::optional<int> field{};                  ///< 0: of the set's earlier field, 1: of the later one
+  FieldParity parity{};                        ///< of that field
+  std::size_t undecodable_heads = 0;           ///< of the set: pictures that could not be decoded
+};
+
+/// With the take's calibration, and pictures as the heads delivered them, the bytes are those of the rig's own raymaps: the
+/// same code makes them, with the settings that the evidence has. Every set is rendered, also those that the rig had no time to
+/// blend.
+///
+/// Threading: thread-bound; starts its own threads and waits for them.
+/// Ownership: the folder outlives it.
+/// Errors: those of TakeFolder, of the calibration, and of table::TableCompiler.
+class TakeRender {
+ public:
+  /// kNotReady if there is no calibration in the take and in the options; kHeadMismatch if it is for other heads.
+  static Result<std::unique_ptr<TakeRender>> make(const media::TakeFolder& folder, RenderOptions options);
+
+  /// The next raymap; false after the last. `compiled` is told the part of a table that is compiled, 0 to 1.
+  Result<bool> next(RenderedRaymap& into, const std::function<void(double)>& compiled = {});
+  /// The set of the newest raymap, with the head's settings.
+  const media::TakeSet& set() const { return set_; }
+  const Sha256& calibration() const { return id_; }
+  /// Segments that were recorded with another calibration than that of the raymaps.
+  std::size_t other_calibrations() const { return other_calibrations_; }
+
+ private:
+  TakeRender(const media::TakeFolder& folder, RenderOptions options, Calibration calibration);
+  Result<bool> next_set(const std::function<void(double)>& compiled);
+  Status use_tables(const std::function<void(double)>& compiled);
+  std::size_t begin_set();
+  void blend(RenderedRaymap& into);
+
+  const media::TakeFolder& folder_;
+  RenderOptions options_;
+  Calibration calibration_;
+  Sha256 id_;
+  parallel::Workers workers_;
+  media::TakeSets sets_;
+  media::TakeSet set_;
+  std::optional<Instant> first_;          ///< middle of the take's first set
+  std::optional<std::uint32_t> segment_;  ///< number of the one that the tables were compared with
+  std::vector<PixelFormat> formats_;      ///< that the tables are for
+  std::optional<Fields> fields_;          ///< that the tables are for
+  sets::SetBlend blend_;
+  std::size_t next_field_ = 0;  ///< of the set that was read; 0: the next set comes first
+  std::size_t undecodable_ = 0;
+  std::size_t other_calibrations_ = 0;
+};
+
+}  // namespace nodal::render

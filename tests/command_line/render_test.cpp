@@ -1,0 +1,186 @@
+// `nodal render` of takes that the real nodald recorded, beside the raymaps that it made while it filmed.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <utility>
+
+#include "rig_process.h"
+
+namespace nodal::command_line {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+class RenderTest : public RigTest {
+ protected:
+  /// A raymap of a set, or of one of its fields.
+  using Name = std::pair<std::uint64_t, int>;
+  using Raymaps = std::map<Name, std::string>;
+
+  /// Changes rig.toml before the start.
+  void with(const std::string& from, const std::string& to) { write("rig.toml", replaced(read("rig.toml"), from, to)); }
+  void head_key(const std::string& line) {
+    for (int i = 0; i < 6; ++i) {
+      const std::string name = "name = \"cam" + std::to_string(i) + "\"\n";
+      with(name, name + line + "\n");
+    }
+  }
+  /// Films and records, pulls `count` raymaps meanwhile, and returns them.
+  Raymaps film(int count, const std::string& takes = "") {
+    with("[sim]\n", "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n" + takes + "[sim]\nnoise = 2\n");
+    start_nodald();
+    bring_up();
+    EXPECT_EQ(nodal({"take", "start"}).code, 0);
+    const std::vector<Json> said =
+        nodal_json({"raymap", "pull", "-n", std::to_string(count), "--lossless", "--out", path("live-%04d.raw")});
+    const Finished stopped = nodal({"take", "stop"});
+    EXPECT_EQ(stopped.code, 0) << stopped.err;
+    return raymaps_of(said);
+  }
+  Raymaps raymaps_of(const std::vector<Json>& said) const {
+    Raymaps raymaps;
+    for (const Json& line : said) {
+      if (!line.contains("raymap")) continue;
+      const Json& raymap = line["raymap"];
+      const std::string file = raymap["file"];
+      raymaps[{raymap["set"].get<std::uint64_t>(), raymap.value("field", 0)}] =
+          read(fs::path(file).filename().string());
+    }
+    return raymaps;
+  }
+  std::string take() const { return path("takes/000001"); }
+  Raymaps rendered(Words more = {}) const {
+    Words words{"render", take(), "-o", path("later-%04d.raw")};
+    words.insert(words.end(), more.begin(), more.end());
+    return raymaps_of(nodal_json(words));
+  }
+  /// Every live raymap but those from before the take is rendered with the same bytes.
+  void expect_same(const Raymaps& live, const Raymaps& later) const {
+    ASSERT_FALSE(later.empty());
+    std::size_t compared = 0;
+    for (const auto& [name, bytes] : live) {
+      if (name < later.begin()->first) continue;
+      const auto found = later.find(name);
+      ASSERT_NE(found, later.end()) << "set " << name.first << ", field " << name.second;
+      EXPECT_EQ(found->second == bytes, true) << "set " << name.first << ", field " << name.second;
+      ++compared;
+    }
+    EXPECT_GE(compared, live.size() - 3);
+  }
+};
+
+TEST_F(RenderTest, RawTakes_GiveTheBytesThatTheRigMade) {
+  const Raymaps live = film(20);
+  const Raymaps later = rendered();
+  EXPECT_GE(later.size(), 20U);
+  expect_same(live, later);
+  EXPECT_EQ(rendered({"--threads", "1"}), later);
+  // The pictures differ from set to set, so equal bytes cannot be an accident.
+  EXPECT_NE(later.begin()->second, std::next(later.begin())->second);
+}
+
+TEST_F(RenderTest, FieldsAndExposuresThatChangeFromSetToSet_AreThoseOfTheEvidence) {
+  with("height = 128\n", "height = 128\nfields = \"separate\"\n");
+  with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");
+  head_key("fields = \"bottom-first\"\nformat = \"YUYV\"\nexposure_us = 300");
+  const Raymaps live = film(40);
+  expect_same(live, rendered());
+}
+
+TEST_F(RenderTest, LinearLight_GivesTheSameNumbers) {
+  with("height = 128\n", "height = 128\nformat = \"RGB48\"\n");
+  with("[links]", "[exposure]\nprogram = \"joint\"\nramp_stops = 0.05\n[links]");
+  head_key("format = \"RGB24\"\nexposure_us = 300");
+  const Raymaps live = film(12);
+  expect_same(live, rendered());
+}
+
+TEST_F(RenderTest, OfJpegs_AreNearlyTheRigsOwn) {
+  with("height = 128\n", "height = 128\nfields = \"separate\"\n");
+  head_key("fields = \"top-first\"\nformat = \"YUYV\"");
+  const Raymaps live = film(12, "mode = \"jpeg\"\n");
+  const Raymaps later = rendered();
+  std::size_t compared = 0;
+  for (const auto& [name, bytes] : live) {
+    const auto found = later.find(name);
+    if (found == later.end()) continue;
+    ASSERT_EQ(found->second.size(), bytes.size());
+    double sum = 0;
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+      const int d = static_cast<std::uint8_t>(bytes[i]) - static_cast<std::uint8_t>(found->second[i]);
+      sum += d * d;
+    }
+    // JPEG of quality 90 keeps heads' pictures with some noise within 35 dB; fields in the wrong order are 20 dB off here.
+    EXPECT_LT(std::sqrt(sum / static_cast<double>(bytes.size())), 4.5) << name.first << " " << name.second;
+    ++compared;
+  }
+  EXPECT_GE(compared, 9U);
+}
+
+TEST_F(RenderTest, PartsOtherLayoutsAndFilms) {
+  film(30);
+  const Raymaps all = rendered();
+  const Raymaps part = rendered({"--from", "0.4s", "--to", "0.8s"});
+  EXPECT_NEAR(static_cast<double>(part.size()), 10, 1) << "0.4 s at 25 sets a second";
+  for (const auto& [name, bytes] : part) EXPECT_TRUE(all.at(name) == bytes) << name.first;
+  EXPECT_NEAR(static_cast<double>(std::distance(all.begin(), all.find(part.begin()->first))), 10, 1);
+
+  const Json cube =
+      nodal_json({"render", take(), "-o", path("cube-%02d.png"), "--layout", "cube", "--width", "192", "--to", "0.1s"})
+          .back()["summary"];
+  EXPECT_EQ(cube["layout"], "cube");
+  EXPECT_EQ(cube["raymaps"], 3);
+  const std::string png = read("cube-03.png");
+  ASSERT_GE(png.size(), 24U);
+  EXPECT_EQ(png.substr(16, 8), std::string("\0\0\0\xC0\0\0\0\x80", 8)) << "192x128";
+
+  const Json film = nodal_json({"render", take(), "-o", path("film.mkv")}).back()["summary"];
+  EXPECT_EQ(film["raymaps"], all.size());
+  EXPECT_EQ(film["incomplete"], 0);
+  if (Process({"sh", "-c", "command -v ffprobe"}).wait().code != 0) return;
+  const Finished probe = Process({"ffprobe", "-v", "error", "-count_packets", "-show_entries",
+                                  "stream=codec_name,nb_read_packets", "-of", "default=nk=1:nw=1", path("film.mkv")})
+                             .wait();
+  EXPECT_EQ(probe.out, "mjpeg\n" + std::to_string(all.size()) + "\n");
+}
+
+TEST_F(RenderTest, WhatCannotBeRendered_IsSaidOnceAndNothingIsWritten) {
+  film(5);
+  const auto refused = [&](Words words, int code, const std::string& says) {
+    words.insert(words.begin(), "render");
+    const Finished done = nodal(words);
+    EXPECT_EQ(done.code, code) << done.err;
+    EXPECT_NE(done.err.find(says), std::string::npos) << done.err;
+    EXPECT_EQ(std::count(done.err.begin(), done.err.end(), '\n'), 1) << done.err;
+  };
+  const std::string out = path("no-%d.png");
+  refused({path("nowhere"), "-o", out}, 6, "nowhere/take.json");
+  refused({take(), "-o", path("all.png")}, 4, "put %06d into it");
+  refused({take(), "-o", out, "--from", "90min"}, 6, "no set between --from and --to");
+  refused({take(), "-o", out, "--from", "2s", "--to", "1s"}, 4, "the end must be behind the beginning");
+  Calibration fewer = six_heads("fewer");
+  fewer.heads.pop_back();
+  write("fewer.json", to_json(fewer));
+  refused({take(), "-o", out, "--calibration", path("fewer.json")}, 4, "cam5");
+
+  // A byte of a picture that is not what was recorded.
+  std::string video = read("takes/000001/cam2-0000.mkv");
+  video[video.size() / 2] = static_cast<char>(video[video.size() / 2] ^ 1);
+  write("takes/000001/cam2-0000.mkv", video);
+  refused({take(), "-o", path("film.mkv")}, 4, "cam2-0000.mkv");
+  fs::remove(take() + "/manifest");
+  refused({take(), "-o", out}, 7, "was not ended");
+  for (const auto& entry : fs::directory_iterator(path(""))) {
+    EXPECT_NE(entry.path().filename().string().substr(0, 3), "no-");
+  }
+}
+
+}  // namespace
+}  // namespace nodal::command_line
