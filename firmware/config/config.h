@@ -22,12 +22,16 @@
 namespace nodal::firmware {
 
 /// The kind of a head's port: the word before the colon in `port`.
-enum class PortKind : std::uint8_t { kSim, kReplay, kV4l2 };
+enum class PortKind : std::uint8_t { kSim, kReplay, kTake, kV4l2 };
 
-/// "sim:cam0", "replay:pictures/cam0-*.png" or "v4l2:/dev/video0": the kind of the port and its name.
+/// Whether frames come from files, so that pulses only step them.
+constexpr bool is_replayed(PortKind kind) { return kind == PortKind::kReplay || kind == PortKind::kTake; }
+
+/// "sim:cam0", "replay:pictures/cam0-*.png", "take:takes/000042/cam0" or "v4l2:/dev/video0": the kind of the port and its name.
 struct PortAddress {
   PortKind kind = PortKind::kSim;
-  std::string name;  ///< what follows the colon; for replay a file or glob, relative to rig.toml
+  std::string
+      name;  ///< what follows the colon; for replay a file or glob, for take its folder and a head, relative to rig.toml
   /// As rig.toml has it.
   std::string text() const;
   friend bool operator==(const PortAddress&, const PortAddress&) = default;

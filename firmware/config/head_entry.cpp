@@ -1,6 +1,7 @@
 #include "firmware/config/head_entry.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -10,14 +11,14 @@
 namespace nodal::firmware {
 namespace {
 
-std::string_view scheme_of(PortKind kind) {
-  switch (kind) {
-    case PortKind::kSim: return "sim";
-    case PortKind::kReplay: return "replay";
-    case PortKind::kV4l2: return "v4l2";
-  }
-  return "";
-}
+struct Scheme {
+  PortKind kind;
+  std::string_view name;
+};
+constexpr std::array kSchemes{Scheme{PortKind::kSim, "sim"}, Scheme{PortKind::kReplay, "replay"},
+                              Scheme{PortKind::kTake, "take"}, Scheme{PortKind::kV4l2, "v4l2"}};
+
+std::string_view scheme_of(PortKind kind) { return std::ranges::find(kSchemes, kind, &Scheme::kind)->name; }
 
 bool is_name(std::string_view text) {
   return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
@@ -32,13 +33,13 @@ PortAddress read_port(TomlReader& reader) {
   PortAddress address;
   address.name = colon == std::string::npos ? "" : port.substr(colon + 1);
   bool known = false;
-  for (const PortKind kind : {PortKind::kSim, PortKind::kReplay, PortKind::kV4l2}) {
-    if (port.substr(0, colon) != scheme_of(kind)) continue;
-    address.kind = kind;
+  for (const Scheme& scheme : kSchemes) {
+    if (port.substr(0, colon) != scheme.name) continue;
+    address.kind = scheme.kind;
     known = true;
   }
   if (!port.empty() && (!known || address.name.empty())) {
-    reader.refuse("port", "must be sim:NAME, replay:FILE, replay:GLOB or v4l2:DEVICE");
+    reader.refuse("port", "must be sim:NAME, replay:FILE, replay:GLOB, take:FOLDER/HEAD or v4l2:DEVICE");
   }
   return address;
 }
@@ -118,8 +119,8 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   if (head.trigger_delay >= rate.period()) {
     reader.refuse("trigger_delay_us",
                   "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
-  } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kReplay) {
-    reader.refuse("trigger_delay_us", "is not allowed for replay: ports; replayed pictures have no trigger");
+  } else if (head.trigger_delay.ns() > 0 && is_replayed(head.port.kind)) {
+    reader.refuse("trigger_delay_us", "is not allowed for replay: and take: ports; replayed pictures have no trigger");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2 && !head.wired) {
     reader.refuse("trigger_delay_us",
                   "is only allowed for v4l2: ports with trigger_mode = \"wired\"; V4L2 has no trigger input");

@@ -11,13 +11,13 @@
 #include "firmware/daemon/device_scanner.h"
 #include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/panel_ports.h"
+#include "firmware/daemon/replay_deck.h"
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/link/socket_link.h"
 #include "hal/linux/v4l2/enumerator.h"
 #include "hal/linux/watchdog.h"
-#include "hal/replay/deck.h"
 #include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
@@ -168,22 +168,6 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
   return std::make_unique<hal::sim::SimRig>(*truth, options);
 }
 
-std::unique_ptr<hal::replay::Deck> make_deck(const RigConfig& config, const std::filesystem::path& base,
-                                             hal::ClockPort& clock) {
-  hal::replay::DeckOptions options;
-  options.pictures = {media::read_image_header, media::read_image};
-  options.rate = config.rate;
-  options.base = base;
-  options.buffers = kHeadBuffers;
-  auto deck = std::make_unique<hal::replay::Deck>(clock, options);
-  for (const HeadConfig& head : config.heads) {
-    if (head.port.kind != PortKind::kReplay) continue;
-    deck->want_format(head.port.text(), head.format);
-    deck->want_fields(head.port.text(), head.fields);
-  }
-  return deck;
-}
-
 /// Null when no head is on a v4l2: port.
 std::unique_ptr<hal::v4l2::V4l2Enumerator> make_v4l2(const RigConfig& config, hal::ClockPort& clock) {
   std::unique_ptr<hal::v4l2::V4l2Enumerator> devices;
@@ -267,9 +251,9 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
     state->trigger = &state->sim->trigger();
   }
   const bool replays = std::any_of(config.heads.begin(), config.heads.end(),
-                                   [](const HeadConfig& head) { return head.port.kind == PortKind::kReplay; });
+                                   [](const HeadConfig& head) { return is_replayed(head.port.kind); });
   if (replays) {
-    state->deck = make_deck(config, base, state->clock());
+    state->deck = make_deck(config, base, state->clock(), kHeadBuffers);
     state->enumerators.replay = &state->deck->enumerator();
     if (state->trigger) {
       state->both = std::make_unique<BothTriggers>(*state->trigger, state->deck->trigger());

@@ -13,7 +13,8 @@ namespace nodal::hal::replay {
 
 namespace {
 
-constexpr std::string_view kScheme = "replay:";
+constexpr std::string_view kPictures = "replay:";
+constexpr std::string_view kTakes = "take:";
 
 /// Limit of frames that are started and not yet taken; far more than a head has buffers.
 constexpr std::size_t kStartsKept = 64;
@@ -125,11 +126,12 @@ struct Deck::State {
 
 class Deck::State::Head final : public HeadPort {
  public:
-  Head(State& deck, const std::string& path, Reel reel)
+  Head(State& deck, const std::string& path, std::unique_ptr<Reel> reel)
       : deck_(deck),
         identity_{path, "", "pictures"},
         reel_(std::move(reel)),
-        format_{reel_.format(), reel_.width(), reel_.height(), deck.fields_of(path), deck.options.rate},
+        format_{reel_->format(), reel_->width(), reel_->height(), deck.fields_of(path), deck.options.rate},
+        settings_(reel_->shot(0).in_effect),
         buffers_(static_cast<std::size_t>(std::max(1, deck.options.buffers))) {
     limits_.exposure_min = limits_.exposure_max = settings_.exposure;
     limits_.gain_min = limits_.gain_max = settings_.gain;
@@ -185,7 +187,7 @@ class Deck::State::Head final : public HeadPort {
     bool lent = false;
     std::uint32_t sequence = 0;
     Start start;
-    Reel::Picture picture;  ///< kept alive while lent
+    std::shared_ptr<const DecodedImage> picture{};  ///< kept alive while lent
   };
 
   Status fixed(bool same, const std::string& what) const {
@@ -200,14 +202,14 @@ class Deck::State::Head final : public HeadPort {
   void skip_to(std::uint64_t& next, std::uint64_t oldest);
   void step();
   void fill(const Start& start);
-  Reel::Picture broken_picture();
+  std::shared_ptr<const DecodedImage> broken_picture();
 
   State& deck_;
   const HeadIdentity identity_;
-  Reel reel_;
+  const std::unique_ptr<Reel> reel_;
   const HeadFormat format_;
-  HeadLimits limits_;
   const HeadSettings settings_;
+  HeadLimits limits_;
   bool streaming_ = false;
   TriggerMode mode_ = TriggerMode::kFreeRun;
   std::uint32_t sequence_ = 0;
@@ -215,7 +217,7 @@ class Deck::State::Head final : public HeadPort {
   std::uint64_t next_free_ = 0;
   std::vector<Buffer> buffers_;
   std::deque<BufferSlot> filled_;
-  Reel::Picture grey_;
+  std::shared_ptr<const DecodedImage> grey_;
 };
 
 void Deck::State::Head::step() {
@@ -252,13 +254,19 @@ void Deck::State::Head::fill(const Start& start) {
 Result<std::optional<FrameView>> Deck::State::Head::take_frame() {
   if (!streaming_) return fail(Errc::kWrongState, "head '" + identity_.path + "': take_frame() before start()");
   step();
-  if (filled_.empty()) return std::optional<FrameView>{};
-  const BufferSlot slot = filled_.front();
-  filled_.pop_front();
+  Shot shot;
+  BufferSlot slot = 0;
+  do {
+    if (filled_.empty()) return std::optional<FrameView>{};
+    slot = filled_.front();
+    filled_.pop_front();
+    shot = reel_->shot(static_cast<std::size_t>(buffers_[slot].start.number % reel_->size()));
+    if (!shot.there) buffers_[slot] = {};
+  } while (!shot.there);
   Buffer& buffer = buffers_[slot];
   buffer.filled = false;
   buffer.lent = true;
-  buffer.picture = reel_.picture(static_cast<std::size_t>(buffer.start.number % reel_.size()));
+  buffer.picture = std::move(shot.picture);
   FrameView view;
   if (!buffer.picture) {
     buffer.picture = broken_picture();
@@ -267,13 +275,14 @@ Result<std::optional<FrameView>> Deck::State::Head::take_frame() {
   view.slot = slot;
   view.sequence = buffer.sequence;
   view.mid_exposure = view.received = buffer.start.at;
-  view.in_effect = settings_;
+  view.in_effect = shot.in_effect;
   view.fields = format_.fields;
   view.image = buffer.picture->view();
+  view.image.coding = reel_->coding();
   return std::optional<FrameView>{view};
 }
 
-Reel::Picture Deck::State::Head::broken_picture() {
+std::shared_ptr<const DecodedImage> Deck::State::Head::broken_picture() {
   if (!grey_) {
     DecodedImage grey{format_.pixels, format_.width, format_.height, {}};
     grey.bytes.assign(packed_size(grey.format, grey.width, grey.height), 128);
@@ -287,13 +296,8 @@ class Deck::State::Enumerator final : public HeadEnumerator {
   explicit Enumerator(State& deck) : deck_(deck) {}
 
   Result<std::unique_ptr<HeadPort>> open(const std::string& path) override {
-    if (path.rfind(kScheme, 0) != 0) {
-      return fail(Errc::kNoSuchDevice, "head '" + path + "': a replay head's path begins with 'replay:'");
-    }
     if (deck_.open.count(path) != 0) return fail(Errc::kBusy, "head '" + path + "': is open already");
-    const auto asked = deck_.known.find(path);
-    const auto as = asked == deck_.known.end() ? std::nullopt : asked->second;
-    auto reel = Reel::open(where(path), as, deck_.options.keep_bytes, deck_.options.pictures);
+    auto reel = open_reel(path);
     if (!reel) return fail(reel.error().in("head '" + path + "'"));
     deck_.known.emplace(path, std::nullopt);
     return std::make_unique<Head>(deck_, path, std::move(*reel));
@@ -302,14 +306,62 @@ class Deck::State::Enumerator final : public HeadEnumerator {
   std::vector<HeadIdentity> list() override {
     std::vector<HeadIdentity> there;
     for (const auto& [path, format] : deck_.known) {
-      if (Reel::present(where(path))) there.push_back({path, "", "pictures"});
+      if (present(path)) there.push_back({path, "", "pictures"});
     }
     return there;
   }
 
  private:
-  std::filesystem::path where(const std::string& path) const {
-    return deck_.options.base / path.substr(kScheme.size());
+  /// The folder of a take, and the name of its head.
+  struct OfTake {
+    std::filesystem::path folder;
+    std::string head;
+  };
+  std::optional<OfTake> of_take(const std::string& path) const {
+    if (!path.starts_with(kTakes)) return std::nullopt;
+    const std::filesystem::path both = path.substr(kTakes.size());
+    return OfTake{deck_.options.base / both.parent_path(), both.filename().string()};
+  }
+  std::filesystem::path pictures(const std::string& path) const {
+    return deck_.options.base / path.substr(kPictures.size());
+  }
+  bool present(const std::string& path) const {
+    std::error_code error;
+    if (const auto take = of_take(path)) return std::filesystem::is_directory(take->folder, error);
+    return pictures_present(pictures(path));
+  }
+  Result<std::unique_ptr<Reel>> open_reel(const std::string& path) const {
+    const auto asked = deck_.known.find(path);
+    const auto as = asked == deck_.known.end() ? std::nullopt : asked->second;
+    if (path.starts_with(kPictures)) {
+      return open_pictures(pictures(path), as, deck_.options.keep_bytes, deck_.options.pictures);
+    }
+    const auto take = of_take(path);
+    if (!take) return fail(Errc::kNoSuchDevice, "a replay head's path begins with 'replay:' or 'take:'");
+    auto reel = deck_.options.takes(take->folder, take->head);
+    if (!reel) return reel;
+    if (const Status same = compare(**reel, as.value_or((*reel)->format()), deck_.fields_of(path)); !same) {
+      return fail(same.error());
+    }
+    return reel;
+  }
+  /// A take cannot be played as something else.
+  Status compare(const Reel& reel, PixelFormat format, Fields fields) const {
+    if (reel.format() != format) {
+      return fail(Errc::kBadValue, "the take's pictures are " + std::string(pixel_format_name(reel.format())) +
+                                       "; write format = \"" + std::string(pixel_format_name(reel.format())) + "\"");
+    }
+    const Fields has = reel.fields().value_or(fields);
+    if (has != fields) {
+      const std::string name = has == Fields::kProgressive ? "progressive"
+                               : has == Fields::kTopFirst  ? "top-first"
+                                                           : "bottom-first";
+      return fail(Errc::kBadValue, "the take's frames are " + name + "; write fields = \"" + name + "\"");
+    }
+    const FrameRate rate = reel.rate().value_or(deck_.options.rate);
+    if (rate == deck_.options.rate) return {};
+    const std::string text = std::to_string(rate.numerator) + "/" + std::to_string(rate.denominator);
+    return fail(Errc::kBadValue, "the take has " + text + " sets a second; write rate = \"" + text + "\"");
   }
 
   State& deck_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <vector>
 
 namespace nodal::hal::replay {
 
@@ -35,13 +36,34 @@ std::vector<fs::path> files_at(const fs::path& where) {
   return files;
 }
 
-}  // namespace
+class PictureReel final : public Reel {
+ public:
+  static Result<std::unique_ptr<Reel>> open(const fs::path& where, std::optional<PixelFormat> as,
+                                            std::uint64_t keep_bytes, const PictureReader& reader);
 
-bool Reel::present(const fs::path& where) { return !files_at(where).empty(); }
+  std::size_t size() const override { return files_.size(); }
+  PixelFormat format() const override { return format_; }
+  int width() const override { return width_; }
+  int height() const override { return height_; }
+  Shot shot(std::size_t i) override { return {true, picture(i), {}}; }
 
-Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes,
-                        const PictureReader& reader) {
-  Reel reel;
+ private:
+  std::shared_ptr<const DecodedImage> picture(std::size_t i);
+
+  PictureReader reader_;
+  std::vector<fs::path> files_;
+  std::vector<std::shared_ptr<const DecodedImage>> kept_;
+  std::size_t may_keep_ = 0;  ///< limit in pictures
+  std::size_t keeps_ = 0;
+  PixelFormat format_ = PixelFormat::kRgb24;
+  int width_ = 0;
+  int height_ = 0;
+};
+
+Result<std::unique_ptr<Reel>> PictureReel::open(const fs::path& where, std::optional<PixelFormat> as,
+                                                std::uint64_t keep_bytes, const PictureReader& reader) {
+  auto made = std::make_unique<PictureReel>();
+  PictureReel& reel = *made;
   reel.reader_ = reader;
   reel.files_ = files_at(where);
   if (reel.files_.empty()) {
@@ -68,10 +90,10 @@ Result<Reel> Reel::open(const fs::path& where, std::optional<PixelFormat> as, st
   reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / image->bytes.size());
   reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(*image));
   reel.keeps_ = 1;
-  return reel;
+  return made;
 }
 
-Reel::Picture Reel::picture(std::size_t i) {
+std::shared_ptr<const DecodedImage> PictureReel::picture(std::size_t i) {
   if (kept_[i]) return kept_[i];
   auto image = reader_.read(files_[i], format_);
   if (!image || image->width != width_ || image->height != height_) return nullptr;
@@ -81,6 +103,15 @@ Reel::Picture Reel::picture(std::size_t i) {
     ++keeps_;
   }
   return picture;
+}
+
+}  // namespace
+
+bool pictures_present(const fs::path& where) { return !files_at(where).empty(); }
+
+Result<std::unique_ptr<Reel>> open_pictures(const fs::path& where, std::optional<PixelFormat> as,
+                                            std::uint64_t keep_bytes, const PictureReader& reader) {
+  return PictureReel::open(where, as, keep_bytes, reader);
 }
 
 }  // namespace nodal::hal::replay

@@ -1,47 +1,47 @@
-// The pictures of one head, in order.
+// The frames of one head, in order.
 #pragma once
 
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
+#include "hal/head.h"
 #include "hal/replay/picture_reader.h"
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/field.h"
 
 namespace nodal::hal::replay {
 
+struct Shot {
+  bool there = true;  ///< false: the head has no frame here
+  /// Null: it cannot be read, or its format or size is another one.
+  std::shared_ptr<const DecodedImage> picture{};
+  HeadSettings in_effect{};
+};
+
 /// Threading: thread-bound.
-/// Ownership: owns the decoded pictures that it keeps; a picture lives as long as it has a holder.
-/// Errors: see open().
+/// Ownership: a picture lives as long as it has a holder.
+/// Errors: shots that cannot be read are without a picture.
 class Reel {
  public:
-  using Picture = std::shared_ptr<const DecodedImage>;
-
-  /// `where` is a file, a folder (its JPEGs and PNGs) or a glob(7) pattern.
-  /// Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a broken picture.
-  static Result<Reel> open(const std::filesystem::path& where, std::optional<PixelFormat> as, std::uint64_t keep_bytes,
-                           const PictureReader& reader);
-
-  /// Whether there is a picture to open.
-  static bool present(const std::filesystem::path& where);
-
-  std::size_t size() const { return files_.size(); }
-  PixelFormat format() const { return format_; }
-  int width() const { return width_; }
-  int height() const { return height_; }
-  /// Picture i, or null if it cannot be decoded or its size has changed.
-  Picture picture(std::size_t i);
-
- private:
-  PictureReader reader_;
-  std::vector<std::filesystem::path> files_;
-  std::vector<Picture> kept_;
-  std::size_t may_keep_ = 0;  ///< limit in pictures
-  std::size_t keeps_ = 0;
-  PixelFormat format_ = PixelFormat::kRgb24;
-  int width_ = 0;
-  int height_ = 0;
+  virtual ~Reel() = default;
+  virtual std::size_t size() const = 0;  ///< at least 1
+  virtual PixelFormat format() const = 0;
+  virtual int width() const = 0;  ///< px
+  virtual int height() const = 0;
+  virtual ColourCoding coding() const { return {}; }
+  /// Nothing: the pictures do not say.
+  virtual std::optional<Fields> fields() const { return std::nullopt; }
+  virtual std::optional<FrameRate> rate() const { return std::nullopt; }
+  virtual Shot shot(std::size_t i) = 0;
 };
+
+/// Picture files. `where` is a file, a folder (its JPEGs and PNGs) or a glob(7) pattern; at most `keep_bytes` of decoded pictures
+/// are kept in memory. Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a broken picture.
+Result<std::unique_ptr<Reel>> open_pictures(const std::filesystem::path& where, std::optional<PixelFormat> as,
+                                            std::uint64_t keep_bytes, const PictureReader& reader);
+/// Whether there is a picture to open.
+bool pictures_present(const std::filesystem::path& where);
 
 }  // namespace nodal::hal::replay

@@ -151,6 +151,36 @@ TEST_F(RenderTest, PartsOtherLayoutsAndFilms) {
   EXPECT_EQ(probe.out, "mjpeg\n" + std::to_string(all.size()) + "\n");
 }
 
+TEST_F(RenderTest, ATakeAsHeads_GivesItsRaymapsAgain) {
+  with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");
+  head_key("exposure_us = 300");
+  film(20);
+  const Raymaps first = rendered();
+  std::string toml = read("rig.toml");
+  toml = replaced(toml, "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n", "");
+  toml = replaced(toml, "[takes]\nfolder = \"takes\"", "[takes]\nfolder = \"second\"");
+  toml = replaced(toml, "[sim]\nnoise = 2\ncalibration = \"truth.json\"\n", "");
+  for (int i = 0; i < 6; ++i) {
+    const std::string name = "cam" + std::to_string(i);
+    toml = replaced(toml, "exposure_us = 300\nport = \"sim:" + name, "port = \"take:takes/000001/" + name);
+  }
+  write("rig.toml", toml);
+  fs::remove_all(path("store"));
+  start_nodald();
+  bring_up();
+  const Raymaps again =
+      raymaps_of(nodal_json({"raymap", "pull", "-n", "12", "--lossless", "--out", path("again-%04d.raw")}));
+  ASSERT_EQ(again.size(), 12U);
+  for (const auto& [name, bytes] : again) {
+    const bool known = std::any_of(first.begin(), first.end(), [&](const auto& one) { return one.second == bytes; });
+    EXPECT_TRUE(known) << "set " << name.first;
+  }
+  write("rig.toml", replaced(toml, "rate = \"25\"", "rate = \"24\""));
+  const Finished check = Process({NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--check"}).wait();
+  EXPECT_NE(check.code, 0);
+  EXPECT_NE(check.err.find("write rate = \"25/1\""), std::string::npos) << check.err;
+}
+
 TEST_F(RenderTest, WhatCannotBeRendered_IsSaidOnceAndNothingIsWritten) {
   film(5);
   const auto refused = [&](Words words, int code, const std::string& says) {

@@ -129,6 +129,8 @@ class TakeSets {
   Result<bool> next(TakeSet& set);
   /// Reads the pictures of the set that next() gave last.
   Status read_pictures(TakeSet& set);
+  /// The same of one head; one without a picture in the set is left as it is.
+  Status read_picture(TakeSet& set, std::size_t head);
   /// The segment of that set.
   TakeSegment& segment() { return *segment_; }
 

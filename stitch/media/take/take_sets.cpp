@@ -62,13 +62,19 @@ Result<bool> TakeSets::next(TakeSet& set) {
 }
 
 Status TakeSets::read_pictures(TakeSet& set) {
+  for (std::size_t head = 0; head < set.heads.size(); ++head) {
+    if (const Status read = read_picture(set, head); !read) return read;
+  }
+  return {};
+}
+
+Status TakeSets::read_picture(TakeSet& set, std::size_t head) {
   for (const take::wire::Frame& frame : set.evidence.frames()) {
     const TakeStream& stream = segment_->streams()[frame.file()];
-    TakeFrame& head = set.heads[*stream.head];
-    if (!head.placeholder.empty()) continue;
-    std::vector<std::uint8_t>& bytes = set.bytes[*stream.head];
+    if (stream.head != head || !set.heads[head].placeholder.empty()) continue;
+    std::vector<std::uint8_t>& bytes = set.bytes[head];
     if (const Status read = segment_->read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
-    head.image = view_of(stream, bytes);
+    set.heads[head].image = view_of(stream, bytes);
   }
   return {};
 }

@@ -9,6 +9,7 @@
 
 #include "firmware/record/recovery.h"
 #include "firmware/record/take_writer.h"
+#include "firmware/replay/take_reel.h"
 #include "hal/sim/disk.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
@@ -262,6 +263,65 @@ TEST(Takes, AHeadChangesItsFormat_ANewSegmentBegins) {
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(manifest->files.size(), 13U) << "two segments of five files, and three documents";
   EXPECT_EQ(manifest->sets, 24U);
+}
+
+/// The film of 10 rows as a take on a disk of its own.
+std::unique_ptr<hal::sim::SimDisk> disk_with_take() {
+  auto disk = std::make_unique<hal::sim::SimDisk>();
+  EXPECT_EQ(record(*disk, film(10), true), 40U);
+  return disk;
+}
+
+TEST(TakeReel, EveryHead_HasItsPicturesInOrderAndAGapWhereItIsMissing) {
+  for (std::size_t head = 0; head < kHeads; ++head) {
+    const auto reel = open_take_reel(disk_with_take(), "000042", "take", std::string(1, static_cast<char>('a' + head)));
+    ASSERT_TRUE(reel) << reel.error().text();
+    ASSERT_EQ((*reel)->size(), 40U);
+    EXPECT_EQ((*reel)->format(), head == 2 ? PixelFormat::kMjpeg : PixelFormat::kGrey8);
+    EXPECT_EQ((*reel)->rate(), (FrameRate{30, 1}));
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < 40; ++i) order.push_back(i);
+    for (const std::size_t i : {7, 8, 3, 39, 0}) order.push_back(i);  // forward, back, and from the end to the start
+    for (const std::size_t i : order) {
+      const hal::replay::Shot shot = (*reel)->shot(i);
+      const std::uint64_t set = 100 + i;
+      EXPECT_EQ(shot.there, !(set % 11 == 3 && head == 1)) << i;
+      if (!shot.there) continue;
+      ASSERT_TRUE(shot.picture) << i;
+      EXPECT_EQ(shot.picture->bytes, picture(set, head)) << i;
+    }
+  }
+}
+
+TEST(TakeReel, AChangedByte_IsAFrameThatCannotBeReadAndTheOthersAreGood) {
+  auto disk = disk_with_take();
+  const std::string name = "000042/cam0-0000.mkv";
+  Bytes bytes = disk->read(name, 1 << 24).value();
+  bytes[bytes.size() / 2] ^= 1;
+  const auto file = disk->create(name);
+  ASSERT_TRUE(file && disk->write(*file, bytes));
+  const auto reel = open_take_reel(std::move(disk), "000042", "take", "a");
+  ASSERT_TRUE(reel) << reel.error().text();
+  for (std::size_t i = 0; i < 40; ++i) {
+    const hal::replay::Shot shot = (*reel)->shot(i);
+    EXPECT_TRUE(shot.there);
+    // The file is smaller than the piece of a hash, so that no picture of it can be trusted.
+    EXPECT_EQ(shot.picture, nullptr);
+  }
+}
+
+TEST(TakeReel, WhatCannotBePlayed_IsNamed) {
+  const auto nobody = open_take_reel(disk_with_take(), "000042", "take", "d");
+  ASSERT_FALSE(nobody);
+  EXPECT_NE(nobody.error().message.find("no head 'd'; it has a, b, c"), std::string::npos) << nobody.error().text();
+  const auto nowhere = open_take_reel(disk_with_take(), "000041", "take", "a");
+  ASSERT_FALSE(nowhere);
+  EXPECT_NE(nowhere.error().message.find("take.json"), std::string::npos) << nowhere.error().text();
+  auto disk = std::make_unique<hal::sim::SimDisk>();
+  record(*disk, film(4), false);
+  const auto open = open_take_reel(std::move(disk), "000042", "take", "a");
+  ASSERT_FALSE(open);
+  EXPECT_EQ(open.error().code, Errc::kNotReady) << open.error().text();
 }
 
 }  // namespace
