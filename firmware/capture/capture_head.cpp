@@ -143,11 +143,13 @@ void CaptureHead::start(hal::TriggerMode mode, Instant now) {
   started_ = true;
   mode_ = mode;
   missed_in_row_ = 0;
+  back_in_sets();
 }
 
 void CaptureHead::vanish(const Error& why) {
   gone_ = true;
   started_ = restarting_ = false;
+  back_in_sets();
   report_.present = false;
   report_.problem = why.message;
 }
@@ -197,6 +199,7 @@ void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
 
 void CaptureHead::lose(const hal::FrameView& frame, LossReason reason) {
   ++report_.counts.losses[static_cast<std::size_t>(reason)];
+  report_.newest_loss = reason;
   NODAL_ASSERT(lent_ > 0);
   --lent_;
   port_->release(frame.slot);
@@ -210,6 +213,13 @@ void CaptureHead::put_in_set(Duration skew) {
   ++report_.counts.in_sets;
   ++in_flight_;
   report_.skew = skew;
+  back_in_sets();
+}
+
+void CaptureHead::back_in_sets() {
+  sets_without_it_ = 0;
+  report_.in_no_set = false;
+  report_.newest_loss.reset();
 }
 
 void CaptureHead::release(hal::BufferSlot slot) {
@@ -222,6 +232,7 @@ void CaptureHead::release(hal::BufferSlot slot) {
 void CaptureHead::missed_set() {
   ++report_.missing_sets;
   if (missed_in_row_ < kMissedUntilSilent) ++missed_in_row_;
+  if (streaming() && ++sets_without_it_ >= kMissedUntilReported) report_.in_no_set = true;
 }
 
 Status CaptureHead::check(const SettingsChange& change) const {

@@ -45,6 +45,8 @@ struct HeadReport {
   hal::HeadSettings in_effect;  ///< settings of the newest frame
   FrameCounts counts;
   std::uint64_t missing_sets = 0;         ///< sets closed without a frame of it
+  bool in_no_set = false;                 ///< it streams, and the last kMissedUntilReported sets have no frame of it
+  std::optional<LossReason> newest_loss;  ///< since its newest frame in a set
   std::uint64_t opened = 0;               ///< how often its port was opened
   hal::HeadRecoveries recoveries;         ///< of all its ports
   Duration skew;                          ///< mid-exposure of the newest frame minus that of its set
@@ -98,6 +100,8 @@ class CaptureHead {
   /// How often it was started.
   std::uint64_t starts() const { return starts_; }
   const HeadReport& report() const { return report_; }
+  /// Sets in a row without a frame of a streaming head until HeadReport::in_no_set: two seconds at 30 sets a second.
+  static constexpr int kMissedUntilReported = 60;
   void set_drift(std::optional<std::int32_t> ppb) { report_.drift_ppb = ppb; }
   bool conserved() const;
   /// Stops and destroys its port; every frame must have been released.
@@ -108,6 +112,7 @@ class CaptureHead {
   void start(hal::TriggerMode mode, Instant now);
   void vanish(const Error& why);
   Status request(const SettingsChange& change);
+  void back_in_sets();
   void watch_settings(const hal::HeadSettings& in_effect);
 
   static constexpr int kMissedUntilSilent = 3;
@@ -127,7 +132,8 @@ class CaptureHead {
   std::uint64_t starts_ = 0;
   std::uint64_t lent_ = 0;
   std::uint64_t in_flight_ = 0;  ///< lent frames that are in closed sets
-  int missed_in_row_ = 0;
+  int missed_in_row_ = 0;        ///< sets since the last frame, good or bad
+  int sets_without_it_ = 0;      ///< sets since the last one that has a frame of it, or since its start
   int frames_since_request_ = 0;
   hal::HeadRecoveries recoveries_before_;  ///< of ports that were destroyed
   HeadReport report_;

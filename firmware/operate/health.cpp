@@ -9,7 +9,6 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr Duration kSilence = Duration::milliseconds(1500);
 constexpr Duration kSettling = Duration::seconds(5);
 
 std::string hertz(std::uint32_t millihertz) {
@@ -32,11 +31,20 @@ std::string absent_heads(const RigConfig& config, const CaptureReport& capture) 
   return (count == 1 ? "head " : "heads ") + names + (count == 1 ? " is" : " are") + " missing: " + reason;
 }
 
+/// For a head that no new set has a frame of.
+std::string without_frames(const RigConfig& config, const CaptureReport& capture, std::size_t head) {
+  const std::optional<LossReason>& loss = capture.heads[head].newest_loss;
+  return "head '" + config.heads[head].name +
+         (loss ? "': none of its frames can be used; the newest: " + std::string(loss_reason_name(*loss))
+               : "' delivers no frames");
+}
+
 std::string first_head_problem(const RigConfig& config, const CaptureReport& capture) {
   for (std::size_t i = 0; i < capture.heads.size(); ++i) {
-    if (capture.heads[i].present && !capture.heads[i].problem.empty()) {
-      return "head '" + config.heads[i].name + "': " + capture.heads[i].problem;
-    }
+    const HeadReport& head = capture.heads[i];
+    if (!head.present) continue;
+    if (!head.problem.empty()) return "head '" + config.heads[i].name + "': " + head.problem;
+    if (head.in_no_set) return without_frames(config, capture, i);
   }
   return "";
 }
@@ -96,6 +104,15 @@ std::string undecodable_now(const Blender& blender, std::size_t head) {
   return fault == decode::DecodeFault::kNone ? "" : "its pictures " + std::string(decode::decode_fault_text(fault));
 }
 
+std::string no_frames(const RigConfig& config, const CaptureReport& capture) {
+  std::string why = absent_heads(config, capture);
+  if (why.empty()) why = first_head_problem(config, capture);
+  for (std::size_t i = 0; why.empty() && i < capture.heads.size(); ++i) {
+    if (capture.heads[i].newest_loss) why = without_frames(config, capture, i);
+  }
+  return "no frames arrive" + (why.empty() ? why : "; " + why);
+}
+
 Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   const auto found = [](Condition condition, std::string sentence) {
     return Diagnosis{condition, std::move(sentence)};
@@ -111,7 +128,7 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   }
   std::string absent = absent_heads(config, inputs.capture);
   if (inputs.since_last_set > kSilence) {
-    return found(Condition::kNoFrames, "no frames arrive" + (absent.empty() ? std::string() : "; " + absent));
+    return found(Condition::kNoFrames, no_frames(config, inputs.capture));
   }
   if (!absent.empty()) return found(Condition::kHeadMissing, std::move(absent));
   if (inputs.capture.genlock.state == GenlockState::kLost) {

@@ -77,6 +77,11 @@ struct Diagnosis {
 };
 Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs);
 
+/// Without a frame set for this long, the rig counts as without frames.
+inline constexpr Duration kSilence = Duration::milliseconds(1500);
+/// "no frames arrive", and the missing heads or what is wrong with the first head that has a problem.
+std::string no_frames(const RigConfig& config, const CaptureReport& capture);
+
 struct Health {
   std::string_view state = "starting";                    ///< rig_state_name()
   std::string problem = "reading the calibration store";  ///< one sentence when the state is not "running"

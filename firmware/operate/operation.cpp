@@ -162,7 +162,6 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
     audit(open, done ? done->in_force : keeper_->in_force, answer->result ? Status() : fail(answer->result.error()),
           now);
     if (!answer->result) {
-      news_.say(NewsKind::kHosts, "calibration refused: " + answer->result.error().text());
       answers.push_back({answer->ticket, fail(answer->result.error())});
       continue;
     }
@@ -179,7 +178,6 @@ void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
     const Open open = close(answer->ticket);
     audit(open, std::nullopt, answer->result ? Status() : fail(answer->result.error()), now);
     if (!answer->result) {
-      news_.say(NewsKind::kRig, "take: " + answer->result.error().message);
       answers.push_back({answer->ticket, fail(answer->result.error())});
       continue;
     }

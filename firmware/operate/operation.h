@@ -126,6 +126,7 @@ class Operation {
   void restore_settings(Instant now);
   void write_settings(Instant now);
   void watch(bool lossless, Instant now);
+  void watch_frames(Condition condition, Instant now);
   void shed(bool lossless, Instant now);
   void watch_stability(Instant now);
   void step_panel(Instant now);
@@ -153,6 +154,7 @@ class Operation {
 
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
+  bool frames_arrive_ = true;  ///< as last logged by watch_frames()
   std::uint64_t adopted_ = 0;
   Instant steady_since_;
   RecentRate rate_;

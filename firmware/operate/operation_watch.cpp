@@ -55,6 +55,16 @@ void Operation::watch(bool lossless, Instant now) {
     news_.say(NewsKind::kRig,
               "the rig is " + std::string(health().state) + (health().problem.empty() ? "" : ": " + health().problem));
   }
+  watch_frames(found.condition, now);
+}
+
+/// Logs when frames stop and start while no calibration is in force. Otherwise the rig's state reports it.
+void Operation::watch_frames(Condition condition, Instant now) {
+  if (condition != Condition::kNoCalibration || supervisor_.state() == RigState::kStopping) return;
+  const bool arrive = now - newest_set_ <= kSilence;
+  if (arrive == frames_arrive_) return;
+  frames_arrive_ = arrive;
+  news_.say(NewsKind::kRig, arrive ? "frames arrive" : no_frames(config_, *capture_));
 }
 
 void Operation::watch_stability(Instant now) {

@@ -173,6 +173,48 @@ TEST(Capture, AHeadThatFallsSilent_HoldsSetsUpOnlyBriefly) {
   EXPECT_TRUE(full_again(stand, Duration::seconds(3)));
 }
 
+TEST(Capture, AHeadThatDeliversNothing_IsNamedInTheLogUntilItDeliversAgain) {
+  Stand stand;
+  stand.bring_up();
+  stand.run(Duration::seconds(1));
+  const auto logged = [&](const std::string& what) {
+    std::size_t lines = 0;
+    for (const std::string& line : stand.rig->control().take_news()) {
+      lines += line.find(what) != std::string::npos ? 1U : 0U;
+    }
+    return lines;
+  };
+  logged("");
+  stand.world.head(3).lose_frames(150);
+  stand.run(Duration::seconds(4));
+  EXPECT_EQ(stand.state(), "degraded");
+  EXPECT_EQ(logged("the rig is degraded: head 'cam3' delivers no frames"), 1U);
+  stand.run(Duration::seconds(3));
+  EXPECT_EQ(stand.state(), "running");
+  EXPECT_EQ(logged("the rig is running"), 1U);
+  hal::sim::HeadFaults every;
+  every.corrupt = 1'000'000;
+  stand.world.head(3).set_faults(every);
+  stand.run(Duration::seconds(4));
+  EXPECT_EQ(logged("the rig is degraded: head 'cam3': none of its frames can be used; the newest: corrupt"), 1U);
+}
+
+TEST(Capture, NoHeadDeliversAndThereIsNoCalibration_TheLogSaysSo) {
+  Stand stand;
+  stand.run(Duration::seconds(1));
+  stand.rig->control().take_news();
+  hal::sim::HeadFaults every;
+  every.corrupt = 1'000'000;
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults(every);
+  stand.run(Duration::seconds(3));
+  const std::vector<std::string> stops = stand.rig->control().take_news();
+  ASSERT_EQ(stops.size(), 1U);
+  EXPECT_EQ(stops[0], "no frames arrive; head 'cam0': none of its frames can be used; the newest: corrupt");
+  for (int i = 0; i < kHeads; ++i) stand.world.head(i).set_faults({});
+  stand.run(Duration::seconds(3));
+  EXPECT_EQ(stand.rig->control().take_news(), std::vector<std::string>{"frames arrive"});
+}
+
 TEST(Capture, SequenceNumbersThatWrapOrStartAgain_ChangeNothing) {
   Stand stand;
   TestHost& host = stand.bring_up();

@@ -100,6 +100,23 @@ TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
       << judged().problem;
 }
 
+TEST_F(HealthTest, RatesWithinMeasuringError_AreNeverCalledTooSlow) {
+  for (const ShedLevel& level : {ShedLevel{1, 1}, ShedLevel{2, 1}, ShedLevel{8, 4}}) {
+    shed = level;
+    for (rate = 29'970 * 19 / 20 + 1; rate < 2 * 29'970; rate += 7) {
+      ASSERT_EQ(judged().problem.find("too slow"), std::string::npos) << judged().problem;
+    }
+  }
+}
+
+TEST_F(HealthTest, AHeadInNoSet_IsDegradedWithTheReason) {
+  capture.heads[1].in_no_set = true;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, "head 'right' delivers no frames");
+  capture.heads[1].newest_loss = LossReason::kCorrupt;
+  EXPECT_EQ(judged().problem, "head 'right': none of its frames can be used; the newest: corrupt");
+}
+
 TEST_F(HealthTest, FramesThatDoNotFitTheCalibration_AreAProblem) {
   unfit = 1;
   EXPECT_EQ(judged().state, "degraded");
