@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kGraphWidth = 760, kGraphHeight = 400, kMap = 360;  // the legend is below the map
 constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
+constexpr double kNameHeight = 9.5, kNameMargin = 2;
 constexpr double kGood = 0.8;
 
 const char* colour_of(double agreement) {
@@ -46,14 +47,24 @@ std::string drawn(const GraphLink& link, const std::vector<GraphNode>& nodes) {
 }
 
 std::string drawn(const GraphNode& node, double x) {
-  const double half = 2.8 * static_cast<double>(node.name.size());  // of the name's width, so that no edge cuts it off
+  // At most half of the name's width: no letter is wider than the font is high. Nearer to an edge, the name begins or
+  // ends there, so that it is not cut off, whatever the font.
+  const double half = kNameHeight / 2 * static_cast<double>(node.name.size());
+  const bool at_left = x < half, at_right = !at_left && x > kGraphWidth - half;
   std::string svg =
       fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.0f}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"{}/>",
                   x, y_of(node), kRadius, node.faint ? "#fff3bf" : "#fff", node.faint ? "#f08c00" : "#333",
                   node.faint ? " stroke-dasharray=\"3 3\"" : "");
   return svg +
-         fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\" fill=\"#222\" font-size=\"9.5\">{}</text>",
-                     std::clamp(x, half, kGraphWidth - half), y_of(node) + 3.5, html_escaped(node.name));
+         fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" fill=\"#222\" font-size=\"{}\">{}</text>",
+                     at_left    ? kNameMargin
+                     : at_right ? kGraphWidth - kNameMargin
+                                : x,
+                     y_of(node) + 3.5,
+                     at_left    ? "start"
+                     : at_right ? "end"
+                                : "middle",
+                     kNameHeight, html_escaped(node.name));
 }
 
 std::string legend() {
