@@ -164,7 +164,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     const std::vector<Error> problems = (*ports)->claim_lines(config);
     for (const Error& problem : problems) log_line(LogLevel::kError, problem.text());
     if (!problems.empty()) return kExitBadInput;
-    std::printf("%s is fine: %s\n", options.config.c_str(), describe(config).c_str());
+    show(fmt::format("{} is fine: {}\n", options.config, describe(config)));
     return kExitFine;
   }
   log_line(LogLevel::kInfo, std::string(kSoftware) + ": " + describe(config));

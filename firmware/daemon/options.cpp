@@ -1,8 +1,14 @@
 #include "firmware/daemon/options.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+#include <sstream>
 
 #include "firmware/daemon/version.h"
+#include "protocol/base/fit_text.h"
 
 namespace nodal::daemon {
 namespace {
@@ -24,6 +30,11 @@ constexpr const char* kFooter =
     "3 cannot start, 4 a stage hung at the end.";
 
 }  // namespace
+
+void show(std::string_view text) {
+  const std::string shown = ::isatty(STDOUT_FILENO) == 1 ? fitted(text) : std::string(text);
+  std::fwrite(shown.data(), 1, shown.size(), stdout);
+}
 
 Parsed parse_options(int argc, char** argv) {
   Parsed parsed;
@@ -60,7 +71,9 @@ Parsed parse_options(int argc, char** argv) {
     if (options.config.empty() && !options.bridge && !options.scan) throw CLI::RequiredError("--config FILE");
   } catch (const CLI::ParseError& error) {
     const bool asked = error.get_exit_code() == 0;
-    app.exit(error);
+    std::ostringstream out;
+    app.exit(error, out, std::cerr);
+    show(out.str());
     parsed.exit = asked ? kExitFine : kExitBadInput;
   }
   return parsed;

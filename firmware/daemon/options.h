@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "protocol/base/result.h"
 
@@ -34,6 +35,9 @@ struct Parsed {
   Options options;
   std::optional<int> exit;
 };
+/// Writes a text to standard output; on a terminal, its lines are broken.
+void show(std::string_view text);
+
 Parsed parse_options(int argc, char** argv);
 
 }  // namespace nodal::daemon

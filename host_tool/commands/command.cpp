@@ -183,7 +183,7 @@ ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
   } catch (const CLI::Success& success) {  // --help, --version
     std::ostringstream out, err;
     const int code = app_.exit(success, out, err);
-    console_.bytes(out.str());
+    console_.help(out.str());
     return code == 0 ? ExitCode::kOk : ExitCode::kFailed;
   } catch (const CLI::ParseError& wrong) {
     console_.set_json(context_.json);

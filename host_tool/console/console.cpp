@@ -1,6 +1,7 @@
 #include "host_tool/console/console.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "protocol/base/fit_text.h"
 #include "protocol/base/text.h"
 
 namespace nodal::host {
@@ -61,17 +63,18 @@ std::string line_of(const Json& document) {
   return document.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-/// The number of visible characters: escape sequences count 0, a multi-byte character counts 1.
-std::size_t width_of(std::string_view text) {
-  std::size_t width = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '\x1b') {
-      while (i < text.size() && text[i] != 'm') ++i;
-    } else if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) {
-      ++width;
-    }
-  }
-  return width;
+std::size_t columns_of(std::FILE* file) {
+  constexpr unsigned short kNarrowest = 20;  // a terminal that states less is not taken at its word
+  winsize size{};
+  const bool stated = file != nullptr && ::ioctl(fileno(file), TIOCGWINSZ, &size) == 0 && size.ws_col >= kNarrowest;
+  return stated ? size.ws_col : kLineWidth;
+}
+
+/// The first `columns` visible characters.
+std::string cut_to(const std::string& text, std::size_t columns) {
+  std::string result = text;
+  while (width_of(result) > columns) result.pop_back();
+  return result;
 }
 
 std::int64_t now_ns() {
@@ -103,8 +106,10 @@ int Console::end_output() {
 }
 
 void Console::line(std::string_view text) {
-  if (!json_) bytes(shown(text) + "\n");
+  if (!json_) bytes((out_terminal_ ? fitted(shown(text), columns_of(out_)) : shown(text)) + "\n");
 }
+
+void Console::help(const std::string& text) { bytes(out_terminal_ ? fitted(text, columns_of(out_)) : text); }
 
 void Console::document(const Json& document) {
   if (json_) bytes(line_of(document));
@@ -112,7 +117,7 @@ void Console::document(const Json& document) {
 
 void Console::note(std::string_view text) {
   finish_progress();
-  put(err_, shown(text) + "\n");
+  put(err_, (err_terminal_ ? fitted(shown(text), columns_of(err_)) : shown(text)) + "\n");
 }
 
 void Console::warning(std::string_view text) {
@@ -126,7 +131,8 @@ void Console::error(const Error& error) {
 }
 
 std::string Console::error_text(const Error& error) const {
-  return paint_for(err_terminal_, Colour::kBad, "nodal: ") + shown(error.text()) + "\n";
+  const std::string text = paint_for(err_terminal_, Colour::kBad, "nodal: ") + shown(error.text());
+  return (err_terminal_ ? fitted(text, columns_of(err_)) : text) + "\n";
 }
 
 std::string Console::error_document(const Error& error) const {
@@ -150,7 +156,8 @@ void Console::home() {
 
 void Console::progress(std::string_view text) {
   if (err_terminal_) {
-    put(err_, fmt::format("\r{}\x1b[K", shown(text)));
+    // A line that the terminal wraps could not be overwritten.
+    put(err_, fmt::format("\r{}\x1b[K", cut_to(shown(text), columns_of(err_) - 1)));
     progress_shown_ = true;
   } else {
     put(err_, shown(text) + "\n");
@@ -195,18 +202,6 @@ std::vector<std::string> Table::lines() const {
   std::vector<std::string> lines;
   lines.push_back(lay_out([&](std::size_t c) -> const std::string& { return columns_[c].title; }));
   for (const auto& row : rows_) lines.push_back(lay_out([&](std::size_t c) -> const std::string& { return row[c]; }));
-  return lines;
-}
-
-std::vector<std::string> wrapped(std::string_view text, std::size_t width) {
-  std::vector<std::string> lines;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find(' '), text.size());
-    const std::string_view word = text.substr(0, end);
-    if (lines.empty() || width_of(lines.back()) + 1 + width_of(word) > width) lines.emplace_back(word);
-    else lines.back().append(" ").append(word);
-    text.remove_prefix(std::min(end + 1, text.size()));
-  }
   return lines;
 }
 

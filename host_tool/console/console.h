@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "protocol/base/fit_text.h"
 #include "protocol/base/result.h"
 
 namespace nodal::host {
@@ -37,11 +38,13 @@ class Console {
   /// failed write to standard output. Call it last.
   int end_output();
 
-  /// A result for human readers: a line on standard output. Does nothing with --json.
+  /// A result for human readers: a line on standard output, broken where a terminal ends. Does nothing with --json.
   void line(std::string_view text);
   /// A result for programs: one JSON document on one line of standard output. Does nothing without --json.
   void document(const Json& document);
-  /// Unmodified bytes on standard output, also with --json: pictures of `raymap pull --out -`, the text of --help.
+  /// The text of --help, also with --json; broken where a terminal ends.
+  void help(const std::string& text);
+  /// Unmodified bytes on standard output, also with --json: pictures of `raymap pull --out -`.
   void bytes(std::string_view data);
 
   /// Remarks on standard error: progress, notes, warnings.
@@ -78,12 +81,6 @@ class Console {
   bool progress_shown_ = false;
   std::string activity_;
 };
-
-/// The width that the tables and status lines of commands fit into, in characters.
-inline constexpr std::size_t kLineWidth = 80;
-
-/// Breaks a text at spaces into lines of at most `width` visible characters; a longer word gets a line of its own.
-std::vector<std::string> wrapped(std::string_view text, std::size_t width);
 
 /// Columns of text, each as wide as its widest cell; numbers are right-aligned.
 class Table {

@@ -41,12 +41,5 @@ TEST(PoorPairs, PlacedHeadsThatTheReportMarksRed_AreNamed) {
   EXPECT_EQ(poor_pairs(report), "") << "a head that is not placed has its own warning";
 }
 
-TEST(Wrapped, LinesBreakAtSpacesAndCountCharactersNotBytes) {
-  EXPECT_EQ(wrapped("", 5), std::vector<std::string>{});
-  EXPECT_EQ(wrapped("one two three", 7), (std::vector<std::string>{"one two", "three"}));
-  EXPECT_EQ(wrapped("µµµ µµµ", 7), std::vector<std::string>{"µµµ µµµ"});
-  EXPECT_EQ(wrapped("a longer-than-wide b", 6), (std::vector<std::string>{"a", "longer-than-wide", "b"}));
-}
-
 }  // namespace
 }  // namespace nodal::host
