@@ -9,9 +9,11 @@
 #include "host_tool/console/console.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/pictures.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/media/tiff/tiff_reader.h"
 
 namespace nodal::host {
 namespace {
@@ -30,13 +32,14 @@ struct FrameInput {
 };
 
 Result<FrameInput> read_frame(const std::string& file) {
-  const Result<std::string> bytes = read_file(file, media::kMaxImageFileBytes);
+  const bool tiff = media::is_tiff(file);
+  const Result<std::string> bytes = read_file(file, tiff ? media::kMaxTiffFileBytes : media::kMaxImageFileBytes);
   if (!bytes) return fail(bytes.error());
-  const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
-  const Result<ImageHeader> header = media::read_image_header(file);
+  const Result<ImageHeader> header = read_picture_header(file);
   if (!header) return fail(header.error());
-  const bool grey = header->natural == PixelFormat::kGrey8;
-  Result<DecodedImage> picture = media::decode_image(span, file, grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24);
+  const PixelFormat as = header->natural == PixelFormat::kGrey8 ? PixelFormat::kGrey8 : PixelFormat::kRgb24;
+  const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
+  Result<DecodedImage> picture = tiff ? media::read_tiff(file) : media::decode_image(span, file, as);
   if (!picture) return fail(picture.error());
   // As viewers do it: the packet's text anywhere in the file.
   const bool says = bytes->find("GPano:ProjectionType=\"equirectangular\"") != std::string::npos ||
@@ -91,7 +94,7 @@ Status check_names(const FrameOptions& options) {
 }  // namespace
 
 void add_frame_options(CLI::App& command, FrameOptions& options) {
-  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG or PNG; 16 bits are rounded to 8")
+  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF; 16 bits are rounded to 8")
       ->required()
       ->type_name("");
   command.add_option("-o,--out", options.out, "The result, .jpg, .png, .tif or .raw; %04d numbers it")

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 
+#include "protocol/base/limits.h"
 #include "stitch/media/jpeg_reader.h"
 #include "stitch/media/png_reader.h"
 
@@ -39,6 +40,12 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
     return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
                                      std::to_string(header->height) + ", over the limit of " +
                                      std::to_string(kMaxImageSide) + " a side");
+  }
+  if (header &&
+      static_cast<std::uint64_t>(header->width) * static_cast<std::uint64_t>(header->height) > kMaxPicturePixels) {
+    return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
+                                     std::to_string(header->height) + ", over the limit of " +
+                                     std::to_string(kMaxPicturePixels >> 20) + " * 2^20 pixels");
   }
   return header;
 }

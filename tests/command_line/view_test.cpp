@@ -83,6 +83,47 @@ TEST_F(ViewCommand, SeveralRaymaps_AreNumbered) {
   expect_refused(one, "%04d");
 }
 
+TEST_F(ViewCommand, Tiffs_AreReadAndKeepWhatTheySay) {
+  write_sphere("bare.png", 128);
+  ASSERT_EQ(nodal({"convert", path("bare.png"), "--from", "equirectangular", "-o", path("sphere.png")}).code, 0);
+  ASSERT_EQ(nodal({"convert", path("bare.png"), "--from", "equirectangular", "-o", path("sphere.tif")}).code, 0);
+  for (const std::string command : {"convert", "view"}) {
+    Words same{command, "", "-o", ""};
+    if (command == "view") same.insert(same.end(), {"--size", "64x48"});
+    for (const std::string from : {"png", "tif"}) {
+      same[1] = path("sphere." + from);  // its metadata says that it is equirectangular
+      same[3] = path(command + "-" + from + ".png");
+      const Finished run = nodal(same);
+      ASSERT_EQ(run.code, 0) << run.err;
+    }
+    EXPECT_EQ(media::read_image(path(command + "-png.png")).value().bytes,
+              media::read_image(path(command + "-tif.png")).value().bytes);
+  }
+}
+
+TEST_F(ViewCommand, ATiffThatClaimsAThousandMillionPixels_IsOneSentenceAndTakesNoMemory) {
+  // By the specification: 32768 x 32768 pixels of RGB in one strip, in a file of 1.1 MB.
+  std::string tiff("II\x2a\0\x08\0\0\0\x08\0", 10);
+  const auto entry = [&](unsigned tag, unsigned type, unsigned value) {
+    for (const unsigned word : {tag | type << 16, 1U, value}) {
+      for (int k = 0; k < 4; ++k) tiff += static_cast<char>(word >> (8 * k));
+    }
+  };
+  entry(256, 4, 32768), entry(257, 4, 32768), entry(258, 3, 8), entry(259, 3, 1);
+  entry(262, 3, 2), entry(273, 4, 110), entry(277, 3, 3), entry(279, 4, 1'100'000);
+  tiff.resize(110 + 1'100'000);
+  write("huge.tif", tiff);
+  for (const std::string words : {"convert huge.tif --from cube -o out.png", "stitch huge.tif huge.tif -o out.png"}) {
+    const Finished run =
+        Process({"bash", "-c", "cd '" + path(".") + "' && ulimit -v 1000000 && " NODAL_BIN_DIR "/nodal " + words})
+            .wait();
+    EXPECT_NE(run.code, 0);
+    EXPECT_NE(run.err.find("huge.tif': is 32768x32768, over the limit of 512 * 2^20 pixels"), std::string::npos)
+        << run.err;
+    EXPECT_EQ(run.err.find('\n'), run.err.size() - 1) << run.err;
+  }
+}
+
 TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   write_sphere("sphere.png", 64);
   const std::string sphere = path("sphere.png");

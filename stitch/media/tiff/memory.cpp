@@ -1,5 +1,7 @@
 #include "stitch/media/tiff/memory.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdarg>
@@ -58,15 +60,27 @@ int drop_warning(TIFF* /*tiff*/, void* /*memory*/, const char* /*module*/, const
   return 1;
 }
 
-}  // namespace
-
-TiffPtr open_tiff(TiffMemory& memory, const char* mode) {
-  const std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(TIFFOpenOptionsAlloc(),
-                                                                                 TIFFOpenOptionsFree);
-  if (!options) return nullptr;
+std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options_for(TiffMemory& memory) {
+  std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options(TIFFOpenOptionsAlloc(), TIFFOpenOptionsFree);
+  if (!options) return options;
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), keep_error, &memory);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), drop_warning, nullptr);
   TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMostAtOnce);
+  return options;
+}
+
+}  // namespace
+
+TiffPtr open_tiff_file(int descriptor, TiffMemory& memory) {
+  const auto options = options_for(memory);
+  TiffPtr tiff(options ? TIFFFdOpenExt(descriptor, "picture", "rm", options.get()) : nullptr);  // m: not mapped
+  if (!tiff) ::close(descriptor);
+  return tiff;
+}
+
+TiffPtr open_tiff(TiffMemory& memory, const char* mode) {
+  const auto options = options_for(memory);
+  if (!options) return nullptr;
   return TiffPtr(TIFFClientOpenExt("picture", mode, &memory, read_from, write_to, seek_to, keep_open, size_of, map_all,
                                    unmap, options.get()));
 }

@@ -1,4 +1,4 @@
-// A TIFF in memory, as libtiff reads and writes it. Internal to stitch/media/tiff.
+// A TIFF in memory or in a file, as libtiff reads and writes it. Internal to stitch/media/tiff.
 #pragma once
 
 #include <tiffio.h>
@@ -24,5 +24,8 @@ using TiffPtr = std::unique_ptr<TIFF, CloseTiff>;
 /// `mode` "r" or "w"; null on failure. Reads the bytes where they are, as if the file was mapped: libtiff 4.5 refuses
 /// good uncompressed tiles of files that are not. Keeps `memory` by reference.
 TiffPtr open_tiff(TiffMemory& memory, const char* mode);
+
+/// The same for an open file, for its directory only; takes over the descriptor. Errors of libtiff go to memory.why.
+TiffPtr open_tiff_file(int descriptor, TiffMemory& memory);
 
 }  // namespace nodal::media

@@ -1,15 +1,19 @@
 #include "stitch/media/tiff/tiff_reader.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "protocol/base/limits.h"
 #include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
@@ -28,6 +32,7 @@ struct CloseFile {
 /// A file and what libtiff says of it.
 struct Reader {
   std::string name;
+  std::uint64_t file_bytes = 0;
   TiffMemory memory{};
   TiffPtr tiff{};
   ImageHeader header{};
@@ -54,9 +59,13 @@ Status check_size(Reader& reader) {
     return fail(
         reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " + std::to_string(kMostSide) + " a side"));
   }
-  if (std::uint64_t{width} * height * 3 > kSmall + kMostExpansion * reader.memory.bytes.size()) {
-    return fail(reader.error(Errc::kTruncated, std::to_string(reader.memory.bytes.size()) + " bytes cannot hold " +
-                                                   size + " pixels; fetch or export it again"));
+  if (std::uint64_t{width} * height > kMaxPicturePixels) {
+    return fail(reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " +
+                                                  std::to_string(kMaxPicturePixels >> 20) + " * 2^20 pixels"));
+  }
+  if (std::uint64_t{width} * height * 3 > kSmall + kMostExpansion * reader.file_bytes) {
+    return fail(reader.error(Errc::kTruncated, std::to_string(reader.file_bytes) + " bytes cannot hold " + size +
+                                                   " pixels; fetch or export it again"));
   }
   const auto light = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
   const bool grey = light == PHOTOMETRIC_MINISBLACK || light == PHOTOMETRIC_MINISWHITE;
@@ -64,24 +73,50 @@ Status check_size(Reader& reader) {
   return {};
 }
 
-Status open(const std::filesystem::path& file, Reader& reader) {
-  const std::unique_ptr<std::FILE, CloseFile> in(std::fopen(file.c_str(), "rb"));
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+Result<File> open_file(const std::filesystem::path& file, Reader& reader) {
+  File in(std::fopen(file.c_str(), "rb"));
   if (!in) {
     return fail(reader.error(errno == ENOENT || errno == ENOTDIR ? Errc::kNotFound : Errc::kIo,
                              std::string("cannot be opened: ") + std::strerror(errno)));
   }
+  return in;
+}
+
+Error too_large(const Reader& reader) {
+  return reader.error(Errc::kTooLarge, "is over " + std::to_string(kMaxTiffFileBytes >> 20) + " MiB");
+}
+
+Status open(const std::filesystem::path& file, Reader& reader) {
+  const Result<File> in = open_file(file, reader);
+  if (!in) return fail(in.error());
   std::vector<std::uint8_t>& bytes = reader.memory.bytes;
   std::vector<std::uint8_t> piece(std::size_t{1} << 16);
-  while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in.get())) {
+  while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in->get())) {
     bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
-    if (bytes.size() > kMaxTiffFileBytes) {
-      return fail(reader.error(Errc::kTooLarge, "is over " + std::to_string(kMaxTiffFileBytes >> 20) + " MiB"));
-    }
+    if (bytes.size() > kMaxTiffFileBytes) return fail(too_large(reader));
   }
-  if (std::ferror(in.get()) != 0) {
+  if (std::ferror(in->get()) != 0) {
     return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
   }
+  reader.file_bytes = bytes.size();
   reader.tiff = open_tiff(reader.memory, "r");
+  if (!reader.tiff) return fail(reader.broken(Errc::kBadFormat, "is broken"));
+  return check_size(reader);
+}
+
+/// Reads only the file's directory.
+Status open_directory(const std::filesystem::path& file, Reader& reader) {
+  const Result<File> in = open_file(file, reader);
+  if (!in) return fail(in.error());
+  std::error_code unknown;
+  reader.file_bytes = std::filesystem::file_size(file, unknown);
+  if (unknown) return fail(reader.error(Errc::kIo, "cannot be read: " + unknown.message()));
+  if (reader.file_bytes > kMaxTiffFileBytes) return fail(too_large(reader));
+  const int descriptor = ::dup(fileno(in->get()));
+  if (descriptor < 0) return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
+  reader.tiff = open_tiff_file(descriptor, reader.memory);
   if (!reader.tiff) return fail(reader.broken(Errc::kBadFormat, "is broken"));
   return check_size(reader);
 }
@@ -130,22 +165,38 @@ Status decode_deep_grey(Reader& reader, std::vector<std::uint8_t>& bytes) {
   return {};
 }
 
-/// libtiff's own conversion to 8 bits: red in the lowest byte.
-Status decode(Reader& reader, std::vector<std::uint32_t>& pixels) {
+/// libtiff's own conversion to 8 bits: red in the lowest byte. Rows are appended to `bytes` as they are decoded, those of
+/// a row of strips or tiles at a time, so that a file that ends early takes no memory for the rest.
+Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
+  TIFF* tiff = reader.tiff.get();
   TIFFRGBAImage image{};
   std::array<char, 1024> why{};
-  if (TIFFRGBAImageOK(reader.tiff.get(), why.data()) == 0 ||
-      TIFFRGBAImageBegin(&image, reader.tiff.get(), 1, why.data()) == 0) {
+  if (TIFFRGBAImageOK(tiff, why.data()) == 0 || TIFFRGBAImageBegin(&image, tiff, 1, why.data()) == 0) {
     return fail(reader.error(Errc::kUnsupported, std::string("this kind of TIFF cannot be read (") + why.data() +
                                                      "); export it with 8 or 16 bits"));
   }
+  const std::unique_ptr<TIFFRGBAImage, decltype(&TIFFRGBAImageEnd)> end(&image, TIFFRGBAImageEnd);
   image.req_orientation = image.orientation;
   const auto width = static_cast<std::uint32_t>(reader.header.width);
   const auto height = static_cast<std::uint32_t>(reader.header.height);
-  pixels.resize(std::size_t{width} * height);
-  const bool good = TIFFRGBAImageGet(&image, pixels.data(), width, height) == 1;
-  TIFFRGBAImageEnd(&image);
-  if (!good) return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
+  const bool grey = reader.header.natural == PixelFormat::kGrey8;
+  const auto stored = TIFFIsTiled(tiff) != 0 ? field<std::uint32_t>(tiff, TIFFTAG_TILELENGTH, 0)
+                                             : field<std::uint32_t>(tiff, TIFFTAG_ROWSPERSTRIP, height);
+  const std::uint32_t at_once = std::clamp(stored, std::uint32_t{1}, height);
+  std::vector<std::uint32_t> pixels(std::size_t{width} * at_once);
+  for (std::uint32_t top = 0; top < height; top += at_once) {
+    const std::uint32_t rows = std::min(at_once, height - top);
+    image.row_offset = static_cast<int>(top);
+    if (TIFFRGBAImageGet(&image, pixels.data(), width, rows) != 1) {
+      return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
+    }
+    for (const std::uint32_t pixel : std::span(pixels).first(std::size_t{width} * rows)) {
+      bytes.push_back(static_cast<std::uint8_t>(TIFFGetR(pixel)));
+      if (grey) continue;
+      bytes.push_back(static_cast<std::uint8_t>(TIFFGetG(pixel)));
+      bytes.push_back(static_cast<std::uint8_t>(TIFFGetB(pixel)));
+    }
+  }
   return {};
 }
 
@@ -164,7 +215,7 @@ bool is_tiff(const std::filesystem::path& file) {
 
 Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {
   Reader reader{file.string()};
-  if (const Status opened = open(file, reader); !opened) return fail(opened.error());
+  if (const Status opened = open_directory(file, reader); !opened) return fail(opened.error());
   return reader.header;
 }
 
@@ -176,17 +227,9 @@ Result<DecodedImage> read_tiff(const std::filesystem::path& file) {
     if (const Status decoded = decode_deep_grey(reader, grey.bytes); !decoded) return fail(decoded.error());
     return grey;
   }
-  std::vector<std::uint32_t> pixels;
-  if (const Status decoded = decode(reader, pixels); !decoded) return fail(decoded.error());
   DecodedImage picture{reader.header.natural, reader.header.width, reader.header.height, {}};
-  const bool grey = picture.format == PixelFormat::kGrey8;
   picture.bytes.reserve(packed_size(picture.format, picture.width, picture.height));
-  for (const std::uint32_t pixel : pixels) {
-    picture.bytes.push_back(static_cast<std::uint8_t>(TIFFGetR(pixel)));
-    if (grey) continue;
-    picture.bytes.push_back(static_cast<std::uint8_t>(TIFFGetG(pixel)));
-    picture.bytes.push_back(static_cast<std::uint8_t>(TIFFGetB(pixel)));
-  }
+  if (const Status decoded = decode(reader, picture.bytes); !decoded) return fail(decoded.error());
   return picture;
 }
 

@@ -109,6 +109,24 @@ TEST_P(Broken, BytesChanged_NeverMoreThanAnError) {
   EXPECT_GT(refused, 40);
 }
 
+TEST(ImageFile, MorePixelsThanAPictureMayHave_AreRefused) {
+  auto jpeg = test::jpeg_of(test::smooth_rgb(64, 48), 64, 48, test::Sampling::k420);
+  const std::array<std::uint8_t, 2> frame{0xFF, 0xC0};  // JPEG, B.2.2: then length, precision, height and width
+  const auto at = std::search(jpeg.begin(), jpeg.end(), frame.begin(), frame.end());
+  ASSERT_LT(at - jpeg.begin(), static_cast<std::ptrdiff_t>(jpeg.size()) - 9);
+  for (const int side : {32'768, 23'171}) {  // 23170 * 23170 are just below 2^29
+    at[5] = at[7] = static_cast<std::uint8_t>(side >> 8);
+    at[6] = at[8] = static_cast<std::uint8_t>(side);
+    auto padded = jpeg;
+    padded.resize(4'000'000);
+    const auto image = decode_image(padded, "huge");
+    ASSERT_FALSE(image);
+    EXPECT_EQ(image.error().code, Errc::kTooLarge) << image.error().text();
+    const std::string size = std::to_string(side) + "x" + std::to_string(side);
+    EXPECT_EQ(image.error().message, "picture 'huge': is " + size + ", over the limit of 512 * 2^20 pixels");
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Kind, Broken, testing::Values(true, false),
                          [](const auto& kind) { return kind.param ? "Jpeg" : "Png"; });
 
@@ -126,7 +144,7 @@ TEST(DecodeJpeg, FewBytesThatClaimAGreatPicture_AreRefusedBeforeMemoryIsTaken) {
   const auto found = std::ranges::search(bytes, frame_header);
   ASSERT_FALSE(found.empty());
   // After the marker: length (2), precision (1), height (2), width (2), high byte first.
-  found.begin()[5] = found.begin()[7] = 0x7F;
+  found.begin()[5] = found.begin()[7] = 0x50;  // 20480 and more
   const auto image = decode_image(bytes, "great.jpg");
   ASSERT_FALSE(image);
   EXPECT_EQ(image.error().code, Errc::kTruncated);

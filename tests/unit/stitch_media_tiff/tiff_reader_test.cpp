@@ -4,6 +4,7 @@
 #include <tiffio.h>
 
 #include <cstring>
+#include <fstream>
 
 #include "tests/support/pictures.h"
 
@@ -153,8 +154,8 @@ TEST_F(TiffReader, BytesChanged_NeverMoreThanAnError) {
   EXPECT_GT(refused, 100);
 }
 
-TEST_F(TiffReader, SizesThatTheFileCannotHold_AreRefusedBeforeMemoryIsTaken) {
-  // A TIFF by the specification's bytes: 30000 x 30000 pixels of RGB in a file of 200 bytes.
+/// A TIFF by the specification's bytes: RGB in one strip, of `side` x `side` pixels, in a file with `data` bytes of it.
+std::vector<std::uint8_t> square_tiff(std::uint32_t side, std::size_t data) {
   const auto entry = [](std::uint16_t tag, std::uint16_t type, std::uint32_t value) {
     std::vector<std::uint8_t> bytes;
     for (const std::uint32_t word : {std::uint32_t{tag} | std::uint32_t{type} << 16, std::uint32_t{1}, value}) {
@@ -163,15 +164,52 @@ TEST_F(TiffReader, SizesThatTheFileCannotHold_AreRefusedBeforeMemoryIsTaken) {
     return bytes;
   };
   std::vector<std::uint8_t> bytes{'I', 'I', 42, 0, 8, 0, 0, 0, 8, 0};
-  for (const auto& one : {entry(256, 4, 30000), entry(257, 4, 30000), entry(258, 3, 8), entry(259, 3, 1),
-                          entry(262, 3, 2), entry(273, 4, 8), entry(277, 3, 3), entry(279, 4, 100)}) {
+  for (const auto& one :
+       {entry(256, 4, side), entry(257, 4, side), entry(258, 3, 8), entry(259, 3, 1), entry(262, 3, 2),
+        entry(273, 4, 110), entry(277, 3, 3), entry(279, 4, static_cast<std::uint32_t>(data))}) {
     bytes.insert(bytes.end(), one.begin(), one.end());
   }
-  bytes.insert(bytes.end(), 100, 0);
-  test::write_bytes(path("huge.tif"), bytes);
+  bytes.resize(110 + data);  // the offset of the next directory, 0, and the strip
+  return bytes;
+}
+
+TEST_F(TiffReader, SizesThatTheFileCannotHold_AreRefusedBeforeMemoryIsTaken) {
+  test::write_bytes(path("huge.tif"), square_tiff(20'000, 100));
   const auto picture = read_tiff(path("huge.tif"));
   ASSERT_FALSE(picture);
   EXPECT_EQ(picture.error().code, Errc::kTruncated) << picture.error().text();
+}
+
+TEST_F(TiffReader, MorePixelsThanAPictureMayHave_AreRefused) {
+  // 32768 x 32768 is within the limit of a side, and deflate could expand two megabytes so far.
+  test::write_bytes(path("huge.tif"), square_tiff(32'768, 2'000'000));
+  for (const bool whole : {true, false}) {
+    const Errc code =
+        whole ? read_tiff(path("huge.tif")).error().code : read_tiff_header(path("huge.tif")).error().code;
+    EXPECT_EQ(code, Errc::kTooLarge);
+  }
+  EXPECT_NE(read_tiff(path("huge.tif")).error().message.find("huge.tif': is 32768x32768, over the limit of 512 * 2^20"),
+            std::string::npos);
+}
+
+/// Bytes that this process has read by system calls.
+std::uint64_t bytes_read() {
+  std::ifstream io("/proc/self/io");
+  std::string word;
+  std::uint64_t bytes = 0;
+  while (io >> word && word != "rchar:") {}
+  io >> bytes;
+  return bytes;
+}
+
+TEST_F(TiffReader, ForItsHeader_OnlyTheDirectoryIsRead) {
+  test::write_bytes(path("large.tif"), square_tiff(2'000, 12'000'000));
+  const std::uint64_t before = bytes_read();
+  const auto header = read_tiff_header(path("large.tif"));
+  EXPECT_LT(bytes_read() - before, 20'000U);
+  ASSERT_TRUE(header) << header.error().text();
+  EXPECT_EQ(header->width, 2'000);
+  EXPECT_EQ(header->height, 2'000);
 }
 
 TEST_F(TiffReader, WhatIsNoPicture_IsRefusedWithItsReason) {
