@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "rig_process.h"
+#include "stitch/media/image_file.h"
 #include "tests/support/pictures.h"
 #include "tests/support/rendered_rig.h"
 
@@ -137,6 +140,29 @@ Words commands_of(const std::string& page) {
   return commands;
 }
 
+/// RFC 4648, section 4.
+std::vector<std::uint8_t> decoded_base64(const std::string& text) {
+  const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::vector<std::uint8_t> bytes;
+  unsigned held = 0;
+  int bits = 0;
+  for (const char c : text) {
+    const std::size_t digit = digits.find(c);
+    if (digit == std::string::npos) break;
+    held = held << 6 | static_cast<unsigned>(digit);
+    bits += 6;
+    if (bits < 8) continue;
+    bits -= 8;
+    bytes.push_back(static_cast<std::uint8_t>(held >> bits));
+  }
+  return bytes;
+}
+
+std::string text_of(const std::string& file) {
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
 TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
   const test::RenderedRig rig = [] {
     Calibration three = test::six_fisheyes(320, 190);
@@ -183,6 +209,81 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
     EXPECT_TRUE(std::filesystem::exists(path(file))) << file << "\n" << log;
   }
   EXPECT_NE(log.find("3 of 3 pictures placed"), std::string::npos) << log;
+  // The report's verdict comes first, and then the sphere, in colour.
+  const std::string page = read("sphere.report.html");
+  const std::size_t picture = page.find(";base64,");
+  ASSERT_NE(picture, std::string::npos);
+  EXPECT_LT(std::min(page.find("<p>Good: all 3 heads"), page.find("<p>To be checked: ")), page.find("<h2"));
+  EXPECT_LT(page.find("<h2>The sphere</h2>"), picture);
+  const std::vector<std::uint8_t> bytes =
+      decoded_base64(page.substr(picture + 8, page.find('"', picture) - picture - 8));
+  const auto sphere = media::decode_image(bytes, "sphere", PixelFormat::kRgb24);
+  ASSERT_TRUE(sphere) << sphere.error().text();
+  std::size_t coloured = 0;
+  for (std::size_t p = 0; p < sphere->bytes.size(); p += 3) {
+    coloured += std::abs(sphere->bytes[p] - sphere->bytes[p + 2]) > 20 ? 1U : 0U;
+  }
+  EXPECT_GT(coloured, sphere->bytes.size() / 3 / 20);
+}
+
+TEST_F(FirstSession, Versions_AreThoseOfTheChangelogTheProtocolsChangesAndCMake) {
+  // The newest heading of the changelog, "## 1.2.3" with or without a remark.
+  const std::string log = text_of(NODAL_SOURCE_DIR "/.github/CHANGELOG.md");
+  const std::size_t heading = log.find("\n## ");
+  ASSERT_NE(heading, std::string::npos);
+  const std::string newest = log.substr(heading + 4, log.find_first_of(" \n", heading + 4) - heading - 4);
+  EXPECT_EQ(nodal({"--version"}).out, "nodal " + newest + "\n");
+  EXPECT_EQ(Process({NODAL_BIN_DIR "/nodald", "--version"}).wait().out, "nodald " + newest + "\n");
+  // The last row of the table: | protocol version | first in | what |
+  const std::string changes = text_of(NODAL_SOURCE_DIR "/protocol/CHANGES.md");
+  std::string last;
+  std::istringstream lines(changes);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("| ") && std::isdigit(static_cast<unsigned char>(line[2])) != 0) last = line;
+  }
+  EXPECT_NE(last.find("| " + newest + " |"), std::string::npos) << last;
+  const std::string cache = text_of(NODAL_BIN_DIR "/../CMakeCache.txt");
+  EXPECT_NE(cache.find("\nCMAKE_PROJECT_VERSION:STATIC=" + newest + "\n"), std::string::npos);
+}
+
+TEST_F(FirstSession, ACommand_LeavesAtMostOneLineInTheRigsLog) {
+  start_nodald();
+  bring_up();
+  ASSERT_EQ(nodal({"calibration", "upload", path("six.json")}).code, 0);
+  write("bad.json", "{}");
+  std::string many = to_json(six_heads("seventh"));
+  many.replace(many.find("\"cam0\""), 6, "\"camX\"");
+  write("other.json", many);
+  const auto lines = [&] {
+    const std::string log = nodald().complained();
+    return std::ranges::count(log, '\n');
+  };
+  // The log is written by a thread of its own: a marker at the end shows that everything before it is there.
+  const auto lines_after = [&] {
+    const auto before = lines();
+    EXPECT_EQ(nodal({"head", "set", "cam0", "--gain", "1dB"}).code, 0);
+    EXPECT_TRUE(wait_until([&] { return lines() > before; }));
+    return lines();
+  };
+  for (const Words& words : {Words{"status"},
+                             {"heads"},
+                             {"exposure", "show"},
+                             {"audit"},
+                             {"calibration", "list"},
+                             {"calibration", "show"},
+                             {"head", "set", "all", "--exposure", "8ms"},
+                             {"head", "set", "all", "--exposure", "9s"},
+                             {"calibration", "upload", path("six.json")},
+                             {"calibration", "upload", path("bad.json")},
+                             {"calibration", "upload", path("other.json")},
+                             {"calibration", "rollback"},
+                             {"take", "start"},
+                             {"raymap", "pull", "-o", path("r.jpg")}}) {
+    const auto before = lines_after();
+    nodal(words);
+    const auto after = lines_after();
+    EXPECT_LE(after - before, 2) << words[0] << " " << words[1] << ", and the marker\n" << nodald().complained();
+  }
 }
 
 }  // namespace

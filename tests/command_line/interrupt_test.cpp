@@ -66,9 +66,9 @@ class Interrupt : public testing::Test {
 
   static std::string path(const std::string& name) { return (*folder_ / name).string(); }
 
-  void expect_the_end_at_once(Words words, int signal, int code) {
+  void expect_the_end_at_once(Words words, int signal, int code, const std::string& out = "out.json") {
     words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "--json"});
-    words.insert(words.end(), {"-o", path("out.json")});
+    words.insert(words.end(), {"-o", path(out)});
     Process nodal(words);
     double most = 0;
     const auto computes = [&] {
@@ -84,7 +84,7 @@ class Interrupt : public testing::Test {
     EXPECT_NE(run.err.find("nodal: cancelled (603): stopped by a signal before the work was done"), std::string::npos)
         << run.err;
     EXPECT_EQ(nlohmann::json::parse(run.out)["error"]["name"], "cancelled");
-    EXPECT_FALSE(std::filesystem::exists(path("out.json")));
+    EXPECT_FALSE(std::filesystem::exists(path(out)));
   }
 
  private:
@@ -100,6 +100,11 @@ TEST_F(Interrupt, WhileHeadsAreRegistered_EndsAtOnce) {
 
 TEST_F(Interrupt, WhileDriftIsMeasured_EndsAtOnce) {
   expect_the_end_at_once({"drift", path("prior.json"), path("frames")}, SIGINT, 130);
+}
+
+TEST_F(Interrupt, WhilePicturesAreStitched_EndsAtOnce) {
+  expect_the_end_at_once({"stitch", path("frames")}, SIGINT, 130, "out.png");
+  expect_the_end_at_once({"stitch", path("prior.json"), path("frames"), "--width", "8000"}, SIGINT, 130, "out.png");
 }
 
 TEST_F(Interrupt, WhileALensIsCalibrated_EndsAtOnce) {

@@ -69,6 +69,8 @@ TEST(SyncReport, ASkewOfFiveMicroseconds_IsDrawnOnTheLineThatSaysSo) {
   SyncReport report({"left", "right"});
   for (std::uint64_t i = 0; i < 2; ++i) report.add(set(i, 3, 0, 5000));
   const std::string svg = report.svg();
+  EXPECT_NE(svg.find("viewBox=\"0 0 "), std::string::npos);
+  EXPECT_NE(svg.find("width=\"100%\""), std::string::npos) << "it scales with the page";
   const std::size_t word = svg.find(">+5 µs<");
   ASSERT_NE(word, std::string::npos) << svg;
   const std::string y = "y2=\"";
