@@ -15,7 +15,8 @@
 namespace nodal::offline {
 namespace {
 
-constexpr int kBandRows = 64;  ///< raymap rows per band: the blend is fastest with multiples of 64
+constexpr int kCompiledRows = 8;  ///< rows of tiles that a thread compiles at once: they share some of the work
+constexpr int kBandRows = 64;     ///< raymap rows per band: the blend is fastest with multiples of 64
 
 /// A head's picture and its pyramid, as the blend reads them.
 struct Prepared {
@@ -92,11 +93,13 @@ Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const ta
     auto compiler = table::TableCompiler::make(heads, *rays, raymap.format, formats, options);
     if (!compiler) return fail(compiler.error());
     const int rows = compiler->row_count();
-    const int at_once = 4 * workers.threads();  // rows of tiles between two calls of progress()
+    const int at_once = 2 * workers.threads();  // chunks between two calls of progress()
     for (int done = 0; done < rows;) {
-      const int until = std::min(rows, done + at_once);
-      workers.run(until - done, [&](int i) { compiler->compile_rows(done + i, done + i + 1); });
-      done = until;
+      workers.run(at_once, [&](int i) {
+        const int first = std::min(rows, done + i * kCompiledRows);
+        compiler->compile_rows(first, std::min(rows, first + kCompiledRows));
+      });
+      done = std::min(rows, done + at_once * kCompiledRows);
       if (progress) progress((begun + static_cast<double>(done) / rows) / static_cast<double>(parts->size()));
     }
     begun += 1;

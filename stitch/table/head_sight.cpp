@@ -11,11 +11,6 @@ constexpr double kMaskSteepness = 10;
 
 }  // namespace
 
-double smoothstep(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
-}
-
 double half_of_region(const Region& region) {
   const double half = std::min(region.right - region.left, region.bottom - region.top) / 2;
   return region.circle ? std::min(half, region.circle->radius) : half;

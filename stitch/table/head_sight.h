@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 
 #include "stitch/geometry/head.h"
@@ -26,7 +27,10 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
                              double depth_per_px);
 
 /// 0 for x <= 0, 1 for x >= 1, with a continuous slope.
-double smoothstep(double t);
+inline double smoothstep(double t) {
+  t = std::clamp(t, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
 
 /// Half of the shorter side of a region, px: the unit of TableOptions::feather.
 double half_of_region(const Region& region);

@@ -3,27 +3,18 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <limits>
 #include <string>
 
-#include "stitch/blend/blend_table.h"
-#include "stitch/table/head_sight.h"
+#include "stitch/table/head_weight.h"
 #include "stitch/table/ray_interpolation.h"
-#include "stitch/table/seam.h"
 #include "stitch/table/tone_compiler.h"
 
 namespace nodal::table {
 namespace {
 
 constexpr int kSmallestHead = 4;  // px; chroma of half size then has at least two samples per side
-/// Keeps the weight of a head above 0 close to its edge, where it may be the only head.
-constexpr double kLeastFeather = 1e-6;
-constexpr double kLeastDepth = 1e-12;
-/// Rays closer than this to a region's edge (px) count as outside, so that the result does not depend on rounding.
-constexpr double kEdge = 1e-6;
-/// Densities from this on are excluded: at the lens's turning point, which only its outermost ray reaches, the density
-/// is infinite.
-constexpr double kEndless = 1e30;
+constexpr double kUnknown = std::numeric_limits<double>::infinity();
 
 Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                      std::span<const PixelFormat> head_formats, bool fields) {
@@ -77,24 +68,17 @@ Status check_transition(const TableOptions& options) {
   return {};
 }
 
-/// The factor of the weight that decreases towards the edges of the region.
-double fade(const HeadSight& seen, bool seams, double depth_per_px) {
-  // Seams need continuous slopes: kLeastDepth is added, because max(depth, kLeastDepth) has a jump in its slope.
-  if (seams) return seen.depth + kLeastDepth;
-  return std::max(kLeastFeather, smoothstep(seen.inside * depth_per_px));
-}
-
 /// The distance, in samples, by which ray interpolation moves the position `at`, whose fractions between its four
 /// samples are `place`.
 double moved_by_rays(const geometry::Head& head, const PlaneGrid& plane_grid, geometry::Pixel at, Fractions place) {
   const std::optional<geometry::Ray> ray = head.unproject(at);
-  if (!ray) return kEndless;
+  if (!ray) return kUnknown;
   std::array<Eigen::Vector3d, 4> neighbours;
   for (std::size_t k = 0; k < 4; ++k) {
     const std::optional<geometry::Ray> neighbour =
         head.unproject({at.x + (static_cast<double>(k & 1) - place.x) * plane_grid.step_x,
                         at.y + (static_cast<double>(k >> 1) - place.y) * plane_grid.step_y});
-    if (!neighbour) return kEndless;
+    if (!neighbour) return kUnknown;
     neighbours[k] = neighbour->direction();
   }
   const Fractions moved = ray_fractions(TangentPlane(ray->direction()), neighbours, place);
@@ -139,6 +123,8 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   sampler.heads_ = std::move(*heads);
   for (const geometry::Head& head : sampler.heads_) {
     sampler.optics_.push_back(HeadOptics::of(head, raymap_format, sampler.power_, options));
+    const bool seams = options.transition != Transition::kFeather;
+    sampler.steepest_.push_back(seams ? steepest_score(head, sampler.optics_.back()) : 0);
   }
   const auto* nowhere = static_cast<const std::uint8_t*>(nullptr);
   const ImageView raymap = packed_image(raymap_format, layout.width(), layout.height(), nowhere);
@@ -162,176 +148,10 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   return sampler;
 }
 
-std::span<const RaySample> RowSampler::at(int x) const {
-  const auto i = static_cast<std::size_t>(x);
-  const std::uint32_t begin = i == 0 ? 0 : ends_[i - 1];
-  return std::span(samples_).subspan(begin, ends_[i] - begin);
-}
-
 std::optional<geometry::Ray> RaySampler::ray(int grid, int x, int y) const {
   const PlaneGrid& plane_grid = grids_[static_cast<std::size_t>(grid)].on_raymap;
   return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - plane_grid.offset_x) * plane_grid.step_x),
                       std::min<double>(layout_->height(), (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y));
-}
-
-void RowSampler::sample(int grid, int y) {
-  begin(grid);
-  const int width = rig_.grids()[static_cast<std::size_t>(grid)].width;
-  for (int x = 0; x < width; ++x) add(rig_.ray(grid, x, y));
-}
-
-void RowSampler::sample(int grid, std::span<const std::uint32_t> places) {
-  begin(grid);
-  for (const std::uint32_t place : places) {
-    const bool nowhere = place == blend::GridTable::kNowhere;
-    add(nowhere ? std::nullopt : rig_.ray(grid, static_cast<int>(place & 0xffff), static_cast<int>(place >> 16)));
-  }
-}
-
-void RowSampler::sample(int grid, std::span<const std::optional<geometry::Ray>> rays) {
-  begin(grid);
-  for (const std::optional<geometry::Ray>& ray : rays) add(ray);
-}
-
-void RowSampler::begin(int grid) {
-  if (grid != grid_) {
-    for (auto& rays : rays_) rays.clear();
-    grid_ = grid;
-  }
-  ends_.clear();
-  samples_.clear();
-}
-
-void RowSampler::add(const std::optional<geometry::Ray>& ray) {
-  if (ray) {
-    std::array<Sight, kMaxHeads> sights;
-    const int count = find_sights(*ray, sights);
-    for (int k = 0; k < count; ++k) samples_.push_back(place(sights[static_cast<std::size_t>(k)], *ray));
-  }
-  ends_.push_back(static_cast<std::uint32_t>(samples_.size()));
-}
-
-/// Fills in the heads that see the ray, with weights that sum to 1, and returns their number.
-int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const {
-  const std::span<const geometry::Head> heads = rig_.heads();
-  const bool seams = rig_.options().transition != Transition::kFeather;
-  std::size_t count = 0;
-  for (std::size_t h = 0; h < heads.size(); ++h) {
-    const RaySampler::Optics& optics = rig_.optics()[h];
-    const Eigen::Vector3d d = heads[h].seen_from_here(ray.direction());
-    const double ahead = optics.axis.dot(d);  // the cosine with the head's axis
-    if (ahead < optics.cos_reach) continue;
-    const Eigen::Vector3d in_head(optics.right.dot(d), optics.down.dot(d), ahead);
-    const std::optional<HeadSight> seen = see(heads[h], optics.lens, in_head, optics.depth_per_px);
-    if (!seen || seen->inside < kEdge) continue;
-    const double weight = seen->density * fade(*seen, seams, optics.depth_per_px);
-    if (!(weight > 0 && weight < kEndless)) continue;
-    sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
-  }
-  if (seams && count > 1) choose_best(ray, std::span(sights).first(count));
-  double sum = 0;
-  for (std::size_t k = 0; k < count; ++k) sum += sights[k].weight;
-  const double least = sum * rig_.options().least_weight;
-  std::size_t kept = 0;
-  double kept_sum = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    if (!(sights[k].weight > 0) || sights[k].weight < least) continue;
-    kept_sum += sights[k].weight;
-    sights[kept++] = sights[k];
-  }
-  const double share = 1 / kept_sum;
-  for (std::size_t k = 0; k < kept; ++k) sights[k].weight *= share;
-  return static_cast<int>(kept);
-}
-
-/// Replaces the weights by those of apply_seam(). Scores are the square roots of the weights: a smoothstep rises with
-/// the square of the distance from the edge, so its root is about linear, as apply_seam() needs for seams of the given
-/// width.
-void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) const {
-  // One-sided differences. Their relative error is about kStep, their rounding noise about 1e-16 / kStep.
-  constexpr double kStep = 1e-7;  // rad; the vector's length is then 1 to within kStep squared
-  const Eigen::Vector3d across = ray.direction().unitOrthogonal();
-  const std::array<Eigen::Vector3d, 2> tangents{across, ray.direction().cross(across)};
-  std::array<SeamCandidate, kMaxHeads> candidates;
-  for (std::size_t k = 0; k < sights.size(); ++k) {
-    const RaySampler::Optics& optics = rig_.optics()[sights[k].head];
-    SeamCandidate& candidate = candidates[k];
-    candidate.score = std::sqrt(sights[k].weight);
-    for (std::size_t way = 0; way < 2; ++way) {
-      const geometry::Head& head = rig_.heads()[sights[k].head];
-      const Eigen::Vector3d d = head.seen_from_here(ray.direction() + kStep * tangents[way]);
-      const std::optional<HeadSight> seen =
-          see(head, optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)}, optics.depth_per_px);
-      const double moved = seen ? std::sqrt(seen->density * fade(*seen, true, optics.depth_per_px)) : 0.0;
-      candidate.slope[static_cast<Eigen::Index>(way)] = (moved - candidate.score) / kStep;
-    }
-  }
-  apply_seam(std::span(candidates).first(sights.size()), rig_.options().seam_width_deg * std::numbers::pi / 180);
-  for (std::size_t k = 0; k < sights.size(); ++k) sights[k].weight = candidates[k].weight;
-}
-
-RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
-  const geometry::Head& head = rig_.heads()[sight.head];
-  const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
-  const PlaneGrid& plane_grid = picture.on_picture;
-  // Within half a sample of the picture's edge there is no next sample: the position is clamped to the edge sample.
-  RaySample sample{sight.head,
-                   std::clamp(sight.pixel.x / plane_grid.step_x + plane_grid.offset_x - 0.5, 0.0, picture.width - 1.0),
-                   std::clamp(sight.pixel.y / plane_grid.step_y + plane_grid.offset_y - 0.5, 0.0, picture.height - 1.0),
-                   sight.weight, 1};
-  if (rig_.options().undo_vignetting) {
-    sample.gain = rig_.optics()[sight.head].undo.undo(head.vignetting(sight.pixel));
-  }
-  if (rig_.options().interpolation == Interpolation::kPixel) return sample;
-  const double across = sight.pixel.x - head.calibration().center_x;
-  const double down = (sight.pixel.y - head.calibration().center_y) / head.calibration().aspect;
-  if (across * across + down * down < picture.same_radius * picture.same_radius) return sample;
-
-  const auto x = std::min(static_cast<std::int32_t>(sample.x), picture.width - 2);
-  const auto y = std::min(static_cast<std::int32_t>(sample.y), picture.height - 2);
-  std::array<Eigen::Vector3d, 4> neighbours;
-  for (std::int32_t k = 0; k < 4; ++k) {
-    const CachedRay& neighbour = ray_of(sight.head, x + (k & 1), y + (k >> 1));
-    if (!neighbour.exists) return sample;  // beyond the lens: there is no ray to interpolate
-    neighbours[static_cast<std::size_t>(k)] = neighbour.direction;
-  }
-  const Fractions at = ray_fractions(TangentPlane(ray.direction()), neighbours, {sample.x - x, sample.y - y});
-  sample.x = x + at.x;
-  sample.y = y + at.y;
-  return sample;
-}
-
-const RowSampler::CachedRay& RowSampler::ray_of(HeadIndex head, std::int32_t x, std::int32_t y) {
-  // A direct-mapped cache: the rays of a raymap row lie on a curve in the picture, those of the next row close to it.
-  constexpr std::int32_t kColumns = 1024;
-  constexpr std::int32_t kRows = 8;
-  std::vector<CachedRay>& rays = rays_[head];
-  if (rays.empty()) rays.resize(static_cast<std::size_t>(kColumns) * kRows);
-  CachedRay& cached = rays[static_cast<std::size_t>((x & (kColumns - 1)) + (y & (kRows - 1)) * kColumns)];
-  if (cached.x == x && cached.y == y) return cached;
-  const PlaneGrid& plane_grid = rig_.plane(grid_, head).on_picture;
-  const geometry::Pixel pixel{(x + 0.5 - plane_grid.offset_x) * plane_grid.step_x,
-                              (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y};
-  const std::optional<Eigen::Vector3d> direction = unproject(head, pixel);
-  cached.x = x;
-  cached.y = y;
-  cached.exists = direction.has_value();
-  if (direction) cached.direction = *direction;
-  return cached;
-}
-
-/// Head::unproject, from lookup tables.
-std::optional<Eigen::Vector3d> RowSampler::unproject(HeadIndex head, geometry::Pixel pixel) const {
-  const geometry::Head& h = rig_.heads()[head];
-  const double x = pixel.x - h.calibration().center_x;
-  const double y = (pixel.y - h.calibration().center_y) / h.calibration().aspect;
-  const double r = std::sqrt(x * x + y * y);
-  const std::optional<double> a = rig_.optics()[head].lens.angle(r);
-  if (!a) return std::nullopt;
-  const double across = r > 0 ? std::sin(*a) / r : 0;
-  const Eigen::Vector3d d(across * x, across * y, std::cos(*a));
-  const Eigen::Matrix3d& R = h.R_head_rig();
-  return h.seen_from_rig(Eigen::Vector3d(R.col(0).dot(d), R.col(1).dot(d), R.col(2).dot(d)));
 }
 
 }  // namespace nodal::table

@@ -72,6 +72,8 @@ class RaySampler {
   std::span<const PixelFormat> head_formats() const { return head_formats_; }
   std::span<const geometry::Head> heads() const { return heads_; }
   std::span<const Optics> optics() const { return optics_; }
+  /// steepest_score() of the head; 0 without seams.
+  double steepest(HeadIndex head) const { return steepest_[head]; }
   std::span<const Grid> grids() const { return grids_; }
   const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
   /// The ray of sample (x, y) of a grid; nothing where the layout has none.
@@ -87,6 +89,7 @@ class RaySampler {
   std::vector<PixelFormat> head_formats_;
   std::vector<geometry::Head> heads_;
   std::vector<Optics> optics_;
+  std::vector<double> steepest_;
   std::vector<Grid> grids_;
   std::vector<std::array<Plane, kMaxHeads>> planes_;  ///< by grid, then head
 };
@@ -126,6 +129,7 @@ class RowSampler {
   void begin(int grid);
   void add(const std::optional<geometry::Ray>& ray);
   int find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHeads>& sights) const;
+  bool is_clear(std::span<Sight> sights) const;
   void choose_best(const geometry::Ray& ray, std::span<Sight> sights) const;
   RaySample place(const Sight& sight, const geometry::Ray& ray);
   const CachedRay& ray_of(HeadIndex head, std::int32_t x, std::int32_t y);
