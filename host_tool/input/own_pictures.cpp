@@ -142,7 +142,7 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
                     first.placed[a], first.placed[b]));
   }
   if (!found->upright) {
-    first.notes.push_back("which way is up is a guess by the light: too few edges of the scene are vertical");
+    first.notes.push_back("which way is up is a guess: vertical edges or a horizon are not seen all around");
   }
   first.confidence = fmt::format(
       "{} of {} pictures placed by {} points that two of them show; the points agree within "

@@ -26,8 +26,11 @@ constexpr double kRim = 0.06;                                  // of an image ci
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadiansPerDegree;
-constexpr double kLeastHeld = 0.5;  // of the mean of the heads' upward axes, for heads that are held alike
-constexpr double kSure = 150;       // standard deviations; textures and patterns reach 130
+constexpr double kLeastHeld = 0.5;      // of the mean of the heads' upward axes, for heads that are held alike
+constexpr double kSure = 150;           // standard deviations; textures and patterns reach 130
+constexpr double kAllAround = 2.0 / 3;  // of the sectors that are seen; lines on the ground fill up to half, see below
+constexpr double kOften = 3;            // times as many edges as by chance,
+constexpr double kFew = 8;              // and so many more
 constexpr std::size_t kMostEdges = 40000;
 
 struct Lit {
@@ -181,6 +184,36 @@ double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tole
   return beyond(vertical, near) + kHorizonWeight * beyond(all_around, 1 - along);
 }
 
+// Whether the edges that agree on `up` are in most directions around it, of those that the heads see. Parallel lines on
+// the ground all agree on a wrong `up`, their own direction; but about that direction they are on one side, where the
+// ground is. A single long straight edge, which agrees on a wrong horizon, is on one side, too.
+bool all_around(const std::vector<Edge>& edges, const std::vector<geometry::Head>& heads, const Vector3d& up) {
+  const double near = std::sin(kUprightTolerance), along = std::cos(2 * kUprightTolerance);
+  const Vector3d side = up.unitOrthogonal(), other = up.cross(side);
+  std::array<double, kSectors> all{}, vertical{}, horizon{};
+  for (const Edge& edge : edges) {
+    const double turn = std::atan2(edge.ray.dot(side), edge.ray.dot(other)) / (2 * std::numbers::pi) + 0.5;
+    const std::size_t sector = std::min(kSectors - 1, static_cast<std::size_t>(turn * kSectors));
+    const double c = std::abs(edge.normal.dot(up));
+    ++all[sector];
+    if (c < near) ++vertical[sector];
+    if (c > along) ++horizon[sector];
+  }
+  std::size_t seen = 0, with_vertical = 0, with_horizon = 0;
+  for (std::size_t s = 0; s < kSectors; ++s) {
+    const double turn = (2 * (static_cast<double>(s) + 0.5) / kSectors - 1) * std::numbers::pi;
+    const Vector3d level = std::sin(turn) * side + std::cos(turn) * other;
+    const bool is_seen = std::ranges::any_of(heads, [&](const geometry::Head& head) {
+      const auto at = head.project(geometry::Ray::towards(level.x(), level.y(), level.z()));
+      return at && head.contains(*at);
+    });
+    if (is_seen) ++seen;
+    if (vertical[s] > kFew + kOften * near * all[s]) ++with_vertical;
+    if (horizon[s] > kFew + kOften * (1 - along) * all[s]) ++with_horizon;
+  }
+  return static_cast<double>(std::max(with_vertical, with_horizon)) >= kAllAround * static_cast<double>(seen);
+}
+
 // The best direction within `window` of `start`, on which at least `least` agree.
 void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, Upright& found, double& best) {
   const Vector3d side = start.unitOrthogonal(), other = start.cross(side);
@@ -236,6 +269,7 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
       }
     }
   }
+  found.sure = found.sure && all_around(seen.edges, heads, found.up);
   return found;
 }
 

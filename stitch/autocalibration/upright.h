@@ -11,7 +11,9 @@ namespace nodal::autocalibration {
 
 struct Upright {
   Eigen::Vector3d up{0, -1, 0};  ///< in the rig's frame, length 1
-  bool sure = false;             ///< edges agree on it; otherwise it is only where the light comes from
+  /// Edges all around agree on it. Otherwise it is where the light comes from, or a pattern such as lines on the ground may
+  /// have led astray.
+  bool sure = false;
 };
 
 /// `pictures`: one a head, of the size of the head's picture divided by the same whole number for both sides.

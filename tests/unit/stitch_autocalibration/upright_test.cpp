@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "protocol/base/angles.h"
@@ -19,7 +20,18 @@ namespace {
 
 struct World {
   bool horizon = true, posts = true;
+  enum class Ground { kPlain, kStripes, kTiles } ground = Ground::kPlain;
 };
+
+/// Black and white stripes or tiles of a metre on the ground, 1.5 m below, up to where the haze hides them: -1 or 1, and
+/// 0 elsewhere.
+double pattern(const Eigen::Vector3d& ray, World::Ground ground) {
+  if (ground == World::Ground::kPlain || ray.y() < 0.03) return 0;
+  const double x = 1.5 * ray.x() / ray.y(), z = 1.5 * ray.z() / ray.y();
+  const double sign =
+      std::sin(std::numbers::pi * x) * (ground == World::Ground::kTiles ? std::sin(std::numbers::pi * z) : 1);
+  return (sign > 0 ? 1 : -1) * std::min(1.0, 8 / std::hypot(x, z));
+}
 
 /// The level in a direction of a world whose up is (0, -1, 0).
 float level(const Eigen::Vector3d& ray, const World& world) {
@@ -27,7 +39,7 @@ float level(const Eigen::Vector3d& ray, const World& world) {
   double level = world.horizon ? (pitch > 0 ? 190 : 70) : 130 + 60 * std::sin(pitch);
   const double stripe = std::fmod(yaw / kRadiansPerDegree + 360, 24);
   if (world.posts && stripe < 5 && std::abs(pitch) < 0.6) level -= 45;
-  return static_cast<float>(level);
+  return static_cast<float>(level + 50 * pattern(ray, world.ground));
 }
 
 struct Scene {
@@ -103,6 +115,31 @@ TEST(Upright, NothingToGoBy_IsNotSure) {
   EXPECT_NEAR(found.up.norm(), 1, 1e-9);
   for (Picture& picture : scene.pictures) std::ranges::fill(picture.values, 0.0F);
   EXPECT_EQ(find_upright(scene.heads, scene.pictures).up, Eigen::Vector3d(0, -1, 0));
+}
+
+TEST(Upright, LinesOnTheGround_AreNoReasonToBeSure) {
+  const Calibration rig = test::six_fisheyes(360, 120);
+  for (const World::Ground ground : {World::Ground::kStripes, World::Ground::kTiles}) {
+    for (const auto& [yaw, pitch, roll] :
+         std::vector<std::array<double, 3>>{{15, 40, 100}, {70, -10, 60}, {40, 20, -85}, {200, -50, 30}}) {
+      const Eigen::Matrix3d R = geometry::to_R_head_rig({yaw, pitch, roll});
+      const Scene scene = seen_by(rig, R, {false, false, ground});
+      const Upright found = find_upright(scene.heads, scene.pictures);
+      EXPECT_TRUE(!found.sure || error_deg(found, R) < 3)
+          << yaw << " " << pitch << " " << roll << ": off by " << error_deg(found, R) << " degrees";
+    }
+  }
+}
+
+TEST(Upright, PostsAndAHorizonAbovePatternedGround_AreAReasonToBeSure) {
+  const Calibration rig = test::six_fisheyes(360, 120);
+  for (const World::Ground ground : {World::Ground::kStripes, World::Ground::kTiles}) {
+    const Eigen::Matrix3d R = geometry::to_R_head_rig({20, 30, 10});
+    const Scene scene = seen_by(rig, R, {true, true, ground});
+    const Upright found = find_upright(scene.heads, scene.pictures);
+    EXPECT_LT(error_deg(found, R), 1);
+    EXPECT_TRUE(found.sure);
+  }
 }
 
 TEST(Upright, Rotation_TurnsUpUpAndForwardForward) {
