@@ -18,7 +18,8 @@ namespace nodal::render {
 namespace {
 
 constexpr std::size_t kMostTomlBytes = std::size_t{1} << 20;
-constexpr int kBandRows = 64;  ///< raymap rows that a thread blends at once
+constexpr int kBandRows = 64;     ///< raymap rows that a thread blends at once
+constexpr int kCompiledRows = 8;  ///< rows of tiles that a thread compiles at once
 
 sets::SetFrame blended(const media::TakeFrame& frame) {
   return {frame.there, frame.image, frame.fields, frame.exposure, frame.gain, frame.gamma};
@@ -120,8 +121,12 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   auto job = sets::TableJob::make(*fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats);
   if (!job) return fail(job.error());
   while (!job->done()) {
-    job->compile_some(4 * workers_.threads(),
-                      [&](int n, const std::function<void(int)>& work) { workers_.run(n, work); });
+    job->compile_some(2 * workers_.threads() * kCompiledRows, [&](int from, int until, const auto& compile) {
+      workers_.run((until - from + kCompiledRows - 1) / kCompiledRows, [&](int i) {
+        const int first = from + i * kCompiledRows;
+        compile(first, std::min(until, first + kCompiledRows));
+      });
+    });
     if (compiled) compiled(job->percent() / 100.0);
   }
   auto tables = std::move(*job).finish();

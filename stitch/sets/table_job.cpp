@@ -56,15 +56,13 @@ int TableJob::percent() const {
 }
 
 void TableJob::compile_some(int rows) {
-  compile_some(rows, [](int n, const std::function<void(int)>& work) {
-    for (int i = 0; i < n; ++i) work(i);
-  });
+  compile_some(rows, [](int from, int until, const CompileRows& compile) { compile(from, until); });
 }
 
 void TableJob::compile_some(int rows, const Run& run) {
   NODAL_ASSERT(compiler_);
   const int until = std::min(compiler_->row_count(), rows_done_ + rows);
-  run(until - rows_done_, [&](int i) { compiler_->compile_rows(rows_done_ + i, rows_done_ + i + 1); });
+  run(rows_done_, until, [&](int from, int to) { compiler_->compile_rows(from, to); });
   rows_done_ = until;
   if (rows_done_ < compiler_->row_count()) return;
   auto table = std::move(*compiler_).finish();

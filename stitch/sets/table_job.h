@@ -31,8 +31,10 @@ class TableJob {
   int percent() const;
   /// Compiles at most `rows` further rows of tiles. Only while not done().
   void compile_some(int rows);
-  /// The same with threads of the caller: run(n, work) calls work(i) once for every i of 0 .. n-1, on any threads.
-  using Run = std::function<void(int n, const std::function<void(int)>& work)>;
+  /// The same with threads of the caller: run(from, until, compile) calls compile() for parts of these rows, on any threads.
+  /// Rows that are compiled by one call share some of the work.
+  using CompileRows = std::function<void(int from, int until)>;
+  using Run = std::function<void(int from, int until, const CompileRows& compile)>;
   void compile_some(int rows, const Run& run);
   /// What the heads deliver.
   const std::vector<PixelFormat>& delivered() const { return delivered_; }
