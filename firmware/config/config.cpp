@@ -39,7 +39,7 @@ void read_rig(TomlReader reader, RigConfig& config) {
 
 /// Call after the heads are read: the raymap's format can only be made from certain formats of heads.
 void check_formats(TomlReader reader, const std::vector<HeadConfig>& heads, PixelFormat raymap) {
-  const char* wanted = has_chroma(raymap) ? "I420, NV12, I422, YUYV, UYVY, MJPEG or a Bayer format"
+  const char* wanted = has_chroma(raymap) ? "I420, NV12, I422, YUYV, UYVY, YUV411, MJPEG or a Bayer format"
                        : in_8_bits(raymap) == PixelFormat::kRgb24 ? "RGB24, MJPEG or a Bayer format"
                                                                   : "GREY, MJPEG or a Bayer format";
   for (const HeadConfig& head : heads) {

@@ -92,8 +92,10 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
                                                       {"RGGB8", PixelFormat::kRggb8},
                                                       {"GRBG8", PixelFormat::kGrbg8},
                                                       {"GBRG8", PixelFormat::kGbrg8},
-                                                      {"BGGR8", PixelFormat::kBggr8}});
-  if (is_bayer(head.format) && head.port.kind == PortKind::kReplay) {
+                                                      {"BGGR8", PixelFormat::kBggr8},
+                                                      {"YUV411", PixelFormat::kYuv411}});
+  const bool not_made = is_bayer(head.format) || head.format == PixelFormat::kYuv411;
+  if (not_made && head.port.kind == PortKind::kReplay) {
     reader.refuse("format", "cannot be " + std::string(pixel_format_name(head.format)) + " for replay: ports");
   }
   if (reader.has("exposure_us")) {

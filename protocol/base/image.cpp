@@ -20,12 +20,13 @@ std::string_view pixel_format_name(PixelFormat format) {
     case PixelFormat::kGrbg8: return "GRBG8";
     case PixelFormat::kGbrg8: return "GBRG8";
     case PixelFormat::kBggr8: return "BGGR8";
+    case PixelFormat::kYuv411: return "YUV411";
   }
   return "unknown";
 }
 
 std::optional<PixelFormat> pixel_format_named(std::string_view name) {
-  for (auto i = static_cast<int>(PixelFormat::kGrey8); i <= static_cast<int>(PixelFormat::kBggr8); ++i) {
+  for (auto i = static_cast<int>(PixelFormat::kGrey8); i <= static_cast<int>(PixelFormat::kYuv411); ++i) {
     const auto format = static_cast<PixelFormat>(i);
     if (pixel_format_name(format) == name) return format;
   }
@@ -34,7 +35,7 @@ std::optional<PixelFormat> pixel_format_named(std::string_view name) {
 
 bool has_chroma(PixelFormat format) {
   return format == PixelFormat::kI420 || format == PixelFormat::kNv12 || format == PixelFormat::kYuyv ||
-         format == PixelFormat::kUyvy || format == PixelFormat::kI422;
+         format == PixelFormat::kUyvy || format == PixelFormat::kI422 || format == PixelFormat::kYuv411;
 }
 
 bool is_bayer(PixelFormat format) {
@@ -51,6 +52,7 @@ std::optional<PixelFormat> blended_format(PixelFormat delivered, PixelFormat ray
   if (delivered == PixelFormat::kMjpeg || is_bayer(delivered)) {
     return has_chroma(raymap) ? PixelFormat::kI420 : in_8_bits(raymap);
   }
+  if (delivered == PixelFormat::kYuv411) return has_chroma(raymap) ? std::optional(PixelFormat::kI422) : std::nullopt;
   const bool fits = has_chroma(raymap) ? has_chroma(delivered) : delivered == in_8_bits(raymap);
   return fits ? std::optional(delivered) : std::nullopt;
 }
@@ -64,7 +66,7 @@ PixelFormat in_8_bits(PixelFormat format) {
 
 int component_count(PixelFormat format) {
   const bool grey = format == PixelFormat::kGrey8 || format == PixelFormat::kGrey16;
-  return grey || is_bayer(format) || format == PixelFormat::kMjpeg ? 1 : 3;
+  return grey || is_bayer(format) || format == PixelFormat::kMjpeg || format == PixelFormat::kYuv411 ? 1 : 3;
 }
 
 PlaneGrid component_grid(PixelFormat format, int c) {
@@ -123,6 +125,7 @@ std::size_t packed_size(PixelFormat format, int width, int height) {
     case PixelFormat::kRgb24: return 3 * w * h;
     case PixelFormat::kGrey16: return 2 * w * h;
     case PixelFormat::kRgb48: return 6 * w * h;
+    case PixelFormat::kYuv411: return static_cast<std::size_t>(yuv411_row_bytes(width)) * h;
     case PixelFormat::kMjpeg: return 0;
   }
   return 0;
@@ -182,6 +185,9 @@ BasicImageView<Byte> packed(PixelFormat format, int width, int height, Byte* dat
       break;
     }
     case PixelFormat::kGrey16: image.planes[0] = {data, width, height, 2 * w, 2}; break;
+    case PixelFormat::kYuv411:
+      image.planes[0] = {data, yuv411_row_bytes(width), height, yuv411_row_bytes(width), 1};
+      break;
     case PixelFormat::kMjpeg: break;
   }
   return image;

@@ -30,6 +30,9 @@ enum class PixelFormat : std::uint8_t {
   kGrbg8 = 12,
   kGbrg8 = 13,
   kBggr8 = 14,
+  /// U Y0 Y1 V Y2 Y3, as IIDC cameras send it; chroma has a quarter of the width and is at every fourth luma sample. Samples of
+  /// Y are not equally far apart, so plane 0 holds the bytes: rows of 6 bytes for 4 pixels, the last pixels padded.
+  kYuv411 = 15,
 };
 
 /// How a picture's Y U V stand for R G B. Without meaning for other formats.
@@ -45,6 +48,8 @@ std::optional<PixelFormat> pixel_format_named(std::string_view name);
 /// Whether the format is Y with subsampled U and V, not grey or R G B.
 bool has_chroma(PixelFormat format);
 bool is_bayer(PixelFormat format);
+/// Bytes of a row of kYuv411.
+constexpr int yuv411_row_bytes(int width) { return 6 * ((width + 3) / 4); }
 /// The format in which a head's pictures are blended into a raymap: the delivered one, if the blend reads it as it is, or
 /// the one that each picture is decoded to. Nothing if the raymap cannot be made from such pictures.
 std::optional<PixelFormat> blended_format(PixelFormat delivered, PixelFormat raymap);
@@ -77,7 +82,7 @@ struct PlaneGrid {
 
 inline constexpr int kMaxPlanes = 3;
 
-/// Number of components of a format: 1 for grey, Bayer and MJPEG, else 3 (Y U V or R G B).
+/// Number of planes of a format: 1 for grey, Bayer, MJPEG and YUV411, else 3 (Y U V or R G B).
 int component_count(PixelFormat format);
 /// The position of component c's samples in the picture; c < component_count(format).
 PlaneGrid component_grid(PixelFormat format, int c);

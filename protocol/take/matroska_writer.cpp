@@ -150,6 +150,7 @@ std::string_view fourcc_of(PixelFormat format) {
     case PixelFormat::kYuyv: return "YUY2";
     case PixelFormat::kUyvy: return "UYVY";
     case PixelFormat::kI422: return "Y42B";
+    case PixelFormat::kYuv411: return "Y411";
     case PixelFormat::kRgb24: return "RGB\x18";
     case PixelFormat::kRggb8:
       return "\xBA"

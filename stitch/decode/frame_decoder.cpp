@@ -2,6 +2,7 @@
 
 #include "stitch/decode/bayer.h"
 #include "stitch/decode/recode.h"
+#include "stitch/decode/yuv411.h"
 
 namespace nodal::decode {
 
@@ -24,6 +25,8 @@ DecodeFault FrameDecoder::decode_into(const MutableImageView& into, const ImageV
   if (delivered_ == PixelFormat::kMjpeg) return jpeg_.decode({frame.planes[0].data, frame.bytes}, into);
   if (is_bayer(delivered_)) {
     demosaic(frame, into, scratch_);
+  } else if (delivered_ == PixelFormat::kYuv411) {
+    unpack_411(frame, into);
   } else {
     recode(frame, into);
   }

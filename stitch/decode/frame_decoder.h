@@ -11,7 +11,7 @@
 
 namespace nodal::decode {
 
-/// Decodes MJPEG and Bayer frames to the format that the blend reads (blended_format()), and converts Y U V of another
+/// Decodes MJPEG, Bayer and YUV411 frames to the format that the blend reads (blended_format()), and converts Y U V of another
 /// ColourCoding to full range BT.601 in the same format.
 ///
 /// Threading: thread-bound; different decoders are independent.

@@ -36,11 +36,12 @@ TEST_P(Formats, ARaymap_IsThatOfHeadsWithI420) {
   ASSERT_EQ(got.body.size(), expected.body.size());
   EXPECT_GT(test::psnr(got.body, expected.body), least_psnr);
 }
-// I422 differs in the places of chroma samples; JPEG of quality 90 and a mosaic lose detail.
+// I422 and YUV411 differ in the places of chroma samples; JPEG of quality 90 and a mosaic lose detail.
 INSTANTIATE_TEST_SUITE_P(Decoded, Formats,
                          testing::Values(std::pair{PixelFormat::kI422, 45.0}, std::pair{PixelFormat::kMjpeg, 38.0},
                                          std::pair{PixelFormat::kRggb8, 32.0}, std::pair{PixelFormat::kGrbg8, 32.0},
-                                         std::pair{PixelFormat::kGbrg8, 32.0}, std::pair{PixelFormat::kBggr8, 32.0}),
+                                         std::pair{PixelFormat::kGbrg8, 32.0}, std::pair{PixelFormat::kBggr8, 32.0},
+                                         std::pair{PixelFormat::kYuv411, 38.0}),
                          [](const auto& one) { return std::string(pixel_format_name(one.param.first)); });
 
 TEST(DamagedJpegs, AHeadWithOne_IsMissingInThatRaymapAndItsHeadSaysSo) {

@@ -24,6 +24,7 @@ std::vector<FourCc> fourccs_of(PixelFormat pixels) {
     case PixelFormat::kGrbg8: return {{V4L2_PIX_FMT_SGRBG8, pixels, 1}};
     case PixelFormat::kGbrg8: return {{V4L2_PIX_FMT_SGBRG8, pixels, 1}};
     case PixelFormat::kBggr8: return {{V4L2_PIX_FMT_SBGGR8, pixels, 1}};
+    case PixelFormat::kYuv411:  // V4L2's packed 4:1:1, Y41P, has another order of bytes
     case PixelFormat::kGrey16:
     case PixelFormat::kRgb48: break;
   }
@@ -98,6 +99,7 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
     case PixelFormat::kRgb24:
       for (std::size_t c = 0; c < 3; ++c) parts[c] = {0, c, width, height, row(stride(0)), 3};
       break;
+    case PixelFormat::kYuv411:
     case PixelFormat::kGrey16:
     case PixelFormat::kRgb48: return fail(Errc::kUnsupported, "heads do not deliver " + what);
   }

@@ -54,6 +54,26 @@ void pack_chroma_420(const RowPair& rows, int y, int x0, int x1, bool second, co
   }
 }
 
+/// Y of pixel x of a row of kYuv411 is byte 6 (x / 4) + kLuma411[x % 4].
+constexpr std::array<int, 4> kLuma411{1, 2, 4, 5};
+
+void pack_411(const RowPair& rows, int r, int x0, int x1, int width, std::uint8_t* out) {
+  const auto& row = rows.row[static_cast<std::size_t>(r)];
+  for (int x = x0; x < x1; ++x) {
+    const int i = x - rows.x0;
+    std::uint8_t* const group = out + std::ptrdiff_t{6} * (x / 4);
+    group[kLuma411[static_cast<std::size_t>(x % 4)]] =
+        to_level(luma(row[0][i], row[1][i], row[2][i]) >> kLevelBits, kShift);
+    if (x % 4 != 0) continue;
+    const int before = x > 0 ? i - 1 : i;
+    const int after = x + 1 < width ? i + 1 : i;
+    int sum[3];
+    for (std::size_t c = 0; c < 3; ++c) sum[c] = row[c][before] + 2 * row[c][i] + row[c][after];
+    group[0] = chroma_level(chroma_u(sum[0], sum[1], sum[2]) >> kLevelBits, kShift + 2);
+    group[3] = chroma_level(chroma_v(sum[0], sum[1], sum[2]) >> kLevelBits, kShift + 2);
+  }
+}
+
 void pack_chroma_422(const RowPair& rows, int r, int y, int x0, int x1, const MutableImageView& into) {
   const auto& row = rows.row[static_cast<std::size_t>(r)];
   for (int x = x0; x < x1; x += 2) {
@@ -95,6 +115,10 @@ void pack_rows(const RowPair& rows, int y, int x0, int x1, const MutableImageVie
         std::uint8_t* to = at(into, c, x0, y + r);
         for (int x = x0; x < x1; ++x, ++from, to += 3) *to = to_level(*from, kLevelBits);
       }
+      continue;
+    }
+    if (into.format == PixelFormat::kYuv411) {
+      pack_411(rows, r, x0, x1, into.width, at(into, 0, 0, y + r));
       continue;
     }
     std::uint8_t* const out = at(into, 0, x0, y + r);

@@ -20,7 +20,7 @@ struct RowPair {
 /// Writes rows y and y + 1 (y is even; the second is left out if it is past the picture), columns [x0, x1), x0 even.
 /// The rows must include one more column on each side where the picture has one. Colours are converted to full-range
 /// BT.601 before rounding; I420 and NV12 chroma averages 2x2 samples, YUYV, UYVY and I422 chroma is weighted
-/// (1 2 1) / 4 around the even column. Bayer formats keep one colour of each pixel.
+/// (1 2 1) / 4 around the even column, that of YUV411 around every fourth. Bayer formats keep one colour of each pixel.
 void pack_rows(const RowPair& rows, int y, int x0, int x1, const MutableImageView& into);
 
 }  // namespace nodal::hal::sim

@@ -33,9 +33,9 @@ SetCopy places_of(const std::vector<PixelFormat>& formats) {
 }
 
 TEST(SetCopy, PaddedPicturesOfEveryFormat_EverySampleIsInItsPlace) {
-  const std::vector<PixelFormat> formats{PixelFormat::kGrey8, PixelFormat::kI420, PixelFormat::kNv12,
-                                         PixelFormat::kYuyv,  PixelFormat::kUyvy, PixelFormat::kRgb24,
-                                         PixelFormat::kI422,  PixelFormat::kBggr8};
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8, PixelFormat::kI420,  PixelFormat::kNv12,
+                                         PixelFormat::kYuyv,  PixelFormat::kUyvy,  PixelFormat::kRgb24,
+                                         PixelFormat::kI422,  PixelFormat::kBggr8, PixelFormat::kYuv411};
   std::vector<Padded> pictures(formats.begin(), formats.end());
   FrameSet set;
   set.number = 41;

@@ -338,7 +338,7 @@ TEST(Matroska, FfmpegDecodesRawPicturesOfEveryFormat_ToTheBytesThatWereWritten) 
         Case{PixelFormat::kYuyv, "yuyv422"}, Case{PixelFormat::kUyvy, "uyvy422"}, Case{PixelFormat::kI422, "yuv422p"},
         Case{PixelFormat::kRgb24, "rgb24"}, Case{PixelFormat::kRggb8, "bayer_rggb8"},
         Case{PixelFormat::kGrbg8, "bayer_grbg8"}, Case{PixelFormat::kGbrg8, "bayer_gbrg8"},
-        Case{PixelFormat::kBggr8, "bayer_bggr8"}}) {
+        Case{PixelFormat::kBggr8, "bayer_bggr8"}, Case{PixelFormat::kYuv411, "uyyvyy411"}}) {
     VideoTrack of = track(36, 22);
     of.codec = "V_UNCOMPRESSED";
     of.fourcc = fourcc_of(each.format);

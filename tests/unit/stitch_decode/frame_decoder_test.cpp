@@ -15,6 +15,8 @@ TEST(FrameDecoder, TheBlendedFormat_IsWhatTheRaymapNeeds) {
   EXPECT_EQ(blended_format(F::kMjpeg, F::kRgb48), F::kRgb24);
   EXPECT_EQ(blended_format(F::kGrbg8, F::kGrey16), F::kGrey8);
   EXPECT_EQ(blended_format(F::kI422, F::kI420), F::kI422);
+  EXPECT_EQ(blended_format(F::kYuv411, F::kNv12), F::kI422);
+  EXPECT_EQ(blended_format(F::kYuv411, F::kGrey8), std::nullopt);
   EXPECT_EQ(blended_format(F::kYuyv, F::kRgb24), std::nullopt);
   EXPECT_EQ(blended_format(F::kGrey8, F::kI420), std::nullopt);
 }
