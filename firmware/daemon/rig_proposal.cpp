@@ -59,7 +59,7 @@ std::vector<Mode> modes_of(const FoundDevice& device, PixelFormat family, FrameR
       const bool blendable = size.width % 2 == 0 && size.height % 4 == 0;
       if (!blendable || !delivers(size, rate)) continue;
       const std::int64_t bytes = bytes_per_second(*format.pixels, size, rate);
-      if (device.usb && bytes > hal::v4l2::usb_capacity(device.usb->device_mbit)) continue;
+      if (device.usb && bytes > hal::device::usb_capacity(device.usb->device_mbit)) continue;
       modes.push_back({*format.pixels, size.width, size.height, bytes});
     }
   }
@@ -129,7 +129,7 @@ void fit_buses(const std::vector<FoundDevice>& devices, std::vector<Candidate>& 
     }
     const auto too_much = [&](const Candidate& head) {
       const auto& usb = devices[head.device].usb;
-      const std::int64_t capacity = usb ? hal::v4l2::usb_capacity(usb->bus_mbit) : 0;
+      const std::int64_t capacity = usb ? hal::device::usb_capacity(usb->bus_mbit) : 0;
       return capacity > 0 && load[usb->bus] > capacity;
     };
     auto largest = heads.end();

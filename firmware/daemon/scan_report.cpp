@@ -11,12 +11,12 @@
 namespace nodal::daemon {
 namespace {
 
+using hal::device::megabytes;
+using hal::device::usb_capacity;
 using hal::v4l2::FoundControl;
 using hal::v4l2::FoundDevice;
 using hal::v4l2::FoundFormat;
 using hal::v4l2::FoundSize;
-using hal::v4l2::megabytes;
-using hal::v4l2::usb_capacity;
 using Json = nlohmann::json;
 
 constexpr std::size_t kSizesShown = 16, kRatesShown = 8;  ///< in the text

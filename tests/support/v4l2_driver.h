@@ -35,7 +35,7 @@ class V4l2Driver final : public hal::v4l2::System {
   std::set<std::uint64_t> lost_fields;  ///< numbers, from the start, of alternate fields that never arrive
   v4l2_std_id standard = 0;             ///< 0: it has no standards
   v4l2_fract period{1001, 30000};
-  std::optional<hal::v4l2::UsbPlace> place;  ///< on USB
+  std::optional<hal::device::UsbPlace> place;  ///< on USB
   std::uint32_t most_buffers = 32, fewest_buffers = 2;
   std::uint32_t timestamp_flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::uint32_t quantization = V4L2_QUANTIZATION_FULL_RANGE;
@@ -68,7 +68,7 @@ class V4l2Driver final : public hal::v4l2::System {
   std::uint8_t* map(int fd, std::size_t length, std::size_t offset) override;
   void unmap(std::uint8_t* start, std::size_t length) override;
   std::vector<std::string> nodes() override { return {"/dev/video7"}; }
-  std::optional<hal::v4l2::UsbPlace> usb(const std::string&) override { return place; }
+  std::optional<hal::device::UsbPlace> usb(const std::string&) override { return place; }
 
  private:
   struct Buffer {

@@ -45,12 +45,6 @@ std::uint16_t q12_of(std::int32_t value, std::int32_t usual) {
 
 }  // namespace
 
-void ControlChange::add(const ControlChange& newer) {
-  if (newer.exposure) exposure = newer.exposure;
-  if (newer.gain) gain = newer.gain;
-  if (newer.white_balance) white_balance = newer.white_balance;
-}
-
 std::int32_t Controls::Range::nearest(std::int64_t value) const {
   value = std::clamp<std::int64_t>(value, low, high);
   const std::int64_t steps = (value - low + step / 2) / step;
@@ -159,7 +153,7 @@ Result<HeadSettings> Controls::read(const Device& device) const {
   return settings;
 }
 
-Status Controls::set(const Device& device, const ControlChange& change) const {
+Status Controls::set(const Device& device, const device::ControlChange& change) const {
   Status done;
   if (change.exposure && exposure_) {
     done = set_one(device, exposure_->id,

@@ -7,19 +7,10 @@
 #include <optional>
 
 #include "hal/head.h"
+#include "hal/linux/device/controls.h"
 #include "hal/linux/v4l2/device.h"
 
 namespace nodal::hal::v4l2 {
-
-/// The settings to change; others keep their values.
-struct ControlChange {
-  std::optional<Exposure> exposure;
-  std::optional<Gain> gain;
-  std::optional<WhiteBalance> white_balance;
-
-  void add(const ControlChange& newer);
-  bool empty() const { return !exposure && !gain && !white_balance; }
-};
 
 /// Exposure is V4L2_CID_EXPOSURE_ABSOLUTE, in 100 us. Gain is V4L2_CID_GAIN or V4L2_CID_ANALOGUE_GAIN, with
 /// `gain_step_mdb` per step. White balance is V4L2_CID_RED_BALANCE and V4L2_CID_BLUE_BALANCE; their defaults count as
@@ -36,7 +27,7 @@ class Controls {
   /// The device's present settings.
   Result<HeadSettings> read(const Device& device) const;
   /// Sets values, which must be within limits(). After an error some of them may be set.
-  Status set(const Device& device, const ControlChange& change) const;
+  Status set(const Device& device, const device::ControlChange& change) const;
 
  private:
   struct Range {

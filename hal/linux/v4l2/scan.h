@@ -43,7 +43,7 @@ struct FoundDevice {
   bool second_stream = false;  ///< another node of a camera on USB, such as its compressed stream
   std::string model;
   std::string driver;
-  std::optional<UsbPlace> usb;
+  std::optional<device::UsbPlace> usb;
   std::string input;                     ///< name of the input that is chosen; empty if it has none
   std::optional<FrameRate> standard;     ///< rate of the input's video standard
   Fields fields = Fields::kProgressive;  ///< of frames of that standard

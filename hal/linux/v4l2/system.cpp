@@ -52,7 +52,7 @@ class Kernel final : public System {
     for (auto& [number, node] : numbered) nodes.push_back(std::move(node));
     return nodes;
   }
-  std::optional<UsbPlace> usb(const std::string& node) override { return usb_place_of("/sys", node); }
+  std::optional<device::UsbPlace> usb(const std::string& node) override { return device::usb_place_of("/sys", node); }
 };
 
 }  // namespace

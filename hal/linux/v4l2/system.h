@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "hal/linux/v4l2/usb.h"
+#include "hal/linux/device/usb.h"
 #include "protocol/base/result.h"
 
 namespace nodal::hal::v4l2 {
@@ -28,7 +28,7 @@ class System {
   /// All /dev/videoN, in the order of N.
   virtual std::vector<std::string> nodes() = 0;
   /// Nothing if the device of `node` is not on USB.
-  virtual std::optional<UsbPlace> usb(const std::string& node) = 0;
+  virtual std::optional<device::UsbPlace> usb(const std::string& node) = 0;
 };
 
 /// This machine's kernel.

@@ -25,7 +25,7 @@ FoundDevice camera(int number, int bus, std::vector<FoundSize> sizes) {
   device.node = "/dev/video" + std::to_string(number);
   device.port = "v4l2:usb-" + std::to_string(number);
   device.model = "Camera";
-  device.usb = hal::v4l2::UsbPlace{bus, 480, 480, ""};
+  device.usb = hal::device::UsbPlace{bus, 480, 480, ""};
   device.formats = {format(PixelFormat::kYuyv, std::move(sizes))};
   return device;
 }

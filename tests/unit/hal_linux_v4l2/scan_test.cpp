@@ -31,7 +31,7 @@ struct Camera {
   std::vector<Mode> modes = {};
   std::map<std::uint32_t, v4l2_queryctrl> controls = {};
   v4l2_std_id standard = 0;
-  std::optional<UsbPlace> usb = {};
+  std::optional<device::UsbPlace> usb = {};
   bool captures = true;
   int open_error = 0;
   bool hangs = false;
@@ -83,7 +83,7 @@ class Machine final : public System {
     for (const auto& [node, camera] : cameras) all.push_back(node);
     return all;
   }
-  std::optional<UsbPlace> usb(const std::string& node) override { return cameras.at(node).usb; }
+  std::optional<device::UsbPlace> usb(const std::string& node) override { return cameras.at(node).usb; }
 
  private:
   template <std::size_t kSize>
@@ -187,7 +187,7 @@ TEST(Scan, OfACamera_HasItsModesControlsAndPlaceAndLeavesNothingOpen) {
   Machine machine;
   Camera& camera = machine.cameras["/dev/video0"];
   camera.bus = "usb-0000:00:14.0-2.1";
-  camera.usb = UsbPlace{1, 480, 480, "SN7"};
+  camera.usb = device::UsbPlace{1, 480, 480, "SN7"};
   camera.modes = {{V4L2_PIX_FMT_YUYV, 640, 480, {{1, 15}, {1, 30}}},
                   {V4L2_PIX_FMT_YUYV, 1280, 720, {{1, 10}}},
                   {V4L2_PIX_FMT_MJPEG, 1920, 1080, {{1001, 30000}}},
@@ -236,7 +236,7 @@ TEST(Scan, OfAnAnalogueInput_HasTheRateSizeAndFieldsOfItsStandard) {
 TEST(Scan, NodesOfOneBus_AreStreamsOfOneCameraOnUsbAndDevicesOfTheirOwnElsewhere) {
   Machine machine;
   for (const char* node : {"/dev/video0", "/dev/video1"})
-    machine.cameras[node] = {.bus = "usb-1", .usb = UsbPlace{1, 480, 480, ""}};
+    machine.cameras[node] = {.bus = "usb-1", .usb = device::UsbPlace{1, 480, 480, ""}};
   for (const char* node : {"/dev/video2", "/dev/video3"}) machine.cameras[node] = {.bus = "PCI:1"};
   const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 4U);

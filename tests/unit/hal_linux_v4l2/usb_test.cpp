@@ -4,13 +4,17 @@
 #include <filesystem>
 #include <fstream>
 
-#include "hal/linux/v4l2/usb.h"
+#include "hal/linux/device/usb.h"
 #include "head_fixture.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
 
 namespace fs = std::filesystem;
+using device::usb_capacity;
+using device::usb_place_of;
+using device::UsbBuses;
+using device::UsbPlace;
 
 /// A sysfs like the kernel's: a camera at port 2 of bus 1, and a device that is on no USB.
 class Sysfs {

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <thread>
 
-namespace nodal::hal::v4l2 {
+namespace nodal::hal::device {
 
 /// Threading: thread-safe. Jobs run one at a time, in the order of post().
 /// Errors: the constructor throws std::system_error if the system refuses a thread.
@@ -34,4 +34,4 @@ class Worker {
   std::thread thread_;
 };
 
-}  // namespace nodal::hal::v4l2
+}  // namespace nodal::hal::device

@@ -11,7 +11,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::hal::v4l2 {
+namespace nodal::hal::device {
 
 struct UsbPlace {
   int bus = 0;              ///< number of the kernel's root hub; all devices of one share its bandwidth
@@ -50,4 +50,4 @@ class UsbBuses {
   static std::shared_ptr<Ledger> make();
 };
 
-}  // namespace nodal::hal::v4l2
+}  // namespace nodal::hal::device

@@ -1,4 +1,4 @@
-#include "hal/linux/v4l2/usb.h"
+#include "hal/linux/device/usb.h"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 
 #include "protocol/base/text.h"
 
-namespace nodal::hal::v4l2 {
+namespace nodal::hal::device {
 namespace {
 
 namespace fs = std::filesystem;
@@ -114,4 +114,4 @@ Result<UsbBuses::Share> UsbBuses::claim(const UsbPlace& place, std::int64_t byte
   });
 }
 
-}  // namespace nodal::hal::v4l2
+}  // namespace nodal::hal::device

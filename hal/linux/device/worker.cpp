@@ -1,12 +1,12 @@
-#include "hal/linux/v4l2/worker.h"
+#include "hal/linux/device/worker.h"
 
 #include <pthread.h>
 
 #include <utility>
 
-namespace nodal::hal::v4l2 {
+namespace nodal::hal::device {
 
-Worker::Worker() : thread_([this] { run(); }) { pthread_setname_np(thread_.native_handle(), "nodal-v4l2"); }
+Worker::Worker() : thread_([this] { run(); }) { pthread_setname_np(thread_.native_handle(), "nodal-device"); }
 
 Worker::~Worker() {
   {
@@ -52,4 +52,4 @@ void Worker::run() {
   }
 }
 
-}  // namespace nodal::hal::v4l2
+}  // namespace nodal::hal::device
