@@ -20,12 +20,33 @@ int subsampling(PixelFormat format) {
     case PixelFormat::kI422:
     case PixelFormat::kYuyv:
     case PixelFormat::kUyvy: return TJSAMP_422;
+    case PixelFormat::kYuv411: return TJSAMP_411;
     default: return TJSAMP_444;
   }
 }
 
 bool is_interleaved(PixelFormat format) {
-  return format == PixelFormat::kNv12 || format == PixelFormat::kYuyv || format == PixelFormat::kUyvy;
+  return format == PixelFormat::kNv12 || format == PixelFormat::kYuyv || format == PixelFormat::kUyvy ||
+         format == PixelFormat::kYuv411;
+}
+
+/// The components of a kYuv411 picture, each in a plane of its own in `out`, which has the picture's bytes. Rows are whole groups
+/// of 4 pixels, which TurboJPEG reads, too, where the width is not a multiple of 4.
+ImageView apart_411(const ImageView& picture, std::uint8_t* out) {
+  constexpr std::array<std::ptrdiff_t, 4> kLuma{1, 2, 4, 5};  ///< places in a group
+  const int groups = yuv411_row_bytes(picture.width) / 6;
+  ImageView apart = picture;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const int width = c == 0 ? 4 * groups : groups;
+    apart.planes[c] = {out, width, picture.height, width, 1};
+    for (int y = 0; y < picture.height; ++y) {
+      const std::uint8_t* const row = picture.planes[0].data + y * picture.planes[0].row_stride;
+      for (int x = 0; x < width; ++x) {
+        *out++ = c == 0 ? row[6 * (x / 4) + kLuma[static_cast<std::size_t>(x % 4)]] : row[6 * x + (c == 1 ? 0 : 3)];
+      }
+    }
+  }
+  return apart;
 }
 
 /// AVI1, the field (1: odd, which is the top field; 2: even), a zero, and two lengths, which readers do not need.
@@ -76,6 +97,7 @@ bool JpegWriter::writes(PixelFormat format) {
 
 ImageView JpegWriter::with_planes(const ImageView& picture) {
   if (!is_interleaved(format_)) return picture;
+  if (format_ == PixelFormat::kYuv411) return apart_411(picture, planes_.data());
   ImageView apart = picture;
   std::uint8_t* out = planes_.data();
   for (std::size_t c = 0; c < 3; ++c) {

@@ -25,7 +25,7 @@ struct JpegSpec {
 };
 
 /// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0; I422, YUYV and UYVY as 4:2:2;
-/// RGB as 4:4:4.
+/// YUV411 as 4:1:1, RGB as 4:4:4.
 ///
 /// Threading: thread-bound.
 /// Ownership: keeps a scratch buffer for the largest JPEG that such a picture can give.
@@ -56,7 +56,7 @@ class JpegWriter {
   const std::optional<FieldParity> field_;
   void* handle_;
   std::vector<std::uint8_t> xmp_;            ///< the whole APP1 segment, or empty
-  std::vector<std::uint8_t> planes_;         ///< for NV12, YUYV and UYVY
+  std::vector<std::uint8_t> planes_;         ///< for NV12, YUYV, UYVY and YUV411
   std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so pages that no JPEG reaches stay unmapped
   std::size_t scratch_bytes_ = 0;
 };

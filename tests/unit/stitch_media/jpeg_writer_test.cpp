@@ -1,8 +1,12 @@
 #include "stitch/media/jpeg_writer.h"
 
 #include <gtest/gtest.h>
+#include <turbojpeg.h>
 
+#include <array>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "stitch/media/image_file.h"
 
@@ -52,6 +56,52 @@ TEST(JpegWriter, EveryFormat_IsReadBackWithinTheErrorOfItsCoding) {
 TEST(JpegWriter, Nv12_IsTheFileOfTheSamePictureInI420) {
   EXPECT_EQ(written(PixelFormat::kNv12, slopes(PixelFormat::kNv12), "", "x"),
             written(PixelFormat::kI420, slopes(PixelFormat::kI420), "", "x"));
+}
+
+// Packed 4:1:1 is U Y Y V Y Y for 4 pixels; TurboJPEG, asked for planes, gives each component back by itself.
+TEST(JpegWriter, Yuv411_IsCodedAs411WithEverySampleInItsPlace) {
+  constexpr int kWide = 46;  // its last group has 2 pixels
+  std::vector<std::uint8_t> packed(packed_size(PixelFormat::kYuv411, kWide, kJpegHeight));
+  const auto luma = [](int x, int y) { return static_cast<std::uint8_t>(40 + 3 * x + y); };
+  const auto chroma = [](int c, int x, int y) {
+    return static_cast<std::uint8_t>(c == 1 ? 60 + 4 * x : 200 - 5 * x - y);
+  };
+  for (int y = 0; y < kJpegHeight; ++y) {
+    for (int k = 0; k < 12; ++k) {
+      std::uint8_t* const group = packed.data() + y * yuv411_row_bytes(kWide) + 6 * k;
+      for (const auto& [at, x] : {std::pair{1, 0}, {2, 1}, {4, 2}, {5, 3}}) group[at] = luma(4 * k + x, y);
+      group[0] = chroma(1, k, y);
+      group[3] = chroma(2, k, y);
+    }
+  }
+  JpegWriter writer({PixelFormat::kYuv411, kWide, kJpegHeight, 100});
+  std::vector<std::uint8_t> file;
+  ASSERT_TRUE(
+      writer.write(packed_image(PixelFormat::kYuv411, kWide, kJpegHeight, std::as_const(packed).data()), "", file));
+
+  const std::unique_ptr<void, int (*)(tjhandle)> reader(tjInitDecompress(), tjDestroy);
+  int width = 0, height = 0, sampling = 0, space = 0;
+  ASSERT_EQ(tjDecompressHeader3(reader.get(), file.data(), file.size(), &width, &height, &sampling, &space), 0);
+  EXPECT_EQ(width, kWide);
+  EXPECT_EQ(height, kJpegHeight);
+  ASSERT_EQ(sampling, TJSAMP_411);
+  std::array<std::vector<std::uint8_t>, 3> planes;
+  std::array<unsigned char*, 3> data{};
+  for (int c = 0; c < 3; ++c) {
+    planes[static_cast<std::size_t>(c)].resize(tjPlaneSizeYUV(c, width, 0, height, sampling));
+    data[static_cast<std::size_t>(c)] = planes[static_cast<std::size_t>(c)].data();
+  }
+  ASSERT_EQ(tjDecompressToYUVPlanes(reader.get(), file.data(), file.size(), data.data(), 0, nullptr, 0, 0), 0);
+  for (int c = 0; c < 3; ++c) {
+    const int columns = tjPlaneWidth(c, width, sampling);
+    ASSERT_EQ(columns, c == 0 ? kWide + 2 : 12) << c;  // TurboJPEG rounds up to whole groups
+    for (int y = 0; y < kJpegHeight; ++y) {
+      for (int x = 0; x < (c == 0 ? kWide : columns); ++x) {
+        const int is = planes[static_cast<std::size_t>(c)][static_cast<std::size_t>(y * columns + x)];
+        ASSERT_NEAR(is, c == 0 ? luma(x, y) : chroma(c, x, y), 2) << c << " " << x << " " << y;
+      }
+    }
+  }
 }
 
 TEST(JpegWriter, XmpAndComment_StandBehindJfifInThisOrder) {
