@@ -35,6 +35,17 @@ int number(const std::optional<std::string>& text) {
   return value;
 }
 
+/// Of the USB device with this folder of sysfs.
+UsbPlace place_in(const fs::path& sysfs, const fs::path& device) {
+  UsbPlace place;
+  place.bus = number(attribute(device / "busnum"));
+  place.device_mbit = number(attribute(device / "speed"));
+  place.bus_mbit =
+      number(attribute(sysfs / "bus" / "usb" / "devices" / ("usb" + std::to_string(place.bus)) / "speed"));
+  place.serial = printable(attribute(device / "serial").value_or(""), kLongestAttribute);
+  return place;
+}
+
 }  // namespace
 
 std::optional<UsbPlace> usb_place_of(const fs::path& sysfs, const std::string& node) {
@@ -44,14 +55,16 @@ std::optional<UsbPlace> usb_place_of(const fs::path& sysfs, const std::string& n
   fs::path at = fs::canonical(sysfs / "class" / "video4linux" / name / "device", error);
   if (error) return std::nullopt;
   for (int level = 0; level < kMostLevels && at.has_relative_path(); ++level, at = at.parent_path()) {
-    if (!fs::exists(at / "busnum", error) || !fs::exists(at / "speed", error)) continue;
-    UsbPlace place;
-    place.bus = number(attribute(at / "busnum"));
-    place.device_mbit = number(attribute(at / "speed"));
-    place.bus_mbit =
-        number(attribute(sysfs / "bus" / "usb" / "devices" / ("usb" + std::to_string(place.bus)) / "speed"));
-    place.serial = printable(attribute(at / "serial").value_or(""), kLongestAttribute);
-    return place;
+    if (fs::exists(at / "busnum", error) && fs::exists(at / "speed", error)) return place_in(sysfs, at);
+  }
+  return std::nullopt;
+}
+
+std::optional<UsbPlace> usb_place_at(const fs::path& sysfs, int bus, int address) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(sysfs / "bus" / "usb" / "devices", error)) {
+    const bool is_it = number(attribute(entry.path() / "busnum")) == bus && number(attribute(entry.path() / "devnum")) == address;
+    if (is_it && fs::exists(entry.path() / "speed", error)) return place_in(sysfs, entry.path());
   }
   return std::nullopt;
 }

@@ -22,6 +22,8 @@ struct UsbPlace {
 
 /// Reads sysfs, whose root is `sysfs` (/sys), for a device node such as /dev/video0. Nothing if it is not on USB.
 std::optional<UsbPlace> usb_place_of(const std::filesystem::path& sysfs, const std::string& node);
+/// The same for the device with this address on a bus.
+std::optional<UsbPlace> usb_place_at(const std::filesystem::path& sysfs, int bus, int address);
 
 /// The most bytes of pictures per second that a bus or device of this speed can carry, whatever its kind of transfer; 0 if
 /// the speed is unknown. No transfer of USB 2.0 carries more than 13 packets of 512 bytes in a microframe of 125 us (480

@@ -1,0 +1,98 @@
+#include "hal/linux/iidc/enumerator.h"
+
+#include <cerrno>
+#include <charconv>
+#include <string_view>
+#include <utility>
+
+#include "hal/linux/iidc/head.h"
+
+namespace nodal::hal::iidc {
+namespace {
+
+constexpr std::string_view kScheme = "iidc:";
+
+std::optional<std::uint64_t> guid_in(std::string_view path) {
+  path.remove_prefix(kScheme.size());
+  if (path.starts_with("0x")) path.remove_prefix(2);
+  std::uint64_t guid = 0;
+  const auto [end, error] = std::from_chars(path.data(), path.data() + path.size(), guid, 16);
+  if (error != std::errc() || end != path.data() + path.size()) return std::nullopt;
+  return guid;
+}
+
+Error no_such_camera(Bus& bus, const std::string& path) {
+  std::string there;
+  for (const CameraInfo& info : bus.list()) there += (there.empty() ? "" : ", ") + port_of(info.guid);
+  return {Errc::kNoSuchDevice, "head '" + path + "': there is no such IIDC camera; there is: " +
+                                   (there.empty() ? "none" : there)};
+}
+
+/// Its part of the bandwidth of its bus; null for cameras on IEEE 1394, whose bus refuses by itself.
+Result<device::UsbBuses::Share> claim_bandwidth(device::UsbBuses& buses, const std::string& path, const CameraInfo& info,
+                                                const Granted& granted) {
+  if (!info.usb) return device::UsbBuses::Share();
+  const HeadFormat& format = granted.format;
+  const auto bytes = static_cast<std::int64_t>(granted.frame_bytes) * format.rate.numerator / format.rate.denominator;
+  return buses.claim(*info.usb, bytes, path,
+                     std::string(pixel_format_name(format.pixels)) + " " + std::to_string(format.width) + "x" +
+                         std::to_string(format.height) + " at " + std::to_string(format.rate.numerator) + "/" +
+                         std::to_string(format.rate.denominator) + " frames a second");
+}
+
+Result<std::shared_ptr<device::Channel>> open_channel(Bus& bus, device::UsbBuses& buses, const std::string& path,
+                                                      const HeadRequest& request) {
+  const auto guid = guid_in(path);
+  if (!guid) return fail(no_such_camera(bus, path));
+  std::unique_ptr<Device> device;
+  const int error = bus.open(*guid, device);
+  if (error == ENODEV) return fail(no_such_camera(bus, path));
+  if (error != 0) return fail(explain(path, "opening the camera", error));
+  auto camera = std::make_unique<Camera>(std::move(device), path);
+  if (Status ready = camera->prepare(); !ready) return fail(ready.error());
+  auto granted = negotiate(*camera, path, request);
+  if (!granted) return fail(granted.error());
+  auto share = claim_bandwidth(buses, path, camera->info(), *granted);
+  if (!share) return fail(share.error());
+  auto controls = Controls::find(*camera, request);
+  if (!controls) return fail(controls.error());
+  const auto embedded = switch_on_embedded(*camera);
+  if (!embedded) return fail(embedded.error());
+  const auto settings = (*controls)->read(*camera);
+  if (!settings) return fail(settings.error());
+  return std::make_shared<Channel>(std::move(camera), request, std::move(*granted), std::move(*controls), *settings,
+                                   *embedded, std::move(*share));
+}
+
+}  // namespace
+
+IidcEnumerator::IidcEnumerator(ClockPort& clock, Bus& bus, const device::UsbBuses& buses)
+    : DeviceEnumerator(clock, std::string(kScheme), "an IIDC head's"), bus_(bus), buses_(buses) {}
+
+void IidcEnumerator::request(const std::string& path, const HeadRequest& request) {
+  set_attempt(path, attempt(path, request));
+}
+
+device::DeviceEnumerator::Attempt IidcEnumerator::attempt(const std::string& path, const HeadRequest& request) {
+  return [&bus = bus_, buses = buses_, path, request]() mutable -> Opened {
+    return open_channel(bus, buses, path, request);
+  };
+}
+
+std::unique_ptr<HeadPort> IidcEnumerator::make_head(const std::string& path, std::shared_ptr<device::Channel> channel,
+                                                    device::Worker& worker, ClockPort& clock,
+                                                    std::shared_ptr<bool> in_use) {
+  return std::make_unique<IidcHead>(path, std::static_pointer_cast<Channel>(std::move(channel)), worker, clock,
+                                    std::move(in_use));
+}
+
+std::vector<HeadIdentity> IidcEnumerator::list() {
+  std::vector<HeadIdentity> all;
+  for (const CameraInfo& info : bus_.list()) {
+    const std::string path = port_of(info.guid);
+    all.push_back({path, path.substr(kScheme.size()), info.vendor + " " + info.model});
+  }
+  return all;
+}
+
+}  // namespace nodal::hal::iidc
