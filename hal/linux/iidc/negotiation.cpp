@@ -151,15 +151,14 @@ Result<Granted> negotiate(Camera& camera, const std::string& head, const HeadReq
   if (!selection) return fail(selection.error());
   const auto selected = camera.select(*selection);
   if (!selected) return fail(selected.error());
-  if (!request.triggered) {
-    if (Status set = set_rate(camera, request.rate); !set) return fail(set.error());
-    const auto rate = own_rate(camera, *selected);
-    if (!rate) return fail(rate.error());
-    if (std::abs(*rate / hertz(request.rate) - 1) >= kSameRate) {
-      return fail(Errc::kUnsupported, "head '" + head + "': the camera delivers " + std::to_string(*rate) +
-                                          " frames a second, and the rig's rate is " + text_of(request.rate) +
-                                          "; choose another size, packet_bytes or rate");
-    }
+  // Also of a head that will be triggered: it runs free until then.
+  if (Status set = set_rate(camera, request.rate); !set) return fail(set.error());
+  const auto rate = own_rate(camera, *selected);
+  if (!rate) return fail(rate.error());
+  if (!request.triggered && std::abs(*rate / hertz(request.rate) - 1) >= kSameRate) {
+    return fail(Errc::kUnsupported, "head '" + head + "': the camera delivers " + std::to_string(*rate) +
+                                        " frames a second, and the rig's rate is " + text_of(request.rate) +
+                                        "; choose another size, packet_bytes or rate");
   }
   Granted granted;
   granted.format = {request.pixels, selection->width, selection->height, Fields::kProgressive, request.rate};
