@@ -57,8 +57,9 @@ class IidcWorld final : public HeadWorld, public HeadEnumerator {
   iidc::IidcEnumerator enumerator_{clock_, bus_};
 };
 
-HeadWorldKind kind(const std::string& name, PixelFormat pixels, const std::function<void(iidc::HeadRequest&)>& adjust,
-                   const std::function<void(test::IidcBus&)>& adjust_bus = [](test::IidcBus&) {}) {
+HeadWorldKind kind(
+    const std::string& name, PixelFormat pixels, const std::function<void(iidc::HeadRequest&)>& adjust,
+    const std::function<void(test::IidcBus&)>& adjust_bus = [](test::IidcBus&) {}) {
   iidc::HeadRequest request;
   request.pixels = pixels;
   request.rate = {30, 1};
@@ -76,7 +77,9 @@ void make_plain(test::IidcBus& bus) {
 
 INSTANTIATE_TEST_SUITE_P(Iidc, HeadConformance,
                          testing::Values(kind("Grey", PixelFormat::kGrey8, [](iidc::HeadRequest&) {}),
-                                         kind("PlainYuv411", PixelFormat::kYuv411, [](iidc::HeadRequest&) {}, make_plain),
+                                         kind(
+                                             "PlainYuv411", PixelFormat::kYuv411, [](iidc::HeadRequest&) {},
+                                             make_plain),
                                          kind("MosaicOfFormat7", PixelFormat::kGrbg8,
                                               [](iidc::HeadRequest& request) {
                                                 request.width = 48;

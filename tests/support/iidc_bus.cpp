@@ -117,8 +117,8 @@ int IidcBus::open(std::uint64_t guid, std::unique_ptr<hal::iidc::Device>& device
   if (!there_ || guid != kGuid) return ENODEV;
   if (opening_error_ != 0) return opening_error_;
   ++open_;
-  device = std::make_unique<OpenCamera>(
-      *this, generation_, hal::iidc::CameraInfo{kGuid, "Maker", "Model", IidcRegisters::kBase, usb});
+  device = std::make_unique<OpenCamera>(*this, generation_,
+                                        hal::iidc::CameraInfo{kGuid, "Maker", "Model", IidcRegisters::kBase, usb});
   return 0;
 }
 
@@ -148,8 +148,9 @@ int IidcBus::write(std::uint64_t offset, std::uint32_t value, int generation) {
   deliver(now);
   if (!registers.write(offset, value)) return EIO;
   const Change change{now, registers.get(0x81C) & 0xFFF, registers.get(0x820) & 0xFFF};
-  const bool newest = changes_.empty() ? change.shutter == shutter_ && change.gain == gain_
-                                       : change.shutter == changes_.back().shutter && change.gain == changes_.back().gain;
+  const bool newest = changes_.empty()
+                          ? change.shutter == shutter_ && change.gain == gain_
+                          : change.shutter == changes_.back().shutter && change.gain == changes_.back().gain;
   if (!newest) changes_.push_back(change);
   if (registers.transmits() && !streams_) {
     shutter_ = change.shutter;

@@ -27,7 +27,7 @@ namespace nodal::test {
 class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
  public:
   static constexpr std::uint64_t kGuid = 0x00B0'9D01'00C0'FFEE;
-  static constexpr int kDescriptor = 2000;  ///< what its source waits for; of no file
+  static constexpr int kDescriptor = 2000;                         ///< what its source waits for; of no file
   static constexpr Duration kReadout = Duration::milliseconds(2);  ///< from an exposure's end to its frame's last byte
 
   explicit IidcBus(hal::ClockPort& clock) : clock_(clock) {}
@@ -111,7 +111,7 @@ class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
   int broken_takes_ = 0, refused_buffers_ = 0;
 
   bool streams_ = false;
-  Instant next_done_;  ///< of the next frame in free run
+  Instant next_done_;                      ///< of the next frame in free run
   std::optional<Instant> own_clock_from_;  ///< pulses determine the frames until then
   std::uint32_t number_ = 0;
   std::uint32_t shutter_ = 0, gain_ = 0;  ///< in effect, as the registers have them

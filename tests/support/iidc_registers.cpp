@@ -87,6 +87,10 @@ float IidcRegisters::absolute(unsigned feature) const {
   return std::bit_cast<float>(values_.at(kAbsolute + 16 * feature + 8));
 }
 
+void IidcRegisters::set_absolute_high(unsigned feature, float value) {
+  values_[kAbsolute + 16 * feature + 4] = bits_of(value);
+}
+
 bool IidcRegisters::write(std::uint64_t offset, std::uint32_t value) {
   if (values_.find(offset) == values_.end()) return false;
   const std::uint64_t command = offset - kBase;
@@ -124,7 +128,8 @@ void IidcRegisters::write_feature(unsigned feature, std::uint32_t value) {
 
 void IidcRegisters::write_absolute(unsigned feature, float value) {
   const std::uint64_t place = kAbsolute + 16 * feature;
-  const float inside = std::clamp(value, std::bit_cast<float>(values_[place]), std::bit_cast<float>(values_[place + 4]));
+  const float inside =
+      std::clamp(value, std::bit_cast<float>(values_[place]), std::bit_cast<float>(values_[place + 4]));
   values_[place + 8] = bits_of(inside);
   const auto low_12 = static_cast<std::uint32_t>(std::lround(inside * steps(feature)));
   set(0x800 + 4 * feature, (get(0x800 + 4 * feature) & ~0xFFFU) | low_12);

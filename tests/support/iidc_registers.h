@@ -15,7 +15,7 @@ namespace nodal::test {
 /// Threading: one thread at a time.
 class IidcRegisters {
  public:
-  static constexpr std::uint64_t kBase = 0xF0'0000;         ///< of the command registers
+  static constexpr std::uint64_t kBase = 0xF0'0000;          ///< of the command registers
   static constexpr std::uint64_t kAbsolute = kBase + 0x900;  ///< of the absolute values, 16 bytes a feature
   static constexpr std::uint64_t kFormat7 = kBase + 0xA00;
   static constexpr unsigned kShutter = 7, kGain = 8, kWhiteBalance = 3, kFrameRate = 15, kAutoExposure = 1;
@@ -34,6 +34,7 @@ class IidcRegisters {
   void remove(std::uint32_t offset) { values_.erase(kBase + offset); }
   void set_format7(std::uint32_t offset, std::uint32_t value) { values_[kFormat7 + offset] = value; }
   float absolute(unsigned feature) const;
+  void set_absolute_high(unsigned feature, float value);
 
   bool transmits() const { return (get(0x614) & 0x8000'0000) != 0; }
   bool triggered() const { return (get(0x830) & 0x0200'0000) != 0; }

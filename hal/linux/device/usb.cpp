@@ -40,8 +40,7 @@ UsbPlace place_in(const fs::path& sysfs, const fs::path& device) {
   UsbPlace place;
   place.bus = number(attribute(device / "busnum"));
   place.device_mbit = number(attribute(device / "speed"));
-  place.bus_mbit =
-      number(attribute(sysfs / "bus" / "usb" / "devices" / ("usb" + std::to_string(place.bus)) / "speed"));
+  place.bus_mbit = number(attribute(sysfs / "bus" / "usb" / "devices" / ("usb" + std::to_string(place.bus)) / "speed"));
   place.serial = printable(attribute(device / "serial").value_or(""), kLongestAttribute);
   return place;
 }
@@ -63,7 +62,8 @@ std::optional<UsbPlace> usb_place_of(const fs::path& sysfs, const std::string& n
 std::optional<UsbPlace> usb_place_at(const fs::path& sysfs, int bus, int address) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(sysfs / "bus" / "usb" / "devices", error)) {
-    const bool is_it = number(attribute(entry.path() / "busnum")) == bus && number(attribute(entry.path() / "devnum")) == address;
+    const bool is_it =
+        number(attribute(entry.path() / "busnum")) == bus && number(attribute(entry.path() / "devnum")) == address;
     if (is_it && fs::exists(entry.path() / "speed", error)) return place_in(sysfs, entry.path());
   }
   return std::nullopt;

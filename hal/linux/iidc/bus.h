@@ -32,7 +32,7 @@ struct RawFrame {
   bool at_begin = false;
   bool damaged = false;
   std::uint32_t discarded = 0;  ///< frames before it that arrived while no buffer was free
-  bool starved = false;         ///< since the frame before it no buffer was free, and an unknown number of frames was lost
+  bool starved = false;  ///< since the frame before it no buffer was free, and an unknown number of frames was lost
 };
 
 /// The buffers of one stream, and the transfers into them.

@@ -50,8 +50,9 @@ Error explain(const std::string& head, const std::string& doing, int error) {
       return because(Errc::kDeviceFailed,
                      "no permission; make nodald's user a member of group video (60-nodal.rules gives it the devices)");
     case ENOSPC:
-      return because(Errc::kBandwidth, "the bus has no room for it; choose a smaller size or a lower rate, or plug it "
-                                       "into another bus");
+      return because(Errc::kBandwidth,
+                     "the bus has no room for it; choose a smaller size or a lower rate, or plug it "
+                     "into another bus");
     case ENOMEM:
       return because(Errc::kDeviceFailed,
                      "the system has no memory for it; for USB cameras raise usbcore.usbfs_memory_mb");
@@ -78,8 +79,9 @@ Status Camera::put(std::uint64_t offset, std::uint32_t value, std::uint32_t mask
   const auto now = read_at(offset, doing);
   if (!now) return fail(now.error());
   if ((*now & mask) == (value & mask)) return {};
-  return fail(Errc::kDeviceFailed, "head '" + head_ + "': " + doing + ": the camera does not accept it: its register is " +
-                                       hex(*now) + " after " + hex(value) + " was written");
+  return fail(Errc::kDeviceFailed, "head '" + head_ + "': " + doing +
+                                       ": the camera does not accept it: its register is " + hex(*now) + " after " +
+                                       hex(value) + " was written");
 }
 
 Status Camera::prepare() {
@@ -123,9 +125,9 @@ Result<Feature> Camera::feature(FeatureId id) {
   if (!feature.present || !feature.absolute) return feature;
   const auto place = absolute_place(id);
   if (!place) return fail(place.error());
-  for (const auto& [offset, value] : {std::pair{reg::kAbsoluteLow, &feature.absolute_low},
-                                      std::pair{reg::kAbsoluteHigh, &feature.absolute_high},
-                                      std::pair{reg::kAbsoluteValue, &feature.absolute_value}}) {
+  for (const auto& [offset, value] :
+       {std::pair{reg::kAbsoluteLow, &feature.absolute_low}, std::pair{reg::kAbsoluteHigh, &feature.absolute_high},
+        std::pair{reg::kAbsoluteValue, &feature.absolute_value}}) {
     const auto bits = read_at(*place + offset, doing);
     if (!bits) return fail(bits.error());
     *value = std::bit_cast<float>(*bits);
@@ -202,17 +204,20 @@ Status Camera::set_trigger(const std::optional<TriggerChoice>& choice) {
   const std::uint64_t at = info().command_base + reg::kFeatures + 4 * reg::kTriggerFeature;
   if (!choice) return put(at, *now & ~reg::kOn, reg::kOn, doing);
   if (!(choice->pulse_width ? ability->pulse_width : ability->edge)) {
-    return fail(Errc::kUnsupported, "head '" + head_ + "': the camera has no trigger mode " +
-                                        (choice->pulse_width ? "1 (the pulse is the exposure)" : "0 (an edge starts it)"));
+    return fail(Errc::kUnsupported,
+                "head '" + head_ + "': the camera has no trigger mode " +
+                    (choice->pulse_width ? "1 (the pulse is the exposure)" : "0 (an edge starts it)"));
   }
   // Where the polarity cannot be set, the bit that is read says what the camera has, and a request for another would
   // expose at the wrong edge.
   const std::uint32_t polarity = choice->active_high ? reg::kActiveHigh : 0;
   if ((*inquiry & reg::kCanPolarity) == 0 && (*now & reg::kActiveHigh) != polarity) {
     return fail(Errc::kUnsupported, std::string("head '") + head_ + "': its trigger input is active " +
-                                        (choice->active_high ? "low" : "high") + " and cannot be changed; set polarity in [trigger]");
+                                        (choice->active_high ? "low" : "high") +
+                                        " and cannot be changed; set polarity in [trigger]");
   }
-  const std::uint32_t wanted = reg::kPresent | reg::kOn | polarity | (choice->pulse_width ? 1U : 0U) << reg::kTriggerModeShift;
+  const std::uint32_t wanted =
+      reg::kPresent | reg::kOn | polarity | (choice->pulse_width ? 1U : 0U) << reg::kTriggerModeShift;
   return put(at, wanted, reg::kOn | reg::kActiveHigh | reg::kTriggerModeBits, doing);
 }
 

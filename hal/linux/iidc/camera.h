@@ -53,10 +53,10 @@ enum class FeatureId : std::uint8_t {
 struct Feature {
   bool present = false;
   bool can_switch = false;
-  bool has_auto = false;                         ///< has an automatic mode
-  bool absolute = false;                         ///< has absolute values: seconds, decibels, frames per second
-  std::uint32_t low = 0, high = 0, value = 0;    ///< of kWhiteBalance, value is that of red
-  std::uint32_t blue = 0;                        ///< kWhiteBalance
+  bool has_auto = false;                       ///< has an automatic mode
+  bool absolute = false;                       ///< has absolute values: seconds, decibels, frames per second
+  std::uint32_t low = 0, high = 0, value = 0;  ///< of kWhiteBalance, value is that of red
+  std::uint32_t blue = 0;                      ///< kWhiteBalance
   float absolute_low = 0, absolute_high = 0, absolute_value = 0;
 };
 

@@ -136,8 +136,8 @@ Status Controls::set(Camera& camera, const device::ControlChange& change) {
       done = camera.set_absolute(FeatureId::kGain, static_cast<float>(change.gain->mdb()) / 1000);
     } else {
       const double steps = std::round(static_cast<double>(change.gain->mdb()) / gain_step_mdb_);
-      done = camera.set_value(FeatureId::kGain, static_cast<std::uint32_t>(
-                                                    std::clamp<double>(steps, gain_->low, gain_->high)));
+      done = camera.set_value(FeatureId::kGain,
+                              static_cast<std::uint32_t>(std::clamp<double>(steps, gain_->low, gain_->high)));
     }
   }
   if (done && change.white_balance && balance_) {

@@ -24,13 +24,13 @@ std::optional<std::uint64_t> guid_in(std::string_view path) {
 Error no_such_camera(Bus& bus, const std::string& path) {
   std::string there;
   for (const CameraInfo& info : bus.list()) there += (there.empty() ? "" : ", ") + port_of(info.guid);
-  return {Errc::kNoSuchDevice, "head '" + path + "': there is no such IIDC camera; there is: " +
-                                   (there.empty() ? "none" : there)};
+  return {Errc::kNoSuchDevice,
+          "head '" + path + "': there is no such IIDC camera; there is: " + (there.empty() ? "none" : there)};
 }
 
 /// Its part of the bandwidth of its bus; null for cameras on IEEE 1394, whose bus refuses by itself.
-Result<device::UsbBuses::Share> claim_bandwidth(device::UsbBuses& buses, const std::string& path, const CameraInfo& info,
-                                                const Granted& granted) {
+Result<device::UsbBuses::Share> claim_bandwidth(device::UsbBuses& buses, const std::string& path,
+                                                const CameraInfo& info, const Granted& granted) {
   if (!info.usb) return device::UsbBuses::Share();
   const HeadFormat& format = granted.format;
   const auto bytes = static_cast<std::int64_t>(granted.frame_bytes) * format.rate.numerator / format.rate.denominator;

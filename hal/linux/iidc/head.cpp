@@ -15,8 +15,8 @@ std::string model_of(const CameraInfo& info) {
 
 IidcHead::IidcHead(std::string path, std::shared_ptr<Channel> channel, device::Worker& worker, ClockPort& clock,
                    std::shared_ptr<bool> in_use)
-    : DeviceHead({std::move(path), serial_of(channel->camera->info()), model_of(channel->camera->info())}, channel, worker,
-                 clock, std::move(in_use)),
+    : DeviceHead({std::move(path), serial_of(channel->camera->info()), model_of(channel->camera->info())}, channel,
+                 worker, clock, std::move(in_use)),
       channel_(std::move(channel)) {}
 
 Result<device::DeviceHead::StreamJob> IidcHead::begin(TriggerMode mode) {
@@ -121,12 +121,13 @@ FrameView IidcHead::view(const RawFrame& frame, Instant now) {
   }
 
   // A transfer begins when the exposure is over, and ends when the last row was read out.
-  const Duration readout =
-      channel_->request.readout.value_or(frame.at_begin ? Duration() : format.rate.period());
+  const Duration readout = channel_->request.readout.value_or(frame.at_begin ? Duration() : format.rate.period());
   const Instant end = std::min(frame.at, now) - readout;
   view.in_effect = settings_of([&](Exposure exposure) { return end - exposure.duration(); });
   if (embedded) {
-    if (const auto exposure = channel_->controls->exposure_of(embedded->shutter)) view.in_effect.exposure = *exposure;
+    const auto exposure = channel_->controls->exposure_of(embedded->shutter);
+    const bool by_pulse = channel_->request.trigger.pulse_width;  // the shutter's number then says nothing
+    if (exposure && !by_pulse) view.in_effect.exposure = *exposure;
     if (const auto gain = channel_->controls->gain_of(embedded->gain)) view.in_effect.gain = *gain;
   }
   view.mid_exposure = end - view.in_effect.exposure.duration() / 2;

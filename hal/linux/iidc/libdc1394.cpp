@@ -109,7 +109,8 @@ class Dc1394Bus final : public Bus {
   Dc1394Bus() {
     // What goes wrong is in the errors; by default the library writes it to standard error, too.
     for (const dc1394log_t type : {DC1394_LOG_ERROR, DC1394_LOG_WARNING, DC1394_LOG_DEBUG}) {
-      dc1394_log_register_handler(type, [](dc1394log_t, const char*, void*) {}, nullptr);
+      dc1394_log_register_handler(
+          type, [](dc1394log_t, const char*, void*) {}, nullptr);
     }
   }
 

@@ -159,7 +159,8 @@ Result<Selected> Camera::select(const Selection& selection) {
   const auto error = read(reg::kModeError, "setting its video mode");
   if (!error) return fail(error.error());
   if ((*error & reg::kPresent) == 0) return *selected;
-  return fail(Errc::kUnsupported, "head '" + head_ + "': the camera refuses this combination of format, size and rate; choose another");
+  return fail(Errc::kUnsupported,
+              "head '" + head_ + "': the camera refuses this combination of format, size and rate; choose another");
 }
 
 Result<Selected> Camera::select_fixed(const Selection& selection) {
@@ -187,7 +188,8 @@ Status Camera::apply(const Mode& mode, std::uint32_t error_bit, const std::strin
     }
   }
   if ((*state & (reg::kSetting1 | error_bit)) == 0) return {};
-  return fail(Errc::kUnsupported, "head '" + head_ + "': " + doing + ": the camera refuses it; choose another size, offset or packet_bytes");
+  return fail(Errc::kUnsupported, "head '" + head_ + "': " + doing +
+                                      ": the camera refuses it; choose another size, offset or packet_bytes");
 }
 
 Result<Selected> Camera::select_scalable(const Selection& selection) {
@@ -197,10 +199,9 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
     std::uint32_t offset, value, mask;
   };
   // At the origin first, so that the new size fits wherever the old place was.
-  for (const Setting& one :
-       {Setting{reg::kCoding, mode.coding << 24, 0xFF00'0000}, Setting{reg::kPlace, 0, ~0U},
-        Setting{reg::kSize, pair_of(selection.width, selection.height), ~0U},
-        Setting{reg::kPlace, pair_of(selection.left, selection.top), ~0U}}) {
+  for (const Setting& one : {Setting{reg::kCoding, mode.coding << 24, 0xFF00'0000}, Setting{reg::kPlace, 0, ~0U},
+                             Setting{reg::kSize, pair_of(selection.width, selection.height), ~0U},
+                             Setting{reg::kPlace, pair_of(selection.left, selection.top), ~0U}}) {
     if (Status set = put(mode.place + one.offset, one.value, one.mask, doing); !set) return fail(set.error());
   }
   if (Status applied = apply(mode, reg::kError1, doing); !applied) return fail(applied.error());
@@ -216,8 +217,9 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
   const std::uint32_t bytes = selection.packet_bytes > 0 ? selection.packet_bytes : std::max(smallest, unit);
   if (bytes > most || bytes % unit != 0) {
     return fail(Errc::kUnsupported, "head '" + head_ + "': the camera's packets have at most " + std::to_string(most) +
-                                        " bytes, a multiple of " + std::to_string(unit) + "; this size at this rate needs " +
-                                        std::to_string(bytes) + "; choose a smaller size, a lower rate or another packet_bytes");
+                                        " bytes, a multiple of " + std::to_string(unit) +
+                                        "; this size at this rate needs " + std::to_string(bytes) +
+                                        "; choose a smaller size, a lower rate or another packet_bytes");
   }
   if (Status set = put(mode.place + reg::kPacket, bytes << 16, 0xFFFF'0000, packets); !set) return fail(set.error());
   if (Status applied = apply(mode, reg::kError2, packets); !applied) return fail(applied.error());

@@ -20,8 +20,8 @@ struct HeadRequest {
   std::uint32_t packet_bytes = 0;  ///< of format 7; 0: the smallest that carries the rate
   bool triggered = false;          ///< pulses will determine the rate; the mode's own may be faster
   TriggerChoice trigger;
-  Duration pulse_width;            ///< the exposure with trigger.pulse_width
-  std::int32_t gain_step_mdb = 0;  ///< of cameras without gain in decibels; 0: the gain is not changed
+  Duration pulse_width;             ///< the exposure with trigger.pulse_width
+  std::int32_t gain_step_mdb = 0;   ///< of cameras without gain in decibels; 0: the gain is not changed
   std::optional<Duration> readout;  ///< from the end of the exposure to the timestamp
   int buffers = 4;
 };

@@ -199,8 +199,8 @@ class UsbSource final : public FrameSource {
   }
 
   std::size_t queued() const {
-    return static_cast<std::size_t>(std::count_if(slots_.begin(), slots_.end(),
-                                                  [](const Slot& slot) { return slot.state == State::kQueued; }));
+    return static_cast<std::size_t>(
+        std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.state == State::kQueued; }));
   }
 
   static void LIBUSB_CALL done(libusb_transfer* transfer) {
@@ -236,8 +236,8 @@ class UsbSource final : public FrameSource {
     std::vector<std::uint8_t> rest(frame_bytes_);
     for (int i = 0; i < kMostDrains; ++i) {
       int bytes = 0;
-      const int error = libusb_bulk_transfer(handle_.get(), kEndpoint, rest.data(), static_cast<int>(rest.size()), &bytes,
-                                             kDrainMs);
+      const int error =
+          libusb_bulk_transfer(handle_.get(), kEndpoint, rest.data(), static_cast<int>(rest.size()), &bytes, kDrainMs);
       if (error != 0 && bytes == 0) return;
     }
   }
