@@ -196,11 +196,12 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
       file.refuse("heads", "must be tables, written [[heads]]");
       return;
     }
-    TomlReader reader(
-        *table, "heads[" + std::to_string(i) + "]",
-        {"name", "port", "format", "exposure_us", "gain_mdb", "red_q12", "blue_q12", "gamma", "fields", "trigger_mode",
-         "trigger_delay_us", "trigger", "size", "input", "standard", "gain_step_mdb", "readout_us", "separate_fields"},
-        error);
+    TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
+                      {"name",     "port",  "format",       "exposure_us",   "gain_mdb",         "red_q12",
+                       "blue_q12", "gamma", "fields",       "trigger_mode",  "trigger_delay_us", "trigger",
+                       "size",     "input", "standard",     "gain_step_mdb", "readout_us",       "separate_fields",
+                       "left",     "top",   "packet_bytes", "exposure_by"},
+                      error);
     HeadConfig head = read_head(reader, config.rate);
     if (!names.insert(head.name).second)
       reader.refuse("name", "\"" + head.name + "\" is the name of a head above, too");
@@ -276,10 +277,11 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     read_sim({section("sim"), "sim", {"calibration", "scene", "photo", "constant", "noise", "seed", "clock"}, error},
              config.sim.emplace());
     if (!wants_sim) file.refuse("sim", "is only allowed when a head is on a sim: port");
-    const bool has_devices = std::any_of(config.heads.begin(), config.heads.end(),
-                                         [](const HeadConfig& head) { return head.port.kind == PortKind::kV4l2; });
+    const bool has_devices = std::any_of(config.heads.begin(), config.heads.end(), [](const HeadConfig& head) {
+      return head.port.kind == PortKind::kV4l2 || head.port.kind == PortKind::kIidc;
+    });
     if (has_devices && config.sim->clock == SimConfig::Clock::kFast) {
-      file.refuse("sim", "has clock = \"fast\", but heads on v4l2: ports send frames in real time");
+      file.refuse("sim", "has clock = \"fast\", but heads on v4l2: and iidc: ports send frames in real time");
     }
   } else if (wants_sim) {
     file.refuse("sim", "is missing; heads on sim: ports need it", Errc::kMissingField);

@@ -22,12 +22,13 @@
 namespace nodal::firmware {
 
 /// The kind of a head's port: the word before the colon in `port`.
-enum class PortKind : std::uint8_t { kSim, kReplay, kTake, kV4l2 };
+enum class PortKind : std::uint8_t { kSim, kReplay, kTake, kV4l2, kIidc };
 
 /// Whether frames come from files, so that pulses only step them.
 constexpr bool is_replayed(PortKind kind) { return kind == PortKind::kReplay || kind == PortKind::kTake; }
 
-/// "sim:cam0", "replay:pictures/cam0-*.png", "take:takes/000042/cam0" or "v4l2:/dev/video0": the kind of the port and its name.
+/// "sim:cam0", "replay:pictures/cam0-*.png", "take:takes/000042/cam0", "v4l2:/dev/video0" or "iidc:00b09d0100c0ffee":
+/// the kind of the port and its name.
 struct PortAddress {
   PortKind kind = PortKind::kSim;
   std::string
@@ -50,7 +51,7 @@ struct GpioLine {
   friend bool operator==(const GpioLine&, const GpioLine&) = default;
 };
 
-/// What is requested from a V4L2 device when it is opened, besides format, fields and rate.
+/// What is requested from a device when it is opened, besides format, fields and rate.
 struct DeviceConfig {
   int width = 0;  ///< with height; 0: as the device comes
   int height = 0;
@@ -59,6 +60,10 @@ struct DeviceConfig {
   std::int32_t gain_step_mdb = 0;   ///< 0: its gain is left as it is
   std::optional<Duration> readout;  ///< nothing: one frame period
   bool separate_fields = false;     ///< each field in a buffer of its own
+  // Of IIDC cameras.
+  std::optional<int> left = {}, top = {};  ///< both or none: a rectangle of the sensor
+  std::uint32_t packet_bytes = 0;          ///< 0: the smallest that carries the rate
+  bool pulse_is_exposure = false;          ///< the width of the trigger's pulse; otherwise the camera's shutter
   friend bool operator==(const DeviceConfig&, const DeviceConfig&) = default;
 };
 
@@ -76,7 +81,7 @@ struct HeadConfig {
   bool wired = false;                    ///< it follows the trigger's line, and its driver does not know of it
   Duration trigger_delay;                ///< from the trigger to this head's pulse; `wired`: to its exposure
   std::optional<GpioLine> trigger;       ///< the line that its pulses leave by; empty: TriggerConfig::port
-  DeviceConfig device;                   ///< of a v4l2: port
+  DeviceConfig device;                   ///< of a v4l2: or iidc: port
   int line = 0;                          ///< line number in rig.toml, for error messages
 };
 

@@ -16,7 +16,8 @@ struct Scheme {
   std::string_view name;
 };
 constexpr std::array kSchemes{Scheme{PortKind::kSim, "sim"}, Scheme{PortKind::kReplay, "replay"},
-                              Scheme{PortKind::kTake, "take"}, Scheme{PortKind::kV4l2, "v4l2"}};
+                              Scheme{PortKind::kTake, "take"}, Scheme{PortKind::kV4l2, "v4l2"},
+                              Scheme{PortKind::kIidc, "iidc"}};
 
 std::string_view scheme_of(PortKind kind) { return std::ranges::find(kSchemes, kind, &Scheme::kind)->name; }
 
@@ -39,14 +40,15 @@ PortAddress read_port(TomlReader& reader) {
     known = true;
   }
   if (!port.empty() && (!known || address.name.empty())) {
-    reader.refuse("port", "must be sim:NAME, replay:FILE, replay:GLOB, take:FOLDER/HEAD or v4l2:DEVICE");
+    reader.refuse("port", "must be sim:NAME, replay:FILE, replay:GLOB, take:FOLDER/HEAD, v4l2:DEVICE or iidc:GUID");
   }
   return address;
 }
 
+constexpr std::uint32_t kLargestSide = 16384;
+
 /// "720x480".
 void read_size(TomlReader& reader, DeviceConfig& device) {
-  constexpr std::uint32_t kLargestSide = 16384;
   const std::string size = reader.text("size", "");
   if (!reader.has("size")) return;
   const std::size_t cross = size.find('x');
@@ -60,9 +62,17 @@ void read_size(TomlReader& reader, DeviceConfig& device) {
 }
 
 void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig& device) {
-  for (const char* const key : {"size", "input", "standard", "gain_step_mdb", "readout_us", "separate_fields"}) {
+  for (const char* const key : {"size", "gain_step_mdb", "readout_us"}) {
+    if (kind == PortKind::kV4l2 || kind == PortKind::kIidc || !reader.has(key)) continue;
+    return reader.refuse(key, "is only allowed for v4l2: and iidc: ports");
+  }
+  for (const char* const key : {"input", "standard", "separate_fields"}) {
     if (kind == PortKind::kV4l2 || !reader.has(key)) continue;
     return reader.refuse(key, "is only allowed for v4l2: ports");
+  }
+  for (const char* const key : {"left", "top", "packet_bytes", "exposure_by"}) {
+    if (kind == PortKind::kIidc || !reader.has(key)) continue;
+    return reader.refuse(key, "is only allowed for iidc: ports");
   }
   read_size(reader, device);
   device.separate_fields = reader.boolean("separate_fields", false);
@@ -71,6 +81,26 @@ void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig
   device.gain_step_mdb = static_cast<std::int32_t>(reader.integer("gain_step_mdb", 1, kMostGainMdb, 0));
   if (reader.has("readout_us")) {
     device.readout = Duration::microseconds(reader.integer("readout_us", 0, 10 * rate.period().us(), 0));
+  }
+  if (reader.has("left") != reader.has("top")) {
+    return reader.refuse(reader.has("left") ? "top" : "left", "is missing; a rectangle of the sensor needs both",
+                         Errc::kMissingField);
+  }
+  if (reader.has("left")) {
+    device.left = static_cast<int>(reader.integer("left", 0, kLargestSide, 0));
+    device.top = static_cast<int>(reader.integer("top", 0, kLargestSide, 0));
+  }
+  device.packet_bytes = static_cast<std::uint32_t>(reader.integer("packet_bytes", 4, 65535, 0));
+  device.pulse_is_exposure = reader.choice<bool>("exposure_by", {{"shutter", false}, {"pulse", true}});
+}
+
+void check_iidc(TomlReader& reader, const HeadConfig& head) {
+  const PixelFormat format = head.format;
+  const bool there_is = is_bayer(format) || format == PixelFormat::kGrey8 || format == PixelFormat::kUyvy ||
+                        format == PixelFormat::kYuv411 || format == PixelFormat::kRgb24;
+  if (!there_is) {
+    reader.refuse("format", "cannot be " + std::string(pixel_format_name(format)) +
+                                " for iidc: ports; IIDC cameras have GREY, UYVY, YUV411, RGB24 and Bayer formats");
   }
 }
 
@@ -127,6 +157,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
     reader.refuse("trigger_delay_us",
                   "is only allowed for v4l2: ports with trigger_mode = \"wired\"; V4L2 has no trigger input");
   }
+  if (head.port.kind == PortKind::kIidc) check_iidc(reader, head);
   head.trigger = read_line(reader, "trigger", {});
   read_device(reader, head.port.kind, rate, head.device);
   head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
@@ -134,6 +165,9 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
                                                  {"bottom-first", Fields::kBottomFirst}});
   if (head.device.separate_fields && head.fields == Fields::kProgressive) {
     reader.refuse("separate_fields", "needs interlaced frames; set fields = \"top-first\" or \"bottom-first\"");
+  }
+  if (head.port.kind == PortKind::kIidc && head.fields != Fields::kProgressive) {
+    reader.refuse("fields", "must be \"progressive\" for iidc: ports");
   }
   if (head.fields != Fields::kProgressive && component_count(head.format) == 1 && head.format != PixelFormat::kGrey8) {
     reader.refuse("fields", "cannot be \"" + std::string(head.fields == Fields::kTopFirst ? "top" : "bottom") +

@@ -8,6 +8,7 @@
 #include <future>
 #include <thread>
 
+#include "firmware/daemon/device_heads.h"
 #include "firmware/daemon/device_scanner.h"
 #include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/panel_ports.h"
@@ -16,7 +17,6 @@
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/link/socket_link.h"
-#include "hal/linux/v4l2/enumerator.h"
 #include "hal/linux/watchdog.h"
 #include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
@@ -49,21 +49,21 @@ Result<std::string> read_text(const std::filesystem::path& file, std::size_t lim
   return text;
 }
 
-/// Opens heads in the simulation, the replay or by V4L2, by the word before the colon.
+/// Opens heads in the simulation, in the replay or on devices, by the word before the colon.
 class Enumerators final : public hal::HeadEnumerator {
  public:
   hal::HeadEnumerator* sim = nullptr;
   hal::HeadEnumerator* replay = nullptr;
-  hal::HeadEnumerator* v4l2 = nullptr;
+  hal::HeadEnumerator* devices = nullptr;
 
   Result<std::unique_ptr<hal::HeadPort>> open(const std::string& path) override {
-    hal::HeadEnumerator* const asked = path.starts_with("sim:") ? sim : path.starts_with("v4l2:") ? v4l2 : replay;
+    hal::HeadEnumerator* const asked = path.starts_with("sim:") ? sim : DeviceHeads::opens(path) ? devices : replay;
     if (!asked) return fail(Errc::kNoSuchDevice, "nothing opens heads at " + path);
     return asked->open(path);
   }
   std::vector<hal::HeadIdentity> list() override {
     std::vector<hal::HeadIdentity> all;
-    for (hal::HeadEnumerator* one : {sim, replay, v4l2}) {
+    for (hal::HeadEnumerator* one : {sim, replay, devices}) {
       if (!one) continue;
       auto some = one->list();
       all.insert(all.end(), some.begin(), some.end());
@@ -168,36 +168,13 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
   return std::make_unique<hal::sim::SimRig>(*truth, options);
 }
 
-/// Null when no head is on a v4l2: port.
-std::unique_ptr<hal::v4l2::V4l2Enumerator> make_v4l2(const RigConfig& config, hal::ClockPort& clock) {
-  std::unique_ptr<hal::v4l2::V4l2Enumerator> devices;
-  for (const HeadConfig& head : config.heads) {
-    if (head.port.kind != PortKind::kV4l2) continue;
-    if (!devices) devices = std::make_unique<hal::v4l2::V4l2Enumerator>(clock);
-    hal::v4l2::HeadRequest request;
-    request.pixels = head.format;
-    request.fields = head.fields;
-    request.rate = config.rate;
-    request.width = head.device.width;
-    request.height = head.device.height;
-    request.input = head.device.input;
-    request.standard = head.device.standard;
-    request.gain_step_mdb = head.device.gain_step_mdb;
-    request.readout = head.device.readout;
-    request.separate_fields = head.device.separate_fields;
-    request.buffers = kHeadBuffers;
-    devices->request(head.port.text(), request);
-  }
-  return devices;
-}
-
 }  // namespace
 
 struct BoardPorts::State {
   hal::linux_os::LinuxClock machine_clock;
   std::unique_ptr<hal::sim::SimRig> sim;
   std::unique_ptr<hal::replay::Deck> deck;
-  std::unique_ptr<hal::v4l2::V4l2Enumerator> v4l2;
+  std::unique_ptr<DeviceHeads> devices;
   Enumerators enumerators;
   std::unique_ptr<LinePorts> lines;
   std::unique_ptr<BothTriggers> both, with_lines;
@@ -262,8 +239,8 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
       state->trigger = &state->deck->trigger();
     }
   }
-  state->v4l2 = make_v4l2(config, state->machine_clock);
-  state->enumerators.v4l2 = state->v4l2.get();
+  state->devices = std::make_unique<DeviceHeads>(config, state->machine_clock);
+  state->enumerators.devices = state->devices.get();
   auto panel = PanelPorts::make(config.panel, state->clock());
   if (!panel) return fail(panel.error());
   state->panel = std::move(*panel);
@@ -277,7 +254,7 @@ Status BoardPorts::check_devices(const RigConfig& config) {
     if (head.port.kind == PortKind::kSim) continue;
     const std::string port = head.port.text();
     auto opened =
-        head.port.kind == PortKind::kV4l2 ? state_->v4l2->open_and_wait(port) : state_->enumerators.replay->open(port);
+        DeviceHeads::opens(port) ? state_->devices->open_and_wait(port) : state_->enumerators.replay->open(port);
     if (!opened) {
       return fail(opened.error().in("head '" + head.name + "' (line " + std::to_string(head.line) + " of rig.toml)"));
     }

@@ -1,24 +1,48 @@
 #include "firmware/daemon/device_scanner.h"
 
+#include <future>
 #include <mutex>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include "firmware/daemon/scan_report.h"
-#include "hal/linux/v4l2/scan.h"
+#include "hal/linux/iidc/camera.h"
 
 namespace nodal::daemon {
 
+std::vector<hal::v4l2::FoundDevice> MachineDevices::scan(std::chrono::milliseconds patience) {
+  const auto until = std::chrono::steady_clock::now() + patience;
+  auto cameras = std::async(std::launch::async, [&] { return iidc_.list(patience); });
+  std::vector<hal::v4l2::FoundDevice> all =
+      v4l2_.scan(std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()));
+  const auto found = cameras.get();
+  if (!found) {
+    hal::v4l2::FoundDevice silent;
+    silent.node = silent.port = "iidc:";
+    silent.problem = found.error();
+    all.push_back(std::move(silent));
+    return all;
+  }
+  for (const hal::iidc::CameraInfo& info : *found) {
+    hal::v4l2::FoundDevice camera;
+    camera.node = camera.port = hal::iidc::port_of(info.guid);
+    camera.model = "IIDC camera";
+    camera.driver = "libdc1394";
+    camera.listed_only = "an IIDC camera is only listed; RIG.md says what its entry in [[heads]] needs";
+    all.push_back(std::move(camera));
+  }
+  return all;
+}
+
 struct DeviceScanner::Shared {
-  explicit Shared(hal::v4l2::System& system) : scanner(system) {}
-  hal::v4l2::Scanner scanner;  ///< of the scan's thread, while one runs
-  std::mutex mutex;            ///< protects the following members
+  MachineDevices devices;  ///< of the scan's thread, while one runs
+  std::mutex mutex;    ///< protects the following members
   bool running = false;
   std::optional<Result<firmware::DeviceList>> result;
 };
 
-DeviceScanner::DeviceScanner(hal::v4l2::System& system) : shared_(std::make_shared<Shared>(system)) {}
+DeviceScanner::DeviceScanner() : shared_(std::make_shared<Shared>()) {}
 
 void DeviceScanner::begin() {
   {
@@ -28,7 +52,7 @@ void DeviceScanner::begin() {
   }
   try {
     std::thread([shared = shared_] {
-      const auto devices = shared->scanner.scan(kScanWithin);
+      const auto devices = shared->devices.scan(kScanWithin);
       firmware::DeviceList list{scan_text(devices), scan_json(devices)};
       const std::lock_guard lock(shared->mutex);
       shared->result = std::move(list);

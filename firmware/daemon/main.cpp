@@ -27,7 +27,6 @@
 #include "firmware/daemon/version.h"
 #include "hal/linux/gpio/system.h"
 #include "hal/linux/link/standard_descriptors.h"
-#include "hal/linux/v4l2/scan.h"
 
 namespace nodal::daemon {
 namespace {
@@ -142,7 +141,7 @@ void run_rig(BoardPorts& ports, TakesDisk& takes, const Options& options, const 
 }
 
 int scan(const Options& options) {
-  const auto devices = hal::v4l2::Scanner(hal::v4l2::kernel()).scan(kScanWithin);
+  const auto devices = MachineDevices().scan(kScanWithin);
   const std::string text = options.json ? scan_json(devices) + "\n" : scan_text(devices);
   const bool written = std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
   return written ? kExitFine : give_up({Errc::kIo, "standard output cannot be written"}, kExitFailed);

@@ -23,7 +23,7 @@ constexpr const char* kFooter =
     "  nodald --config /etc/nodal/rig.toml\n"
     "  nodald --config rig.toml --check           check rig.toml, print the first error, and stop\n"
     "  nodald --config rig.toml --store ./store   store calibrations and settings in this folder\n"
-    "  nodald --scan > rig.toml                   list the V4L2 devices; begin a rig.toml with them\n"
+    "  nodald --scan > rig.toml                   list the devices; begin a rig.toml with them\n"
     "  ssh rig nodald --bridge                    connect standard input and output to the nodald that runs on rig\n"
     "\n"
     "SIGTERM and SIGINT end it cleanly. Exit codes: 0 fine, 1 failed while running, 2 command line or rig.toml wrong, "
@@ -60,7 +60,7 @@ Parsed parse_options(int argc, char** argv) {
       ->excludes("--bridge");
   CLI::Option* scan =
       app.add_flag("--scan", options.scan,
-                   "Print the V4L2 devices that are plugged in, and a rig.toml for them, and stop; changes no device")
+                   "Print the V4L2 devices and IIDC cameras that are plugged in, and a rig.toml, and stop; changes no device")
           ->excludes(check)
           ->excludes("--bridge")
           ->excludes("--safe-levels");

@@ -155,6 +155,7 @@ void fit_buses(const std::vector<FoundDevice>& devices, std::vector<Candidate>& 
 std::string why_not(const FoundDevice& device) {
   if (device.problem) return device.problem->message;
   if (device.second_stream) return "another stream of the same camera";
+  if (!device.listed_only.empty()) return device.listed_only;
   return "it has no format and size of a head at the rate of the others";
 }
 

@@ -151,7 +151,8 @@ Json device_json(const FoundDevice& device) {
 std::string scan_text(const std::vector<FoundDevice>& devices) {
   const RigProposal proposal = propose_rig(devices);
   std::string text =
-      "# The V4L2 capture devices of this machine, and a rig.toml for them (nodald --scan). RIG.md explains every "
+      "# The V4L2 devices and IIDC cameras of this machine, and a rig.toml for the former (nodald --scan). RIG.md "
+      "explains every "
       "key.\n";
   for (std::size_t i = 0; i < devices.size(); ++i) {
     const auto left_out = proposal.left_out.find(i);
@@ -161,7 +162,8 @@ std::string scan_text(const std::vector<FoundDevice>& devices) {
     text += fmt::format("# USB bus {} ({} Mbit/s): {} MB/s of at most {}\n", number, bus.mbit, megabytes(bus.used),
                         megabytes(usb_capacity(bus.mbit)));
   }
-  if (devices.empty()) text += "# There is none. Plug one in; `ls /dev/video*` shows whether the kernel knows it.\n";
+  if (devices.empty())
+    text += "# There is none. Plug one in; `ls /dev/video*` shows whether the kernel knows a V4L2 device.\n";
   return text + "\n" + rig_toml(proposal, devices);
 }
 

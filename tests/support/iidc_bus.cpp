@@ -171,11 +171,12 @@ Duration IidcBus::exposure() const { return Duration::microseconds(std::int64_t{
 /// A frame whose last byte arrives at `done`.
 void IidcBus::expose(Instant done) {
   const Instant begun = done - kReadout - exposure();
-  while (!changes_.empty()) {
-    Change& next = changes_.front();
-    if (begun < next.at || next.frames_left-- > 0) break;
-    shutter_ = next.shutter;
-    gain_ = next.gain;
+  for (Change& change : changes_) {
+    if (begun >= change.at) --change.frames_left;
+  }
+  while (!changes_.empty() && changes_.front().frames_left < 0) {
+    shutter_ = changes_.front().shutter;
+    gain_ = changes_.front().gain;
     changes_.pop_front();
   }
   coming_.push_back({number_++, done, shutter_, gain_});

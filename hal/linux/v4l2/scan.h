@@ -51,6 +51,7 @@ struct FoundDevice {
   std::vector<FoundControl> controls;
   std::vector<std::string> oddities;  ///< what the driver reports and cannot be: sentences
   std::optional<Error> problem;       ///< why nothing else is known
+  std::string listed_only;            ///< why its modes are not known, although nothing is wrong; otherwise empty
 };
 
 inline constexpr std::size_t kMostNodes = 64;    ///< device nodes that a scan opens

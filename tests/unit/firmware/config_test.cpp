@@ -179,11 +179,38 @@ TEST(RigConfig, WhatADeviceCannotBeAsked_IsRefused) {
   EXPECT_FALSE(parse_rig_config(kDevice + "trigger_mode='input'\n", "rig.toml")->heads[0].wired);
   expect_refused(kDevice + "trigger_mode='genlock'\n", Errc::kBadValue, "allowed is one of input, wired");
   expect_refused(kDevice + "trigger_mode='wired'\n[trigger]\nsource='none'\n", Errc::kBadValue, "'a'");
-  expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only allowed for v4l2: ports");
+  expect_refused(kSmall + "size='720x480'\n", Errc::kBadValue, "only allowed for v4l2: and iidc: ports");
+  expect_refused(kDevice + "left=8\ntop=2\n", Errc::kBadValue, "only allowed for iidc: ports");
   expect_refused(replaced(kDevice, "v4l2:/dev/video0", "v4l2:"), Errc::kBadValue, "v4l2:DEVICE");
   expect_refused(
       replaced(kSmall, "[sim]", "[sim]\nclock = \"fast\"") + "[[heads]]\nname='a'\nport='v4l2:/dev/video0'\n",
       Errc::kBadValue, "real time");
+}
+
+const std::string kIidc = "[rig]\nname='r'\n[[heads]]\nname='a'\nformat='UYVY'\nport='iidc:00b09d0100c0ffee'\n";
+
+TEST(RigConfig, IidcHeads_AreAskedWhatStandsThere) {
+  const auto plain = parse_rig_config(kIidc, "rig.toml");
+  ASSERT_TRUE(plain) << plain.error().text();
+  EXPECT_EQ(plain->heads[0].port, (PortAddress{PortKind::kIidc, "00b09d0100c0ffee"}));
+  EXPECT_EQ(plain->heads[0].port.text(), "iidc:00b09d0100c0ffee");
+  EXPECT_EQ(plain->heads[0].device, DeviceConfig{});
+  const auto full = parse_rig_config(kIidc +
+                                         "size='640x400'\nleft=8\ntop=40\npacket_bytes=2048\ngain_step_mdb=100\n"
+                                         "readout_us=9000\nexposure_by='pulse'\ntrigger_delay_us=5\n",
+                                     "rig.toml");
+  ASSERT_TRUE(full) << full.error().text();
+  DeviceConfig device{640, 400, "", "", 100, Duration::microseconds(9'000), false, 8, 40, 2048, true};
+  EXPECT_EQ(full->heads[0].device, device);
+}
+
+TEST(RigConfig, WhatAnIidcCameraCannotBeAsked_IsRefused) {
+  expect_refused(replaced(kIidc, "UYVY", "YUYV"), Errc::kBadValue, "IIDC cameras have GREY, UYVY, YUV411");
+  expect_refused(kIidc + "left=8\n", Errc::kMissingField, "needs both");
+  expect_refused(kIidc + "input='S-Video'\n", Errc::kBadValue, "only allowed for v4l2: ports");
+  expect_refused(kIidc + "fields='top-first'\n", Errc::kBadValue, "must be \"progressive\" for iidc: ports");
+  expect_refused(replaced(kIidc, "iidc:00b09d0100c0ffee", "iidc:"), Errc::kBadValue, "iidc:GUID");
+  expect_refused(kIidc + "exposure_by='hand'\n", Errc::kBadValue, "shutter, pulse");
 }
 
 TEST(RigConfig, TypingErrorInAKey_NamesLineAndTheNearestKnownKey) {
