@@ -1,54 +1,33 @@
 #include "uvc_camera.h"
 
-#include <fcntl.h>
 #include <linux/usb/ch9.h>
-#include <linux/usb/raw_gadget.h>
 #include <pthread.h>
 #include <signal.h>
-#include <sys/ioctl.h>
-#include <sys/mman.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <new>
 #include <stdexcept>
-#include <system_error>
 #include <thread>
-#include <vector>
+#include <utility>
 
+#include "raw_gadget.h"
 #include "tests/support/process.h"
 
 namespace nodal::hil {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
 using Device = UvcCamera::Device;
 
 constexpr std::uint32_t kFrameBytes = UvcCamera::kWidth * UvcCamera::kHeight * 2;
 constexpr std::uint32_t kPayloadBytes = 4096;  ///< of a transfer, with its header of 2 bytes
 constexpr std::uint32_t kPeriod100Ns = static_cast<std::uint32_t>(UvcCamera::kPeriod.ns() / 100);
-constexpr std::uint8_t kStream = 0x81;  ///< the endpoint
-
-void put(Bytes& to, std::uint32_t value, int bytes) {
-  for (int i = 0; i < bytes; ++i) to.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
-}
-
-/// A descriptor; its first byte becomes its length.
-Bytes descriptor(std::initializer_list<std::pair<std::uint32_t, int>> fields) {
-  Bytes bytes{0};
-  for (const auto& [value, size] : fields) put(bytes, value, size);
-  bytes[0] = static_cast<std::uint8_t>(bytes.size());
-  return bytes;
-}
+constexpr const char* kTexts[] = {"Nodal", UvcCamera::kName, "UVC0001"};
 
 Bytes device_descriptor() {
   return descriptor({{1, 1},
@@ -112,7 +91,7 @@ Bytes configuration_descriptor() {
                     {1, 1},
                     {1, 1},
                     {stream_bytes, 2},
-                    {kStream, 1},
+                    {RawGadget::kStream, 1},
                     {0, 1},
                     {3, 1},
                     {0, 1},
@@ -120,21 +99,12 @@ Bytes configuration_descriptor() {
                     {0, 1},
                     {1, 1},
                     {0, 1}}),
-        format, size, descriptor({{5, 1}, {kStream, 1}, {2, 1}, {512, 2}, {0, 1}})}) {
+        format, size, descriptor({{5, 1}, {RawGadget::kStream, 1}, {2, 1}, {512, 2}, {0, 1}})}) {
     all.insert(all.end(), each.begin(), each.end());
   }
   all[2] = static_cast<std::uint8_t>(all.size());
   all[3] = static_cast<std::uint8_t>(all.size() >> 8);
   return all;
-}
-
-Bytes string_descriptor(unsigned index) {
-  if (index == 0) return descriptor({{3, 1}, {0x0409, 2}});
-  const char* const texts[] = {"Nodal", UvcCamera::kName, "UVC0001"};
-  Bytes bytes{0, 3};
-  for (const char* c = texts[std::min(index, 3U) - 1]; *c != 0; ++c) put(bytes, static_cast<std::uint8_t>(*c), 2);
-  bytes[0] = static_cast<std::uint8_t>(bytes.size());
-  return bytes;
 }
 
 /// The stream's parameters: UVC 1.0, table 4-47. There is one choice of each.
@@ -163,13 +133,7 @@ constexpr Control kControls[] = {
 /// The camera's own process. A failed call to raw-gadget ends it.
 class Process {
  public:
-  explicit Process(Device& device) : device_(device), fd_(::open("/dev/raw-gadget", O_RDWR)) {
-    usb_raw_init init{};
-    std::strcpy(reinterpret_cast<char*>(init.driver_name), "dummy_udc");
-    std::strcpy(reinterpret_cast<char*>(init.device_name), "dummy_udc.0");
-    init.speed = USB_SPEED_HIGH;
-    if (fd_ < 0 || ::ioctl(fd_, USB_RAW_IOCTL_INIT, &init) < 0 || ::ioctl(fd_, USB_RAW_IOCTL_RUN, 0) < 0) end("init");
-  }
+  explicit Process(Device& device) : device_(device) {}
 
   [[noreturn]] void run() {
     struct sigaction interrupt {};
@@ -178,50 +142,21 @@ class Process {
     std::thread sender([this] { send_frames(); });
     sender_ = sender.native_handle();
     while (true) {
-      WithData<usb_raw_event> got;
-      got.head().length = sizeof(usb_ctrlrequest);
-      if (::ioctl(fd_, USB_RAW_IOCTL_EVENT_FETCH, got.bytes.data()) < 0) end("fetch");
-      if (got.head().type != USB_RAW_EVENT_CONTROL) continue;
-      usb_ctrlrequest request{};
-      std::memcpy(&request, got.data(), sizeof(request));
-      if (!answer(request)) ::ioctl(fd_, USB_RAW_IOCTL_EP0_STALL, 0);
+      if (!answer(usb_.next_request())) usb_.stall();
     }
   }
 
  private:
-  /// A structure of raw_gadget.h with the data that follows it, which C++ cannot declare.
-  template <class Head>
-  struct WithData {
-    Head& head() { return *reinterpret_cast<Head*>(bytes.data()); }
-    std::uint8_t* data() { return bytes.data() + sizeof(Head); }
-    alignas(Head) std::array<std::uint8_t, sizeof(Head) + kPayloadBytes> bytes{};
-  };
-  using Transfer = WithData<usb_raw_ep_io>;
-
-  [[noreturn]] static void end(const char* where) {
-    std::perror(where);
-    ::_exit(1);
-  }
-
-  bool give(const Bytes& bytes, unsigned most) {
-    Transfer transfer;
-    transfer.head().length = std::min(static_cast<std::uint32_t>(bytes.size()), most);
-    std::copy_n(bytes.begin(), transfer.head().length, transfer.data());
-    ::ioctl(fd_, USB_RAW_IOCTL_EP0_WRITE, transfer.bytes.data());
-    return true;
-  }
   bool give_number(std::uint32_t number, int bytes, unsigned most) {
     Bytes all;
     put(all, number, bytes);
-    return give(all, most);
+    return usb_.give(all, most);
   }
-  /// The data of a request, or its acknowledgement.
-  std::uint32_t take(unsigned length) {
-    Transfer transfer;
-    transfer.head().length = std::min<std::uint32_t>(length, kPayloadBytes);
-    ::ioctl(fd_, USB_RAW_IOCTL_EP0_READ, transfer.bytes.data());
+  std::uint32_t take_number(unsigned length) {
     std::uint32_t value = 0;
-    for (unsigned i = 0; i < std::min(length, 4U); ++i) value |= std::uint32_t{transfer.data()[i]} << (8 * i);
+    const Bytes bytes = usb_.take(length);
+    for (std::size_t i = 0; i < std::min<std::size_t>(bytes.size(), 4); ++i)
+      value |= std::uint32_t{bytes[i]} << (8 * i);
     return value;
   }
 
@@ -244,26 +179,13 @@ class Process {
   bool answer_standard(const usb_ctrlrequest& request) {
     switch (request.bRequest) {
       case USB_REQ_GET_DESCRIPTOR:
-        if (request.wValue >> 8 == USB_DT_DEVICE) return give(device_descriptor(), request.wLength);
-        if (request.wValue >> 8 == USB_DT_CONFIG) return give(configuration_descriptor(), request.wLength);
+        if (request.wValue >> 8 == USB_DT_DEVICE) return usb_.give(device_descriptor(), request.wLength);
+        if (request.wValue >> 8 == USB_DT_CONFIG) return usb_.give(configuration_descriptor(), request.wLength);
         if (request.wValue >> 8 == USB_DT_STRING)
-          return give(string_descriptor(request.wValue & 0xff), request.wLength);
+          return usb_.give(string_descriptor(request.wValue & 0xff, kTexts), request.wLength);
         return false;
-      case USB_REQ_SET_CONFIGURATION: {
-        usb_endpoint_descriptor endpoint{};
-        endpoint.bLength = USB_DT_ENDPOINT_SIZE;
-        endpoint.bDescriptorType = USB_DT_ENDPOINT;
-        endpoint.bEndpointAddress = kStream;
-        endpoint.bmAttributes = USB_ENDPOINT_XFER_BULK;
-        endpoint.wMaxPacketSize = 512;
-        if (endpoint_ < 0) endpoint_ = ::ioctl(fd_, USB_RAW_IOCTL_EP_ENABLE, &endpoint);
-        if (endpoint_ < 0) end("endpoint");
-        ::ioctl(fd_, USB_RAW_IOCTL_VBUS_DRAW, 50);
-        ::ioctl(fd_, USB_RAW_IOCTL_CONFIGURE, 0);
-        take(0);
-        return true;
-      }
-      case USB_REQ_SET_INTERFACE: take(0); return true;
+      case USB_REQ_SET_CONFIGURATION: usb_.configure(); return true;
+      case USB_REQ_SET_INTERFACE: usb_.take(0); return true;
       case USB_REQ_GET_INTERFACE: return give_number(0, 1, request.wLength);
       default: return false;
     }
@@ -274,7 +196,7 @@ class Process {
     if (selector != kProbe && selector != kCommit) return false;
     switch (request.bRequest) {
       case 0x01:
-        take(request.wLength);
+        usb_.take(request.wLength);
         if (selector == kCommit) {  // a bulk stream begins here; nothing on the bus ends it
           restart_ = true;
           device_.streams = true;
@@ -283,7 +205,7 @@ class Process {
         return true;
       case 0x85: return give_number(26, 2, request.wLength);
       case 0x86: return give_number(3, 1, request.wLength);
-      default: return give(probe_reply(), request.wLength);
+      default: return usb_.give(probe_reply(), request.wLength);
     }
   }
 
@@ -297,7 +219,7 @@ class Process {
           return false;
         }
         if (device_.answer_after_us > 0) ::usleep(device_.answer_after_us);
-        value = take(request.wLength);
+        value = take_number(request.wLength);
         return true;
       }
       case 0x81: return number(value);
@@ -337,21 +259,16 @@ class Process {
     for (std::uint32_t at = 0; at < until && !restart_;) {
       const std::uint32_t n = std::min(until - at, kRoom);
       const bool last = at + n == until;
-      Transfer transfer;
-      transfer.head().ep = static_cast<std::uint16_t>(endpoint_);
-      transfer.head().length = n + 2;
-      transfer.data()[0] = 2;
-      transfer.data()[1] = static_cast<std::uint8_t>(0x80 | id | (last ? 2 : 0));
-      std::memcpy(transfer.data() + 2, frame.data() + at, n);
-      if (::ioctl(fd_, USB_RAW_IOCTL_EP_WRITE, transfer.bytes.data()) < 0 && errno != EINTR) device_.streams = false;
+      Bytes payload{2, static_cast<std::uint8_t>(0x80 | id | (last ? 2 : 0))};
+      payload.insert(payload.end(), frame.begin() + at, frame.begin() + at + n);
+      if (const int error = usb_.write(payload); error != 0 && error != EINTR) device_.streams = false;
       if (!device_.streams) return;
       at += n;
     }
   }
 
   Device& device_;
-  const int fd_;
-  int endpoint_ = -1;
+  RawGadget usb_;
   std::uint8_t refusal_ = 0;
   pthread_t sender_{};
   std::atomic<bool> restart_{false};
@@ -369,24 +286,15 @@ bool has_node() {
 
 }  // namespace
 
-UvcCamera::UvcCamera() {
-  void* const shared = ::mmap(nullptr, sizeof(Device), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  if (shared == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "mmap");
-  device_ = new (shared) Device;
-  process_ = ::fork();
-  if (process_ == 0) {
-    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    Process(*device_).run();
-  }
+UvcCamera::UvcCamera() : device_(new (shared_memory(sizeof(Device))) Device) {
+  process_ = start_process([this] { Process(*device_).run(); });
   if (!test::wait_until(has_node, std::chrono::seconds(20)))
     throw std::runtime_error("uvcvideo did not find the camera");
 }
 
 void UvcCamera::unplug() {
   if (process_ < 0) return;
-  ::kill(process_, SIGKILL);
-  ::waitpid(process_, nullptr, 0);
-  process_ = -1;
+  kill_process(std::exchange(process_, -1));
   if (!test::wait_until([] { return !has_node(); }, std::chrono::seconds(20))) std::abort();
 }
 
