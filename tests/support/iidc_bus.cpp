@@ -23,6 +23,7 @@ class IidcBus::Source final : public hal::iidc::FrameSource {
   int begin() override {
     const std::lock_guard lock(bus_.mutex_);
     if (bus_.gone(generation_)) return ENODEV;
+    if (bus_.slots_ == &slots_) return EBUSY;  // its transfers were not ended
     bus_.slots_ = &slots_;
     bus_.starved_ = false;
     for (std::size_t i = 0; i < slots_.size(); ++i) {

@@ -137,7 +137,7 @@ void IidcRegisters::write_absolute(unsigned feature, float value) {
 
 void IidcRegisters::write_format7(std::uint32_t offset, std::uint32_t value) {
   if (offset != 0x08 && offset != 0x0C && offset != 0x10 && offset != 0x44 && offset != 0x7C) return;
-  if (offset == 0x7C) value = kHasIt;  // at once, without an error
+  if (offset == 0x7C) value = kHasIt | format7_errors_;  // at once
   set_format7(offset, value);
   const std::uint32_t packet = std::max(format7(0x44) >> 16, 1U);
   set_format7(0x44, packet << 16 | 512);

@@ -32,6 +32,8 @@ class IidcRegisters {
   std::uint32_t get(std::uint32_t offset) const { return values_.at(kBase + offset); }
   void set(std::uint32_t offset, std::uint32_t value) { values_[kBase + offset] = value; }
   void remove(std::uint32_t offset) { values_.erase(kBase + offset); }
+  /// After every setting: 0x0080'0000 a bad size or place, 0x0040'0000 a bad packet.
+  void refuse_format7(std::uint32_t errors) { format7_errors_ = errors; }
   void set_format7(std::uint32_t offset, std::uint32_t value) { values_[kFormat7 + offset] = value; }
   float absolute(unsigned feature) const;
   void set_absolute_high(unsigned feature, float value);
@@ -52,6 +54,7 @@ class IidcRegisters {
   bool scalable() const { return get(0x608) >> 29 == 7; }
   std::uint32_t format7(std::uint32_t offset) const { return values_.at(kFormat7 + offset); }
 
+  std::uint32_t format7_errors_ = 0;
   std::map<std::uint64_t, std::uint32_t> values_;
 };
 

@@ -103,6 +103,15 @@ TEST_F(IidcHeadTest, AModeThatTheCameraDeclaresWrong_IsRefused) {
   expect_says(refusal(), Errc::kUnsupported, "refuses this combination");
 }
 
+TEST_F(IidcHeadTest, ASettingOfFormat7ThatTheCameraDeclaresWrong_IsRefused) {
+  request_.width = 48;
+  request_.height = 32;
+  bus_.registers.refuse_format7(0x0080'0000);
+  expect_says(refusal(), Errc::kUnsupported, "setting the size of its picture: the camera refuses it");
+  bus_.registers.refuse_format7(0x0040'0000);
+  expect_says(refusal(), Errc::kUnsupported, "setting the size of its packets: the camera refuses it");
+}
+
 TEST_F(IidcHeadTest, ASlowBus_IsRefusedWithTheNumbers) {
   bus_.usb = device::UsbPlace{3, 12, 12, ""};
   expect_says(refusal(), Errc::kBandwidth, "9.2 MB/s");
