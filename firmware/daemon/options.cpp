@@ -59,8 +59,9 @@ Parsed parse_options(int argc, char** argv) {
       ->excludes(check)
       ->excludes("--bridge");
   CLI::Option* scan =
-      app.add_flag("--scan", options.scan,
-                   "Print the V4L2 devices and IIDC cameras that are plugged in, and a rig.toml, and stop; changes no device")
+      app.add_flag(
+             "--scan", options.scan,
+             "Print the V4L2 devices and IIDC cameras that are plugged in, and a rig.toml, and stop; changes no device")
           ->excludes(check)
           ->excludes("--bridge")
           ->excludes("--safe-levels");
