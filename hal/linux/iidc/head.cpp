@@ -52,10 +52,14 @@ void IidcHead::stopped() {
 
 void IidcHead::return_refused() {
   for (std::size_t slot = 0; slot < slots_.size(); ++slot) {
-    if (slots_[slot] != Slot::kRefused) continue;
-    if (channel_->stream.give_back(slot) != 0) return restart_stream();
-    slots_[slot] = Slot::kQueued;
+    if (slots_[slot] == Slot::kRefused && !give_back(slot)) return restart_stream();
   }
+}
+
+bool IidcHead::give_back(std::size_t slot) {
+  if (channel_->stream.give_back(slot) != 0) return false;
+  slots_[slot] = Slot::kQueued;
+  return true;
 }
 
 void IidcHead::restart_stream() {
@@ -141,13 +145,8 @@ FrameView IidcHead::view(const RawFrame& frame, Instant now) {
 
 void IidcHead::release(BufferSlot slot) {
   if (slot >= slots_.size() || slots_[slot] != Slot::kLent) return;
-  slots_[slot] = Slot::kRefused;
-  if (state() != State::kStreaming) return;  // returned when the stream runs again
-  if (channel_->stream.give_back(slot) == 0) {
-    slots_[slot] = Slot::kQueued;
-  } else {
-    ++counts().refused_buffers;  // take_frame() tries again
-  }
+  slots_[slot] = Slot::kRefused;  // unless the stream takes it now; take_frame() tries again
+  if (state() == State::kStreaming && !give_back(slot)) ++counts().refused_buffers;
 }
 
 }  // namespace nodal::hal::iidc

@@ -67,6 +67,7 @@ class IidcHead final : public device::DeviceHead {
   void began() override;
   void stopped() override;
   void return_refused();
+  bool give_back(std::size_t slot);
   void restart_stream();
   FrameView view(const RawFrame& frame, Instant now);
   std::uint32_t number(const RawFrame& frame, const std::optional<EmbeddedInfo>& embedded);
