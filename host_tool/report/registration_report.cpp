@@ -59,9 +59,10 @@ class Rig {
     const HeadCalibration& own = heads_[head].calibration();
     const std::array<double, 3> encoded = colour(frames_[head], at->x, at->y);
     std::array<double, 3> light{};
+    const double fall_off = std::max(heads_[head].vignetting(*at), 0.05);
     for (std::size_t c = 0; c < 3; ++c) {
-      light[c] = 255 * geometry::decode(own.response, std::clamp(encoded[c] / 255, 0.0, 1.0)) /
-                 (own.gain[c] * std::max(heads_[head].vignetting(*at), 0.05));
+      light[c] =
+          255 * geometry::decode(own.response, std::clamp(encoded[c] / 255, 0.0, 1.0)) / (own.gain[c] * fall_off);
     }
     return light;
   }

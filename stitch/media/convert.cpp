@@ -121,6 +121,15 @@ DecodedImage convert_image(const ImageView& image, PixelFormat to) {
   DecodedImage made{to, image.width, image.height, {}};
   made.bytes.resize(packed_size(to, image.width, image.height));
   const MutableImageView into = packed_image(to, image.width, image.height, made.bytes.data());
+  if (to == PixelFormat::kGrey8 && is_yuv(image.format)) {  // luma as it is
+    const PlaneView& luma = image.planes[0];
+    for (int y = 0; y < image.height; ++y) {
+      const std::uint8_t* from = luma.data + y * luma.row_stride;
+      std::uint8_t* const row = made.bytes.data() + static_cast<std::ptrdiff_t>(y) * image.width;
+      for (int x = 0; x < image.width; ++x, from += luma.pixel_stride) row[x] = *from;
+    }
+    return made;
+  }
   std::array<Component, 3> from = components_of(image);
   if (to == PixelFormat::kRgb24) {
     write_rgb(from, is_yuv(image.format), into);

@@ -30,9 +30,18 @@ class RowReader {
     return plane.data[y * plane.row_stride + x * plane.pixel_stride];
   }
   bool is_rgb() const { return image_.format == PixelFormat::kRgb24; }
-  float luminance(int i, int j) const {
-    if (!is_rgb()) return component(0, i, j);
-    return 0.299F * component(0, i, j) + 0.587F * component(1, i, j) + 0.114F * component(2, i, j);
+  // Of every pixel of row j.
+  void luminances(int j, float* into) const {
+    const PlaneView& plane = image_.planes[0];  // the first component has a sample for every pixel
+    const std::uint8_t* from = plane.data + j * plane.row_stride;
+    if (is_rgb()) {
+      for (int i = 0; i < image_.width; ++i, from += 3) {
+        into[i] = 0.299F * static_cast<float>(from[0]) + 0.587F * static_cast<float>(from[1]) +
+                  0.114F * static_cast<float>(from[2]);
+      }
+      return;
+    }
+    for (int i = 0; i < image_.width; ++i, from += plane.pixel_stride) into[i] = *from;
   }
   float channel(int c, int i, int j) const {
     if (is_rgb()) return component(c, i, j);
@@ -52,6 +61,7 @@ class RowReader {
 std::pair<int, int> nearest_inside(const Region& region, int i, int j, int width, int height) {
   double x = i + 0.5, y = j + 0.5;
   for (int round = 0; round < 3; ++round) {
+    const double before_x = x, before_y = y;
     if (region.circle) {
       const double dx = x - region.circle->x, dy = y - region.circle->y, square = dx * dx + dy * dy;
       const double most = std::max(0.0, region.circle->radius - 1);
@@ -63,6 +73,7 @@ std::pair<int, int> nearest_inside(const Region& region, int i, int j, int width
     }
     x = std::clamp(x, region.left + 0.5, region.right - 0.5);
     y = std::clamp(y, region.top + 0.5, region.bottom - 0.5);
+    if (x == before_x && y == before_y) break;
   }
   return {std::clamp(static_cast<int>(x), 0, width - 1), std::clamp(static_cast<int>(y), 0, height - 1)};
 }
@@ -128,11 +139,16 @@ std::vector<Plane> light_of(const ImageView& image, const HeadCalibration& head,
   std::vector<Plane> planes;
   for (int c = 0; c < channels; ++c) {
     Plane plane = make_plane(image.width, image.height);
-    std::size_t k = 0;
     for (int j = 0; j < image.height; ++j) {
-      for (int i = 0; i < image.width; ++i, ++k) {
-        const float encoded = channels == 1 ? reader.luminance(i, j) : reader.channel(c, i, j);
-        plane.values[k] = linear ? encoded : light[static_cast<std::size_t>(std::clamp(encoded, 0.0F, 255.0F) * 4)];
+      float* const row = plane.values.data() + std::ptrdiff_t{j} * image.width;
+      if (channels == 1) {
+        reader.luminances(j, row);
+      } else {
+        for (int i = 0; i < image.width; ++i) row[i] = reader.channel(c, i, j);
+      }
+      if (linear) continue;
+      for (int i = 0; i < image.width; ++i) {
+        row[i] = light[static_cast<std::size_t>(std::clamp(row[i], 0.0F, 255.0F) * 4)];
       }
     }
     fill_outside(plane, head.region);

@@ -29,7 +29,8 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
   const geometry::Pixel at = seen.pixel;
   const auto edge = [&](double distance) {
     seen.inside = std::min(seen.inside, distance);
-    seen.depth *= smoothstep(distance * depth_per_px);
+    const double t = distance * depth_per_px;
+    if (!(t >= 1)) seen.depth *= smoothstep(t);  // 1 from there on
   };
   const Region& region = c.region;
   edge(at.x - region.left);

@@ -26,8 +26,8 @@ double steepest_score(const geometry::Head& head, const HeadOptics& optics) {
   constexpr int kAngles = 64, kTurns = 64;
   constexpr double kStep = 1e-5;  // rad
   constexpr double kMargin = 1.5;
-  constexpr double kUnknown = std::numeric_limits<double>::infinity();
-  if (!head.masks().empty()) return kUnknown;
+  constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+  if (!head.masks().empty()) return kNoLimit;
   const double reach = std::acos(std::clamp(optics.cos_reach, -1.0, 1.0));
   double most = 0;
   for (int k = 0; k < kAngles; ++k) {

@@ -99,7 +99,7 @@ TEST(ClearOfSeams, EveryLensModelAndLayout_WeightsAreThoseOfTheSlopes) {
       TableOptions options;
       options.transition = r % 2 == 0 ? Transition::kSeam : Transition::kTwoBand;
       options.least_weight = 0;
-      const Compared one = compare(rigs[r], layout, 96, options);
+      const Compared one = compare(rigs[r], layout, 72, options);
       sum.samples += one.samples;
       sum.whole += one.whole;
       if (HasFailure()) return;
@@ -109,7 +109,7 @@ TEST(ClearOfSeams, EveryLensModelAndLayout_WeightsAreThoseOfTheSlopes) {
 }
 
 TEST(ClearOfSeams, AnyRigAndSeamWidth_WeightsAreThoseOfTheSlopes) {
-  for (unsigned seed = 0; seed < 120; ++seed) {
+  for (unsigned seed = 0; seed < 60; ++seed) {
     std::mt19937 random(seed);
     Calibration rig = test::random_rig(random);
     TableOptions options;
