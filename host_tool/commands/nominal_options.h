@@ -2,17 +2,17 @@
 #pragma once
 
 #include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/input/registration_input.h"
 
 namespace nodal::host {
 
-/// --nominal, --circle and --roll. `words` must live as long as the command.
+/// --nominal, --circle, --at, --lens and --roll. `words` must live as long as the command.
 inline void add_nominal_options(CLI::App& command, NominalWords& words) {
   CLI::Option* const nominal =
-      command
-          .add_option("--nominal", words.rig, "Start from fisheyes evenly around the horizon: heads x field of view")
+      command.add_option("--nominal", words.rig, "Start from a rig by its data sheet: heads x field of view")
           ->type_name("NxDEGREES")
           ->check(checked_by(parse_nominal));
   command
@@ -22,6 +22,18 @@ inline void add_nominal_options(CLI::App& command, NominalWords& words) {
       ->needs(nominal)
       ->allow_extra_args(false)
       ->check(checked_by(parse_circle));
+  command
+      .add_option("--at", words.places,
+                  "Where a head looks, degrees right and up, and its roll; once a head; evenly around the horizon "
+                  "when not given")
+      ->type_name("YAW,PITCH[,ROLL]")
+      ->needs(nominal)
+      ->allow_extra_args(false)
+      ->check(checked_by(parse_place));
+  command.add_option("--lens", words.lens, "Their lenses (fisheye when not given)")
+      ->type_name("fisheye|rectilinear")
+      ->needs(nominal)
+      ->check(CLI::IsMember({"fisheye", "rectilinear"}));
   command.add_option("--roll", words.roll_deg, "Their roll, degrees clockwise")->type_name("DEGREES")->needs(nominal);
 }
 

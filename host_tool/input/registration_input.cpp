@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <filesystem>
 
 #include "host_tool/console/files.h"
+#include "host_tool/console/quantities.h"
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/image_circle.h"
@@ -184,7 +186,10 @@ Result<Nominal> parse_nominal(const std::string& text) {
   const bool good = two.size() == 2 && two[0] == static_cast<int>(two[0]) && two[0] >= 2 && two[0] <= 64 &&
                     two[1] >= 20 && two[1] <= 300;
   if (!good) return fail(Errc::kBadValue, "'" + text + "': heads and their field of view in degrees, such as 3x190");
-  return Nominal{static_cast<int>(two[0]), two[1], 0, {}};
+  Nominal nominal;
+  nominal.heads = static_cast<int>(two[0]);
+  nominal.view_deg = two[1];
+  return nominal;
 }
 
 Result<Region::Circle> parse_circle(const std::string& text) {
@@ -195,37 +200,89 @@ Result<Region::Circle> parse_circle(const std::string& text) {
   return Region::Circle{three[0], three[1], three[2]};
 }
 
+Result<NominalPlace> parse_place(const std::string& text) {
+  const std::vector<double> given = numbers(text, ',');
+  const bool good = (given.size() == 2 || given.size() == 3) && std::abs(given[0]) <= 360 && std::abs(given[1]) <= 90 &&
+                    (given.size() == 2 || std::abs(given[2]) <= 360);
+  if (!good) {
+    return fail(Errc::kBadValue, "'" + text +
+                                     "': yaw to the right and pitch up in degrees, and roll clockwise if there is any, "
+                                     "such as 90,-30 or 90,-30,180");
+  }
+  return NominalPlace{given[0], given[1], given.size() == 3 ? given[2] : 0};
+}
+
+namespace {
+
+void set_fisheye(HeadCalibration& head, const Region::Circle& circle, double view_deg) {
+  head.center_x = circle.x;
+  head.center_y = circle.y;
+  head.max_angle = view_deg / 2 * kRadiansPerDegree;
+  head.lens = EquidistantLens{{circle.radius / head.max_angle}};
+  head.region.circle = circle;
+  head.vignetting = {circle.x, circle.y, circle.radius, {}};
+}
+
+void set_rectilinear(HeadCalibration& head, double view_deg) {
+  head.center_x = head.width / 2.0;
+  head.center_y = head.height / 2.0;
+  head.lens = RectilinearLens{{head.width / 2.0 / std::tan(view_deg / 2 * kRadiansPerDegree)}};
+  head.vignetting = {head.center_x, head.center_y, std::hypot(head.center_x, head.center_y), {}};
+}
+
+Status check_nominal(const Nominal& nominal) {
+  const auto heads = static_cast<std::size_t>(nominal.heads);
+  if (nominal.circles.size() > 1 && nominal.circles.size() != heads) {
+    return fail(Errc::kBadValue, fmt::format("--circle: {} circles for {} heads; give one for all, or one a head",
+                                             nominal.circles.size(), heads));
+  }
+  if (!nominal.places.empty() && nominal.places.size() != heads) {
+    return fail(Errc::kBadValue,
+                fmt::format("--at: {} for {} heads; give one a head", counted(nominal.places.size(), "place"), heads));
+  }
+  constexpr double kWidestPlane = 170;  // degrees
+  if (nominal.rectilinear && nominal.view_deg > kWidestPlane) {
+    return fail(Errc::kBadValue, fmt::format("--nominal: a rectilinear lens of {:g} degrees; at most {:g} are possible",
+                                             nominal.view_deg, kWidestPlane));
+  }
+  if (nominal.rectilinear && !nominal.circles.empty()) {
+    return fail(Errc::kBadValue, "--circle: a rectilinear lens has none; leave it out, or say --lens fisheye");
+  }
+  return {};
+}
+
+}  // namespace
+
 Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<DecodedImage>& pictures) {
   const auto heads = static_cast<std::size_t>(nominal.heads);
   if (pictures.size() != heads) {
     return fail(Errc::kBadValue, fmt::format("--nominal: {} pictures for {} heads", pictures.size(), heads));
   }
-  if (nominal.circles.size() > 1 && nominal.circles.size() != heads) {
-    return fail(Errc::kBadValue, fmt::format("--circle: {} circles for {} heads; give one for all, or one a head",
-                                             nominal.circles.size(), heads));
-  }
+  if (const Status good = check_nominal(nominal); !good) return fail(good.error());
   Calibration rig;
   rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
-  rig.comment = "From the data sheet: fisheyes evenly around the horizon.";
+  rig.comment = "From the data sheet.";
   for (std::size_t h = 0; h < heads; ++h) {
-    const int width = pictures[h].width;
-    const int height = pictures[h].height;
-    const Region::Circle circle = nominal.circles.empty()       ? circle_in(pictures[h])
-                                  : nominal.circles.size() == 1 ? nominal.circles.front()
-                                                                : nominal.circles[h];
     HeadCalibration head;
     head.name = "cam" + std::to_string(h);
-    head.width = width;
-    head.height = height;
-    head.center_x = circle.x;
-    head.center_y = circle.y;
-    head.max_angle = nominal.view_deg / 2 * kRadiansPerDegree;
-    head.lens = EquidistantLens{{circle.radius / head.max_angle}};
-    double yaw = 360.0 * static_cast<double>(h) / nominal.heads;
-    if (yaw > 180) yaw -= 360;
-    head.R_head_rig = geometry::rows_of(geometry::to_R_head_rig({yaw, 0, nominal.roll_deg}));
-    head.region = {0, 0, static_cast<double>(width), static_cast<double>(height), circle};
-    head.vignetting = {circle.x, circle.y, circle.radius, {}};
+    head.width = pictures[h].width;
+    head.height = pictures[h].height;
+    head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}, {}};
+    if (nominal.rectilinear) {
+      set_rectilinear(head, nominal.view_deg);
+    } else {
+      set_fisheye(head,
+                  nominal.circles.empty()       ? circle_in(pictures[h])
+                  : nominal.circles.size() == 1 ? nominal.circles.front()
+                                                : nominal.circles[h],
+                  nominal.view_deg);
+    }
+    NominalPlace place;
+    place.yaw = 360.0 * static_cast<double>(h) / nominal.heads;
+    if (place.yaw > 180) place.yaw -= 360;
+    if (!nominal.places.empty()) place = nominal.places[h];
+    head.R_head_rig =
+        geometry::rows_of(geometry::to_R_head_rig({place.yaw, place.pitch, place.roll + nominal.roll_deg}));
     rig.heads.push_back(head);
   }
   if (Status good = check_calibration(rig); !good) return fail(good.error().in("--nominal"));
@@ -236,6 +293,12 @@ Result<CalibratedPictures> read_nominal_pictures(const NominalWords& words, cons
   Result<Nominal> nominal = parse_nominal(words.rig);
   if (!nominal) return fail(nominal.error().in("--nominal"));
   nominal->roll_deg = words.roll_deg;
+  nominal->rectilinear = words.lens == "rectilinear";
+  for (const std::string& word : words.places) {
+    const Result<NominalPlace> place = parse_place(word);
+    if (!place) return fail(place.error().in("--at"));
+    nominal->places.push_back(*place);
+  }
   for (const std::string& word : words.circles) {
     const Result<Region::Circle> circle = parse_circle(word);
     if (!circle) return fail(circle.error().in("--circle"));

@@ -39,23 +39,36 @@ Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::strin
 struct NominalWords {
   std::string rig;                   ///< "3x190"; empty: there is none
   std::vector<std::string> circles;  ///< "1920,1080,1587"
+  std::vector<std::string> places;   ///< "90,-30" or "90,-30,180"
+  std::string lens = "fisheye";      ///< or "rectilinear"
   double roll_deg = 0;
+};
+
+/// Where a head looks, degrees: to the right, up, and its roll, clockwise.
+struct NominalPlace {
+  double yaw = 0, pitch = 0, roll = 0;
 };
 
 /// A rig described by its data sheet: `--nominal 3x190`.
 struct Nominal {
   int heads = 0;
-  double view_deg = 0;                  ///< across the circle
-  double roll_deg = 0;                  ///< of every head, clockwise
+  double view_deg = 0;       ///< across a fisheye's circle, or from the left to the right edge of the picture
+  bool rectilinear = false;  ///< else equidistant fisheyes
+  double roll_deg = 0;       ///< of every head, clockwise
   std::vector<Region::Circle> circles;  ///< one per head, one for all, or none: then they are found in the pictures
+  std::vector<NominalPlace> places;     ///< one per head, or none: evenly around the horizon
 };
 /// "3x190": heads and degrees. Errors: kBadValue.
 Result<Nominal> parse_nominal(const std::string& text);
 /// "1920,1080,1587": x, y, radius. Errors: kBadValue.
 Result<Region::Circle> parse_circle(const std::string& text);
-/// Equidistant fisheyes evenly spaced around the horizon, the first one forward, the next to its right; one picture per
-/// head. Without circles, a head's circle is found by its picture's black border; else it is the largest centred one.
-/// Errors: kBadValue if the number of circles or pictures does not match the heads; those of check_calibration.
+/// "90,-30" or "90,-30,180": yaw, pitch, roll. Errors: kBadValue.
+Result<NominalPlace> parse_place(const std::string& text);
+/// Heads at their places; without places evenly spaced around the horizon, the first one forward, the next to its right. One
+/// picture per head. Without circles, a fisheye's circle is found by its picture's black border; else it is the largest
+/// centred one.
+/// Errors: kBadValue if the number of circles, places or pictures does not match the heads, or a lens cannot have the field
+///   of view or a circle; those of check_calibration.
 Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<DecodedImage>& pictures);
 
 /// The nominal rig and its pictures, with read_pictures()'s arguments; folders hold cam0.png, cam1.png and so on.

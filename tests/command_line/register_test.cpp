@@ -233,6 +233,32 @@ TEST_F(RegisterCommand, NominalRig_IsAsTheDataSheetHasItAndNeedsNoCalibration) {
   EXPECT_EQ(run({"--nominal", "3by190", path("frames")}).code, 2);
 }
 
+TEST_F(RegisterCommand, NominalHeadsThatLookAnywhere_AreRegistered) {
+  // Six fisheyes along the axes, each up to two degrees off; the fifth looks down and is mounted upside down.
+  const test::RenderedRig rig = test::render_rig(test::turned(test::six_fisheyes(kSide), 0.5, 2, 9),
+                                                 hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  write(rig);
+  std::vector<std::string> words{"--nominal", "6x130", path("frames"), "-o", path("found.json")};
+  for (const char* place : {"0,0", "90,0", "180,0", "-90,0", "0,-90,180", "0,90"}) {
+    words.insert(words.end(), {"--at", place});
+  }
+  const Finished done = run(words);
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_LT(test::rotation_error(rig.truth, parse_calibration(text_of(path("found.json"))).value()).rms_deg,
+            0.2 * kPixelDeg);
+
+  const auto refused = [&](const std::vector<std::string>& more, const std::string& says) {
+    std::vector<std::string> bad{"--nominal", "6x130", path("frames"), "-o", path("no.json")};
+    bad.insert(bad.end(), more.begin(), more.end());
+    const Finished ended = run(bad);
+    EXPECT_NE(ended.code, 0) << says;
+    EXPECT_NE(ended.err.find(says), std::string::npos) << ended.err;
+  };
+  refused({"--at", "0,0"}, "--at: 1 place for 6 heads");
+  refused({"--at", "0,95"}, "yaw to the right and pitch up");
+  refused({"--lens", "rectilinear", "--circle", "80,80,80"}, "a rectilinear lens has none");
+}
+
 TEST(ImportCommand, OpenCvCamerasAFileEach_MakeOneRigAndABadOneIsNamed) {
   const test::TemporaryFolder folder;
   const auto camera = [&](const std::string& name, int width) {
