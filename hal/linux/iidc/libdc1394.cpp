@@ -32,7 +32,7 @@ using Context = std::unique_ptr<dc1394_t, Freer>;
 using CameraPointer = std::unique_ptr<dc1394camera_t, Freer>;
 using List = std::unique_ptr<dc1394camera_list_t, Freer>;
 
-std::string text_of(const char* text) { return text == nullptr ? "" : printable(text, kLongestText); }
+std::string label_of(const char* text) { return text == nullptr ? "" : printable(text, kLongestText); }
 
 std::string device_node(int bus, int address) {
   std::array<char, 64> path{};
@@ -63,8 +63,8 @@ class Dc1394Device final : public Device {
  public:
   Dc1394Device(Context context, CameraPointer camera) : context_(std::move(context)), camera_(std::move(camera)) {
     info_.guid = camera_->guid;
-    info_.vendor = text_of(camera_->vendor);
-    info_.model = text_of(camera_->model);
+    info_.vendor = label_of(camera_->vendor);
+    info_.model = label_of(camera_->model);
     info_.command_base = camera_->command_registers_base;
     const char* platform = nullptr;
     dc1394_camera_get_platform_string(camera_.get(), &platform);

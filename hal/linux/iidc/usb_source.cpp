@@ -38,8 +38,8 @@ struct Closer {
   void operator()(libusb_device_handle* handle) const { libusb_close(handle); }
   void operator()(libusb_transfer* transfer) const { libusb_free_transfer(transfer); }
 };
-using Context = std::unique_ptr<libusb_context, Closer>;
-using Handle = std::unique_ptr<libusb_device_handle, Closer>;
+using UsbContext = std::unique_ptr<libusb_context, Closer>;
+using UsbHandle = std::unique_ptr<libusb_device_handle, Closer>;
 
 /// The number of the interface with the stream's endpoint, or -1.
 int interface_of(libusb_device* device) {
@@ -243,8 +243,8 @@ class UsbSource final : public FrameSource {
   }
 
   linux_os::LinuxClock clock_;
-  Context context_;
-  Handle handle_;
+  UsbContext context_;
+  UsbHandle handle_;
   int interface_ = -1;
   std::vector<Slot> slots_;  // after the handle: their transfers are freed before it is closed
   const std::size_t frame_bytes_;

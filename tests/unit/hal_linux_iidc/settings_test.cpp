@@ -9,8 +9,6 @@
 namespace nodal::hal::iidc {
 namespace {
 
-constexpr std::uint32_t kOnBit = 0x0200'0000, kAutoBit = 0x0100'0000, kAbsoluteBit = 0x4000'0000;
-
 TEST_F(IidcHeadTest, Opened_NothingIsAutomaticAndTheLimitsAreTheCameras) {
   const auto head = opened();
   for (const std::uint32_t offset : {0x81CU, 0x820U, 0x83CU}) {

@@ -4,8 +4,6 @@
 namespace nodal::hal::iidc {
 namespace {
 
-constexpr std::uint32_t kOnBit = 0x0200'0000, kHighBit = 0x0100'0000;
-
 TEST_F(IidcHeadTest, TriggerModes_AreInTheRegisterWithThePolarityBeforeItTransmits) {
   for (const bool pulse_width : {false, true}) {
     for (const bool active_high : {false, true}) {
