@@ -104,6 +104,8 @@ void add_calibration_diff(CLI::App& group, CommandLine& line);
 /// `calibrate light`, below `calibrate`.
 void add_calibrate_light(CLI::App& group, CommandLine& line);
 /// `take verify`, below `take`.
+void add_take_export(CLI::App& group, CommandLine& line);
+void add_take_show(CLI::App& group, CommandLine& line);
 void add_take_verify(CLI::App& group, CommandLine& line);
 void add_completion(CLI::App& app, CommandLine& line);
 

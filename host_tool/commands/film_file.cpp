@@ -19,11 +19,11 @@ namespace nodal::host {
 struct FilmFile::State {
   std::string name;
   int fd = -1;
-  std::optional<take::MatroskaWriter> writer;  ///< once the first raymap is there
+  std::optional<take::MatroskaWriter> writer;  ///< once the first frame is there
   int width = 0, height = 0;
   std::uint64_t first_ns = 0;
   std::int64_t newest_ns = 0;
-  std::uint64_t raymaps = 0;
+  std::uint64_t frames = 0;
   /// The frames of the next cluster.
   struct Frame {
     Duration since_start;
@@ -54,7 +54,7 @@ struct FilmFile::State {
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) {
         return fail(Errc::kIo,
-                    fmt::format("{}: {}; it plays up to about raymap {}", name, std::strerror(errno), raymaps));
+                    fmt::format("{}: {}; it plays up to about frame {}", name, std::strerror(errno), frames));
       }
       bytes = bytes.subspan(static_cast<std::size_t>(n));
       if (at) *at += static_cast<std::uint64_t>(n);
@@ -82,36 +82,42 @@ Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
 }
 
 Status FilmFile::add(const ReceivedRaymap& raymap) {
-  State& film = *state_;
   const wire::RaymapHeader& header = raymap.header;
+  take::VideoTrack track;
+  track.width = static_cast<int>(header.width());
+  track.height = static_cast<int>(header.height());
+  track.equirectangular = header.layout() == "equirectangular";
+  return add(track, header.mid_exposure_ns(), raymap.bytes);
+}
+
+Status FilmFile::add(const take::VideoTrack& track, std::uint64_t now_ns, std::span<const std::uint8_t> frame) {
+  State& film = *state_;
   if (!film.writer) {
-    take::VideoTrack track;
-    track.width = film.width = static_cast<int>(header.width());
-    track.height = film.height = static_cast<int>(header.height());
-    track.equirectangular = header.layout() == "equirectangular";
-    track.writer = "nodal " NODAL_VERSION;
-    film.writer.emplace(track);
-    film.first_ns = header.mid_exposure_ns();
+    film.width = track.width;
+    film.height = track.height;
+    take::VideoTrack ours = track;
+    ours.writer = "nodal " NODAL_VERSION;
+    film.writer.emplace(ours);
+    film.first_ns = now_ns;
     if (::ftruncate(film.fd, 0) != 0 && errno != EINVAL) {  // EINVAL: a device or a pipe
       return fail(Errc::kIo, fmt::format("{}: {}", film.name, std::strerror(errno)));
     }
     if (const Status begun = film.write(film.writer->head()); !begun) return begun;
   }
-  if (static_cast<int>(header.width()) != film.width || static_cast<int>(header.height()) != film.height) {
-    return fail(Errc::kBadFormat, fmt::format("{}: raymap {} has {}x{} pixels, and the film has {}x{}", film.name,
-                                              film.raymaps, header.width(), header.height(), film.width, film.height));
+  if (track.width != film.width || track.height != film.height) {
+    return fail(Errc::kBadFormat, fmt::format("{}: frame {} has {}x{} pixels, and the film has {}x{}", film.name,
+                                              film.frames, track.width, track.height, film.width, film.height));
   }
   constexpr std::uint64_t kLongestFilm = INT64_MAX / 4;  // 73 years
-  const std::uint64_t now = header.mid_exposure_ns();
-  const std::uint64_t since = now > film.first_ns ? std::min(now - film.first_ns, kLongestFilm) : 0;
+  const std::uint64_t since = now_ns > film.first_ns ? std::min(now_ns - film.first_ns, kLongestFilm) : 0;
   film.newest_ns = std::max(film.newest_ns, static_cast<std::int64_t>(since));
-  ++film.raymaps;
-  const take::Block next{Duration::nanoseconds(film.newest_ns), raymap.bytes};
+  ++film.frames;
+  const take::Block next{Duration::nanoseconds(film.newest_ns), frame};
   if (!film.open.empty() && take::MatroskaWriter::cluster_full(film.open_bytes, film.open.front().since_start, next)) {
     if (const Status written = film.write_cluster(); !written) return written;
   }
-  film.open.push_back({next.since_start, {raymap.bytes.begin(), raymap.bytes.end()}});
-  film.open_bytes += raymap.bytes.size();
+  film.open.push_back({next.since_start, {frame.begin(), frame.end()}});
+  film.open_bytes += frame.size();
   return {};
 }
 

@@ -1,16 +1,18 @@
-// A film of raymaps, in a file that players open.
+// A film of raymaps or of a head's pictures, in a file that players open.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "host_tool/commands/picture_file.h"
 #include "protocol/base/result.h"
+#include "protocol/take/matroska_writer.h"
 
 namespace nodal::host {
 
-/// Appends JPEG raymaps to a Matroska file as they come. A film that was not ended, because the program was killed or the disk
+/// Appends frames, such as JPEG raymaps, to a Matroska file as they come. A film that was not ended, because the program was killed or the disk
 /// became full, plays up to its last quarter of a second.
 ///
 /// Threading: thread-bound.
@@ -28,6 +30,8 @@ class FilmFile {
   /// The first raymap decides the film's size; kBadFormat for another one. Times are the middles of the exposures; one that
   /// does not rise counts as that of the raymap before it.
   Status add(const ReceivedRaymap& raymap);
+  /// The same for any frame. `track` is that of the first one; later, only its size is compared.
+  Status add(const take::VideoTrack& track, std::uint64_t now_ns, std::span<const std::uint8_t> frame);
   /// Writes the index and the duration. Nothing can be added after it.
   Status end();
 

@@ -136,7 +136,9 @@ void add_take(CLI::App& app, CommandLine& line) {
                                "  nodal take list\n"
                                "  nodal take list --json | jq '.takes[] | select(.lost_sets>0)'\n");
   line.on(list, list_takes);
+  add_take_show(*take, line);
   add_take_verify(*take, line);
+  add_take_export(*take, line);
   auto deleted = std::make_shared<TakeOptions>();
   CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk", "  nodal take delete 42\n");
   remove->add_option("TAKE", deleted->take, "Its number")->required()->type_name("");

@@ -1,4 +1,5 @@
-// `nodal render` of takes that the real nodald recorded, beside the raymaps that it made while it filmed.
+// Takes that the real nodald recorded, afterwards: `nodal render` beside the raymaps that it made while it filmed, `nodal take show`
+// and `take export`, and heads that play a take.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -40,6 +41,7 @@ class RenderTest : public RigTest {
     EXPECT_EQ(nodal({"take", "start"}).code, 0);
     const std::vector<Json> said =
         nodal_json({"raymap", "pull", "-n", std::to_string(count), "--lossless", "--out", path("live-%04d.raw")});
+    EXPECT_EQ(nodal({"take", "mark", "the bus, \"42\""}).code, 0);
     const Finished stopped = nodal({"take", "stop"});
     EXPECT_EQ(stopped.code, 0) << stopped.err;
     return raymaps_of(said);
@@ -179,6 +181,53 @@ TEST_F(RenderTest, ATakeAsHeads_GivesItsRaymapsAgain) {
   const Finished check = Process({NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--check"}).wait();
   EXPECT_NE(check.code, 0);
   EXPECT_NE(check.err.find("write rate = \"25/1\""), std::string::npos) << check.err;
+}
+
+TEST_F(RenderTest, Shown_HasHeadsMarksAndNothingMissing) {
+  film(10);
+  const Finished text = nodal({"take", "show", take()});
+  EXPECT_EQ(text.code, 0) << text.err;
+  EXPECT_NE(text.out.find("96x96 I420"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("the bus, \"42\""), std::string::npos) << text.out;
+  const Json told = nodal_json({"take", "show", take()}).at(0);
+  EXPECT_GE(told["sets"], 10);
+  ASSERT_EQ(told["heads"].size(), 6U);
+  for (const Json& head : told["heads"]) {
+    EXPECT_EQ(head["pictures"], told["sets"]) << head;
+    EXPECT_TRUE(head["placeholders"].empty()) << head;
+  }
+  // After ten raymaps of 40 ms each, and not behind the take's end.
+  const std::int64_t at = told["marks"].at(0)["at_ns"];
+  EXPECT_GE(at, 9 * 40'000'000);
+  EXPECT_LE(at, told["length_ns"].get<std::int64_t>() + 40'000'000);
+}
+
+TEST_F(RenderTest, Exported_FilmsHaveTheSamePicturesAndTablesARowForEachFrame) {
+  film(10);
+  const Json done = nodal_json({"take", "export", take(), "--to", path("out")}).at(0);
+  EXPECT_EQ(done["films"], 7);
+  const auto lines = [&](const std::string& name) {
+    const std::string text = read(name);
+    return std::count(text.begin(), text.end(), '\n');
+  };
+  const std::int64_t sets = done["sets"];
+  EXPECT_EQ(lines("out/sets.csv"), 1 + sets);
+  EXPECT_EQ(lines("out/frames.csv"), 1 + 6 * sets);
+  EXPECT_EQ(read("out/sets.csv").find("index,number,mid_exposure_ns"), 0U);
+  EXPECT_NE(nodal({"take", "export", take(), "--to", take()}).code, 0) << "into the take itself";
+  if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
+  const auto decoded = [&](const std::string& film) {
+    return Process({"ffmpeg", "-v", "error", "-i", path(film), "-map", "0:v", "-fps_mode", "passthrough", "-f",
+                    "framemd5", "-"})
+        .wait()
+        .out;
+  };
+  for (int i = 0; i < 6; ++i) {
+    const std::string name = "cam" + std::to_string(i);
+    const std::string before = decoded("takes/000001/" + name + "-0000.mkv");
+    EXPECT_GT(before.size(), 100U);
+    EXPECT_EQ(decoded("out/" + name + ".mkv"), before) << name;
+  }
 }
 
 TEST_F(RenderTest, WhatCannotBeRendered_IsSaidOnceAndNothingIsWritten) {

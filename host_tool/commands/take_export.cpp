@@ -1,0 +1,223 @@
+// `nodal take export`: a take as one seekable film a head, and its evidence as tables.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/film_file.h"
+#include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/offload/take_files.h"
+#include "stitch/media/take/take_folder.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportArgs {
+  std::string folder;
+  std::string to;
+};
+
+/// A table as CSV (RFC 4180): names and texts of takes are quoted where they must be.
+class Csv {
+ public:
+  Csv(const fs::path& file, std::string_view titles) : name_(file.string()), out_(file, std::ios::binary) {
+    out_ << titles << "\r\n";
+  }
+  template <class... Cells>
+  void row(const Cells&... cells) {
+    bool first = true;
+    ((out_ << (std::exchange(first, false) ? "" : ",") << cell(cells)), ...);
+    out_ << "\r\n";
+  }
+  Status end() {
+    out_.close();
+    if (!out_) return fail(Errc::kIo, name_ + ": cannot be written; is the disk full?");
+    return {};
+  }
+
+ private:
+  static std::string cell(const std::string& text) {
+    if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+    std::string quoted = "\"";
+    for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+    return quoted + '"';
+  }
+  template <class Number>
+  static std::string cell(const Number& number) {
+    return std::to_string(number);
+  }
+
+  std::string name_;
+  std::ofstream out_;
+};
+
+/// The films of a take's files: one for each head, and a further one when the format changes.
+class Films {
+ public:
+  Films(fs::path to, FrameRate rate, std::string layout, std::string calibration)
+      : to_(std::move(to)), rate_(rate), layout_(std::move(layout)), calibration_(std::move(calibration)) {}
+
+  Status add(const media::TakeStream& stream, std::uint64_t at_ns, std::span<const std::uint8_t> frame) {
+    Film& film = films_[stream.head ? static_cast<int>(*stream.head) : -1];
+    if (!film.file || !same(film.stream, stream)) {
+      if (film.file) {
+        if (const Status ended = film.file->end(); !ended) return ended;
+      }
+      ++film.part;
+      std::string name = stream.head ? fmt::format("cam{}", *stream.head) : "raymaps";
+      if (film.part > 1) name += fmt::format("-part{}", film.part);
+      auto made = FilmFile::create((to_ / (name + ".mkv")).string());
+      if (!made) return fail(made.error());
+      film.file = std::move(*made);
+      film.stream = stream;
+      ++count_;
+    }
+    return film.file->add(track_of(stream), at_ns, frame);
+  }
+  Status end() {
+    for (auto& [head, film] : films_) {
+      if (const Status ended = film.file->end(); !ended) return ended;
+    }
+    return {};
+  }
+  std::size_t count() const { return count_; }
+
+ private:
+  struct Film {
+    std::unique_ptr<FilmFile> file;
+    media::TakeStream stream;
+    int part = 0;
+  };
+  static bool same(const media::TakeStream& a, const media::TakeStream& b) {
+    return a.format == b.format && a.width == b.width && a.height == b.height && a.coding == b.coding &&
+           a.fields == b.fields;
+  }
+  take::VideoTrack track_of(const media::TakeStream& stream) const {
+    take::VideoTrack track;
+    if (stream.format != PixelFormat::kMjpeg) {
+      track.codec = "V_UNCOMPRESSED";
+      track.fourcc = take::fourcc_of(stream.format);
+    }
+    track.width = stream.width;
+    track.height = stream.height;
+    track.rate = rate_;
+    track.fields = stream.fields;
+    track.coding = stream.coding;
+    track.equirectangular = !stream.head && layout_ == "equirectangular";
+    if (!calibration_.empty()) track.attachments.push_back({take::kCalibrationFile, "application/json", calibration_});
+    return track;
+  }
+
+  const fs::path to_;
+  const FrameRate rate_;
+  const std::string layout_;
+  const std::string calibration_;
+  std::map<int, Film> films_;
+  std::size_t count_ = 0;
+};
+
+/// The raymaps of a segment belong to its file of raymaps, which is the one without a head.
+Status add_raymaps(media::TakeSegment& segment, Films& films) {
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t k = 0; k < segment.streams().size(); ++k) {
+    if (segment.streams()[k].head) continue;
+    for (const take::wire::Raymap& raymap : segment.evidence().raymaps) {
+      const Status read = segment.read(static_cast<std::uint32_t>(k), raymap.at(), raymap.bytes(), bytes);
+      if (!read) return read;
+      const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, raymap.mid_exposure_ns()));
+      if (const Status added = films.add(segment.streams()[k], at, bytes); !added) return added;
+    }
+  }
+  return {};
+}
+
+Status run_export(Context& context, const ExportArgs& args) {
+  watch_interrupts();
+  const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(args.folder));
+  if (!folder) return fail(folder.error());
+  const fs::path to = args.to;
+  std::error_code error;
+  fs::create_directories(to, error);
+  if (error) return fail(Errc::kIo, fmt::format("--to {}: {}", args.to, error.message()));
+  if (fs::equivalent(to, args.folder, error)) {
+    return fail(Errc::kBadValue, fmt::format("--to {}: is the take itself; name another folder", args.to));
+  }
+  std::string calibration;
+  if (folder->has(take::kCalibrationFile)) {
+    const auto text = folder->text(take::kCalibrationFile, kMaxCalibrationBytes);
+    if (!text) return fail(text.error());
+    calibration = *text;
+  }
+  Films films(to, folder->about().rate, folder->about().layout, std::move(calibration));
+  Csv sets(to / "sets.csv",
+           "index,number,mid_exposure_ns,since_start_ns,genlock,pulse,spread_ns,drift_ppb,not_recorded_before");
+  Csv frames(to / "frames.csv",
+             "index,head,name,placeholder,offset_ns,exposure_ns,gain_mdb,red_q12,blue_q12,gamma,sequence,quality");
+  Progress bar(context.console(), "exporting", folder->manifest().sets);
+  media::TakeSets all(*folder);
+  media::TakeSet set;
+  std::vector<std::uint8_t> bytes;
+  std::optional<std::int64_t> first;
+  std::optional<std::uint32_t> segment;
+  for (;;) {
+    const Result<bool> more = all.next(set);
+    if (!more) return fail(more.error());
+    if (!*more) break;
+    if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped; {} is not complete", args.to));
+    const take::wire::Set& told = set.evidence;
+    if (!first) first = told.mid_exposure_ns();
+    if (segment != all.segment().evidence().begin.segment()) {
+      segment = all.segment().evidence().begin.segment();
+      if (const Status added = add_raymaps(all.segment(), films); !added) return added;
+    }
+    sets.row(told.index(), told.number(), told.mid_exposure_ns(), told.mid_exposure_ns() - *first, told.genlock(),
+             told.has_pulse() ? std::to_string(told.pulse()) : std::string(), told.spread_ns(),
+             told.has_drift_ppb() ? std::to_string(told.drift_ppb()) : std::string(), told.missed());
+    for (const take::wire::Frame& frame : told.frames()) {
+      const media::TakeStream& stream = all.segment().streams()[frame.file()];
+      const std::uint32_t head = *stream.head;
+      frames.row(told.index(), head, folder->about().heads[head], frame.placeholder(), frame.offset_ns(),
+                 frame.exposure_ns(), frame.gain_mdb(), frame.red_q12(), frame.blue_q12(), frame.gamma(),
+                 frame.sequence(), frame.quality());
+      if (const Status read = all.segment().read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
+      const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, told.mid_exposure_ns()));
+      if (const Status added = films.add(stream, at, bytes); !added) return added;
+    }
+    bar.update(told.index() + 1, args.to);
+  }
+  for (const Status& ended : {films.end(), sets.end(), frames.end()}) {
+    if (!ended) return ended;
+  }
+  context.console().document({{"take", folder->manifest().number},
+                              {"to", args.to},
+                              {"sets", folder->manifest().sets},
+                              {"films", films.count()},
+                              {"tables", {"sets.csv", "frames.csv"}}});
+  context.console().line(fmt::format("{}: {} with {}, sets.csv and frames.csv", args.to, counted(films.count(), "film"),
+                                     counted(folder->manifest().sets, "set")));
+  return {};
+}
+
+}  // namespace
+
+void add_take_export(CLI::App& group, CommandLine& line) {
+  auto args = std::make_shared<ExportArgs>();
+  CLI::App* command =
+      add_command(group, "export", "A copy of a take as one film for each head, and its evidence as tables",
+                  "  nodal take export 000042 --to bus\n"
+                  "  ffplay bus/cam0.mkv\n"
+                  "Pictures are copied, not coded again. Frame i of every film belongs to row i of sets.csv, from the\n"
+                  "set on in which the head first delivered.\n");
+  command->add_option("FOLDER", args->folder, "The folder of the take")->required()->type_name("");
+  command->add_option("--to", args->to, "The folder to write to; it is made")->required()->type_name("DIR");
+  line.on(command, [args](Context& context) { return run_export(context, *args); });
+}
+
+}  // namespace nodal::host
