@@ -1,13 +1,12 @@
 #include "protocol/session.h"
 
-#include <google/protobuf/stubs/logging.h>
-
 #include <algorithm>
 #include <utility>
 
 #include "protocol/base/text.h"
 #include "protocol/known_fields.h"
 #include "protocol/reply_size.h"
+#include "protocol/silence_protobuf.h"
 
 namespace nodal {
 namespace {
@@ -27,16 +26,6 @@ wire::Error to_wire(const Error& error) {
 Error from_wire(const wire::Error& message) {
   const std::uint32_t code = std::min<std::uint32_t>(message.code(), UINT16_MAX);
   return Error{static_cast<Errc>(code), printable(message.message(), kLongestMessage)};
-}
-
-/// protobuf prints a line to standard error for every message that it cannot parse, which a hostile peer could use to
-/// fill the log. Our own errors report the same problem.
-void silence_protobuf() {
-  static const bool once = [] {
-    google::protobuf::SetLogHandler(nullptr);
-    return true;
-  }();
-  static_cast<void>(once);
 }
 
 template <class Message>

@@ -10,6 +10,7 @@
 #include "protocol/base/image.h"
 #include "protocol/base/units.h"
 #include "protocol/framing.h"
+#include "protocol/silence_protobuf.h"
 
 namespace nodal::take {
 namespace {
@@ -219,6 +220,7 @@ Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::st
   if (bytes.size() > kMaxEvidenceBytes) {
     return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", name, bytes.size(), kMaxEvidenceBytes));
   }
+  silence_protobuf();
   Segment segment;
   Reader reader(segment);
   FrameDecoder decoder;

@@ -1,4 +1,4 @@
-// Writes the seeds of the framing and session targets into corpus/: real conversations, and short revealing ones. Run
+// Writes the seeds of the framing, session and take targets into corpus/: real conversations, and short revealing ones. Run
 // it again after the protocol changed: fuzz_seeds_protocol tests/fuzz/corpus
 #include <cstdio>
 #include <filesystem>
@@ -9,6 +9,8 @@
 
 #include "protocol/base/bytes.h"
 #include "protocol/session.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
 
 namespace nodal {
 namespace {
@@ -84,6 +86,68 @@ Bytes as_operations(std::uint8_t role, std::span<const std::uint8_t> stream) {
   }
 }
 
+void add_record(Bytes& to, const take::wire::Record& record) {
+  const std::string bytes = record.SerializeAsString();
+  to.push_back(static_cast<std::uint8_t>(bytes.size() & 0xFF));
+  to.push_back(static_cast<std::uint8_t>(bytes.size() >> 8));
+  to.insert(to.end(), bytes.begin(), bytes.end());
+}
+
+/// The records of a short segment of three heads, one of which is missing in the second set, and of raymaps.
+Bytes take_records() {
+  constexpr std::uint64_t kHead = 1024, kPicture = 16 * 8;
+  Bytes all;
+  take::wire::Record begin;
+  begin.mutable_begin()->set_version(take::kEvidenceVersion);
+  for (std::uint32_t k = 0; k < 4; ++k) {
+    take::wire::File& file = *begin.mutable_begin()->add_files();
+    file.set_name(k < 3 ? take::head_file(k, 0) : take::raymap_file(0));
+    if (k < 3) file.set_head(k);
+    file.set_format(k < 2 ? "GREY" : "MJPEG");
+    file.set_width(16);
+    file.set_height(8);
+    file.set_fields(k == 1 ? "top-first" : "progressive");
+    file.set_head_bytes(kHead);
+  }
+  add_record(all, begin);
+  for (std::uint64_t i = 0; i < 2; ++i) {
+    take::wire::Record set;
+    set.mutable_set()->set_index(i);
+    set.mutable_set()->set_number(7 + i);
+    set.mutable_set()->set_mid_exposure_ns(static_cast<std::int64_t>(1'000'000'000 + 40'000'000 * i));
+    set.mutable_set()->set_since_start_ns(static_cast<std::int64_t>(40'000'000 * i));
+    set.mutable_set()->set_genlock("locked");
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      take::wire::Frame& frame = *set.mutable_set()->add_frames();
+      frame.set_file(k);
+      frame.set_at(kHead + 40 + i * (kPicture + 10));
+      frame.set_bytes(kPicture);
+      frame.set_placeholder(i == 1 && k == 2 ? "missing" : "");
+      frame.set_exposure_ns(8'000'000);
+    }
+    add_record(all, set);
+  }
+  take::wire::Record clusters;
+  clusters.mutable_clusters()->set_sets(2);
+  for (int k = 0; k < 4; ++k) {
+    clusters.mutable_clusters()->add_end(kHead + 400);
+    clusters.mutable_clusters()->add_hashes("");
+  }
+  add_record(all, clusters);
+  take::wire::Record mark;
+  mark.mutable_mark()->set_set(1);
+  mark.mutable_mark()->set_text("bus");
+  take::wire::Record end;
+  end.mutable_end()->set_sets(2);
+  end.mutable_end()->set_reason("stopped");
+  for (int k = 0; k < 4; ++k) {
+    end.mutable_end()->add_length(kHead + 500);
+    end.mutable_end()->add_hashes("");
+  }
+  add_record(all, end);
+  return all;
+}
+
 Bytes text(const std::string& words) { return {words.begin(), words.end()}; }
 
 Bytes with_front(std::uint8_t front, const Bytes& rest) {
@@ -122,6 +186,21 @@ int main(int argc, char** argv) {
                    0,    0,  16, 1, 2,    0,    0x08, 0x01, 0x85, 1, 0, 0, 0x83, 2,    0,    0, 0x84, 4,    0,    0};
   acting.insert(acting.end(), acts.begin(), acts.end());
   write(corpus / "session/program_acts", acting);
+  write(corpus / "take/records", with_front(2, take_records()));
+  take::TakeDocument about;
+  about.number = 3;
+  about.rig = "r";
+  about.software = "s";
+  about.mode = "jpeg";
+  about.heads = {"a", "b"};
+  write(corpus / "take/document", with_front(0, text(take::take_json(about))));
+  take::Manifest manifest;
+  manifest.number = 3;
+  manifest.sets = 4;
+  manifest.ended = "stopped";
+  manifest.marks.push_back({2, "bus"});
+  manifest.files.push_back({"cam0-0000.mkv", 100, {}});
+  write(corpus / "take/manifest", with_front(1, text(take::manifest_json(manifest))));
   write(corpus / "upload/whole", Bytes{0, 2, 0, 0, 1, 2, 0, 40, 0, 2, 0, 0, 1, 2, 40, 37, 3, 2, 0, 0});
   write(corpus / "upload/liar",
         Bytes{0, 3, 0, 0, 2, 3, 0, 100, 1, 3, 100, 100, 3, 3, 0, 0, 0, 3, 0, 0, 1, 3, 0, 200, 3, 3, 0, 0});
