@@ -48,6 +48,11 @@ Status TakeWriter::write(const TakeRow& row) {
     if (!segment) return fail(segment.error());
     segment_ = std::move(*segment);
     ++next_segment_;
+    for (const EarlyMark& mark : std::exchange(early_marks_, {})) {
+      const Status marked = segment_->mark(mark.text, mark.at);
+      failed_ = failed_ || !marked;
+      if (!marked) return marked;
+    }
   }
   unsynced_ = true;
   const Status written = segment_->write(row);
@@ -95,10 +100,14 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
 }
 
 Status TakeWriter::mark(const std::string& text, Instant now) {
-  if (!segment_) return fail(Errc::kNotReady, "the take has no set yet");
-  if (manifest_.marks.size() + segment_->marks().size() >= take::kMostMarks) {
+  const std::size_t open = segment_ ? segment_->marks().size() : early_marks_.size();
+  if (manifest_.marks.size() + open >= take::kMostMarks) {
     return fail(Errc::kTooLarge,
                 fmt::format("take {} has {} marks, the most that there may be", place_.number, take::kMostMarks));
+  }
+  if (!segment_) {
+    early_marks_.push_back({text, now});
+    return {};
   }
   unsynced_ = true;
   const Status marked = segment_->mark(text, now);

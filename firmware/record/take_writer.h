@@ -60,6 +60,12 @@ class TakeWriter {
   std::unique_ptr<SegmentWriter> segment_;
   std::uint32_t next_segment_ = 0;
   take::Manifest manifest_;  ///< of the finished segments
+  /// Made while no segment was open: they belong to the first set of the next one.
+  struct EarlyMark {
+    std::string text;
+    Instant at;
+  };
+  std::vector<EarlyMark> early_marks_;
   bool unsynced_ = false;
   bool failed_ = false;  ///< the open segment had an error
 };

@@ -233,6 +233,20 @@ TEST(Takes, FailedSync_IsNotRepeatedAndANewSegmentBegins) {
   EXPECT_EQ(check(disk, *manifest), 24U);
 }
 
+TEST(Takes, AMarkBeforeTheFirstSet_IsThatOfTheFirstSet) {
+  const Film made = film(3);
+  hal::sim::SimDisk disk;
+  auto writer = TakeWriter::begin(disk, documents());
+  ASSERT_TRUE(writer);
+  EXPECT_TRUE((*writer)->mark("early", Instant()));
+  for (const TakeRow& row : made.rows) ASSERT_TRUE((*writer)->write(row));
+  EXPECT_TRUE((*writer)->mark("late", Instant()));
+  const auto manifest = (*writer)->end("stopped", 0);
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(manifest->marks, (std::vector<take::Manifest::Mark>{{0, "early"}, {12, "late"}}));
+  EXPECT_EQ(check(disk, *manifest), 12U);
+}
+
 TEST(Takes, DiskFull_WhatIsWholeIsKept) {
   const Film made = film(20);
   for (const std::uint64_t capacity : {20'000U, 30'000U, 45'000U, 52'345U}) {
