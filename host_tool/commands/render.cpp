@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -193,7 +194,14 @@ Status run_render(Context& context, RenderArgs args) {
   Sender sender(*raymap, sink->format == RaymapFormat::kJpg);
   Rendered done;
   {
-    Progress bar(console, "rendering", folder->manifest().sets);
+    const double period = static_cast<double>(folder->about().rate.period().ns());
+    const auto sets_before = [&](Duration time) {
+      const double sets =
+          std::min(static_cast<double>(time.ns()) / period, static_cast<double>(folder->manifest().sets));
+      return static_cast<std::uint64_t>(std::ceil(sets));
+    };
+    const std::uint64_t first = sets_before(options.from);
+    Progress bar(console, "rendering", std::max<std::uint64_t>(1, sets_before(options.to) - first));
     const auto compiled = [&](double part) {
       bar.update(done.raymaps, fmt::format("compiling the blend table, {:.0f} %", 100 * part));
     };
@@ -215,7 +223,7 @@ Status run_render(Context& context, RenderArgs args) {
       json["file"] = done.last;
       json["index"] = set.evidence.index();
       console.document({{"raymap", json}});
-      bar.update(set.evidence.index() + 1, done.last);
+      bar.update(set.evidence.index() + 1 - std::min(first, set.evidence.index()), done.last);
     }
   }
   if (sink->film) {
