@@ -57,9 +57,12 @@ Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const Render
   return raymap;
 }
 
+bool is_film(const std::string& out) { return out.ends_with(".mkv"); }
+
+/// A film is made when its first raymap is there: Ctrl-C before that leaves no empty file.
 Result<RaymapSink> make_sink(const std::string& out) {
-  if (out.ends_with(".mkv")) return RaymapSink::film_of(out);
   RaymapSink sink;
+  if (is_film(out)) return sink;
   const Result<RaymapFormat> format = raymap_format_of_name(out);
   if (!format) return fail(format.error().in("--out"));
   if (const Result<std::string> name = numbered_name(out, 1); !name) return fail(name.error().in("--out"));
@@ -184,9 +187,9 @@ Status run_render(Context& context, RenderArgs args) {
 
   const bool many = folder->manifest().sets * static_cast<std::uint64_t>(raymap->raymaps_a_set()) > 1;
   if (args.out.empty()) args.out = many ? "raymaps.mkv" : "raymap.jpg";
-  const Result<RaymapSink> sink = make_sink(args.out);
+  Result<RaymapSink> sink = make_sink(args.out);
   if (!sink) return fail(sink.error());
-  if (many && !sink->film && !has_number(args.out)) {
+  if (many && !is_film(args.out) && !has_number(args.out)) {
     return fail(Errc::kBadValue, fmt::format("--out {}: the take has {}, and every raymap needs a name of its own; put "
                                              "%06d into it, or make a film (.mkv)",
                                              args.out, counted(folder->manifest().sets, "set")));
@@ -214,6 +217,8 @@ Status run_render(Context& context, RenderArgs args) {
       const media::TakeSet& set = (*render)->set();
       const Result<ReceivedRaymap> made = sender.send(rendered, set, (*render)->calibration());
       if (!made) return fail(made.error());
+      if (is_film(args.out) && !sink->film) sink = RaymapSink::film_of(args.out);
+      if (!sink) return fail(sink.error());
       const Result<std::string> stored = sink->store(*made, ++done.raymaps, console);
       if (!stored) return fail(stored.error());
       done.last = *stored;

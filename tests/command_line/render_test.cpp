@@ -2,6 +2,7 @@
 // and `take export`, and heads that play a take.
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <filesystem>
 #include <map>
 #include <utility>
@@ -253,8 +254,13 @@ TEST_F(RenderTest, WhatCannotBeRendered_IsSaidOnceAndNothingIsWritten) {
   write("fewer.json", to_json(fewer));
   refused({take(), "-o", out, "--calibration", path("fewer.json")}, 4, "cam5");
 
-  // A byte of a picture that is not what was recorded.
+  const auto early = start({"render", take(), "-o", path("early.mkv")});
+  early->signal(SIGINT);
+  early->wait();
+  EXPECT_TRUE(!fs::exists(path("early.mkv")) || fs::file_size(path("early.mkv")) > 0);
+
   std::string video = read("takes/000001/cam2-0000.mkv");
+  // A byte of a picture that is not what was recorded.
   video[video.size() / 2] = static_cast<char>(video[video.size() / 2] ^ 1);
   write("takes/000001/cam2-0000.mkv", video);
   refused({take(), "-o", path("film.mkv")}, 4, "cam2-0000.mkv");
