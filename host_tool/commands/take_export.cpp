@@ -1,17 +1,21 @@
 // `nodal take export`: a take as one seekable film a head, and its evidence as tables.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/film_file.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_files.h"
+#include "protocol/calibration.h"
 #include "stitch/media/take/take_folder.h"
 
 namespace nodal::host {

@@ -1,6 +1,7 @@
 // `nodal take show`: what a copy of a take holds.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <memory>
