@@ -1,6 +1,7 @@
 #include "firmware/replay/take_reel.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -86,8 +87,10 @@ class TakeReel final : public hal::replay::Reel {
   std::optional<FrameRate> rate() const override { return folder_.about().rate; }
 
   hal::replay::Shot shot(std::size_t i) override {
+    if (i >= broken_from_) return {};
     const auto there = go_to(i);
     if (!there || !*there) {
+      broken_from_ = i;  // reading all sets before it again for each frame would hold up the other heads
       sets_.reset();
       return {};  // a frame that cannot be read
     }
@@ -129,7 +132,8 @@ class TakeReel final : public hal::replay::Reel {
   media::TakeStream stream_;
   std::optional<media::TakeSets> sets_;
   media::TakeSet set_;
-  std::size_t at_ = 0;  ///< the set that set_ is
+  std::size_t at_ = 0;                  ///< the set that set_ is
+  std::size_t broken_from_ = SIZE_MAX;  ///< sets from this one on cannot be read
 };
 
 }  // namespace

@@ -21,8 +21,8 @@ Instant on_rigs_clock(std::uint64_t real_us, Instant now) {
   ::clock_gettime(CLOCK_REALTIME, &real);
   const std::int64_t ago =
       std::int64_t{real.tv_sec} * 1'000'000 + real.tv_nsec / 1'000 - static_cast<std::int64_t>(real_us);
-  constexpr std::int64_t kLongestAgoUs =
-      10'000'000;  // older ones, or from the future: the wall clock was set in between
+  // Older timestamps, and those from the future: the wall clock was set in between.
+  constexpr std::int64_t kLongestAgoUs = 10'000'000;
   return real_us == 0 || ago < 0 || ago > kLongestAgoUs ? now : now - Duration::microseconds(ago);
 }
 
