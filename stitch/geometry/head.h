@@ -46,6 +46,8 @@ class Head {
   Eigen::Vector3d seen_from_here(const Eigen::Vector3d& rig_ray) const {
     return offset_.isZero(0) ? rig_ray : Eigen::Vector3d((rig_ray - offset_).normalized());
   }
+  /// By how much at most the angle between two rays of the rig grows, as seen from the head; 1 at infinity.
+  double magnification() const { return 1 / (1 - offset_.norm()); }
   /// The reverse: the ray of the rig whose end the head sees in a direction.
   Eigen::Vector3d seen_from_rig(const Eigen::Vector3d& direction) const;
   /// The direction of the head's optical axis in the rig.

@@ -43,6 +43,7 @@ class PartLayout final : public geometry::RaymapLayout {
   PartLayout(const geometry::RaymapLayout& whole, const Part& part);
   std::string_view name() const override { return whole_.name(); }
   bool scattered() const override { return false; }
+  bool smooth() const override { return whole_.smooth(); }
   std::optional<geometry::Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override { return whole_.solid_angle(i, j); }
   std::optional<geometry::Pixel> pixel(const geometry::Ray& ray) const override { return whole_.pixel(ray); }

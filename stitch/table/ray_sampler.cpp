@@ -124,7 +124,7 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   for (const geometry::Head& head : sampler.heads_) {
     sampler.optics_.push_back(HeadOptics::of(head, raymap_format, sampler.power_, options));
     const bool seams = options.transition != Transition::kFeather;
-    sampler.steepest_.push_back(seams ? steepest_score(head, sampler.optics_.back()) : 0);
+    sampler.steepest_.push_back(seams ? head.magnification() * steepest_score(head, sampler.optics_.back()) : 0);
   }
   const auto* nowhere = static_cast<const std::uint8_t*>(nullptr);
   const ImageView raymap = packed_image(raymap_format, layout.width(), layout.height(), nowhere);
@@ -148,10 +148,40 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   return sampler;
 }
 
-std::optional<geometry::Ray> RaySampler::ray(int grid, int x, int y) const {
+std::optional<geometry::Ray> RaySampler::ray(int grid, double x, double y) const {
   const PlaneGrid& plane_grid = grids_[static_cast<std::size_t>(grid)].on_raymap;
   return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - plane_grid.offset_x) * plane_grid.step_x),
                       std::min<double>(layout_->height(), (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y));
+}
+
+std::optional<HeadSight> RaySampler::sight(HeadIndex head, const geometry::Ray& ray) const {
+  const Optics& optics = optics_[head];
+  const Eigen::Vector3d d = heads_[head].seen_from_here(ray.direction());
+  const double ahead = optics.axis.dot(d);  // the cosine with the head's axis
+  if (ahead < optics.cos_reach) return std::nullopt;
+  const Eigen::Vector3d in_head(optics.right.dot(d), optics.down.dot(d), ahead);
+  const std::optional<HeadSight> seen = see(heads_[head], optics.lens, in_head, optics.depth_per_px);
+  return seen && seen->inside >= kEdge ? seen : std::nullopt;
+}
+
+RaySample RaySampler::place(int grid, HeadIndex head, geometry::Pixel pixel) const {
+  const Plane& picture = plane(grid, head);
+  const PlaneGrid& plane_grid = picture.on_picture;
+  // Within half a sample of the picture's edge there is no next sample: the position is clamped to the edge sample.
+  RaySample sample{head, std::clamp(pixel.x / plane_grid.step_x + plane_grid.offset_x - 0.5, 0.0, picture.width - 1.0),
+                   std::clamp(pixel.y / plane_grid.step_y + plane_grid.offset_y - 0.5, 0.0, picture.height - 1.0), 0,
+                   1};
+  if (options_.undo_vignetting) sample.gain = optics_[head].undo.undo(heads_[head].vignetting(pixel));
+  return sample;
+}
+
+bool RaySampler::stays(int grid, HeadIndex head, geometry::Pixel pixel) const {
+  if (options_.interpolation == Interpolation::kPixel) return true;
+  const HeadCalibration& c = heads_[head].calibration();
+  const double across = pixel.x - c.center_x;
+  const double down = (pixel.y - c.center_y) / c.aspect;
+  const double radius = plane(grid, head).same_radius;
+  return across * across + down * down < radius * radius;
 }
 
 }  // namespace nodal::table

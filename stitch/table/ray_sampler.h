@@ -18,6 +18,7 @@
 #include "stitch/geometry/ray.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/head_optics.h"
+#include "stitch/table/head_sight.h"
 #include "stitch/table/options.h"
 #include "stitch/table/ray_interpolation.h"
 
@@ -72,12 +73,20 @@ class RaySampler {
   std::span<const PixelFormat> head_formats() const { return head_formats_; }
   std::span<const geometry::Head> heads() const { return heads_; }
   std::span<const Optics> optics() const { return optics_; }
-  /// steepest_score() of the head; 0 without seams.
+  /// steepest_score() of the head, per radian between rays of the rig; 0 without seams.
   double steepest(HeadIndex head) const { return steepest_[head]; }
   std::span<const Grid> grids() const { return grids_; }
   const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
-  /// The ray of sample (x, y) of a grid; nothing where the layout has none.
-  std::optional<geometry::Ray> ray(int grid, int x, int y) const;
+  /// The ray of sample (x, y) of a grid, or of a point between samples; nothing where the layout has none.
+  std::optional<geometry::Ray> ray(int grid, double x, double y) const;
+  /// What a head sees of a ray; nothing outside its region.
+  std::optional<HeadSight> sight(HeadIndex head, const geometry::Ray& ray) const;
+  /// The position and the gain of a pixel of a head's picture, by pixel interpolation. Positions outside the picture's
+  /// outermost samples are moved to them.
+  RaySample place(int grid, HeadIndex head, geometry::Pixel pixel) const;
+  /// Whether ray interpolation leaves a pixel's position as place() has it, to within kSamePlace; always true for
+  /// pixel interpolation.
+  bool stays(int grid, HeadIndex head, geometry::Pixel pixel) const;
 
  private:
   RaySampler() = default;

@@ -60,14 +60,9 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
   const bool seams = rig_.options().transition != Transition::kFeather;
   std::size_t count = 0;
   for (std::size_t h = 0; h < heads.size(); ++h) {
-    const RaySampler::Optics& optics = rig_.optics()[h];
-    const Eigen::Vector3d d = heads[h].seen_from_here(ray.direction());
-    const double ahead = optics.axis.dot(d);  // the cosine with the head's axis
-    if (ahead < optics.cos_reach) continue;
-    const Eigen::Vector3d in_head(optics.right.dot(d), optics.down.dot(d), ahead);
-    const std::optional<HeadSight> seen = see(heads[h], optics.lens, in_head, optics.depth_per_px);
-    if (!seen || seen->inside < kEdge) continue;
-    const double weight = weight_of(*seen, seams, optics.depth_per_px);
+    const std::optional<HeadSight> seen = rig_.sight(static_cast<HeadIndex>(h), ray);
+    if (!seen) continue;
+    const double weight = weight_of(*seen, seams, rig_.optics()[h].depth_per_px);
     if (!(weight > 0 && weight < kEndless)) continue;
     sights[count++] = {static_cast<HeadIndex>(h), seen->pixel, weight};
   }
@@ -132,22 +127,11 @@ void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) 
 }
 
 RaySample RowSampler::place(const Sight& sight, const geometry::Ray& ray) {
-  const geometry::Head& head = rig_.heads()[sight.head];
-  const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
-  const PlaneGrid& plane_grid = picture.on_picture;
-  // Within half a sample of the picture's edge there is no next sample: the position is clamped to the edge sample.
-  RaySample sample{sight.head,
-                   std::clamp(sight.pixel.x / plane_grid.step_x + plane_grid.offset_x - 0.5, 0.0, picture.width - 1.0),
-                   std::clamp(sight.pixel.y / plane_grid.step_y + plane_grid.offset_y - 0.5, 0.0, picture.height - 1.0),
-                   sight.weight, 1};
-  if (rig_.options().undo_vignetting) {
-    sample.gain = rig_.optics()[sight.head].undo.undo(head.vignetting(sight.pixel));
-  }
-  if (rig_.options().interpolation == Interpolation::kPixel) return sample;
-  const double across = sight.pixel.x - head.calibration().center_x;
-  const double down = (sight.pixel.y - head.calibration().center_y) / head.calibration().aspect;
-  if (across * across + down * down < picture.same_radius * picture.same_radius) return sample;
+  RaySample sample = rig_.place(grid_, sight.head, sight.pixel);
+  sample.weight = sight.weight;
+  if (rig_.stays(grid_, sight.head, sight.pixel)) return sample;
 
+  const RaySampler::Plane& picture = rig_.plane(grid_, sight.head);
   const auto x = std::min(static_cast<std::int32_t>(sample.x), picture.width - 2);
   const auto y = std::min(static_cast<std::int32_t>(sample.y), picture.height - 2);
   std::array<Eigen::Vector3d, 4> neighbours;

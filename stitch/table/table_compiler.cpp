@@ -9,6 +9,7 @@
 
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/clear_tile.h"
 #include "stitch/table/low_band_compiler.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
@@ -57,46 +58,69 @@ blend::GridTable empty_table(const RaySampler::Grid& shape) {
   return table;
 }
 
-/// The pixels of a row of tiles, collected from rows of samples, or from the positions in `places`.
-class TileRowSamples {
- public:
-  TileRowSamples(const RaySampler::Grid& shape, std::span<const std::uint32_t> places)
-      : shape_(shape), places_(places), tiles_(static_cast<std::size_t>(shape.width + 7) / 8) {}
+/// Whether there is a pixel that several heads see.
+bool any_shared(const TileSamples& tile) {
+  return std::ranges::any_of(tile.at, [](const std::vector<RaySample>& at) { return at.size() > 1; });
+}
 
-  void sample(RowSampler& sampler, int grid, int tile_row) {
-    for (TileSamples& tile : tiles_) tile.inside = 0;
-    if (!places_.empty()) return sample_places(sampler, grid, tile_row);
-    for (int j = 0; j < blend::kTile && tile_row * blend::kTile + j < shape_.height; ++j) {
-      sampler.sample(grid, tile_row * blend::kTile + j);
-      for (int x = 0; x < shape_.width; ++x) {
-        TileSamples& tile = tiles_[static_cast<std::size_t>(x / blend::kTile)];
-        const std::span<const RaySample> at = sampler.at(x);
-        tile.at[static_cast<std::size_t>(j * blend::kTile + x % blend::kTile)].assign(at.begin(), at.end());
-        tile.inside |= pixel_bit(x % blend::kTile, j);
-      }
-    }
+/// Makes the tiles of one grid, in any order.
+class GridCompiler {
+ public:
+  /// `places`: GridTable::places. `of_cover`: tiles whose pixels each have one head at most are empty.
+  GridCompiler(const RaySampler& rays, std::size_t grid, std::span<const std::uint32_t> places, bool of_cover,
+               int vignetting_scale)
+      : rays_(rays),
+        grid_(static_cast<int>(grid)),
+        shape_(empty_table(rays.grids()[grid])),
+        places_(places),
+        of_cover_(of_cover),
+        sampler_(rays),
+        builder_(rays, grid_, vignetting_scale) {}
+
+  void append(int column, int row, TileRun& run) {
+    const int left = column * blend::kTile, top = row * blend::kTile;
+    if (of_cover_ && has_one_head_at_most(rays_, grid_, left, top)) return builder_.append_empty(run);
+    if (const std::optional<ClearTile> clear = clear_tile(rays_, grid_, left, top)) return builder_.append(*clear, run);
+    sample(column, row);
+    if (of_cover_ && !any_shared(samples_)) return builder_.append_empty(run);
+    builder_.append(samples_, run);
   }
-  std::span<TileSamples> tiles() { return tiles_; }
 
  private:
-  void sample_places(RowSampler& sampler, int grid, int tile_row) {
-    const blend::GridTable table = empty_table(shape_);
-    for (std::size_t k = 0; k < tiles_.size(); ++k) {
-      const std::size_t t = table.tile_index(static_cast<int>(k), tile_row);
-      const std::span<const std::uint32_t> places = places_.subspan(t * blend::kTilePixels, blend::kTilePixels);
-      sampler.sample(grid, places);
-      for (std::size_t p = 0; p < blend::kTilePixels; ++p) {
-        if (places[p] == blend::GridTable::kNowhere) continue;
-        const std::span<const RaySample> at = sampler.at(static_cast<int>(p));
-        tiles_[k].at[p].assign(at.begin(), at.end());
-        tiles_[k].inside |= PixelMask{1} << p;
+  /// The place of each of the tile's pixels, kNowhere outside the grid.
+  std::array<std::uint32_t, blend::kTilePixels> places_of(int column, int row) const {
+    std::array<std::uint32_t, blend::kTilePixels> places;
+    for (int p = 0; p < blend::kTilePixels; ++p) {
+      const auto i = static_cast<std::size_t>(p);
+      const int x = column * blend::kTile + p % blend::kTile, y = row * blend::kTile + p / blend::kTile;
+      if (!places_.empty()) {
+        places[i] = places_[shape_.tile_index(column, row) * blend::kTilePixels + i];
+      } else {
+        places[i] = x < shape_.width && y < shape_.height ? blend::GridTable::place(x, y) : blend::GridTable::kNowhere;
       }
+    }
+    return places;
+  }
+  void sample(int column, int row) {
+    const std::array<std::uint32_t, blend::kTilePixels> places = places_of(column, row);
+    sampler_.sample(grid_, places);
+    samples_.inside = 0;
+    for (std::size_t p = 0; p < blend::kTilePixels; ++p) {
+      if (places[p] == blend::GridTable::kNowhere) continue;
+      const std::span<const RaySample> at = sampler_.at(static_cast<int>(p));
+      samples_.at[p].assign(at.begin(), at.end());
+      samples_.inside |= PixelMask{1} << p;
     }
   }
 
-  const RaySampler::Grid& shape_;
+  const RaySampler& rays_;
+  int grid_;
+  blend::GridTable shape_;
   std::span<const std::uint32_t> places_;
-  std::vector<TileSamples> tiles_;
+  bool of_cover_;
+  RowSampler sampler_;
+  TileBuilder builder_;
+  TileSamples samples_;
 };
 
 /// Appends tile k of a run, with its records, weights, lists and gains, to the table.
@@ -182,11 +206,6 @@ std::string masks_that_hide(std::span<const geometry::Head> heads) {
 
 int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile - 1) / blend::kTile; }
 
-/// Whether there is a pixel that several heads see.
-bool any_shared(const TileSamples& tile) {
-  return std::ranges::any_of(tile.at, [](const std::vector<RaySample>& at) { return at.size() > 1; });
-}
-
 }  // namespace
 
 struct TableCompiler::Work {
@@ -255,11 +274,9 @@ void TableCompiler::compile_rows(int begin, int end) {
 
 /// Compiles those of rows [begin, end) that are of one of the two tables, whose rows begin at `first`.
 void TableCompiler::Work::compile_rows(const RaySampler& rays, int first, int begin, int end) {
-  RowSampler sampled(rays);
   for (std::size_t g = 0; g < rays.grids().size(); ++g) {
     const RaySampler::Grid& shape = rays.grids()[g];
-    TileRowSamples samples(shape, places[g]);
-    TileBuilder builder(rays, static_cast<int>(g), vignetting_scale);
+    GridCompiler compiler(rays, g, places[g], &rays != &sampler, vignetting_scale);
     const blend::GridTable empty = empty_table(shape);
     std::optional<LowBandCompiler> low_band;
     if (!low_sizes.empty() && &rays == &*cover) {
@@ -267,14 +284,10 @@ void TableCompiler::Work::compile_rows(const RaySampler& rays, int first, int be
     }
     for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
       if (&rays == &sampler || rays.options().cover) {
-        samples.sample(sampled, static_cast<int>(g), r - first);
         TileRun& row = rows[static_cast<std::size_t>(r)];
         row = TileRun{};
-        for (TileSamples& tile : samples.tiles()) {
-          if (&rays != &sampler && !any_shared(tile)) {
-            for (std::vector<RaySample>& at : tile.at) at.clear();
-          }
-          builder.append(tile, row);
+        for (int column = 0; column * blend::kTile < shape.width; ++column) {
+          compiler.append(column, r - first, row);
         }
         row.records.shrink_to_fit();
         row.weights.shrink_to_fit();

@@ -1,9 +1,7 @@
 #include "stitch/table/tile_builder.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <numbers>
 
 #include "stitch/table/quantize.h"
 
@@ -18,15 +16,6 @@ using blend::Sharing;
 constexpr std::int32_t kWhole = 1 << blend::kWeightBits;
 /// Half of the last of the 7 fraction bits that the blend uses of x coordinates: added, so that truncation rounds.
 constexpr std::int32_t kAcross = 1 << (kFractionBits - 8);
-/// From this many samples per raymap pixel on, the next pyramid level (half the size) is used. Its samples are then at
-/// most a tenth coarser than the raymap, and closer to the mean over a pixel than interpolation in the larger picture.
-constexpr double kFinest = 1.8;
-
-template <class Each>
-void for_each(PixelMask mask, Each each) {
-  for (; mask != 0; mask &= mask - 1) each(static_cast<std::size_t>(__builtin_ctzll(mask)));
-}
-
 struct Span {
   std::int32_t least = INT32_MAX;
   std::int32_t most = INT32_MIN;
@@ -125,15 +114,42 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
 
 }  // namespace
 
-void TileBuilder::append(TileSamples& samples, TileRun& run) {
+void TileBuilder::append(const TileSamples& samples, TileRun& run) {
   parts_.clear();
-  made_.clear();
-  const auto first = static_cast<std::uint32_t>(run.records.size());
-  run.tiles.push_back({first, 0});
   split_by_head(samples);
+  append_parts(samples.inside, run);
+}
+
+void TileBuilder::append(const ClearTile& tile, TileRun& run) {
+  parts_.clear();
+  Part& part = parts_.emplace_back();
+  part.head = tile.head;
+  part.mask = ~PixelMask{0};
+  const RaySampler::Plane& plane = sampler_.plane(grid_, tile.head);
+  for (std::size_t p = 0; p < blend::kTilePixels; ++p) {
+    part.x[p] = quantize_coordinate(tile.x[p], plane.width);
+    part.y[p] = quantize_coordinate(tile.y[p], plane.height);
+    part.weight[p] = kWhole;
+    if (vignetting_scale_ != 0) part.gain[p] = quantize_vignetting(tile.gain[p]);
+  }
+  append_parts(part.mask, run);
+}
+
+void TileBuilder::append_empty(TileRun& run) {
+  run.tiles.push_back({static_cast<std::uint32_t>(run.records.size()), 0});
+}
+
+void TileBuilder::append_parts(PixelMask inside, TileRun& run) {
+  made_.clear();
+  append_empty(run);
   choose_levels();
   for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, {}, run);
-  share(samples, run);
+  share(inside, run);
+}
+
+std::int32_t TileBuilder::quantize_vignetting(double gain) const {
+  return static_cast<std::int32_t>(
+      std::clamp<std::int64_t>(round_up_ties(gain * (256.0 * 32768 / vignetting_scale_)), 1, 32767));
 }
 
 /// Converts samples by pixel to integers by head. Heads whose weight is below kWeightFit everywhere in the tile are
@@ -180,91 +196,10 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       part.x[p] = quantize_coordinate(s.x, plane.width);
       part.y[p] = quantize_coordinate(s.y, plane.height);
       part.weight[p] = weights[k];
-      if (vignetting_scale_ == 0) continue;
-      part.gain[p] = static_cast<std::int32_t>(
-          std::clamp<std::int64_t>(round_up_ties(s.gain * (256.0 * 32768 / vignetting_scale_)), 1, 32767));
+      if (vignetting_scale_ != 0) part.gain[p] = quantize_vignetting(s.gain);
     }
   });
   std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
-}
-
-/// The mean squared step from pixel to pixel, in samples, along rows or along columns, whichever is larger; nothing for
-/// parts without neighbouring pixels. Samples that were clamped to the picture's edge are ignored.
-std::optional<double> TileBuilder::square_step(const Part& part) const {
-  if (sampler_.layout().scattered()) return square_between_rays(part);
-  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
-  const auto moved = [&](std::size_t p) {
-    const auto at_edge = [](std::int32_t at, int size) { return at == 0 || at >= ((size - 1) << kFractionBits) - 1; };
-    return at_edge(part.x[p], plane.width) || at_edge(part.y[p], plane.height);
-  };
-  PixelMask still = 0;
-  for_each(part.mask, [&](std::size_t p) { still |= moved(p) ? 0 : PixelMask{1} << p; });
-  constexpr double kOne = 1 << kFractionBits;
-  double most = 0;
-  for (const std::size_t way : {std::size_t{1}, std::size_t{8}}) {
-    constexpr PixelMask kLeftOfAnother = 0x7f7f7f7f7f7f7f7f;
-    const PixelMask pairs = still & still >> way & (way == 1 ? kLeftOfAnother : ~PixelMask{0});
-    if (pairs == 0) return std::nullopt;
-    double square = 0;
-    for_each(pairs, [&](std::size_t p) {
-      const double dx = part.x[p + way] - part.x[p];
-      const double dy = part.y[p + way] - part.y[p];
-      square += dx * dx + dy * dy;
-    });
-    most = std::max(most, square / std::popcount(pairs));
-  }
-  return most / (kOne * kOne);
-}
-
-/// The same for scattered rays, which have no rows and columns: samples per ray, if rays are spread evenly.
-double TileBuilder::square_between_rays(const Part& part) const {
-  const RaySampler::Grid& grid = sampler_.grids()[static_cast<std::size_t>(grid_)];
-  const PlaneGrid& plane_grid = sampler_.plane(grid_, part.head).on_picture;
-  const auto p = static_cast<std::size_t>(__builtin_ctzll(part.mask));
-  const auto along = [](std::int32_t at, double offset, int step) {
-    return (at / static_cast<double>(1 << kFractionBits) + 0.5 - offset) * step;
-  };
-  const double density =
-      sampler_.heads()[part.head].density({along(part.x[p], plane_grid.offset_x, plane_grid.step_x),
-                                           along(part.y[p], plane_grid.offset_y, plane_grid.step_y)});
-  return density * 4 * std::numbers::pi / (static_cast<double>(grid.width) * grid.height) /
-         (plane_grid.step_x * plane_grid.step_y);
-}
-
-/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels, in the direction
-/// of the larger step, so that it does not alias. Parts without square_step() take the coarsest level of the others.
-void TileBuilder::choose_levels() {
-  int others = 0;
-  for (const bool small : {false, true}) {
-    for (Part& part : parts_) {
-      std::optional<double> square = square_step(part);
-      if (square.has_value() == small) continue;
-      const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
-      const int most = sampler_.options().levels - 1;
-      while (part.level < most && (small ? part.level < others : *square >= kFinest * kFinest) &&
-             std::min(plane.width, plane.height) >> (part.level + 1) >= kPatch) {
-        if (square) *square /= 4;
-        ++part.level;
-      }
-      others = std::max(others, part.level);
-    }
-  }
-  for (Part& part : parts_) shrink(part);
-}
-
-/// Converts a part's coordinates to the plane of its level.
-void TileBuilder::shrink(Part& part) const {
-  if (part.level == 0) return;
-  const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
-  const auto smaller = [&](std::int32_t at, int size) {
-    const std::int32_t half = 1 << (kFractionBits - 1);
-    return std::clamp<std::int32_t>(((at + half) >> part.level) - half, 0,
-                                    (((size >> part.level) - 1) << kFractionBits) - 1);
-  };
-  for_each(part.mask, [&](std::size_t p) {
-    part.x[p] = smaller(part.x[p], plane.width);
-    part.y[p] = smaller(part.y[p], plane.height);
-  });
 }
 
 /// Adds the patches for the part's pixels in a block. If one patch does not suffice, the block is halved, across or
@@ -348,10 +283,10 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
   return true;
 }
 
-void TileBuilder::share(const TileSamples& samples, TileRun& run) {
+void TileBuilder::share(PixelMask inside, TileRun& run) {
   PixelMask covered = 0;
   for (const Made& made : made_) covered |= made.mask;
-  const bool closed = covered == samples.inside;
+  const bool closed = covered == inside;
   if (made_.empty() || (made_.size() == 1 && closed)) return;  // Sharing::kAlone
   const auto sharing = [&](Sharing how) {
     run.tiles.back().sharing =
@@ -359,7 +294,7 @@ void TileBuilder::share(const TileSamples& samples, TileRun& run) {
   };
   const std::size_t begin = run.weights.size();
   sharing(Sharing::kBilinear);
-  if (closed && made_.size() == parts_.size() && share_bilinear(samples.inside, run)) return;
+  if (closed && made_.size() == parts_.size() && share_bilinear(inside, run)) return;
   run.weights.resize(begin);
   sharing(closed ? Sharing::kListed : Sharing::kOpen);
   for (std::size_t k = 0; k + (closed ? 1 : 0) < made_.size(); ++k) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "stitch/blend/blend_table.h"
+#include "stitch/table/clear_tile.h"
 #include "stitch/table/ray_sampler.h"
 #include "stitch/table/tile_fit.h"
 
@@ -49,7 +50,10 @@ class TileBuilder {
   TileBuilder(const RaySampler& sampler, int grid, int vignetting_scale)
       : sampler_(sampler), grid_(grid), vignetting_scale_(vignetting_scale) {}
 
-  void append(TileSamples& samples, TileRun& run);
+  void append(const TileSamples& samples, TileRun& run);
+  void append(const ClearTile& tile, TileRun& run);
+  /// A tile without any head.
+  void append_empty(TileRun& run);
 
  private:
   /// One head's part in the current tile.
@@ -66,13 +70,15 @@ class TileBuilder {
     PixelMask mask = 0;
   };
   void split_by_head(const TileSamples& samples);
+  std::int32_t quantize_vignetting(double gain) const;
   std::optional<double> square_step(const Part& part) const;
   double square_between_rays(const Part& part) const;
   void choose_levels();
   void shrink(Part& part) const;
   void add_patches(std::size_t part, const Block& block, TileRun& run);
   bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
-  void share(const TileSamples& samples, TileRun& run);
+  void append_parts(PixelMask inside, TileRun& run);
+  void share(PixelMask inside, TileRun& run);
   bool share_bilinear(PixelMask inside, TileRun& run);
 
   const RaySampler& sampler_;

@@ -11,6 +11,11 @@ namespace nodal::table {
 /// One bit per pixel of a tile: (i, j) is bit 8 j + i.
 using PixelMask = std::uint64_t;
 inline constexpr PixelMask pixel_bit(int i, int j) { return PixelMask{1} << (8 * j + i); }
+/// Calls `each` with the index of every pixel of the mask.
+template <class Each>
+void for_each(PixelMask mask, Each each) {
+  for (; mask != 0; mask &= mask - 1) each(static_cast<std::size_t>(__builtin_ctzll(mask)));
+}
 /// The pixels of a tile in columns [left, right) and rows [top, bottom).
 struct Block {
   int left = 0;

@@ -8,6 +8,7 @@
 namespace nodal::view {
 namespace {
 
+using geometry::Biquadratic;
 using geometry::Pixel;
 using geometry::Ray;
 

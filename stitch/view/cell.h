@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "protocol/base/image.h"
+#include "stitch/geometry/biquadratic.h"
 #include "stitch/geometry/raymap/layout.h"
-#include "stitch/view/biquadratic.h"
 #include "stitch/view/filter.h"
 #include "stitch/view/pieces.h"
 #include "stitch/view/row_kernel.h"
@@ -21,7 +21,7 @@ int samples_for(double pixels);
 /// Threading: immutable; any thread.
 class Cell {
  public:
-  static constexpr int kSide = Biquadratic<2>::kSide;
+  static constexpr int kSide = geometry::Biquadratic<2>::kSide;
   /// Samples along each side of a pixel are at most these.
   static constexpr int kMostSamples = 8;
 
@@ -39,7 +39,7 @@ class Cell {
   void expand();
   bool covers_one_piece(const Pieces& pieces, const Taps& taps);
 
-  Biquadratic<2> at_;  ///< px, relative to the centre of the base pixel
+  geometry::Biquadratic<2> at_;  ///< px, relative to the centre of the base pixel
   /// The same by powers: of the column by matrix rows, of the row by matrix columns; for x and for y.
   std::array<Eigen::Matrix3d, 2> powers_;
   std::int32_t base_x_ = 0, base_y_ = 0;

@@ -4,11 +4,12 @@
 #include <cmath>
 #include <optional>
 
-#include "stitch/view/biquadratic.h"
+#include "stitch/geometry/biquadratic.h"
 
 namespace nodal::view {
 namespace {
 
+using geometry::Biquadratic;
 using geometry::Ray;
 using geometry::RaymapLayout;
 

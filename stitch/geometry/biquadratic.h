@@ -4,17 +4,18 @@
 #include <Eigen/Core>
 #include <array>
 #include <optional>
+#include <utility>
 
-namespace nodal::view {
+namespace nodal::geometry {
 
 /// The biquadratic polynomial through the values at the centres of nine pixels of a square of kSide x kSide: those in its
-/// corners, in the middle of its sides and in its middle. N values a point.
-template <int N>
+/// corners, in the middle of its sides and in its middle. N values a point; Side is even.
+template <int N, int Side = 16>
 struct Biquadratic {
   using Value = Eigen::Matrix<double, N, 1>;
-  static constexpr int kSide = 16;
+  static constexpr int kSide = Side;
   /// Columns and rows of the nine pixels.
-  static constexpr std::array kNodes{0.0, 8.0, 15.0};
+  static constexpr std::array<double, 3> kNodes{0, Side / 2, Side - 1};
 
   std::array<Value, 9> nodes;  ///< rows of three
 
@@ -35,7 +36,7 @@ struct Biquadratic {
             (t - a) * (t - b) / ((c - a) * (c - b))};
   }
 
-  /// The polynomial through `value(i, j)`, if it is within `tolerance` of it at two more pixels, too: where third
+  /// The polynomial through `value(i, j)`, if it is within `tolerance` of it at two more points, too: where third
   /// derivatives show. `value` returns an optional Value.
   template <class F>
   static std::optional<Biquadratic> fit(const F& value, double tolerance) {
@@ -45,12 +46,12 @@ struct Biquadratic {
       if (!found) return std::nullopt;
       made.nodes[static_cast<std::size_t>(k)] = *found;
     }
-    for (const double i : {4.0, 12.0}) {
-      const auto found = value(i, i == 4 ? 4.0 : 3.0);
-      if (!found || !((*found - made.at(i, i == 4 ? 4.0 : 3.0)).norm() < tolerance)) return std::nullopt;
+    for (const auto& [i, j] : {std::pair(Side / 4.0, Side / 4.0), std::pair(Side * 0.75, Side * 3 / 16.0)}) {
+      const auto found = value(i, j);
+      if (!found || !((*found - made.at(i, j)).norm() < tolerance)) return std::nullopt;
     }
     return made;
   }
 };
 
-}  // namespace nodal::view
+}  // namespace nodal::geometry
