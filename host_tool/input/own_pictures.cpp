@@ -154,6 +154,9 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
 Result<registration::Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
   registration::FrameSet frames;
   for (const DecodedImage& image : first.images) frames.push_back(image.view());
+  const Result<registration::LitFrames> lit =
+      registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0);
+  if (!lit) return fail(lit.error());
   double begun = 0;
   const auto run = [&](const Calibration& from, registration::Free free, bool geometry, int width, double share,
                        const std::string& what) {
@@ -163,7 +166,7 @@ Result<registration::Report> refined(const FirstCalibration& first, const OwnPro
     options.search = false;
     options.width = width;
     options.progress = [&](const registration::Step&, double done) { progress(begun + share * done, what); };
-    Result<registration::Report> report = registration::register_heads(from, {frames}, options);
+    Result<registration::Report> report = registration::register_heads(from, *lit, options);
     begun += share;
     return report;
   };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "host_tool/console/quantities.h"
 #include "host_tool/report/html_report.h"
@@ -14,7 +15,9 @@
 #include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
+#include "stitch/media/jpeg_writer.h"
 #include "stitch/media/png_writer.h"
+#include "stitch/parallel/workers.h"
 
 namespace nodal::host {
 namespace {
@@ -30,6 +33,23 @@ constexpr int kClose = 288;   // side of a close-up, px
 constexpr int kChecker = 36;  // side of a square from one head, px
 constexpr std::size_t kSeams = 6;
 constexpr double kDifferenceStretch = 8;  // a difference of 32 levels is shown white
+
+// A response curve by table, in steps of a quarter of a level: what pages show needs no more.
+class Curve {
+ public:
+  template <class F>
+  explicit Curve(const F& curve) {
+    for (std::size_t k = 0; k < values_.size(); ++k) values_[k] = curve(static_cast<double>(k) / (kSteps - 1));
+  }
+  /// `level`: 0..255; others are clamped.
+  double operator()(double level) const {
+    return values_[static_cast<std::size_t>(std::clamp(level, 0.0, 255.0) * 4 + 0.5)];
+  }
+
+ private:
+  static constexpr std::size_t kSteps = 4 * 255 + 1;
+  std::array<double, kSteps> values_;
+};
 
 // One calibration's heads with their pictures.
 class Rig {
@@ -47,9 +67,9 @@ class Rig {
     const auto at = heads_[head].project(ray);
     if (!at || !heads_[head].contains(*at)) return std::nullopt;
     const HeadCalibration& own = heads_[head].calibration();
-    const double encoded = sample(frames_[head], at->x - 0.5, at->y - 0.5) / 255;
+    const double encoded = sample(frames_[head], at->x - 0.5, at->y - 0.5);
     const double gain = (own.gain[0] + own.gain[1] + own.gain[2]) / 3;
-    return 255 * geometry::decode(own.response, encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
+    return decode_[head](encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
   }
 
   /// The same in red, green and blue.
@@ -60,21 +80,24 @@ class Rig {
     const std::array<double, 3> encoded = colour(frames_[head], at->x, at->y);
     std::array<double, 3> light{};
     const double fall_off = std::max(heads_[head].vignetting(*at), 0.05);
-    for (std::size_t c = 0; c < 3; ++c) {
-      light[c] =
-          255 * geometry::decode(own.response, std::clamp(encoded[c] / 255, 0.0, 1.0)) / (own.gain[c] * fall_off);
-    }
+    for (std::size_t c = 0; c < 3; ++c) light[c] = decode_[head](encoded[c]) / (own.gain[c] * fall_off);
     return light;
   }
 
   /// The light encoded with the first head's response, for display.
   std::uint8_t shown(double light) const {
-    const double encoded = geometry::encode(heads_.front().calibration().response, std::clamp(light / 255, 0.0, 1.0));
-    return static_cast<std::uint8_t>(std::lround(255 * std::clamp(encoded, 0.0, 1.0)));
+    return static_cast<std::uint8_t>(encode_(255 * std::sqrt(std::clamp(light / 255, 0.0, 1.0))) + 0.5);
   }
 
  private:
-  Rig(std::vector<Head> heads, const FrameSet& frames) : heads_(std::move(heads)), frames_(frames) {}
+  Rig(std::vector<Head> heads, const FrameSet& frames)
+      : heads_(std::move(heads)), frames_(frames), encode_([&](double root) {
+          return 255 * std::clamp(geometry::encode(heads_.front().calibration().response, root * root), 0.0, 1.0);
+        }) {
+    for (const Head& head : heads_) {
+      decode_.emplace_back([&](double level) { return 255 * geometry::decode(head.calibration().response, level); });
+    }
+  }
 
   static double value(const ImageView& image, int x, int y) {
     const auto component = [&](std::size_t c) {
@@ -109,7 +132,20 @@ class Rig {
 
   std::vector<Head> heads_;
   const FrameSet& frames_;
+  std::vector<Curve> decode_;  // of every head
+  Curve encode_;               // of the square root of light, which resolves dark values like the encoded ones
 };
+
+// Calls `row` with every row of a picture of the whole sphere and a function that gives the ray of a column.
+template <class Row>
+void for_rows(int width, int height, const Row& row) {
+  parallel::Workers(0).run(height, [&](int y) {
+    row(static_cast<std::size_t>(y), [=](std::size_t x) {
+      return Ray::at({((static_cast<double>(x) + 0.5) / width - 0.5) * 2 * std::numbers::pi,
+                      ((y + 0.5) / height - 0.5) * std::numbers::pi});
+    });
+  });
+}
 
 struct Spheres {
   std::vector<std::uint8_t> difference, seers;
@@ -117,10 +153,11 @@ struct Spheres {
 
 Spheres spheres_of(const Rig& rig) {
   Spheres spheres;
-  for (int y = 0; y < kMapHeight; ++y) {
-    for (int x = 0; x < kMapWidth; ++x) {
-      const Ray ray = Ray::at(
-          {((x + 0.5) / kMapWidth - 0.5) * 2 * std::numbers::pi, ((y + 0.5) / kMapHeight - 0.5) * std::numbers::pi});
+  spheres.difference.resize(std::size_t{kMapWidth} * kMapHeight);
+  spheres.seers.resize(spheres.difference.size());
+  for_rows(kMapWidth, kMapHeight, [&](std::size_t y, const auto& ray_at) {
+    for (std::size_t x = 0; x < kMapWidth; ++x) {
+      const Ray ray = ray_at(x);
       double sum = 0, squares = 0, count = 0;
       for (std::size_t h = 0; h < rig.heads().size(); ++h) {
         const std::optional<double> light = rig.light(h, ray);
@@ -131,23 +168,22 @@ Spheres spheres_of(const Rig& rig) {
       }
       const double mean = count > 0 ? sum / count : 0;
       const double spread = count > 1 ? std::sqrt(std::max(0.0, squares / count - mean * mean)) : 0;
-      spheres.difference.push_back(static_cast<std::uint8_t>(std::min(255.0, kDifferenceStretch * spread)));
-      spheres.seers.push_back(static_cast<std::uint8_t>(count));
+      const std::size_t at = y * kMapWidth + x;
+      spheres.difference[at] = static_cast<std::uint8_t>(std::min(255.0, kDifferenceStretch * spread));
+      spheres.seers[at] = static_cast<std::uint8_t>(count);
     }
-  }
+  });
   const int most = std::max(1, static_cast<int>(std::ranges::max(spheres.seers)));
   for (std::uint8_t& seers : spheres.seers) seers = static_cast<std::uint8_t>(255 * seers / most);
   return spheres;
 }
 
-/// The mean of the heads in colour, as a PNG.
-std::vector<std::uint8_t> colour_sphere(const Rig& rig) {
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(std::size_t{3} * kColourWidth * kColourHeight);
-  for (int y = 0; y < kColourHeight; ++y) {
-    for (int x = 0; x < kColourWidth; ++x) {
-      const Ray ray = Ray::at({((x + 0.5) / kColourWidth - 0.5) * 2 * std::numbers::pi,
-                               ((y + 0.5) / kColourHeight - 0.5) * std::numbers::pi});
+/// The mean of the heads in colour, as a JPEG.
+Result<std::vector<std::uint8_t>> colour_sphere(const Rig& rig) {
+  std::vector<std::uint8_t> rgb(std::size_t{3} * kColourWidth * kColourHeight);
+  for_rows(kColourWidth, kColourHeight, [&](std::size_t y, const auto& ray_at) {
+    for (std::size_t x = 0; x < kColourWidth; ++x) {
+      const Ray ray = ray_at(x);
       std::array<double, 3> sum{};
       double count = 0;
       for (std::size_t h = 0; h < rig.heads().size(); ++h) {
@@ -156,12 +192,14 @@ std::vector<std::uint8_t> colour_sphere(const Rig& rig) {
         for (std::size_t c = 0; c < 3; ++c) sum[c] += (*light)[c];
         ++count;
       }
-      for (const double channel : sum) rgb.push_back(rig.shown(count > 0 ? channel / count : 0));
+      std::uint8_t* const pixel = &rgb[3 * (y * kColourWidth + x)];
+      for (std::size_t c = 0; c < 3; ++c) pixel[c] = rig.shown(count > 0 ? sum[c] / count : 0);
     }
-  }
-  return media::png_file({kColourWidth, kColourHeight, 3, 8, rgb},
-                         {media::PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
-      .value_or(std::vector<std::uint8_t>());
+  });
+  std::vector<std::uint8_t> jpeg;
+  const ImageView view = packed_image(PixelFormat::kRgb24, kColourWidth, kColourHeight, std::as_const(rgb).data());
+  const Status written = media::JpegWriter({PixelFormat::kRgb24, kColourWidth, kColourHeight}).write(view, "", jpeg);
+  return written ? Result<std::vector<std::uint8_t>>(std::move(jpeg)) : fail(written.error());
 }
 
 std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
@@ -337,8 +375,11 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   for (const std::string& warning : report.warnings) page.warning(warning);
   const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
   page.heading("The sphere");
-  page.pictures({{colour_sphere(*after), "mean of the heads, after"}});
-  page.pictures({{colour_sphere(*before), "mean of the heads, before"}});
+  for (const auto& [rig, when] : {std::pair(&*after, "after"), std::pair(&*before, "before")}) {
+    Result<std::vector<std::uint8_t>> sphere = colour_sphere(*rig);
+    if (!sphere) return fail(sphere.error());
+    page.pictures({{std::move(*sphere), std::string("mean of the heads, ") + when}});
+  }
   add_heads(report, page);
   add_convergence(report, page);
   page.heading("Differences of the heads");

@@ -99,12 +99,14 @@ Result<std::vector<double>> objectives_of(const std::vector<Calibration>& calibr
   const parallel::Workers workers(options.threads);
   std::vector<double> objectives;
   for (const Calibration& calibration : calibrations) {
-    Result<Prepared> ready = prepare(calibration, frame_sets, options, workers);
+    const Result<LitFrames> frames = LitFrames::of(calibration, frame_sets, options.colour, options.threads);
+    if (!frames) return fail(frames.error());
+    Result<Prepared> ready = prepare(calibration, *frames, options);
     if (!ready) return fail(ready.error());
     level_gains(ready->heads);
     const LevelPlan& finest = ready->plans.back();
     Result<std::unique_ptr<Level>> level =
-        Level::make(finest, Level::Pictures::kLight, ready->pyramids, ready->heads, options, 0.02, workers);
+        Level::make(finest, Level::Pictures::kLight, *frames->pyramids, ready->heads, options, 0.02, workers);
     if (!level) return fail(level.error());
     Sought gains;
     gains.rotation = gains.vignetting = false;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 
+#include "stitch/parallel/workers.h"
 #include "stitch/registration/check_frames.h"
+#include "stitch/registration/pyramid.h"
 
 namespace nodal::registration {
 namespace {
@@ -11,28 +13,32 @@ constexpr int kSmallestLevel = 16;  // px on the shorter side of the coarsest pi
 
 }  // namespace
 
-Result<Prepared> prepare(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
-                         const Options& options, const parallel::Workers& workers) {
+Result<LitFrames> LitFrames::of(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, Colour colour,
+                                int threads) {
   if (Status fits = check_frames(calibration, frame_sets); !fits) return fail(fits.error());
+  const int channels = colour == Colour::kRgb ? 3 : 1;
+  std::vector<HeadPyramid> pyramids(calibration.heads.size());
+  parallel::Workers(threads).run(static_cast<int>(pyramids.size()), [&](int head) {
+    const auto h = static_cast<std::size_t>(head);
+    std::vector<Plane> planes;
+    for (const FrameSet& frames : frame_sets) {
+      for (Plane& plane : light_of(frames[h], calibration.heads[h], channels)) planes.push_back(std::move(plane));
+    }
+    pyramids[h] = make_pyramid(std::move(planes), kSmallestLevel);
+  });
+  if (Status good = check_light(calibration, pyramids); !good) return fail(good.error());
+  return LitFrames{frame_sets, colour, std::make_shared<const std::vector<HeadPyramid>>(std::move(pyramids))};
+}
+
+Result<Prepared> prepare(const Calibration& calibration, const LitFrames& frames, const Options& options) {
   Prepared ready;
   for (const HeadCalibration& head : calibration.heads) {
     Result<HeadState> state = HeadState::from(head, calibration.distance);
     if (!state) return fail(state.error());
     ready.heads.push_back(std::move(*state));
   }
-  const int channels = options.colour == Colour::kRgb ? 3 : 1;
-  ready.pyramids.resize(ready.heads.size());
-  workers.run(static_cast<int>(ready.heads.size()), [&](int head) {
-    const auto h = static_cast<std::size_t>(head);
-    std::vector<Plane> planes;
-    for (const FrameSet& frames : frame_sets) {
-      for (Plane& plane : light_of(frames[h], calibration.heads[h], channels)) planes.push_back(std::move(plane));
-    }
-    ready.pyramids[h] = make_pyramid(std::move(planes), kSmallestLevel);
-  });
-  if (Status good = check_light(calibration, ready.pyramids); !good) return fail(good.error());
   int deepest = kLevels - 1;
-  for (const HeadPyramid& pyramid : ready.pyramids) {
+  for (const HeadPyramid& pyramid : *frames.pyramids) {
     deepest = std::min(deepest, static_cast<int>(pyramid.levels.size()) - 1);
   }
   ready.plans = plan_levels(ready.heads, options, deepest);

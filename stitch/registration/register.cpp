@@ -17,12 +17,11 @@ constexpr double kFocalsExplain = 0.7;  // largest share of the objective that m
 
 // Wrong focal lengths are compensated by wrong rotations, and the result only looks right. Estimating the focal
 // lengths, too, distinguishes this from objects close to the rig.
-Status check_focals(const Calibration& prior, const std::vector<FrameSet>& frame_sets, const Options& options,
-                    double held) {
+Status check_focals(const Calibration& prior, const LitFrames& frames, const Options& options, double held) {
   Options sought = options;
   sought.free = Free::kFocals;
   sought.progress = nullptr;
-  const Result<Report> found = Run(prior, sought).run(frame_sets);
+  const Result<Report> found = Run(prior, sought).run(frames);
   if (!found || found->objective_after > kFocalsExplain * held) return {};
   double squares = 0, sum = 0;
   for (const HeadReport& head : found->heads) {
@@ -49,13 +48,26 @@ std::optional<std::string> mistake_of(const Calibration& prior, const std::vecto
   quick.search = false;
   quick.progress = nullptr;
   quick.width = kQuickWidth;
-  const Attempt attempt = [&](const std::vector<FrameSet>& tried) { return Run(prior, quick).run(tried).has_value(); };
+  const Attempt attempt = [&](const std::vector<FrameSet>& tried) {
+    const Result<LitFrames> frames = LitFrames::of(prior, tried, quick.colour, quick.threads);
+    return frames && Run(prior, quick).run(*frames).has_value();
+  };
   return usual_mistake(prior, frame_sets, wrong, attempt);
 }
 
 }  // namespace
 
-Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets, const Options& asked) {
+Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
+                              const Options& options) {
+  const Result<LitFrames> frames = LitFrames::of(prior, frame_sets, options.colour, options.threads);
+  if (!frames) return fail(frames.error());
+  return register_heads(prior, *frames, options);
+}
+
+Result<Report> register_heads(const Calibration& prior, const LitFrames& frames, const Options& asked) {
+  if (frames.colour != asked.colour || frames.pyramids->size() != prior.heads.size()) {
+    return fail(Errc::kBadValue, "the frames were prepared for other colours or other heads");
+  }
   Options options = asked;
   options.distance = options.distance && options.geometry;
   if (options.distance && farthest_position(prior) == 0) {
@@ -68,13 +80,13 @@ Result<Report> register_heads(const Calibration& prior, const std::vector<FrameS
   for (std::vector<LeftOut> left_out;;) {
     Run run(prior, options);
     for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);
-    Result<Report> report = run.run(frame_sets);
+    Result<Report> report = run.run(frames);
     if (run.focals_doubtful()) {
-      if (Status right = check_focals(prior, frame_sets, options, run.objective_after()); !right)
+      if (Status right = check_focals(prior, frames, options, run.objective_after()); !right)
         return fail(right.error());
     }
     if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
-    if (const auto mistake = mistake_of(prior, frame_sets, options, run.wrong())) {
+    if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
       return fail(Errc::kHeadMismatch, *mistake);
     }
     // One head alone must not refuse the others, if those that are left can contradict each other.

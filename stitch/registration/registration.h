@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -105,6 +106,22 @@ struct Report {
   std::vector<std::string> warnings;
 };
 
+struct HeadPyramid;
+
+/// Frames and their light at every size, for several runs over the same frames.
+///
+/// Threading: immutable. Ownership: refers to the frames' bytes.
+struct LitFrames {
+  std::vector<FrameSet> frame_sets;
+  Colour colour = Colour::kLuminance;
+  std::shared_ptr<const std::vector<HeadPyramid>> pyramids;
+
+  /// Of `calibration` the responses and the regions are used; runs must have the same.
+  /// Errors: kBadValue, kNotDetermined and kHeadMismatch of register_heads().
+  static Result<LitFrames> of(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, Colour colour,
+                              int threads);
+};
+
 /// Registers the heads of `prior` on the frames, all frame sets together. The prior gives the start, and all parameters
 /// that are not estimated.
 ///
@@ -116,5 +133,7 @@ struct Report {
 ///   out and reported as not placed.
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                               const Options& options);
+/// The same; `frames` must be of the options' colour.
+Result<Report> register_heads(const Calibration& prior, const LitFrames& frames, const Options& options);
 
 }  // namespace nodal::registration

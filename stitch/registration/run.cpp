@@ -27,11 +27,11 @@ constexpr double kLensMisfit = 0.15;  // share of the objective; 0.001 for right
 
 }  // namespace
 
-Status Run::prepare(const std::vector<FrameSet>& frame_sets) {
-  Result<Prepared> ready = registration::prepare(prior_, frame_sets, options_, workers_);
+Status Run::prepare(const LitFrames& frames) {
+  Result<Prepared> ready = registration::prepare(prior_, frames, options_);
   if (!ready) return fail(ready.error());
   start_ = heads_ = std::move(ready->heads);
-  pyramids_ = std::move(ready->pyramids);
+  frames_ = frames;
   plans_ = std::move(ready->plans);
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
@@ -113,7 +113,7 @@ Status Run::descend_level(const LevelPlan& plan) {
   // A coarse level may still turn heads by tens of degrees.
   const double slack = plan.level >= 3 ? 0.5 : 0.1;
   Result<std::unique_ptr<Level>> level =
-      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, slack, workers_);
+      Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, slack, workers_);
   if (!level) return fail(level.error());
   Objective& objective = (*level)->objective();
   objective.set_used(used());
@@ -142,7 +142,7 @@ Status Run::descend_level(const LevelPlan& plan) {
 }
 
 Status Run::find_dull_heads() {
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const HeadDetail& head = detail->heads[h];
@@ -165,7 +165,7 @@ Status Run::check_agreement() {
   coarse_sigma_.assign(heads_.size(), std::nullopt);
   for (const LevelPlan& plan : plans_) {
     if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
-    Result<Detail> detail = measure_detail(plan, pyramids_, heads_, used(), options_, workers_);
+    Result<Detail> detail = measure_detail(plan, *frames_.pyramids, heads_, used(), options_, workers_);
     if (!detail) return fail(detail.error());
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       const HeadDetail& head = detail->heads[h];
@@ -191,7 +191,7 @@ Status Run::check_agreement() {
 
 Status Run::check_placed(bool& changed) {
   changed = false;
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
   if (Status agree = check_agreement(); !agree) return agree;
   double per_radian = pixels_per_radian(heads_);
@@ -220,7 +220,7 @@ Status Run::light_unplaced_heads() {
   if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
   const LevelPlan& plan = detail_plan();
   Result<std::unique_ptr<Level>> level =
-      Level::make(plan, Level::Pictures::kLight, pyramids_, heads_, options_, 0.02, workers_);
+      Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, 0.02, workers_);
   if (!level) return fail(level.error());
   Sought gains;
   gains.rotation = gains.vignetting = false;
@@ -281,14 +281,14 @@ Result<Report> Run::report() {
     farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
   }
   Result<std::unique_ptr<Level>> level =
-      Level::make(finest, Level::Pictures::kLight, pyramids_, start_, options_, farthest + 0.02, workers_);
+      Level::make(finest, Level::Pictures::kLight, *frames_.pyramids, start_, options_, farthest + 0.02, workers_);
   if (!level) return fail(level.error());
   const Result<Normal> before = (*level)->objective().evaluate(start_, sought_of(finest), false);
   const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
   const std::vector<bool> all(heads_.size(), true);
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, all, options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, all, options_, workers_);
   if (!detail) return fail(detail.error());
   report_.objective_before = before->objective();
   report_.objective_after = after->objective();
@@ -355,7 +355,7 @@ Status Run::descend_coarse() {
   const std::vector<HeadState> unsearched = heads_;
   const std::ptrdiff_t apart = apart_;
   work_done_ = 0;
-  Result<std::vector<HeadState>> found = search_rotations(pyramids_, start_, used(), workers_);
+  Result<std::vector<HeadState>> found = search_rotations(*frames_.pyramids, start_, used(), workers_);
   if (!found) return fail(found.error());
   heads_ = std::move(*found);
   Status again = descend_all();
@@ -364,8 +364,8 @@ Status Run::descend_coarse() {
   return {};
 }
 
-Result<Report> Run::run(const std::vector<FrameSet>& frame_sets) {
-  if (Status ready = prepare(frame_sets); !ready) return fail(ready.error());
+Result<Report> Run::run(const LitFrames& frames) {
+  if (Status ready = prepare(frames); !ready) return fail(ready.error());
   if (!options_.geometry) {
     for (const LevelPlan& plan : plans_) {
       if (Status done = descend_level(plan); !done) return fail(done.error());

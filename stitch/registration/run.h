@@ -26,7 +26,7 @@ class Run {
 
   /// Before run(): the head keeps the prior's rotation, for this reason.
   void leave_out(std::size_t head, std::string why);
-  Result<Report> run(const std::vector<FrameSet>& frame_sets);
+  Result<Report> run(const LitFrames& frames);
   /// The heads that disagreed with the others when run() failed.
   const std::vector<std::size_t>& wrong() const { return wrong_; }
   /// The fixed lenses do not fit the pictures; at least their focal lengths may be wrong.
@@ -35,7 +35,7 @@ class Run {
   double objective_after() const { return report_.objective_after; }
 
  private:
-  Status prepare(const std::vector<FrameSet>& frame_sets);
+  Status prepare(const LitFrames& frames);
   Status find_dull_heads();
   Status check_agreement();
   Status descend_level(const LevelPlan& plan);
@@ -65,7 +65,7 @@ class Run {
   Options options_;
   double huber_share_ = kHuberShare;
   parallel::Workers workers_;
-  std::vector<HeadPyramid> pyramids_;
+  LitFrames frames_;
   std::vector<HeadState> start_, heads_;
   std::vector<LevelPlan> plans_;
   std::vector<bool> own_vignetting_;

@@ -11,7 +11,7 @@ constexpr double kStrictHuber = 0.3;  // of the rms difference: lowers the weigh
 
 // The agreement of the heads' detail at the worst seam.
 Result<double> Run::least_agreement() const {
-  const Result<Detail> detail = measure_detail(detail_plan(), pyramids_, heads_, used(), options_, workers_);
+  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
   if (!detail) return fail(detail.error());
   double least = 1;
   for (const PairSums& pair : detail->pairs) {
