@@ -45,8 +45,21 @@ bool may_see(const RaySampler& sampler, HeadIndex head, const Cone& cone) {
   return reach >= std::numbers::pi || optics.axis.dot(h.seen_from_here(cone.middle.direction())) >= std::cos(reach);
 }
 
-/// The head that has the whole weight of all rays of the cone, by the condition of RowSampler::is_clear() with the
-/// scores that are least favourable within the cone.
+/// Whether head `a`, of the larger score, has the whole weight against `b` all over the cone, by the distance of the
+/// cone's middle from their seam (seam.h), to first order. Where the slopes happen to be small, a part of their limits
+/// counts instead.
+bool far_from_seam(const RaySampler& sampler, const Cone& cone, double width, HeadIndex a, double a_score, HeadIndex b,
+                   double b_score) {
+  constexpr double kPart = 0.25, kMargin = 1.25;
+  const Eigen::Vector2d a_slope = sampler.score_slope(a, cone.middle, a_score);
+  const Eigen::Vector2d b_slope = sampler.score_slope(b, cone.middle, b_score);
+  const double limit = b_score * sampler.steepest(a) + a_score * sampler.steepest(b);
+  const double slope = std::max((b_score * a_slope - a_score * b_slope).norm(), kPart * limit);
+  const double distance = (a_score - b_score) * (a_score + b_score) / (2 * slope);
+  return distance >= kMargin * (width / 2 + cone.radius);
+}
+
+/// The head that has the whole weight of all rays of the cone.
 std::optional<HeadIndex> only_head(const RaySampler& sampler, const Cone& cone) {
   std::array<double, kMaxHeads> scores{};
   const std::size_t heads = sampler.heads().size();
@@ -54,20 +67,22 @@ std::optional<HeadIndex> only_head(const RaySampler& sampler, const Cone& cone) 
     const std::optional<HeadSight> seen = sampler.sight(static_cast<HeadIndex>(h), cone.middle);
     if (seen) scores[h] = score_of(*seen, sampler.optics()[h].depth_per_px);
   }
-  const auto best = static_cast<std::size_t>(std::ranges::max_element(scores) - scores.begin());
-  const double slope = sampler.steepest(static_cast<HeadIndex>(best));
+  const auto best = static_cast<HeadIndex>(std::ranges::max_element(scores) - scores.begin());
+  const double slope = sampler.steepest(best);
   const double least = scores[best] - slope * cone.radius, most = scores[best] + slope * cone.radius;
   if (!(least > 0 && most * most < kEndless)) return std::nullopt;
   const double width = sampler.options().seam_width_deg * std::numbers::pi / 180;
-  for (std::size_t h = 0; h < heads; ++h) {
-    if (h == best || !may_see(sampler, static_cast<HeadIndex>(h), cone)) continue;
-    const double other_slope = sampler.steepest(static_cast<HeadIndex>(h));
+  for (std::size_t k = 0; k < heads; ++k) {
+    const auto h = static_cast<HeadIndex>(k);
+    if (h == best || !may_see(sampler, h, cone)) continue;
+    // The condition of RowSampler::is_clear() with the scores that are least favourable within the cone.
+    const double other_slope = sampler.steepest(h);
     const double other = scores[h] + other_slope * cone.radius;
-    if (!(least > other && (least - other) * (least + other) >= width * (other * slope + most * other_slope))) {
-      return std::nullopt;
-    }
+    if (least > other && (least - other) * (least + other) >= width * (other * slope + most * other_slope)) continue;
+    if (scores[h] > 0 && far_from_seam(sampler, cone, width, best, scores[best], h, scores[h])) continue;
+    return std::nullopt;
   }
-  return static_cast<HeadIndex>(best);
+  return best;
 }
 
 /// The values at all pixels of the tile, from those at the polynomial's nodes.

@@ -164,6 +164,23 @@ std::optional<HeadSight> RaySampler::sight(HeadIndex head, const geometry::Ray& 
   return seen && seen->inside >= kEdge ? seen : std::nullopt;
 }
 
+Eigen::Vector2d RaySampler::score_slope(HeadIndex head, const geometry::Ray& ray, double score) const {
+  // One-sided differences. Their relative error is about kStep, their rounding noise about 1e-16 / kStep.
+  constexpr double kStep = 1e-7;  // rad; the vector's length is then 1 to within kStep squared
+  const Eigen::Vector3d across = ray.direction().unitOrthogonal();
+  const std::array<Eigen::Vector3d, 2> tangents{across, ray.direction().cross(across)};
+  const Optics& optics = optics_[head];
+  Eigen::Vector2d slope;
+  for (int way = 0; way < 2; ++way) {
+    const Eigen::Vector3d d =
+        heads_[head].seen_from_here(ray.direction() + kStep * tangents[static_cast<std::size_t>(way)]);
+    const std::optional<HeadSight> seen = see(
+        heads_[head], optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)}, optics.depth_per_px);
+    slope[way] = ((seen ? score_of(*seen, optics.depth_per_px) : 0.0) - score) / kStep;
+  }
+  return slope;
+}
+
 RaySample RaySampler::place(int grid, HeadIndex head, geometry::Pixel pixel) const {
   const Plane& picture = plane(grid, head);
   const PlaneGrid& plane_grid = picture.on_picture;

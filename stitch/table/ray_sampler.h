@@ -81,6 +81,8 @@ class RaySampler {
   std::optional<geometry::Ray> ray(int grid, double x, double y) const;
   /// What a head sees of a ray; nothing outside its region.
   std::optional<HeadSight> sight(HeadIndex head, const geometry::Ray& ray) const;
+  /// The slope of a head's score (score_of()) along two directions across the ray, per radian. `score`: at the ray.
+  Eigen::Vector2d score_slope(HeadIndex head, const geometry::Ray& ray, double score) const;
   /// The position and the gain of a pixel of a head's picture, by pixel interpolation. Positions outside the picture's
   /// outermost samples are moved to them.
   RaySample place(int grid, HeadIndex head, geometry::Pixel pixel) const;

@@ -104,23 +104,10 @@ bool RowSampler::is_clear(std::span<Sight> sights) const {
 /// the square of the distance from the edge, so its root is about linear, as apply_seam() needs for seams of the given
 /// width.
 void RowSampler::choose_best(const geometry::Ray& ray, std::span<Sight> sights) const {
-  // One-sided differences. Their relative error is about kStep, their rounding noise about 1e-16 / kStep.
-  constexpr double kStep = 1e-7;  // rad; the vector's length is then 1 to within kStep squared
-  const Eigen::Vector3d across = ray.direction().unitOrthogonal();
-  const std::array<Eigen::Vector3d, 2> tangents{across, ray.direction().cross(across)};
   std::array<SeamCandidate, kMaxHeads> candidates;
   for (std::size_t k = 0; k < sights.size(); ++k) {
-    const RaySampler::Optics& optics = rig_.optics()[sights[k].head];
-    SeamCandidate& candidate = candidates[k];
-    candidate.score = std::sqrt(sights[k].weight);
-    for (std::size_t way = 0; way < 2; ++way) {
-      const geometry::Head& head = rig_.heads()[sights[k].head];
-      const Eigen::Vector3d d = head.seen_from_here(ray.direction() + kStep * tangents[way]);
-      const std::optional<HeadSight> seen =
-          see(head, optics.lens, {optics.right.dot(d), optics.down.dot(d), optics.axis.dot(d)}, optics.depth_per_px);
-      const double moved = seen ? score_of(*seen, optics.depth_per_px) : 0.0;
-      candidate.slope[static_cast<Eigen::Index>(way)] = (moved - candidate.score) / kStep;
-    }
+    candidates[k].score = std::sqrt(sights[k].weight);
+    candidates[k].slope = rig_.score_slope(sights[k].head, ray, candidates[k].score);
   }
   apply_seam(std::span(candidates).first(sights.size()), rig_.options().seam_width_deg * std::numbers::pi / 180);
   for (std::size_t k = 0; k < sights.size(); ++k) sights[k].weight = candidates[k].weight;
