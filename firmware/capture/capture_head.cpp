@@ -98,6 +98,7 @@ bool CaptureHead::step(Instant now, hal::TriggerMode mode) {
     if (lent_ > 0) return false;  // the blend still reads; it releases the frames within the time of one raymap
     port_->stop();
     started_ = restarting_ = false;
+    report_.started_by.reset();
   }
   if (next_try_ && now < *next_try_) return false;
   start(mode, now);
@@ -142,6 +143,7 @@ void CaptureHead::start(hal::TriggerMode mode, Instant now) {
   ++starts_;
   started_ = true;
   mode_ = mode;
+  report_.started_by = mode;
   missed_in_row_ = 0;
   back_in_sets();
 }
@@ -151,6 +153,7 @@ void CaptureHead::vanish(const Error& why) {
   started_ = restarting_ = false;
   back_in_sets();
   report_.present = false;
+  report_.started_by.reset();
   report_.problem = why.message;
 }
 

@@ -40,7 +40,8 @@ struct FrameCounts {
 struct HeadReport {
   std::string path, model, serial;
   bool present = false;
-  std::optional<hal::HeadFormat> format;  ///< the newest known one; empty: never opened
+  std::optional<hal::TriggerMode> started_by;  ///< what starts its exposures; empty: it does not stream
+  std::optional<hal::HeadFormat> format;       ///< the newest known one; empty: never opened
   std::optional<hal::HeadLimits> limits;
   hal::HeadSettings in_effect;  ///< settings of the newest frame
   FrameCounts counts;

@@ -85,6 +85,16 @@ std::string problem_of(const HeadReport& head) {
 }
 
 /// "+48 ppm".
+/// The words of rig.toml's trigger_mode, and "free".
+const char* name_of(hal::TriggerMode mode) {
+  switch (mode) {
+    case hal::TriggerMode::kFreeRun: return "free";
+    case hal::TriggerMode::kExternal: return "input";
+    case hal::TriggerMode::kWired: return "wired";
+  }
+  return "";
+}
+
 std::string ppm_of(std::int32_t ppb) {
   const std::int32_t ppm = (ppb + (ppb < 0 ? -500 : 500)) / 1000;
   return (ppm < 0 ? "" : "+") + std::to_string(ppm) + " ppm";
@@ -199,6 +209,7 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, const Ble
       state.set_format(std::string(pixel_format_name(head.format->pixels)) + " " + std::to_string(head.format->width) +
                        "x" + std::to_string(head.format->height));
     }
+    if (head.started_by) state.set_trigger(name_of(*head.started_by));
     state.set_exposure_ns(ns_of(head.in_effect.exposure.duration()));
     state.set_gain_mdb(head.in_effect.gain.mdb());
     state.set_red_q12(head.in_effect.white_balance.red_q12);

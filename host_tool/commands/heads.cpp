@@ -22,12 +22,12 @@ std::uint64_t losses_of(const wire::HeadState& head) {
 
 std::string show_skew(std::int64_t ns) { return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns))); }
 
-/// One line per head, and below it its problem. With `wide` also the port, the format and the white balance, which do not
+/// One line per head, and below it its problem. With `wide` also the port, the format, the trigger and the white balance, which do not
 /// fit into 80 columns.
 void show(Console& console, const wire::Heads& heads, bool wide) {
   using Align = Table::Align;
   std::vector<Table::Column> columns{{"#", Align::kRight}, {"name"}};
-  if (wide) columns.insert(columns.end(), {{"port"}, {"format"}, {"red, blue"}});
+  if (wide) columns.insert(columns.end(), {{"port"}, {"format"}, {"trigger"}, {"red, blue"}});
   columns.insert(columns.end(), {{"exposure", Align::kRight},
                                  {"gain", Align::kRight},
                                  {"frames", Align::kRight},
@@ -38,7 +38,8 @@ void show(Console& console, const wire::Heads& heads, bool wide) {
   for (const wire::HeadState& head : heads.heads()) {
     std::vector<std::string> row{std::to_string(head.index()), head.name()};
     if (wide) {
-      row.insert(row.end(), {head.path(), head.format(), show_white_balance(head.red_q12(), head.blue_q12())});
+      row.insert(row.end(),
+                 {head.path(), head.format(), head.trigger(), show_white_balance(head.red_q12(), head.blue_q12())});
     }
     row.insert(row.end(), {show_exposure(head.exposure_ns()), show_gain(head.gain_mdb()), std::to_string(head.frames()),
                            std::to_string(losses_of(head)), show_skew(head.skew_ns()),
@@ -211,8 +212,9 @@ void add_heads(CLI::App& app, CommandLine& line) {
                                 "  nodal heads --json | jq '.heads[] | select(.present|not).name'\n");
   auto wide = std::make_shared<bool>(false);
   heads->require_subcommand(0, 1);
-  CLI::Option* const wide_flag =
-      heads->add_flag("--wide", *wide, "Also port, format and white balance; wider than 80 columns");
+  CLI::Option* const wide_flag = heads->add_flag(
+      "--wide", *wide,
+      "Also port, format, trigger (free: the head's own clock) and white balance;\nwider than 80 columns");
   line.on(heads, [wide](Context& context) { return run_heads(context, *wide); });
 
   CLI::App* scan = add_command(*heads, "scan", "List what is plugged into the rig's board, as a rig.toml with comments",

@@ -78,6 +78,7 @@ void clean(Check& check, wire::Heads& heads) {
     check.name(head.mutable_model());
     check.name(head.mutable_serial());
     check.name(head.mutable_format());
+    check.name(head.mutable_trigger());
     check.sentence(head.mutable_problem());
     check.counts(*head.mutable_losses(), "losses of a head");
   }

@@ -141,6 +141,7 @@ Json to_json(const wire::HeadState& head) {
           {"serial", head.serial()},
           {"present", head.present()},
           {"format", head.format()},
+          {"trigger", head.trigger()},
           {"exposure_ns", head.exposure_ns()},
           {"exposure_min_ns", head.exposure_min_ns()},
           {"exposure_max_ns", head.exposure_max_ns()},

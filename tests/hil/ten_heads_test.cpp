@@ -94,6 +94,7 @@ TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
     const auto frames = number(head, "frames") - number(heads_before["heads"][i], "frames");
     EXPECT_NEAR(static_cast<double>(frames), seconds * kRate, 4) << head;
     EXPECT_EQ(number(head, "opened"), 1) << head;
+    EXPECT_EQ(head["trigger"], "free") << head;
     EXPECT_EQ(head["problem"], "") << head;
   }
   // Every frame is in a set, held, or lost with a reason; every slot of a set is filled or was missed by its head.

@@ -237,6 +237,10 @@ TEST(Genlock, AWiredHead_IsInLockWithTheOthersAndIsNotRestarted) {
   const wire::Genlock now = host.status().genlock();
   EXPECT_EQ(now.state(), "locked");
   EXPECT_EQ(now.unaligned_size(), 0) << now.unaligned(0);
+  const wire::Heads heads = host.heads();
+  for (const wire::HeadState& head : heads.heads()) {
+    EXPECT_EQ(head.trigger(), head.index() == 2 ? "wired" : "input") << head.name();
+  }
   const StreamId stream = host.pull(false, 1);
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
   const wire::RaymapHeader& header = host.pulled[stream].at(0).header;
@@ -248,6 +252,10 @@ TEST(Genlock, AWiredHead_IsInLockWithTheOthersAndIsNotRestarted) {
   const std::uint64_t frames = stand.capture().heads[2].counts.frames;
   stand.run(Duration::seconds(1));
   EXPECT_NEAR(static_cast<double>(stand.capture().heads[2].counts.frames - frames), 30, 1);
+  EXPECT_EQ(host.heads().heads(0).trigger(), "free");
+  EXPECT_EQ(host.heads().heads(2).trigger(), "wired");
+  stand.world.head(0).unplug();
+  EXPECT_TRUE(stand.run_until([&] { return host.heads().heads(0).trigger().empty(); }, Duration::seconds(2)));
 }
 
 TEST(Genlock, TheCableOfAWiredHeadIsPulled_ItIsReportedByNameAndTheLockIsNotKept) {
