@@ -10,6 +10,9 @@
 namespace nodal::geometry {
 namespace {
 
+/// How far a face's plane is used beyond its edges, as a part of the face's height.
+constexpr double kBeyond = 0.25;
+
 /// Twice the area of the triangle a, b, c.
 double cross(const Pixel& a, const Pixel& b, const Pixel& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
@@ -41,32 +44,39 @@ double solid_angle_of(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const 
 
 }  // namespace
 
-Polyhedron::Polyhedron(std::string_view name, RaymapSize size, const std::vector<Triangle>& triangles)
-    : RaymapLayout(size.width, size.height), name_(name) {
+Polyhedron::Polyhedron(std::string_view name, RaymapSize size, const std::vector<Triangle>& triangles,
+                       const FaceScale* scale)
+    : RaymapLayout(size.width, size.height), name_(name), scale_(scale) {
   for (const Triangle& triangle : triangles) {
     Face face;
-    Eigen::Matrix3d picture, space;
     for (int k = 0; k < 3; ++k) {
       const Corner& corner = triangle[static_cast<std::size_t>(k)];
       const Pixel at{corner.at.x * size.width, corner.at.y * size.height};
       face.corners[static_cast<std::size_t>(k)] = at;
-      picture.col(k) = Eigen::Vector3d(at.x, at.y, 1);
-      space.col(k) = corner.point;
+      face.picture.col(k) = Eigen::Vector3d(at.x, at.y, 1);
+      face.space.col(k) = corner.point;
     }
     const auto [left, right] = std::minmax({face.corners[0].x, face.corners[1].x, face.corners[2].x});
     const auto [top, bottom] = std::minmax({face.corners[0].y, face.corners[1].y, face.corners[2].y});
     face.left = left, face.right = right, face.top = top, face.bottom = bottom;
-    face.space_of_picture = space * picture.inverse();
-    face.picture_of_space = face.space_of_picture.inverse();
+    face.face_of_space = face.space.inverse();
+    face.map_of_picture = face.picture.inverse();
     // n . corner = 1 for all corners.
-    face.normal = space.transpose().inverse() * Eigen::Vector3d::Ones();
+    face.normal = face.space.transpose().inverse() * Eigen::Vector3d::Ones();
     faces_.push_back(face);
   }
 }
 
+/// The point at a place of the picture, px: on a face, or on its plane not far beyond.
+Eigen::Vector3d Polyhedron::point_of(const Face& face, const Pixel& at) const {
+  Eigen::Vector3d map = face.map_of_picture * Eigen::Vector3d(at.x, at.y, 1);
+  if (map.minCoeff() < -kBeyond) map = map.cwiseMax(-kBeyond), map /= map.sum();
+  return face.space * (scale_ ? scale_->from_map(map) : map);
+}
+
 std::optional<Ray> Polyhedron::ray(double x, double y) const {
   if (!(x >= 0 && x <= width() && y >= 0 && y <= height())) return std::nullopt;
-  // The face in which the point lies deepest: the faces fill the picture, but rounding may leave it just outside of all.
+  // The face in which the point lies deepest; rounding may leave a point of an edge just outside of all.
   const Face* best = nullptr;
   double deepest = -1e300;
   for (const Face& face : faces_) {
@@ -79,8 +89,13 @@ std::optional<Ray> Polyhedron::ray(double x, double y) const {
     if (depth > deepest) deepest = depth, best = &face;
     if (deepest > 1e-9) break;
   }
+  // A pixel that an edge of the net crosses holds a ray, wherever its middle is.
   if (best == nullptr) return std::nullopt;
-  return Ray::towards(best->space_of_picture * Eigen::Vector3d(x, y, 1));
+  if (deepest < -1e-9 &&
+      solid_angle(std::min(static_cast<int>(x), width() - 1), std::min(static_cast<int>(y), height() - 1)) == 0) {
+    return std::nullopt;
+  }
+  return Ray::towards(point_of(*best, {x, y}));
 }
 
 /// The solid angle of the part of a pixel that is in a face.
@@ -92,9 +107,8 @@ double Polyhedron::part(const Face& face, int i, int j) const {
   polygon = cut(polygon, &Pixel::y, -1, j);
   polygon = cut(polygon, &Pixel::y, 1, j + 1);
   double sum = 0;
-  const auto space = [&](const Pixel& at) { return (face.space_of_picture * Eigen::Vector3d(at.x, at.y, 1)).eval(); };
   for (std::size_t k = 2; k < polygon.size(); ++k) {
-    sum += solid_angle_of(space(polygon[0]), space(polygon[k - 1]), space(polygon[k]));
+    sum += solid_angle_of(point_of(face, polygon[0]), point_of(face, polygon[k - 1]), point_of(face, polygon[k]));
   }
   return sum;
 }
@@ -113,7 +127,8 @@ std::optional<Pixel> Polyhedron::pixel(const Ray& ray) const {
   double deepest = -1e300;
   for (const Face& face : faces_) {
     if (face.normal.dot(ray.direction()) < farthest - 1e-12) continue;
-    const Eigen::Vector3d at = face.picture_of_space * (ray.direction() / farthest);
+    const Eigen::Vector3d on_face = face.face_of_space * (ray.direction() / farthest);
+    const Eigen::Vector3d at = face.picture * (scale_ ? scale_->to_map(on_face) : on_face);
     const Pixel pixel{at.x(), at.y()};
     const double depth = std::min({pixel.x, width() - pixel.x, pixel.y, height() - pixel.y});
     if (depth > deepest)

@@ -10,6 +10,7 @@
 #include "stitch/geometry/raymap/cube.h"
 #include "stitch/geometry/raymap/cylinder.h"
 #include "stitch/geometry/raymap/dual_disc.h"
+#include "stitch/geometry/raymap/dymaxion.h"
 #include "stitch/geometry/raymap/equirectangular.h"
 #include "stitch/geometry/raymap/healpix.h"
 #include "stitch/geometry/raymap/point_sequence.h"
@@ -29,6 +30,7 @@ double one_over_pi(std::int64_t) { return 1 / kPi; }
 double of_central_cylinder(std::int64_t fov) { return std::tan(static_cast<double>(fov) * kPi / 360) / kPi; }
 double of_tetrahedron(std::int64_t) { return std::sqrt(3.0) / 4; }
 double of_icosahedron(std::int64_t) { return std::sqrt(3.0) / 5; }
+double of_dymaxion(std::int64_t) { return 3 * std::sqrt(3.0) / 11; }
 
 /// To add a layout: its header and source in this folder, and a line here. Radians across follow from each layout's
 /// largest solid angle, which its header states.
@@ -74,6 +76,12 @@ const std::array kKinds{
                30 / (kIcosahedronInradius * 6),
                {2, 2},
                &of_icosahedron},
+    LayoutKind{"dymaxion",
+               "Fuller's map: an icosahedron, pixels more even, unfolded as for the Earth",
+               &make_dymaxion,
+               dymaxion_radians_across(),
+               {2, 2},
+               &of_dymaxion},
     LayoutKind{
         "sinusoidal", "rows as long as their circle of latitude; equal area", &Sinusoidal::make, 2 * kPi, {4, 2}},
     LayoutKind{"compressed_spherical",

@@ -51,6 +51,8 @@ inline std::vector<std::unique_ptr<RaymapLayout>> every_layout() {
                                                              {"tetrahedron", 41, 17},
                                                              {"icosahedron", 300, 104},
                                                              {"icosahedron", 61, 23},
+                                                             {"dymaxion", 330, 156},
+                                                             {"dymaxion", 67, 41},
                                                              {"sinusoidal", 400, 200},
                                                              {"sinusoidal", 61, 37},
                                                              {"compressed_spherical", 512, 256},
@@ -72,11 +74,11 @@ inline std::string described(const RaymapLayout& layout) {
   return std::string(layout.name()) + " " + std::to_string(layout.width()) + "x" + std::to_string(layout.height());
 }
 
-/// Whether the whole pixel is on the map: just inside of each corner is where its own ray is put back. Edge pixels of
-/// discs, and padding, are not.
+/// Whether the whole pixel is on the map: its middle, and just inside of each corner and side, are where their own
+/// rays are put back. Edge pixels of discs, and padding, are not.
 inline bool is_whole(const RaymapLayout& layout, int i, int j) {
-  for (const double x : {i + 1e-6, i + 1 - 1e-6}) {
-    for (const double y : {j + 1e-6, j + 1 - 1e-6}) {
+  for (const double x : {i + 1e-6, i + 0.5, i + 1 - 1e-6}) {
+    for (const double y : {j + 1e-6, j + 0.5, j + 1 - 1e-6}) {
       const std::optional<Ray> ray = layout.ray(x, y);
       const std::optional<Pixel> back = ray ? layout.pixel(*ray) : std::nullopt;
       if (!back || std::abs(back->x - x) > 1e-7 || std::abs(back->y - y) > 1e-7) return false;

@@ -91,7 +91,7 @@ RC_GTEST_PROP(EveryLayout, RayOfThePixelOfAnyRay_IsTheRay, ()) {
 TEST(EveryLayout, SolidAngle_IsTheAreaThatThePixelsRaysSpan) {
   std::mt19937 random(6);
   for (const auto& layout : every_layout()) {
-    if (layout->scattered()) continue;
+    if (layout->scattered() || layout->name() == "dymaxion") continue;  // dymaxion: see below
     int compared = 0;
     for (int trial = 0; trial < 400; ++trial) {
       const int i = static_cast<int>(random() % static_cast<unsigned>(layout->width()));
@@ -144,7 +144,7 @@ TEST(EveryLayout, OutsideThePicture_HoldsNoRay) {
     EXPECT_FALSE(layout->ray(std::nan(""), 5)) << described(*layout);
     const double x = layout->name() == "cube_cross" ? layout->width() * 0.4 : layout->width();
     const bool round = layout->name() == "sinusoidal" || layout->name() == "compressed_spherical" ||
-                       layout->name().starts_with("dual");
+                       layout->name() == "dymaxion" || layout->name().starts_with("dual");
     EXPECT_EQ(layout->ray(x, layout->height()).has_value(), !round) << described(*layout);
   }
 }
