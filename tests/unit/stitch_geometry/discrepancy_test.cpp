@@ -10,29 +10,19 @@
 
 #include "raymap_examples.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "tests/reference/discrepancy.h"
 
 namespace nodal::geometry {
 namespace {
 
-/// The square of the discrepancy: the squared difference between the part of the rays in a cap and the cap's part of the
-/// sphere, its mean over all axes, integrated over the cosine of the cap's radius from -1 to 1. By Stolarsky's invariance
-/// principle (1973) it is (4/3 - the mean distance of two rays' ends, each ray with itself included) / 4.
-double squared_discrepancy(const std::vector<Eigen::Vector3d>& rays) {
-  double sum = 0;
-  for (std::size_t a = 0; a < rays.size(); ++a) {
-    for (std::size_t b = 0; b < a; ++b) sum += (rays[a] - rays[b]).norm();
-  }
-  const auto n = static_cast<double>(rays.size());
-  return (4.0 / 3 - 2 * sum / n / n) / 4;
-}
-
-double squared_discrepancy(std::string_view name, int width, int height) {
+/// Squared.
+double discrepancy_of(std::string_view name, int width, int height) {
   const auto layout = made(name, width, height);
   std::vector<Eigen::Vector3d> rays;
   for (int j = 0; j < height; ++j) {
     for (int i = 0; i < width; ++i) rays.push_back(layout->ray(i + 0.5, j + 0.5)->direction());
   }
-  return squared_discrepancy(rays);
+  return test::squared_discrepancy(rays);
 }
 
 TEST(Discrepancy, OfIndependentRays_IsOneOverThreeN) {
@@ -46,7 +36,7 @@ TEST(Discrepancy, OfIndependentRays_IsOneOverThreeN) {
     for (int k = 0; k < kRays; ++k) {
       rays.push_back(Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized());
     }
-    mean += squared_discrepancy(rays) / kSets;
+    mean += test::squared_discrepancy(rays) / kSets;
   }
   EXPECT_NEAR(mean * 3 * kRays, 1, 0.25);
 }
@@ -54,8 +44,8 @@ TEST(Discrepancy, OfIndependentRays_IsOneOverThreeN) {
 TEST(Discrepancy, OfHammersleyAndHalton_FallsAsFastAsThatOfAnyPointsCan) {
   // No points do better than the order n^(-3/4) (Beck 1984); independent ones have n^(-1/2).
   for (const std::string_view name : {"hammersley", "halton"}) {
-    const double coarse = std::sqrt(squared_discrepancy(name, 32, 32));
-    const double fine = std::sqrt(squared_discrepancy(name, 128, 128));
+    const double coarse = std::sqrt(discrepancy_of(name, 32, 32));
+    const double fine = std::sqrt(discrepancy_of(name, 128, 128));
     EXPECT_NEAR(std::log(coarse / fine) / std::log(16), 0.75, 0.06) << name;
     EXPECT_LT(fine * 8, 1 / std::sqrt(3.0 * 128 * 128)) << name << ": an eighth of that of independent rays";
   }
@@ -84,7 +74,7 @@ TEST(Discrepancy, OfStratifiedRandom_IsThatOfRowsWithIndependentLongitudes) {
   constexpr int kSets = 40, kWidth = 30, kHeight = 20;
   double mean = 0;
   for (int seed = 1; seed <= kSets; ++seed) {
-    mean += squared_discrepancy("stratified_random:seed=" + std::to_string(seed), kWidth, kHeight) / kSets;
+    mean += discrepancy_of("stratified_random:seed=" + std::to_string(seed), kWidth, kHeight) / kSets;
   }
   EXPECT_NEAR(mean * kWidth * kHeight / integral, 1, 0.25);
 }
