@@ -1,12 +1,14 @@
 #include "stitch/view/point_sampler.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <utility>
+
+#include "stitch/view/natural_neighbours.h"
+#include "stitch/view/tangent.h"
 
 namespace nodal::view {
 namespace {
@@ -27,16 +29,9 @@ void add_pixel(const PlaneView& plane, int channels, int i, int j, float weight,
 
 }  // namespace
 
-/// Directions of longitude and latitude at a ray; any at the poles.
-Tangent tangent_at(const Ray& ray) {
-  const double across = std::hypot(ray.x(), ray.z());
-  const Eigen::Vector3d right =
-      across > 1e-12 ? Eigen::Vector3d(ray.z() / across, 0, -ray.x() / across) : Eigen::Vector3d(1, 0, 0);
-  return {right, ray.direction().cross(right)};
-}
-
 PointSampler::PointSampler(const geometry::RaymapLayout& layout, const Pieces& pieces, Filter filter)
     : layout_(layout),
+      scattered_(dynamic_cast<const geometry::ScatteredRays*>(&layout)),
       pieces_(pieces),
       filter_(filter),
       mean_sr_(4 * std::numbers::pi / layout.width() / layout.height()) {}
@@ -89,6 +84,12 @@ void PointSampler::add_across_edge(const PlaneView& plane, int channels, const R
   for (int c = 0; c < channels; ++c) sum.value[c] += weighted.value[c] / total;
 }
 
+void PointSampler::add_natural(const PlaneView& plane, int channels, const Ray& ray, Sum& sum) const {
+  for (const Neighbour& neighbour : natural_neighbours(*scattered_, ray)) {
+    add_pixel(plane, channels, neighbour.i, neighbour.j, static_cast<float>(neighbour.weight), sum);
+  }
+}
+
 void PointSampler::add(const PlaneView& plane, int channels, const Position& at, const std::function<Ray()>& ray,
                        Sum& sum) const {
   const int width = layout_.width();
@@ -100,7 +101,7 @@ void PointSampler::add(const PlaneView& plane, int channels, const Position& at,
       return add_pixel(plane, channels, i, j, 1, sum);
     return add_across_edge(plane, channels, ray(), sum);
   }
-  if (layout_.scattered()) return add_across_edge(plane, channels, ray(), sum);
+  if (scattered_ != nullptr) return add_natural(plane, channels, ray(), sum);
   const double left = at.x - 0.5, top = at.y - 0.5;
   const int i = static_cast<int>(left + 1) - 1, j = static_cast<int>(top + 1) - 1;  // rounded down: both are over -1
   Filter filter = filter_;

@@ -8,6 +8,7 @@
 #include "protocol/base/image.h"
 #include "stitch/geometry/ray.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/geometry/raymap/scattered_rays.h"
 #include "stitch/view/filter.h"
 #include "stitch/view/pieces.h"
 
@@ -23,8 +24,9 @@ struct Sum {
   float value[3] = {0, 0, 0};
 };
 
-/// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows; scattered
-/// raymaps), a sample is the mean of the nearest pixels of nine rays about it, weighted by their distance.
+/// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows), a sample is the
+/// mean of the nearest pixels of nine rays about it, weighted by their distance; in scattered raymaps, that of its natural
+/// neighbours.
 ///
 /// Threading: immutable; any thread.
 /// Ownership: keeps the layout and its pieces by reference.
@@ -41,16 +43,13 @@ class PointSampler {
  private:
   void add_across_edge(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
 
+  void add_natural(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
+
   const geometry::RaymapLayout& layout_;
+  const geometry::ScatteredRays* scattered_;  ///< the layout, or null
   const Pieces& pieces_;
   Filter filter_;
   double mean_sr_;
 };
-
-/// Directions of longitude and latitude at a ray; any at the poles.
-struct Tangent {
-  Eigen::Vector3d right, down;
-};
-Tangent tangent_at(const geometry::Ray& ray);
 
 }  // namespace nodal::view

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "stitch/view/tangent.h"
+
 namespace nodal::view {
 namespace {
 

@@ -6,8 +6,6 @@
 #include "protocol/base/angles.h"
 
 namespace nodal::geometry {
-namespace {}  // namespace
-
 std::optional<Ray> ScatteredRays::ray(double x, double y) const {
   if (!(x >= 0 && x <= width() && y >= 0 && y <= height())) return std::nullopt;
   return ray_of(std::min(static_cast<int>(x), width() - 1), std::min(static_cast<int>(y), height() - 1));
@@ -56,38 +54,42 @@ const ScatteredRays::Index& ScatteredRays::index() const {
   return index_.compare_exchange_strong(other, mine.get()) ? *mine.release() : *other;
 }
 
-std::optional<Pixel> ScatteredRays::pixel(const Ray& ray) const {
+void ScatteredRays::visit(const Ray& ray, double reach, const std::function<void(int, int, const Ray&)>& found) const {
   const Index& index = this->index();
   const Angles at = ray.angles();
-  const int strips = index.strips();
-  std::uint32_t best = 0;
-  double nearest = 10;  // squared length of the chord
-  // All rays within `reach` are searched, and farther ones until one is found that is within it.
-  for (double reach = 1.5 * kPi / strips;; reach *= 2) {
-    for (int s = index.strip_of(at.phi - reach); s <= index.strip_of(at.phi + reach); ++s) {
-      // Within `reach`, longitude differs by up to asin(sin reach / cos phi).
-      const double sine = std::sin(std::min(reach, kPi / 2)) / std::max(1e-300, std::cos(at.phi));
-      const double side = sine < 1 ? std::asin(sine) : kPi;
-      const std::uint32_t first = index.cells_before[static_cast<std::size_t>(s)];
-      const std::uint32_t count = index.cells_before[static_cast<std::size_t>(s) + 1] - first;
-      const double cells = side / (2 * kPi) * count;
-      const std::uint32_t about = 2 * static_cast<std::uint32_t>(cells) + 3;
-      const std::uint32_t searched = std::min(count, about);
-      const std::uint32_t middle = index.cell_of(s, at.theta) - first;
-      for (std::uint32_t k = 0; k < searched; ++k) {
-        const std::uint32_t cell = first + (middle + 2 * count - about / 2 % count + k) % count;
-        for (std::uint32_t p = index.begin[cell]; p < index.begin[cell + 1]; ++p) {
-          const auto w = static_cast<std::uint32_t>(width());
-          const auto i = static_cast<int>(index.pixels[p] % w), j = static_cast<int>(index.pixels[p] / w);
-          const double away = (ray_of(i, j).direction() - ray.direction()).squaredNorm();
-          if (away < nearest) nearest = away, best = index.pixels[p];
-        }
+  // Within `reach`, longitude differs by up to asin(sin reach / cos phi).
+  const double sine = std::sin(std::min(reach, kPi / 2)) / std::max(1e-300, std::cos(at.phi));
+  const double side = sine < 1 ? std::asin(sine) : kPi;
+  for (int s = index.strip_of(at.phi - reach); s <= index.strip_of(at.phi + reach); ++s) {
+    const std::uint32_t first = index.cells_before[static_cast<std::size_t>(s)];
+    const std::uint32_t count = index.cells_before[static_cast<std::size_t>(s) + 1] - first;
+    const double cells = side / (2 * kPi) * count;
+    const std::uint32_t about = 2 * static_cast<std::uint32_t>(cells) + 3;
+    const std::uint32_t searched = std::min(count, about);
+    const std::uint32_t middle = index.cell_of(s, at.theta) - first;
+    for (std::uint32_t k = 0; k < searched; ++k) {
+      const std::uint32_t cell = first + (middle + 2 * count - about / 2 % count + k) % count;
+      for (std::uint32_t p = index.begin[cell]; p < index.begin[cell + 1]; ++p) {
+        const auto w = static_cast<std::uint32_t>(width());
+        const auto i = static_cast<int>(index.pixels[p] % w), j = static_cast<int>(index.pixels[p] / w);
+        found(i, j, ray_of(i, j));
       }
     }
+  }
+}
+
+std::optional<Pixel> ScatteredRays::pixel(const Ray& ray) const {
+  Pixel best;
+  double nearest = 10;  // squared length of the chord
+  // All rays within `reach` are searched, and farther ones until one is found that is within it.
+  for (double reach = 1.5 * kPi / index().strips();; reach *= 2) {
+    visit(ray, reach, [&](int i, int j, const Ray& other) {
+      const double away = (other.direction() - ray.direction()).squaredNorm();
+      if (away < nearest) nearest = away, best = Pixel{i + 0.5, j + 0.5};
+    });
     if (2 * std::asin(std::min(1.0, std::sqrt(nearest) / 2)) <= reach || reach > kPi) break;
   }
-  const auto w = static_cast<std::uint32_t>(width());
-  return Pixel{best % w + 0.5, best / w + 0.5};
+  return best;
 }
 
 }  // namespace nodal::geometry

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "stitch/geometry/raymap/layout.h"
@@ -18,6 +19,8 @@ class ScatteredRays : public RaymapLayout {
   bool scattered() const final { return true; }
   std::optional<Ray> ray(double x, double y) const final;
   std::optional<Pixel> pixel(const Ray& ray) const final;
+  /// Calls found(i, j, its ray) once for every pixel whose ray is within `reach` rad of `ray`, and for some beyond.
+  void visit(const Ray& ray, double reach, const std::function<void(int, int, const Ray&)>& found) const;
 
  protected:
   using RaymapLayout::RaymapLayout;
