@@ -44,6 +44,12 @@ struct Variant {
   std::string peer = "OpenCV remap + blend";
 };
 
+/// A layout's size with about as many pixels as another raymap.
+geometry::RaymapSize size_for_pixels(const geometry::LayoutName& name, double pixels) {
+  const geometry::RaymapSize large = name.size_for_width(4000);
+  return name.size_for_width(std::round(std::sqrt(pixels * large.width / large.height)) - 0.5 * name.kind().step.width);
+}
+
 /// One workload with its variants.
 class Course {
  public:
@@ -72,10 +78,30 @@ class Course {
       const auto small = geometry::make_layout("equirectangular", 2048, 1024).value();
       add_blends("minified to 2048x1024", PixelFormat::kI420, PixelFormat::kI420, *small, false);
     }
-    const Hammersley list(own.width(), own.height());
-    add_list_peer(list);
-    add_blends("Hammersley", PixelFormat::kI420, PixelFormat::kI420, list, false);
+    const auto list = geometry::make_layout("hammersley", own.width(), own.height()).value();
+    add_list_peer(*list);
+    add_blends("Hammersley", PixelFormat::kI420, PixelFormat::kI420, *list, false);
     add_jpeg();
+    measure();
+    report(findings);
+  }
+
+  /// Every layout with about as many pixels as the workload's raymap, by the fastest kernel on one thread.
+  void run_layouts(std::vector<Finding>& findings) {
+    layouts_only_ = true;
+    std::vector<double> rays;
+    for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
+      const geometry::LayoutName name = geometry::LayoutName::parse(kind.name).value();
+      const auto [width, height] = size_for_pixels(name, 1.0 * work_.raymap.width * work_.raymap.height);
+      const auto layout = geometry::make_layout(name, width, height).value();
+      if (layout->scattered()) add_list_peer(*layout);
+      add_blends(name.text(), PixelFormat::kI420, PixelFormat::kI420, *layout, false);
+      double held = 0;
+      for (int j = 0; j < height; ++j) {
+        for (int i = 0; i < width; ++i) held += layout->ray(i + 0.5, j + 0.5) ? 1 : 0;
+      }
+      variants_.back().found.part_with_rays = held / width / height;
+    }
     measure();
     report(findings);
   }
@@ -111,7 +137,7 @@ class Course {
   void report(std::vector<Finding>& findings);
 
   Workload work_;
-  bool quick_;
+  bool quick_, layouts_only_ = false;
   int rounds_;
   std::size_t heads_ = 0;
   std::unique_ptr<geometry::RaymapLayout> layout_;
@@ -200,12 +226,14 @@ void Course::add_list_peer(const geometry::RaymapLayout& layout) {
   auto out = std::make_shared<Outputs>(PixelFormat::kI420, layout.width(), layout.height());
   auto peer = std::make_shared<OpenCvPeer>(sampler, RaysAre::kInNoOrder);
   kept_.insert(kept_.end(), {out, peer});
+  const std::string name = "OpenCV remap of the list, " + std::string(layout.name());
   for (const int threads : {1, 2}) {
-    add("OpenCV remap of the list", "native", threads, static_cast<double>(layout.width()) * layout.height(),
-        peer->table_bytes(), [&input, out, peer](std::size_t set, Pool& pool) {
+    if (layouts_only_ && threads > 1) continue;
+    add(name, "native", threads, static_cast<double>(layout.width()) * layout.height(), peer->table_bytes(),
+        [&input, out, peer](std::size_t set, Pool& pool) {
           pool.run(peer->bands(), [&](int band) { peer->band(input.at(set).heads, out->at(set), band); });
         });
-    variants_.back().peer = "OpenCV remap of the list";
+    variants_.back().peer = name;
   }
 }
 
@@ -229,11 +257,13 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
   const Films& input = films(head_format);
   const double pixels = static_cast<double>(width) * height;
   Finding judged;
-  if (!quick_ && sharpen == 0 && (name == "plain" || layout.scattered() || light))
-    judge(*table, layout, input, options, judged);
+  const bool judges = name == "plain" || layout.scattered() || light;
+  if (!quick_ && !layouts_only_ && sharpen == 0 && judges) judge(*table, layout, input, options, judged);
   for (const blend::Kernel kernel : blend::kernels()) {
     if (kernel == blend::Kernel::kScalar && name != "plain") continue;
+    if (layouts_only_ && kernel != blend::kernels().back()) continue;
     for (const int threads : {1, 2}) {
+      if (layouts_only_ && threads > 1) continue;
       const auto frame = [=, &input](std::size_t set, Pool& pool) {
         const blend::Pictures pictures = levels->make(input.at(set).heads, pool);
         blend_frame(kernel, *table, pictures, *tone, out->at(set), pool);
@@ -241,7 +271,7 @@ void Course::add_blends(const std::string& name, PixelFormat head_format, PixelF
       add(name, std::string(blend::kernel_name(kernel)), threads, pixels, table_bytes(*table), frame);
       variants_.back().found.psnr_db = judged.psnr_db;
       variants_.back().found.max_error = judged.max_error;
-      if (layout.scattered()) variants_.back().peer = "OpenCV remap of the list";
+      if (layout.scattered()) variants_.back().peer = "OpenCV remap of the list, " + std::string(layout.name());
       if (name == "plain" && kernel == blend::kernels().back()) {
         best_frame_ = frame;
         best_out_ = out.get();
@@ -309,18 +339,18 @@ void Course::measure() {
 }
 
 void Course::report(std::vector<Finding>& findings) {
-  const auto ms_of = [&](const std::string& name, int threads) {
+  const auto ms_a_mpixel = [&](const std::string& name, int threads) {
     for (const Variant& v : variants_) {
-      if (v.found.variant == name && v.found.threads == threads) return v.times.median_ms();
+      if (v.found.variant == name && v.found.threads == threads) return v.times.median_ms() / v.found.mpixels;
     }
     return 0.0;
   };
   for (Variant& v : variants_) {
     v.found.ms = v.times.median_ms();
-    const double whole = static_cast<double>(work_.raymap.width) * work_.raymap.height / 1e6;
     // For a raymap of another size OpenCV is assumed to need the same time per pixel.
-    v.found.ratio_to_opencv = ms_of(v.peer, v.found.threads) * v.found.mpixels / whole / v.found.ms;
-    v.found.roofline_share = ms_of("roofline", v.found.threads) / v.found.ms;
+    v.found.ratio_to_opencv = ms_a_mpixel(v.peer, v.found.threads) * v.found.mpixels / v.found.ms;
+    const double whole = static_cast<double>(work_.raymap.width) * work_.raymap.height / 1e6;
+    v.found.roofline_share = ms_a_mpixel("roofline", v.found.threads) * whole / v.found.ms;
     findings.push_back(v.found);
   }
 }
@@ -338,8 +368,8 @@ int main(int argc, char** argv) {
   app.add_option("--json", json, "write the findings here, too");
   std::string plots;
   app.add_option("--plots", plots, "measure how cost grows, too, and draw it into this folder");
-  app.add_option("--only", only, "r10, r8 or growth (which needs --plots)")
-      ->check(CLI::IsMember({"r10", "r8", "growth"}));
+  app.add_option("--only", only, "r10, r8, growth (which needs --plots), or layouts: every layout of r10")
+      ->check(CLI::IsMember({"r10", "r8", "growth", "layouts"}));
   CLI11_PARSE(app, argc, argv);
   if (only == "growth" && plots.empty()) {
     std::fprintf(stderr, "blend_bench: --only growth needs --plots DIR, the folder to draw into\n");
@@ -349,12 +379,16 @@ int main(int argc, char** argv) {
   for (Workload work : {r10(), r8()}) {
     if (only.empty() || only == work.name) Course(std::move(work), quick).run(findings);
   }
+  if (only == "layouts") {
+    Course(r10(), quick).run_layouts(findings);
+    print_layouts(findings);
+  }
   if (!plots.empty() && (only.empty() || only == "growth") && !measure_growth(plots, quick, findings)) {
     std::fprintf(stderr, "blend_bench: the plots could not be written to %s: name a folder that may be written\n",
                  plots.c_str());
     return 1;
   }
-  print_table(findings);
+  if (only != "layouts") print_table(findings);
   if (json.empty()) return 0;
   std::ofstream file(json);
   file << to_json(findings);

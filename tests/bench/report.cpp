@@ -15,6 +15,16 @@ void print_table(const std::vector<Finding>& findings) {
   }
 }
 
+void print_layouts(const std::vector<Finding>& findings) {
+  std::printf("%-20s %7s %8s %9s %9s %9s\n", "layout", "Mpixel", "rays", "ns/pixel", "relative", "x OpenCV");
+  const double first = findings.front().ms / findings.front().mpixels;
+  for (const Finding& f : findings) {
+    if (f.isa == "native") continue;
+    std::printf("%-20s %7.3f %7.1f%% %9.3f %9.2f %9.2f\n", f.variant.c_str(), f.mpixels, 100 * f.part_with_rays,
+                f.ms / f.mpixels, f.ms / f.mpixels / first, f.ratio_to_opencv);
+  }
+}
+
 std::string to_json(const std::vector<Finding>& findings) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const Finding& f : findings) {

@@ -17,10 +17,13 @@ struct Finding {
   double psnr_db = 0;          ///< against the double-precision blend; 0: not measured
   double max_error = 0;
   double table_bytes_per_pixel = 0;
-  double mpixels = 0;  ///< of the raymap
+  double mpixels = 0;         ///< of the raymap
+  double part_with_rays = 1;  ///< of its pixels
 };
 
 void print_table(const std::vector<Finding>& findings);
+/// The time per pixel of layouts relative to the first, which is equirectangular; lines of other programs are left out.
+void print_layouts(const std::vector<Finding>& findings);
 std::string to_json(const std::vector<Finding>& findings);
 
 }  // namespace nodal::bench

@@ -112,22 +112,6 @@ Workload spread(int heads, double heads_a_ray, int width) {
   return work;
 }
 
-std::optional<geometry::Ray> Hammersley::ray(double x, double y) const {
-  const auto column = static_cast<std::uint32_t>(std::min(x, width() - 1.0));
-  const auto row = static_cast<std::uint32_t>(std::min(y, height() - 1.0));
-  const std::uint32_t k = row * static_cast<std::uint32_t>(width()) + column;
-  std::uint32_t turned = 0;
-  for (std::uint32_t bit = 0; bit < 32; ++bit) turned |= (k >> bit & 1) << (31 - bit);
-  const double down = (2.0 * k + 1) / (static_cast<double>(width()) * height()) - 1;
-  const double theta = std::ldexp(static_cast<double>(turned), -31) * std::numbers::pi;
-  const double level = std::sqrt(1 - down * down);
-  return geometry::Ray::towards(level * std::sin(theta), down, level * std::cos(theta));
-}
-
-double Hammersley::solid_angle(int, int) const {
-  return 4 * std::numbers::pi / (static_cast<double>(width()) * height());
-}
-
 FilmedSet film(const Calibration& rig, PixelFormat format, std::uint32_t seed) {
   FilmedSet set;
   std::uint32_t noise = 2654435761U * (seed + 1);

@@ -27,19 +27,6 @@ Workload r8();
 /// equator: neither their total pixels nor their overlap depend on the number of heads.
 Workload spread(int heads, double heads_a_ray, int width);
 
-/// width * height Hammersley points, evenly spread over the sphere: ray k (row by row) is at the height
-/// y = (2 k + 1) / n - 1, rotated by the reversed bits of k.
-class Hammersley final : public geometry::RaymapLayout {
- public:
-  Hammersley(int width, int height) : RaymapLayout(width, height) {}
-  std::string_view name() const override { return "hammersley"; }
-  bool scattered() const override { return true; }
-  std::optional<geometry::Ray> ray(double x, double y) const override;
-  double solid_angle(int i, int j) const override;
-  /// Not used by the benchmark.
-  std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
-};
-
 /// The pictures of all heads for one trigger, packed, in their own memory.
 struct FilmedSet {
   std::vector<std::vector<std::uint8_t>> memory;
