@@ -240,13 +240,14 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   if (file.has("takes")) {
     TomlReader takes(section("takes"), "takes",
-                     {"folder", "mounted", "buffer_mb", "raymap", "start", "mode", "quality"}, error);
+                     {"folder", "mounted", "buffer_mb", "raymap", "start", "when_full", "mode", "quality"}, error);
     TakesConfig& to = config.takes.emplace();
     to.folder = takes.required_text("folder");
     to.mounted = takes.boolean("mounted", to.mounted);
     to.buffer_mb = static_cast<int>(takes.integer("buffer_mb", 16, 4096, to.buffer_mb));
     to.raymap = takes.boolean("raymap", to.raymap);
     to.at_start = takes.choice<bool>("start", {{"request", false}, {"boot", true}});
+    to.loop = takes.choice<bool>("when_full", {{"stop", false}, {"loop", true}});
     using Mode = TakesConfig::Mode;
     to.mode = takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}});
     to.quality = static_cast<int>(takes.integer("quality", 1, 100, to.quality));

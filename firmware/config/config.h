@@ -149,6 +149,7 @@ struct TakesConfig {
   int buffer_mb = 256;    ///< pictures on their way to the disk
   bool raymap = true;     ///< raymaps are recorded, too
   bool at_start = false;  ///< a take begins when nodald starts
+  bool loop = false;      ///< when the disk is full, the oldest segments are deleted; else the take ends
   enum class Mode : std::uint8_t {
     kDriver,  ///< pictures are stored as the heads deliver them
     kJpeg,    ///< those that are not coded become JPEGs

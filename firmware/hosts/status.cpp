@@ -279,6 +279,7 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_started_utc_ns(entry.started_utc_ns);
     take.set_sets(entry.sets);
     take.set_lost_sets(entry.lost_sets);
+    take.set_deleted_sets(entry.deleted_sets);
     take.set_bytes(entry.bytes);
     take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
     take.set_is_protected(entry.is_protected);
@@ -302,6 +303,8 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_free_bytes(takes.free_bytes);
   into.set_bytes_a_second(takes.bytes_a_second);
   into.set_problem(shown(takes.problem));
+  into.set_loop(takes.loop);
+  into.set_deleted_segments(takes.deleted_segments);
 }
 
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into) {

@@ -77,16 +77,6 @@ Result<bool> end_is_whole(const TakePlace& place, const take::Segment& found, bo
   return true;
 }
 
-Status remove_segment(const TakePlace& place, std::uint32_t segment) {
-  std::vector<std::string> names{take::evidence_file(segment), take::raymap_file(segment)};
-  for (std::uint32_t head = 0; head < kMaxHeads; ++head) names.push_back(take::head_file(head, segment));
-  for (const std::string& name : names) {
-    const Status removed = place.disk->remove(path(place, name));
-    if (!removed && removed.error().code != Errc::kNotFound) return removed;
-  }
-  return {};
-}
-
 Duration length_of(const take::Segment& found, std::uint64_t sets) {
   return Duration::nanoseconds(sets == 0 ? 0 : found.sets[static_cast<std::size_t>(sets - 1)].since_start_ns());
 }
@@ -103,6 +93,21 @@ HeadStream stream_of(const take::wire::File& file) {
 }
 
 }  // namespace
+
+Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint32_t segment) {
+  const auto remove = [&](const std::string& name) -> Status {
+    const Status removed = disk.remove(folder + "/" + name);
+    return !removed && removed.error().code == Errc::kNotFound ? Status() : removed;
+  };
+  if (const Status removed = remove(take::evidence_file(segment)); !removed) return removed;
+  if (const Status synced = disk.sync_folder(folder); !synced) return synced;
+  std::vector<std::string> names{take::raymap_file(segment)};
+  for (std::uint32_t head = 0; head < kMaxHeads; ++head) names.push_back(take::head_file(head, segment));
+  for (const std::string& name : names) {
+    if (const Status removed = remove(name); !removed) return removed;
+  }
+  return {};
+}
 
 Status SegmentWriter::reopen(File& file, std::uint64_t length, std::vector<take::Xxh128> hashes) {
   const std::string name = path(place_, file.name);
@@ -186,7 +191,11 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
       const auto whole = end_is_whole(place, *found, trust == Trust::kAll);
       if (!whole) return fail(whole.error());
       if (*whole) {
-        FinishedSegment done{{}, found->sets.size(), length_of(*found, found->sets.size()), 0};
+        FinishedSegment done;
+        done.number = segment;
+        done.first_set = found->begin.first_set();
+        done.sets = found->sets.size();
+        done.length = length_of(*found, done.sets);
         for (const take::wire::Mark& mark : found->marks) done.marks.push_back({mark.set(), mark.text()});
         for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
           done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
@@ -207,10 +216,13 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
     }
   }
   if (rows == 0) {
-    if (const Status removed = remove_segment(place, segment); !removed) return fail(removed.error());
+    if (const Status removed = remove_segment(*place.disk, place.folder, segment); !removed)
+      return fail(removed.error());
     return std::optional<FinishedSegment>();
   }
   FinishedSegment done;
+  done.number = segment;
+  done.first_set = found->begin.first_set();
   for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
     const auto size = place.disk->size(path(place, found->begin.files(static_cast<int>(file)).name()));
     if (size) done.cut_bytes += *size - std::min(*size, end_of(*found, rows, file));
@@ -224,6 +236,13 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
   done.length = (*writer)->length();
   done.marks = (*writer)->marks();
   return done;
+}
+
+void add_segment(take::Manifest& manifest, const FinishedSegment& segment, FrameRate rate) {
+  manifest.sets += segment.sets;
+  manifest.length = manifest.length + segment.length + rate.period();
+  manifest.files.insert(manifest.files.end(), segment.files.begin(), segment.files.end());
+  manifest.marks.insert(manifest.marks.end(), segment.marks.begin(), segment.marks.end());
 }
 
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
@@ -267,16 +286,16 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
   take::Manifest manifest;
   manifest.number = about->number;
   manifest.ended = "recovered";
+  std::uint64_t recorded = 0;
   for (std::size_t k = 0; k < segments.size(); ++k) {
     auto done =
         recover_segment(place, segments[k], k + 1 < segments.size() ? Trust::kAll : Trust::kChecked, "recovered");
     if (!done) return fail(done.error());
     if (!*done) continue;
-    manifest.sets += (*done)->sets;
-    manifest.length = manifest.length + (*done)->length + about->rate.period();
-    manifest.marks.insert(manifest.marks.end(), (*done)->marks.begin(), (*done)->marks.end());
-    manifest.files.insert(manifest.files.end(), (*done)->files.begin(), (*done)->files.end());
+    recorded = (*done)->first_set + (*done)->sets;
+    add_segment(manifest, **done, about->rate);
   }
+  manifest.deleted_sets = recorded - std::min(recorded, manifest.sets);
   return write_manifest(disk, folder, std::move(manifest));
 }
 

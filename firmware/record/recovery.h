@@ -14,6 +14,8 @@ namespace nodal::firmware {
 
 /// A finished segment.
 struct FinishedSegment {
+  std::uint32_t number = 0;
+  std::uint64_t first_set = 0;  ///< index in the take
   std::vector<take::Manifest::File> files;
   std::uint64_t sets = 0;
   Duration length;
@@ -36,6 +38,13 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
 
 /// Recovers every segment of a take and writes its manifest. The take's calibration and take.json are read from its folder.
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);
+
+/// Adds a segment to the manifest of its take.
+void add_segment(take::Manifest& manifest, const FinishedSegment& segment, FrameRate rate);
+
+/// Removes the files of a segment. After a power failure within it, the segment is there, or without evidence, so that it does
+/// not count. Errors: the disk's.
+Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint32_t segment);
 
 /// Writes the manifest of a take whose segments are finished, durably.
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);

@@ -32,7 +32,9 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       software_(std::move(software)),
       utc_(std::move(utc)),
       requests_(64),
-      answers_(64 + 4) {}
+      answers_(64 + 4) {
+  report_.loop = config_.takes->loop;
+}
 
 TakeKeeper::~TakeKeeper() = default;
 
@@ -122,23 +124,29 @@ std::uint64_t TakeKeeper::bytes_a_second() const {
   return a_set * config_.rate.numerator / config_.rate.denominator;
 }
 
+std::uint64_t TakeKeeper::room_to_start() const {
+  return bytes_a_second() * static_cast<std::uint64_t>(kLeastRoom.ns() / 1'000'000'000) + 2 * kReserveBytes;
+}
+
 Status TakeKeeper::check_room() {
-  const auto free = disk_.free_bytes();
-  if (!free) return fail(free.error());
-  report_.free_bytes = *free;
-  const std::uint64_t needed =
-      bytes_a_second() * static_cast<std::uint64_t>(kLeastRoom.ns() / 1'000'000'000) + 2 * kReserveBytes;
-  if (*free >= needed) return {};
+  const std::uint64_t needed = room_to_start();
+  if (const Status made = make_room(needed); !made) return made;
+  if (report_.free_bytes >= needed) return {};
   return fail(Errc::kDiskFull,
               fmt::format("the disk of the takes has {} MB free, and a take needs at least {} MB to start; "
                           "delete takes (nodal take delete) or change the card",
-                          *free / 1'000'000, needed / 1'000'000));
+                          report_.free_bytes / 1'000'000, needed / 1'000'000));
 }
 
 Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant now) {
   if (writing_) {
     return fail(Errc::kWrongState,
                 fmt::format("take {} is being recorded; stop it first: nodal take stop", writing_->number()));
+  }
+  while (config_.takes->loop && takes_.size() >= kMostTakes) {
+    const auto deleted = delete_oldest();
+    if (!deleted) return fail(deleted.error());
+    if (!*deleted) break;
   }
   if (takes_.size() >= kMostTakes) {
     return fail(Errc::kTooLarge,
@@ -250,12 +258,15 @@ void TakeKeeper::sync_if_due(Instant now) {
     report_.problem = fmt::format("take {}: sets were lost, and a new segment begins: {}", writing_->number(),
                                   synced.error().message);
   }
-  const auto free = disk_.free_bytes();
-  if (!free) return give_up(free.error());
-  report_.free_bytes = *free;
+  const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000);
+  const Status room = make_room(2 * kReserveBytes + recorder_.ring().size() + ahead * bytes_a_second());
+  if (!room) return give_up(room.error());
   // What the ring holds may still come.
-  if (*free < kReserveBytes + recorder_.ring().used() + bytes_a_second()) {
-    give_up({Errc::kDiskFull, "the disk is full; delete takes (nodal take delete) or change the card"});
+  if (report_.free_bytes < kReserveBytes + recorder_.ring().used() + bytes_a_second()) {
+    give_up({Errc::kDiskFull, config_.takes->loop
+                                  ? "the disk is full, and what is left on it is protected, near a mark, a still or no "
+                                    "take; delete takes (nodal take delete) or change the card"
+                                  : "the disk is full; delete takes (nodal take delete) or change the card"});
     broken_ = false;  // there is room for the rows that are on the way
   }
 }
@@ -294,6 +305,7 @@ void TakeKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
 void TakeKeeper::publish(Instant now) {
   next_report_ = now + kReportEvery;
   const Recorder::Counts& counts = recorder_.counts();
+  report_.ready = loaded_ && loaded_status_ && to_recover_.empty();
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;

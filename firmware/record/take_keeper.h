@@ -69,6 +69,7 @@ struct TakeEntry {
   std::int64_t started_utc_ns = 0;
   std::uint64_t sets = 0;
   std::uint64_t lost_sets = 0;
+  std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
   std::uint64_t bytes = 0;
   Duration length;
   bool is_protected = false;
@@ -76,6 +77,7 @@ struct TakeEntry {
   std::string problem;
   int raymap_width = 0;  ///< px; 0 without raymaps
   int raymap_height = 0;
+  bool all_near_marks = false;  ///< nothing of it may be deleted to make room
 
   void complete(const take::Manifest& manifest);
 };
@@ -93,7 +95,7 @@ struct TakeAnswer {
 
 /// Status of the stage.
 struct TakeReport {
-  bool ready = false;  ///< the takes on the disk have been read
+  bool ready = false;  ///< the takes on the disk have been read, and those that were not ended are finished
   std::optional<std::uint64_t> recording;
   Instant since;
   std::uint64_t sets = 0;       ///< of the take that is being recorded
@@ -102,8 +104,10 @@ struct TakeReport {
   std::uint32_t buffer_percent = 0;  ///< of [takes] buffer_mb, used
   std::optional<Instant> durable;    ///< everything from before is on the disk
   std::uint64_t free_bytes = 0;
-  std::uint64_t bytes_a_second = 0;  ///< that the take needs
-  std::string problem;               ///< of the disk, or why the last take ended
+  std::uint64_t bytes_a_second = 0;    ///< that the take needs
+  bool loop = false;                   ///< [takes] when_full = "loop"
+  std::uint64_t deleted_segments = 0;  ///< since nodald started, to make room
+  std::string problem;                 ///< of the disk, or why the last take ended
 };
 
 /// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
@@ -138,6 +142,8 @@ class TakeKeeper {
   static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
   /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come.
   static constexpr Duration kStillWithin = Duration::seconds(6);
+  /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
+  static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
 
@@ -147,12 +153,16 @@ class TakeKeeper {
   void load();
   void load(const std::string& folder);
   bool recover_one();
+  void recover(TakeEntry& entry);
+  Status make_room(std::uint64_t needed);
+  Result<std::optional<std::uint64_t>> delete_oldest();
   bool take_request(Instant now);
   Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
   Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
   Status remove(const TakeRequest::Delete& what);
   Result<TakeEntry*> finished(std::uint64_t take);
   std::uint64_t bytes_a_second() const;
+  std::uint64_t room_to_start() const;
   Status check_room();
   bool write_rows(Instant now);
   void sync_if_due(Instant now);

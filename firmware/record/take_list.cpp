@@ -31,6 +31,7 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   state = TakeState::kComplete;
   sets = manifest.sets;
   lost_sets = manifest.lost_sets;
+  deleted_sets = manifest.deleted_sets;
   bytes = manifest.bytes();
   length = manifest.length;
   ended = manifest.ended;
@@ -54,7 +55,6 @@ void TakeKeeper::load() {
     next_take_ = std::max(next_take_, std::min<std::uint64_t>(next, std::uint64_t{1} << 40));
   }
   if (!takes_.empty()) next_take_ = std::max(next_take_, takes_.rbegin()->first + 1);
-  report_.ready = true;
 }
 
 void TakeKeeper::load(const std::string& folder) {
@@ -87,8 +87,12 @@ void TakeKeeper::load(const std::string& folder) {
 
 bool TakeKeeper::recover_one() {
   if (to_recover_.empty()) return false;
-  TakeEntry& entry = takes_.at(to_recover_.back());
-  to_recover_.pop_back();
+  recover(takes_.at(to_recover_.back()));
+  return true;
+}
+
+void TakeKeeper::recover(TakeEntry& entry) {
+  std::erase(to_recover_, entry.number);
   const auto manifest = recover_take(disk_, take::take_folder(entry.number));
   if (manifest) {
     entry.complete(*manifest);
@@ -96,7 +100,6 @@ bool TakeKeeper::recover_one() {
     entry.state = TakeState::kDamaged;
     entry.problem = manifest.error().message;
   }
-  return true;
 }
 
 Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {

@@ -39,6 +39,12 @@ Result<PieceOfTake> TakeReader::read(const ReadOrder& order, Loan<std::vector<st
   }
   const std::string name = folder + "/" + order.file;
   const auto size = disk_.size(name);
+  if (!size && size.error().code == Errc::kNotFound) {
+    return fail(Errc::kNotFound,
+                fmt::format("take {} has no file {}; if the rig deleted it to make room, the same command "
+                            "goes on with what is left",
+                            order.take, order.file));
+  }
   if (!size) return fail(size.error());
   if (order.offset > *size) {
     return fail(Errc::kBadValue,

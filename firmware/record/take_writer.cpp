@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
+#include "firmware/record/loop.h"
 #include "firmware/storage/durable_file.h"
 
 namespace nodal::firmware {
@@ -33,7 +35,6 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   put(take::kRigFile, documents.rig_toml);
   put(take::kTakeFile, take::take_json(documents.about));
   if (!good) return fail(good.error());
-  made->manifest_.number = place.number;
   return made;
 }
 
@@ -44,7 +45,7 @@ Status TakeWriter::write(const TakeRow& row) {
   }
   if (!segment_) {
     if (row.sets.empty()) return {};
-    auto segment = SegmentWriter::create(place_, next_segment_, manifest_.sets, row);
+    auto segment = SegmentWriter::create(place_, next_segment_, finished_sets_, row);
     if (!segment) return fail(segment.error());
     segment_ = std::move(*segment);
     ++next_segment_;
@@ -70,17 +71,45 @@ Status TakeWriter::finish_segment(const std::string& reason) {
     failed_ = true;
     return fail(files.error());
   }
-  add({std::move(*files), segment_->sets(), segment_->length(), 0, segment_->marks()});
+  FinishedSegment done;
+  done.number = next_segment_ - 1;
+  done.sets = segment_->sets();
+  done.first_set = segment_->next_set() - done.sets;
+  done.files = std::move(*files);
+  done.length = segment_->length();
+  done.marks = segment_->marks();
+  add(std::move(done));
   segment_.reset();
   unsynced_ = false;
   return {};
 }
 
 void TakeWriter::add(FinishedSegment done) {
-  manifest_.sets += done.sets;
-  manifest_.length = manifest_.length + done.length + place_.rate.period();
-  manifest_.files.insert(manifest_.files.end(), done.files.begin(), done.files.end());
-  manifest_.marks.insert(manifest_.marks.end(), done.marks.begin(), done.marks.end());
+  finished_sets_ += done.sets;
+  finished_.push_back(std::move(done));
+}
+
+std::vector<take::Manifest::Mark> TakeWriter::marks() const {
+  std::vector<take::Manifest::Mark> all;
+  for (const FinishedSegment& segment : finished_) all.insert(all.end(), segment.marks.begin(), segment.marks.end());
+  if (segment_) all.insert(all.end(), segment_->marks().begin(), segment_->marks().end());
+  for (const EarlyMark& mark : early_marks_) all.push_back({finished_sets_, mark.text});
+  return all;
+}
+
+Result<std::optional<std::uint64_t>> TakeWriter::delete_oldest() {
+  const std::vector<take::Manifest::Mark> all = marks();
+  const auto oldest = std::ranges::find_if(finished_, [&](const FinishedSegment& segment) {
+    return !near_mark(segment.first_set, segment.first_set + segment.sets - 1, all, place_.rate);
+  });
+  if (oldest == finished_.end()) return std::optional<std::uint64_t>();
+  std::uint64_t bytes = 0;
+  for (const take::Manifest::File& file : oldest->files) bytes += file.bytes;
+  const std::uint32_t number = oldest->number;
+  finished_.erase(oldest);  // first: if not all of its files can be removed, the take goes on without them
+  if (const Status removed = remove_segment(*place_.disk, place_.folder, number); !removed)
+    return fail(removed.error());
+  return std::optional(bytes);
 }
 
 Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
@@ -100,8 +129,7 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
 }
 
 Status TakeWriter::mark(const std::string& text, Instant now) {
-  const std::size_t open = segment_ ? segment_->marks().size() : early_marks_.size();
-  if (manifest_.marks.size() + open >= take::kMostMarks) {
+  if (marks().size() >= take::kMostMarks) {
     return fail(Errc::kTooLarge,
                 fmt::format("take {} has {} marks, the most that there may be", place_.number, take::kMostMarks));
   }
@@ -125,9 +153,13 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t 
     if (!done) return fail(done.error());
     if (*done) add(std::move(**done));
   }
-  manifest_.ended = reason;
-  manifest_.lost_sets = lost_sets;
-  return write_manifest(*place_.disk, place_.folder, manifest_);
+  take::Manifest manifest;
+  manifest.number = place_.number;
+  manifest.ended = reason;
+  manifest.lost_sets = lost_sets;
+  for (const FinishedSegment& segment : finished_) add_segment(manifest, segment, place_.rate);
+  manifest.deleted_sets = finished_sets_ - manifest.sets;
+  return write_manifest(*place_.disk, place_.folder, std::move(manifest));
 }
 
 }  // namespace nodal::firmware

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -44,9 +46,12 @@ class TakeWriter {
   /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
   /// at the next start.
   Result<take::Manifest> end(const std::string& reason, std::uint64_t lost_sets);
+  /// Deletes the oldest finished segment that is not near a mark, and returns its bytes; nothing if there is none.
+  Result<std::optional<std::uint64_t>> delete_oldest();
 
   std::uint64_t number() const { return place_.number; }
-  std::uint64_t sets() const { return manifest_.sets + (segment_ ? segment_->sets() : 0); }
+  /// Recorded, those that were deleted included.
+  std::uint64_t sets() const { return finished_sets_ + (segment_ ? segment_->sets() : 0); }
   bool synced() const { return !unsynced_; }
 
   static constexpr Duration kLongestSegment = Duration::seconds(60);
@@ -55,11 +60,13 @@ class TakeWriter {
  private:
   Status finish_segment(const std::string& reason);
   void add(FinishedSegment done);
+  std::vector<take::Manifest::Mark> marks() const;
 
   TakePlace place_;
   std::unique_ptr<SegmentWriter> segment_;
   std::uint32_t next_segment_ = 0;
-  take::Manifest manifest_;  ///< of the finished segments
+  std::deque<FinishedSegment> finished_;  ///< those that are not deleted
+  std::uint64_t finished_sets_ = 0;       ///< of all finished segments
   /// Made while no segment was open: they belong to the first set of the next one.
   struct EarlyMark {
     std::string text;

@@ -63,11 +63,11 @@ class TakeReel final : public hal::replay::Reel {
 
   /// Finds the head's format: that of the first segment with pictures of it.
   Status find_stream() {
-    std::uint64_t sets = 0;
+    media::SetsBefore before;
     for (std::size_t k = 0; k < folder_.segments(); ++k) {
-      const auto segment = folder_.segment(k, sets);
+      const auto segment = folder_.segment(k, before);
       if (!segment) return fail(segment.error());
-      sets += segment->evidence().sets.size();
+      before = segment->after();
       for (const media::TakeStream& stream : segment->streams()) {
         if (stream.head != head_) continue;
         stream_ = stream;

@@ -36,9 +36,9 @@ Colour colour_of(const std::string& state) {
 
 std::string recording_text(const wire::Recording& takes) {
   const std::string durable = takes.has_durable_ns() ? show_duration(takes.durable_ns()) + " ago" : "not yet";
-  return fmt::format("{} is being recorded: {}, {}; on the disk for certain: {}; buffer {} %, {} free", takes.take(),
+  return fmt::format("{} is being recorded: {}, {}; on the disk for certain: {}; buffer {} %, {} free{}", takes.take(),
                      show_duration(takes.length_ns()), counted(takes.sets(), "set"), durable, takes.buffer_percent(),
-                     show_bytes(takes.free_bytes()));
+                     show_bytes(takes.free_bytes()), takes.loop() ? ", then the oldest is deleted" : "");
 }
 
 void show(Console& console, const wire::RigStatus& status, const std::string& name, const std::string& address) {

@@ -23,14 +23,9 @@ std::string show_utc(std::int64_t ns) {
 }
 
 Json take_json(const wire::TakeEntry& take) {
-  Json json{{"take", take.number()},
-            {"state", take.state()},
-            {"started_utc_ns", take.started_utc_ns()},
-            {"sets", take.sets()},
-            {"lost_sets", take.lost_sets()},
-            {"bytes", take.bytes()},
-            {"length_ns", take.length_ns()},
-            {"protected", take.is_protected()},
+  Json json{{"take", take.number()}, {"state", take.state()},         {"started_utc_ns", take.started_utc_ns()},
+            {"sets", take.sets()},   {"lost_sets", take.lost_sets()}, {"deleted_sets", take.deleted_sets()},
+            {"bytes", take.bytes()}, {"length_ns", take.length_ns()}, {"protected", take.is_protected()},
             {"ended", take.ended()}};
   if (!take.problem().empty()) json["problem"] = take.problem();
   return json;
@@ -53,6 +48,7 @@ Status list_takes(Context& context) {
     list.push_back(take_json(take));
     std::string state = take.state();
     if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
+    if (take.deleted_sets() != 0) state += ", without the " + counted(take.deleted_sets(), "set") + " deleted for room";
     if (take.is_protected()) state += ", protected";
     if (!take.problem().empty()) state += ": " + context.console().paint(Colour::kBad, take.problem());
     table.row({std::to_string(take.number()), show_utc(take.started_utc_ns()), show_duration(take.length_ns()),

@@ -170,6 +170,7 @@ Status run_export(Context& context, const ExportArgs& args) {
   std::vector<std::uint8_t> bytes;
   std::optional<std::int64_t> first;
   std::optional<std::uint32_t> segment;
+  std::uint64_t done = 0;
   for (;;) {
     const Result<bool> more = all.next(set);
     if (!more) return fail(more.error());
@@ -194,7 +195,7 @@ Status run_export(Context& context, const ExportArgs& args) {
       const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, told.mid_exposure_ns()));
       if (const Status added = films.add(stream, at, bytes); !added) return added;
     }
-    bar.update(told.index() + 1, args.to);
+    bar.update(++done, args.to);
   }
   for (const Status& ended : {films.end(), sets.end(), frames.end()}) {
     if (!ended) return ended;

@@ -35,17 +35,18 @@ Status run_show(Context& context, const std::string& name) {
   const take::Manifest& manifest = folder->manifest();
 
   std::array<HeadSummary, kMaxHeads> heads;
-  std::map<std::uint64_t, std::int64_t> starts;  // of marked sets, ns after the take's first
+  std::map<std::uint64_t, std::int64_t> starts;  // of marked sets, ns after the take's first that is there
   for (const take::Manifest::Mark& mark : manifest.marks) starts[mark.set] = -1;
   media::TakeSets sets(*folder);
   media::TakeSet set;
   std::int64_t first = 0;
-  for (std::uint64_t i = 0;; ++i) {
+  for (bool begun = false;; begun = true) {
     const Result<bool> more = sets.next(set);
     if (!more) return fail(more.error());
     if (!*more) break;
-    if (i == 0) first = set.mid_exposure.ns();
-    if (const auto marked = starts.find(i); marked != starts.end()) marked->second = set.mid_exposure.ns() - first;
+    if (!begun) first = set.mid_exposure.ns();
+    const auto marked = starts.find(set.evidence.index());
+    if (marked != starts.end()) marked->second = set.mid_exposure.ns() - first;
     for (const take::wire::Frame& frame : set.evidence.frames()) {
       const media::TakeStream& stream = sets.segment().streams()[frame.file()];
       HeadSummary& head = heads[*stream.head];
@@ -61,6 +62,7 @@ Status run_show(Context& context, const std::string& name) {
             {"software", about.software},
             {"sets", manifest.sets},
             {"lost_sets", manifest.lost_sets},
+            {"deleted_sets", manifest.deleted_sets},
             {"bytes", manifest.bytes()},
             {"length_ns", manifest.length.ns()},
             {"ended", manifest.ended},
@@ -86,6 +88,10 @@ Status run_show(Context& context, const std::string& name) {
   if (manifest.lost_sets != 0) {
     console.line(
         console.paint(Colour::kBad, fmt::format("{} lost: the disk was too slow", counted(manifest.lost_sets, "set"))));
+  }
+  if (manifest.deleted_sets != 0) {
+    console.line(
+        fmt::format("{} deleted by the rig, to make room for newer ones", counted(manifest.deleted_sets, "set")));
   }
   console.line(about.calibration_id.empty() ? "without a calibration"
                                             : "calibration " + about.calibration_id.substr(0, 12));

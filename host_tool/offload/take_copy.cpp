@@ -30,6 +30,13 @@ std::uint64_t pieces_of(const take::Manifest::File& file) {
   return (file.bytes + PieceHashes::kPiece - 1) / PieceHashes::kPiece;
 }
 
+/// Whether all files of a take are in an earlier manifest of it.
+bool holds_all(const take::Manifest& earlier, const take::Manifest& now) {
+  return std::ranges::all_of(now.files, [&](const take::Manifest::File& file) {
+    return std::ranges::find(earlier.files, file) != earlier.files.end();
+  });
+}
+
 Error damaged(const std::string& file, std::uint64_t offset) {
   return {
       Errc::kChecksum,
@@ -63,13 +70,19 @@ Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const f
   return copy;
 }
 
-/// Two rigs, or one whose card was replaced, have takes of the same number.
+/// Two rigs, or one whose card was replaced, have takes of the same number. The copy may be from before the rig deleted segments
+/// of the take to make room.
 Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   for (const std::string& name : {take::kManifestFile, take::kManifestFile + kPart}) {
     if (!length_of_file(folder_ / name)) continue;
     const auto there = read_file((folder_ / name).string(), take::kMaxManifestBytes);
     if (!there) return fail(there.error());
     if (*there == text_of(manifest)) return {};
+    const auto earlier = take::parse_manifest(*there, (folder_ / name).string());
+    if (earlier && holds_all(*earlier, manifest_)) {
+      if (name == take::kManifestFile) return {};
+      break;
+    }
     return fail(Errc::kWrongState,
                 fmt::format("{}: holds another take with this number; use another folder", folder_.string()));
   }

@@ -90,6 +90,8 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"durable_ns", takes.has_durable_ns() ? Json(takes.durable_ns()) : Json()},
                  {"free_bytes", takes.free_bytes()},
                  {"bytes_a_second", takes.bytes_a_second()},
+                 {"loop", takes.loop()},
+                 {"deleted_segments", takes.deleted_segments()},
                  {"problem", takes.problem()}};
   }
   Json trial;  // null: no trial

@@ -144,9 +144,13 @@ std::uint64_t Manifest::bytes() const {
 }
 
 std::string manifest_json(const Manifest& manifest) {
-  nlohmann::ordered_json json{
-      {"take", manifest.number},         {"version", kTakeVersion},           {"sets", manifest.sets},
-      {"lost_sets", manifest.lost_sets}, {"length_ns", manifest.length.ns()}, {"ended", manifest.ended}};
+  nlohmann::ordered_json json{{"take", manifest.number},
+                              {"version", kTakeVersion},
+                              {"sets", manifest.sets},
+                              {"lost_sets", manifest.lost_sets},
+                              {"deleted_sets", manifest.deleted_sets},
+                              {"length_ns", manifest.length.ns()},
+                              {"ended", manifest.ended}};
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   for (const Manifest::File& file : manifest.files) {
     files.push_back({{"name", file.name}, {"bytes", file.bytes}, {"xxh3", to_hex(file.digest)}});
@@ -165,6 +169,9 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   NODAL_TAKE(number, fields.number("take", kMostNs));
   NODAL_TAKE(sets, fields.number("sets", std::uint64_t{1} << 48));
   NODAL_TAKE(lost, fields.number("lost_sets", std::uint64_t{1} << 48));
+  // A nodald that could not delete segments did not write it.
+  NODAL_TAKE(deleted, json.contains("deleted_sets") ? fields.number("deleted_sets", std::uint64_t{1} << 48)
+                                                    : Result<std::uint64_t>(0));
   NODAL_TAKE(length, fields.number("length_ns", kMostNs));
   NODAL_TAKE(ended, fields.text("ended", 256));
   NODAL_TAKE(marks, fields.list("marks", kMostMarks));
@@ -193,6 +200,7 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   manifest.number = number;
   manifest.sets = sets;
   manifest.lost_sets = lost;
+  manifest.deleted_sets = deleted;
   manifest.length = Duration::nanoseconds(static_cast<std::int64_t>(length));
   manifest.ended = ended;
   return manifest;

@@ -53,10 +53,11 @@ struct Manifest {
     friend bool operator==(const File&, const File&) = default;
   };
   std::uint64_t number = 0;
-  std::uint64_t sets = 0;
-  std::uint64_t lost_sets = 0;  ///< that the disk was too slow for
-  Duration length;              ///< from the first set to the last
-  std::string ended;            ///< why: "stopped", "disk full", "recovered", ...
+  std::uint64_t sets = 0;          ///< in its files
+  std::uint64_t lost_sets = 0;     ///< that the disk was too slow for
+  std::uint64_t deleted_sets = 0;  ///< recorded, then deleted to make room for newer ones
+  Duration length;                 ///< of the segments that it lists, together
+  std::string ended;               ///< why: "stopped", "disk full", "recovered", ...
   /// A moment that somebody marked.
   struct Mark {
     std::uint64_t set = 0;  ///< index of the set that came next

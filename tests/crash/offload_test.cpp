@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "faulty_wire.h"
+#include "firmware/record/loop.h"
+#include "hal/linux/disk.h"
 #include "nodald_process.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
@@ -232,6 +234,42 @@ TEST_F(Offload, TheFolderHasAnotherTakeOfThisNumber_IsLeftAsItIs) {
   EXPECT_EQ(done.code, 7) << done.err;
   EXPECT_NE(done.err.find("holds another take with this number"), std::string::npos) << done.err;
   EXPECT_EQ(test::read_bytes(to_ / "000001/manifest"), std::vector<std::uint8_t>{'x'});
+}
+
+TEST_F(Offload, TheRigDeletedASegmentToMakeRoom_CopiesFromBeforeStayGood) {
+  rig_->record(1950);  // two segments
+  const std::uint64_t take = rig_->takes;
+  const std::string number = std::to_string(take), folder = take::take_folder(take);
+  ASSERT_TRUE(fs::exists(rig_->take(take) / "evidence-0001"));
+  ASSERT_EQ(offload({number, "--to", (to_ / "whole").string()}).code, 0);
+  rig_->wire->cut_at(rig_->wire->passed() / 2);
+  ASSERT_EQ(offload({number, "--to", (to_ / "part").string()}).code, 3);
+
+  const auto disk = hal::linux_os::LinuxDisk::open((rig_->folder.path / "takes").string());
+  ASSERT_TRUE(disk) << disk.error().text();
+  const auto trimmed = firmware::trim_take(**disk, folder);
+  ASSERT_TRUE(trimmed) << trimmed.error().text();
+  ASSERT_TRUE(trimmed->has_value());
+  EXPECT_FALSE(fs::exists(rig_->take(take) / "evidence-0000"));
+
+  const Finished there = offload({number, "--to", (to_ / "whole").string()});
+  ASSERT_EQ(there.code, 0) << there.err;
+  EXPECT_EQ(document(there)["takes"][0]["fetched"], 0);
+  EXPECT_TRUE(fs::exists(to_ / "whole" / folder / "evidence-0000")) << "the copy keeps what the rig has no more";
+  for (const std::string part : {"part", "new"}) {
+    SCOPED_TRACE(part);
+    const Finished done = offload({number, "--to", (to_ / part).string()});
+    ASSERT_EQ(done.code, 0) << done.err;
+    const std::string copy = (to_ / part / folder).string();
+    EXPECT_EQ(Process({NODAL_BIN_DIR "/nodal", "take", "verify", copy}).wait().code, 0);
+    const Finished shown = Process({NODAL_BIN_DIR "/nodal", "--json", "take", "show", copy}).wait();
+    ASSERT_EQ(shown.code, 0) << shown.err;
+    const Json json = Json::parse(shown.out);
+    EXPECT_EQ(json["sets"], (*trimmed)->manifest.sets);
+    EXPECT_EQ(json["deleted_sets"], (*trimmed)->manifest.deleted_sets);
+    EXPECT_EQ(json["heads"][0]["pictures"], (*trimmed)->manifest.sets);
+  }
+  expect_equal(to_ / "new" / folder, take);
 }
 
 TEST_F(Offload, OnlyTheRaymaps_LeavesTheHeadsOnTheRig) {

@@ -64,11 +64,12 @@ void add_evidence(ByteReader in, InMemory& folder, take::Manifest& manifest) {
     if (!record.ParseFromArray(text.data(), static_cast<int>(text.size()))) continue;
     if (record.has_begin()) {
       names.clear();
+      manifest.deleted_sets = record.begin().first_set();
       for (const take::wire::File& file : record.begin().files()) names.push_back(file.name());
     }
     if (record.has_end()) {
       take::wire::End& end = *record.mutable_end();
-      manifest.sets = end.sets();
+      manifest.sets = end.sets() - std::min(end.sets(), manifest.deleted_sets);
       for (int k = 0; k < std::min({end.length_size(), end.hashes_size(), static_cast<int>(names.size())}); ++k) {
         Bytes video(static_cast<std::size_t>(std::min(end.length(k), kMostBytes)), static_cast<std::uint8_t>(k));
         const take::Xxh128 hash = take::xxh128(video);
@@ -96,7 +97,7 @@ void read_all(const media::TakeFolder& folder) {
       NODAL_ASSERT(count == folder.manifest().sets);
       return;
     }
-    NODAL_ASSERT(set.evidence.index() == count);
+    NODAL_ASSERT(set.evidence.index() == count + folder.manifest().deleted_sets);
     if (const Status read = sets.read_pictures(set); !read) check(read.error());
     for (std::size_t head = 0; head < kMaxHeads; ++head) {
       const ImageView& image = set.heads[head].image;

@@ -108,7 +108,7 @@ Result<std::string> TakeFolder::text(const std::string& name, std::uint64_t limi
   return std::string(text_of(*bytes));
 }
 
-Result<TakeSegment> TakeFolder::segment(std::size_t k, std::uint64_t first_set) const {
+Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const {
   const std::string name = take::evidence_file(segments_[k]);
   const std::string path = shown(name);
   const auto bytes = whole(name, take::kMaxEvidenceBytes);
@@ -119,14 +119,17 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, std::uint64_t first_set) 
   if (evidence->begin.take() != about_.number || evidence->begin.segment() != segments_[k]) {
     return wrong(fmt::format("is of take {}, segment {}", evidence->begin.take(), evidence->begin.segment()));
   }
-  if (evidence->begin.first_set() != first_set) {
-    return wrong(fmt::format("begins with set {} where {} comes next", evidence->begin.first_set(), first_set));
+  const std::uint64_t first_set = evidence->begin.first_set(), next = before.kept + before.deleted;
+  if (first_set < next || first_set - before.kept > manifest_.deleted_sets) {
+    return wrong(fmt::format("begins with set {} where {} comes next", first_set, next));
   }
   if (!evidence->end || evidence->good_bytes != bytes->size()) return wrong("has no end");
-  if (k + 1 == segments_.size() && evidence->next_set() != manifest_.sets) {
-    return wrong(fmt::format("ends at set {}, and the manifest says {} sets", evidence->next_set(), manifest_.sets));
+  const std::uint64_t sets = before.kept + evidence->sets.size();
+  if (k + 1 == segments_.size() && sets != manifest_.sets) {
+    return wrong(fmt::format("is the last, after {} sets, and the manifest says {} sets", sets, manifest_.sets));
   }
   TakeSegment segment;
+  segment.before_ = {before.kept, first_set - before.kept};
   segment.evidence_ = std::move(*evidence);
   if (const Status opened = segment.open_files(*files_, manifest_); !opened) return fail(opened.error());
   for (const take::wire::Set& set : segment.evidence_.sets) {

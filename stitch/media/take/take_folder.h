@@ -32,6 +32,12 @@ struct TakeStream {
   Fields fields = Fields::kProgressive;
 };
 
+/// How many sets of a take come before a segment.
+struct SetsBefore {
+  std::uint64_t kept = 0;     ///< in the segments before it
+  std::uint64_t deleted = 0;  ///< to make room for newer ones
+};
+
 /// One segment. Whatever is read is compared with the hashes in the evidence first.
 ///
 /// Threading: thread-bound.
@@ -40,6 +46,8 @@ struct TakeStream {
 class TakeSegment {
  public:
   const take::Segment& evidence() const { return evidence_; }
+  /// For TakeFolder::segment() of the next one.
+  SetsBefore after() const { return {before_.kept + evidence_.sets.size(), before_.deleted}; }
   /// By the number of the file in the evidence.
   const std::vector<TakeStream>& streams() const { return streams_; }
   /// Replaces `into` by bytes of a file, such as those of a frame.
@@ -59,6 +67,7 @@ class TakeSegment {
   Status load(File& file, std::uint64_t piece);
 
   take::Segment evidence_;
+  SetsBefore before_;
   std::vector<TakeStream> streams_;
   std::vector<File> files_;
 };
@@ -82,8 +91,9 @@ class TakeFolder {
   Result<std::string> text(const std::string& name, std::uint64_t limit) const;
 
   std::size_t segments() const { return segments_.size(); }
-  /// Segment `k` of them, in the order of recording; `first_set`: the index that its first set must have.
-  Result<TakeSegment> segment(std::size_t k, std::uint64_t first_set) const;
+  /// Segment `k` of them, in the order of recording; `before`: after() of the one before it. Between the two there may be
+  /// deleted sets, as many as the manifest says for the whole take at most.
+  Result<TakeSegment> segment(std::size_t k, SetsBefore before) const;
 
  private:
   const take::Manifest::File* find(const std::string& name) const;
@@ -117,7 +127,7 @@ struct TakeSet {
   std::array<std::vector<std::uint8_t>, kMaxHeads> bytes{};
 };
 
-/// All sets of a take, one after the other.
+/// All sets of a take, one after the other. Those that were deleted are left out; the others keep their index.
 ///
 /// Threading: thread-bound.
 /// Ownership: refers to the folder; has one segment in memory.
@@ -139,7 +149,6 @@ class TakeSets {
   std::optional<TakeSegment> segment_;
   std::size_t next_segment_ = 0;
   std::size_t next_set_ = 0;  ///< of the segment
-  std::uint64_t sets_ = 0;    ///< before the segment
 };
 
 }  // namespace nodal::media

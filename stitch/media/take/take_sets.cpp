@@ -43,9 +43,9 @@ ImageView view_of(const TakeStream& stream, const std::vector<std::uint8_t>& byt
 Result<bool> TakeSets::next(TakeSet& set) {
   while (!segment_ || next_set_ == segment_->evidence().sets.size()) {
     if (next_segment_ == folder_.segments()) return false;
-    if (segment_) sets_ += segment_->evidence().sets.size();
+    const SetsBefore before = segment_ ? segment_->after() : SetsBefore();
     segment_.reset();
-    auto opened = folder_.segment(next_segment_++, sets_);
+    auto opened = folder_.segment(next_segment_++, before);
     if (!opened) return fail(opened.error());
     segment_.emplace(std::move(*opened));
     next_set_ = 0;

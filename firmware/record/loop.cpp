@@ -1,0 +1,127 @@
+#include "firmware/record/loop.h"
+
+#include <algorithm>
+#include <set>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "firmware/storage/durable_file.h"
+#include "protocol/take/evidence.h"
+
+namespace nodal::firmware {
+namespace {
+
+constexpr std::string_view kEvidencePrefix = "evidence-";
+/// More than the first record of any evidence.
+constexpr std::size_t kBeginBytes = 64 * 1024;
+
+std::string_view view_of(const std::vector<std::uint8_t>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// The number in a name such as "cam0-0003.mkv". Nothing for names that are not of a segment.
+std::optional<std::uint32_t> segment_of(std::string_view name) {
+  if (!take::is_take_file(name)) return std::nullopt;
+  const std::size_t dash = name.rfind('-');
+  if (dash == std::string_view::npos) return std::nullopt;
+  return static_cast<std::uint32_t>(std::stoul(std::string(name.substr(dash + 1))));
+}
+
+/// Of the segments in the manifest, rising.
+std::vector<std::uint32_t> segments_of(const take::Manifest& manifest) {
+  std::vector<std::uint32_t> segments;
+  for (const take::Manifest::File& file : manifest.files) {
+    if (file.name.starts_with(kEvidencePrefix)) segments.push_back(*segment_of(file.name));
+  }
+  std::ranges::sort(segments);
+  return segments;
+}
+
+/// Index of a segment's first set.
+Result<std::uint64_t> first_set_of(hal::DiskPort& disk, const std::string& evidence) {
+  const auto file = disk.open_read(evidence);
+  if (!file) return fail(file.error());
+  std::vector<std::uint8_t> bytes(kBeginBytes);
+  const auto read = disk.read_at(*file, 0, bytes);
+  disk.close(*file);
+  if (!read) return fail(read.error());
+  bytes.resize(*read);
+  const auto found = take::read_evidence(bytes, evidence);
+  if (!found) return fail(found.error());
+  return found->begin.first_set();
+}
+
+Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const take::Manifest& manifest) {
+  std::set<std::string, std::less<>> listed;
+  for (const take::Manifest::File& file : manifest.files) listed.insert(file.name);
+  const auto names = disk.list(folder);
+  if (!names) return fail(names.error());
+  for (const std::string& name : *names) {
+    if (!segment_of(name) || listed.contains(name)) continue;
+    if (const Status removed = disk.remove(folder + "/" + name); !removed) return removed;
+  }
+  return {};
+}
+
+}  // namespace
+
+bool near_mark(std::uint64_t first, std::uint64_t last, std::span<const take::Manifest::Mark> marks, FrameRate rate) {
+  const auto margin = static_cast<std::uint64_t>(kKeptAroundMarks.ns() / std::max<std::int64_t>(1, rate.period().ns()));
+  return std::ranges::any_of(marks,
+                             [&](const auto& mark) { return first <= mark.set + margin && last + margin >= mark.set; });
+}
+
+Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string& folder) {
+  const std::string about_name = folder + "/" + take::kTakeFile, manifest_name = folder + "/" + take::kManifestFile;
+  const auto about_text = disk.read(about_name, take::kMaxTakeJsonBytes);
+  if (!about_text) return fail(about_text.error());
+  const auto about = take::parse_take_json(view_of(*about_text), about_name);
+  if (!about) return fail(about.error());
+  const auto text = disk.read(manifest_name, take::kMaxManifestBytes);
+  if (!text) return fail(text.error());
+  auto manifest = take::parse_manifest(view_of(*text), manifest_name);
+  if (!manifest) return fail(manifest.error());
+
+  const std::vector<std::uint32_t> segments = segments_of(*manifest);
+  std::optional<std::uint32_t> chosen;
+  for (std::size_t k = 0; k < segments.size() && !chosen; ++k) {
+    // A segment ends where the next one begins. If others between them were deleted, it is near a mark anyway.
+    std::uint64_t next = manifest->sets + manifest->deleted_sets;
+    if (k + 1 < segments.size()) {
+      const auto begin = first_set_of(disk, folder + "/" + take::evidence_file(segments[k + 1]));
+      if (!begin) return fail(begin.error());
+      next = *begin;
+    }
+    const auto first = first_set_of(disk, folder + "/" + take::evidence_file(segments[k]));
+    if (!first) return fail(first.error());
+    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest->marks, about->rate)) chosen = segments[k];
+  }
+  if (!chosen) return std::optional<Trimmed>();
+
+  const std::string evidence_name = folder + "/" + take::evidence_file(*chosen);
+  const auto bytes = disk.read(evidence_name, take::kMaxEvidenceBytes);
+  if (!bytes) return fail(bytes.error());
+  const auto evidence = take::read_evidence(*bytes, evidence_name);
+  if (!evidence) return fail(evidence.error());
+  const std::uint64_t sets = std::min<std::uint64_t>(evidence->sets.size(), manifest->sets);
+  Trimmed done;
+  manifest->sets -= sets;
+  manifest->deleted_sets += sets;
+  const Duration length = evidence->sets.empty()
+                              ? Duration()
+                              : Duration::nanoseconds(evidence->sets.back().since_start_ns()) + about->rate.period();
+  manifest->length = std::max(Duration(), manifest->length - length);
+  std::erase_if(manifest->files, [&](const take::Manifest::File& file) {
+    if (segment_of(file.name) != chosen) return false;
+    done.bytes += file.bytes;
+    return true;
+  });
+  if (const Status written = write_durably(disk, folder, manifest_name, take::manifest_json(*manifest)); !written)
+    return fail(written.error());
+  if (const Status removed = remove_unlisted(disk, folder, *manifest); !removed) return fail(removed.error());
+  done.manifest = std::move(*manifest);
+  return std::optional<Trimmed>(std::move(done));
+}
+
+}  // namespace nodal::firmware

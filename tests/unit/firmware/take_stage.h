@@ -1,0 +1,135 @@
+// The recorder and the disk's stage on a simulated disk, in virtual time: sets come at their times, also while the disk is busy.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "firmware/record/recorder.h"
+#include "firmware/record/take_keeper.h"
+#include "hal/sim/clock.h"
+#include "hal/sim/disk.h"
+
+namespace nodal::firmware {
+
+/// The pictures are grey, and begin with the number of their set.
+class TakeStage {
+ public:
+  static constexpr int kStageHeads = 2;
+  struct Options {
+    TakesConfig takes{.folder = "takes", .buffer_mb = 16, .raymap = false};
+    FrameRate rate{5, 1};
+    int width = 32;  ///< of the pictures, px
+    int height = 16;
+  };
+
+  TakeStage(hal::sim::SimDisk& disk, hal::sim::SimClock& clock, const Options& options)
+      : options_(options),
+        clock_(clock),
+        config_(config(options)),
+        recorder_(config_, sets_in_, encoder_),
+        keeper_(config_, disk, recorder_, "a test", [&clock] { return kUtcNs + clock.now().ns(); }),
+        next_set_at_(clock.now()),
+        pixels_(static_cast<std::size_t>(options.width * options.height), 90) {
+    settle();
+  }
+
+  /// What the stage answers. Sets go on coming.
+  TakeAnswer ask(TakeCommand what) {
+    EXPECT_TRUE(keeper_.requests().push({++ticket_, std::move(what)}));
+    for (int k = 0; k < 10'000; ++k) {
+      if (auto answer = keeper_.answers().pop()) return std::move(*answer);
+      run(options_.rate.period());
+    }
+    ADD_FAILURE() << "no answer";
+    return {0, fail(Errc::kTimeout, "no answer")};
+  }
+  TakeAnswer start(bool still = false) {
+    TakeRequest::Start start;
+    start.still = still;
+    for (std::size_t k = 0; k < kStageHeads; ++k)
+      start.heads.push_back(HeadShape{PixelFormat::kGrey8, options_.width, options_.height});
+    return ask(std::move(start));
+  }
+  std::vector<TakeEntry> list() {
+    const TakeAnswer answer = ask(TakeRequest::List{});
+    if (!answer.result) return {};
+    return std::get<TakeAnswer::Listed>(*answer.result).takes;
+  }
+
+  void run(Duration length) {
+    const Instant end = clock_.now() + length;
+    while (clock_.now() < end) {
+      clock_.advance_to(std::max(clock_.now(), std::min(next_set_at_, end)));
+      offer_due();
+      settle();
+    }
+  }
+  /// Ends as nodald does.
+  void close() { keeper_.close(clock_.now()); }
+  const TakeReport& report() { return keeper_.snapshot().read(); }
+  std::uint64_t offered() const { return next_; }
+  Recorder& recorder() { return recorder_; }
+
+  static constexpr std::int64_t kUtcNs = 1'700'000'000'000'000'000;
+
+ private:
+  static RigConfig config(const Options& options) {
+    RigConfig config;
+    config.name = "test";
+    config.rate = options.rate;
+    config.heads.resize(kStageHeads);
+    for (std::size_t k = 0; k < kStageHeads; ++k) config.heads[k].name = "head" + std::to_string(k);
+    config.raymap.width = 64;
+    config.raymap.height = 32;
+    config.takes = options.takes;
+    return config;
+  }
+  void offer_due() {
+    for (; next_set_at_ <= clock_.now(); next_set_at_ = next_set_at_ + options_.rate.period()) {
+      SetLoan loan = pool_.take();
+      ASSERT_TRUE(loan);
+      FrameSet& set = loan.edit();
+      set = {};
+      set.number = next_++;
+      set.mid_exposure = next_set_at_;
+      set.mask = (1U << kStageHeads) - 1;
+      for (std::size_t k = 0; k < 8; ++k) pixels_[k] = static_cast<std::uint8_t>(set.number >> (8 * k));
+      for (std::size_t head = 0; head < kStageHeads; ++head) {
+        set.frames[head].image =
+            packed_image(PixelFormat::kGrey8, options_.width, options_.height, std::as_const(pixels_).data());
+      }
+      sets_in_.offer(loan);
+      loan = {};
+      recorder_.step();
+    }
+  }
+  /// A step of the disk's stage may take long; what comes meanwhile is offered after it.
+  void settle() {
+    bool busy = true;
+    while (busy) {
+      busy = recorder_.step();
+      busy |= keeper_.step(clock_.now());
+      offer_due();
+    }
+  }
+
+  const Options options_;
+  hal::sim::SimClock& clock_;
+  const RigConfig config_;
+  LoanPool<FrameSet> pool_{8};
+  Outlet<SetLoan> sets_in_{Recorder::kSets, false};
+  SpscRing<Raymap> raymaps_{4};
+  EncodeStage encoder_{config_.raymap, clock_, raymaps_};
+  Recorder recorder_;
+  TakeKeeper keeper_;
+  Instant next_set_at_;
+  std::vector<std::uint8_t> pixels_;
+  std::uint64_t next_ = 0;
+  std::uint64_t ticket_ = 0;
+};
+
+}  // namespace nodal::firmware
