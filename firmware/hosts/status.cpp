@@ -302,7 +302,7 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_buffer_percent(takes.buffer_percent);
   into.set_free_bytes(takes.free_bytes);
   into.set_bytes_a_second(takes.bytes_a_second);
-  into.set_problem(shown(takes.problem));
+  into.set_problem(shown(takes.problem.empty() ? takes.refused : takes.problem));
   into.set_loop(takes.loop);
   into.set_deleted_segments(takes.deleted_segments);
 }

@@ -69,6 +69,7 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
   if (!loaded_status_) return fail(loaded_status_.error());
   if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
     const auto take = start(*what, now);
+    report_.refused = take ? "" : "no take began: " + take.error().message;
     if (!take) return fail(take.error());
     if (!what->still) return done(*take);
     stopping_.push_back(request.ticket);
@@ -207,6 +208,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   report_.durable.reset();
   report_.problem.clear();
   ending_ = broken_ = false;
+  cause_.clear();
+  lost_by_sync_.clear();
   dropped_sets_ = 0;
   lost_before_ = recorder_.counts().lost_sets.load();
   raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
@@ -241,7 +244,7 @@ bool TakeKeeper::write_rows(Instant now) {
 /// The disk does not take any more: the recorder is told to end, and what comes until then is dropped.
 void TakeKeeper::give_up(const Error& error) {
   broken_ = true;
-  report_.problem = fmt::format("take {} ended: {}", writing_->number(), error.message);
+  if (cause_.empty()) cause_ = error.message;
   tell_to_end(error.code == Errc::kDiskFull ? "disk full" : "disk failed");
 }
 
@@ -249,14 +252,19 @@ void TakeKeeper::sync_if_due(Instant now) {
   if (!writing_ || broken_ || now < next_sync_) return;
   next_sync_ = now + kSyncEvery;
   if (writing_->synced()) return;
+  const std::uint64_t sets = writing_->sets();
   const Status synced = writing_->sync(now, utc_());
+  const std::uint64_t cut = sets - std::min(sets, writing_->sets());
+  dropped_sets_ += cut;
   if (synced) {
     report_.durable = now;
+    if (!lost_by_sync_.empty()) report_.problem = std::exchange(lost_by_sync_, {});
   } else if (synced.error().code == Errc::kDeviceGone || synced.error().code == Errc::kDiskFull) {
     return give_up(synced.error());
   } else {
-    report_.problem = fmt::format("take {}: sets were lost, and a new segment begins: {}", writing_->number(),
-                                  synced.error().message);
+    // Said when the next segment is on the disk: if the disk takes nothing more, only that is said.
+    lost_by_sync_ = fmt::format("take {}: {} sets were lost, and a new segment begins: {}", writing_->number(), cut,
+                                synced.error().message);
   }
   const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000);
   const Status room = make_room(2 * kReserveBytes + recorder_.ring().size() + ahead * bytes_a_second());
@@ -284,8 +292,11 @@ void TakeKeeper::end(Instant now) {
   } else {
     entry.state = TakeState::kUnfinished;
     entry.problem = manifest.error().message;
-    report_.problem =
-        fmt::format("take {} is not finished, and will be at the next start: {}", number, manifest.error().message);
+    if (cause_.empty()) cause_ = manifest.error().message;
+  }
+  if (!cause_.empty()) {
+    report_.problem = fmt::format("take {} ended{}: {}", number,
+                                  manifest ? "" : ", and is finished when nodald starts again", cause_);
   }
   const bool empty_still = still_ && manifest && manifest->sets == 0;
   if (empty_still) (void)remove({number});

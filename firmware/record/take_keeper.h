@@ -108,6 +108,7 @@ struct TakeReport {
   bool loop = false;                   ///< [takes] when_full = "loop"
   std::uint64_t deleted_segments = 0;  ///< since nodald started, to make room
   std::string problem;                 ///< of the disk, or why the last take ended
+  std::string refused;                 ///< why no take began when one was asked for last; the audit log has it, too
 };
 
 /// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
@@ -194,6 +195,8 @@ class TakeKeeper {
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why
+  std::string cause_;                    ///< of an end that nobody asked for
+  std::string lost_by_sync_;             ///< what a failed sync cost; not reported yet
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
   std::uint64_t dropped_sets_ = 0;
   std::uint64_t expected_set_bytes_ = 0;

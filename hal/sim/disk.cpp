@@ -32,13 +32,22 @@ Status SimDisk::begin(const char* what, const std::string& name) {
   if (dead_) return fail(no_power(name));
   if (gone_) return fail(disk_gone(name));
   const std::uint64_t operation = operations_++;
-  if (slow_clock_ != nullptr) slow_clock_->advance(slow_by_);
+  if (slow_clock_ != nullptr) slow_clock_->advance(slow_by_ + std::exchange(stall_, Duration()));
   dying_ = operation == die_at_;
   if (dying_) dead_ = true;
+  if (read_only_) return fail(Errc::kIo, "file '" + name + "': " + what + " failed: the disk is read-only");
   if (fail_at_.count(operation) != 0) {
     return fail(Errc::kIo, "file '" + name + "': " + what + " failed: the disk reports an error");
   }
   return {};
+}
+
+Status SimDisk::begin_read(const std::string& name) {
+  if (dead_) return fail(no_power(name));
+  if (gone_) return fail(disk_gone(name));
+  if (failing_reads_ == 0) return {};
+  --failing_reads_;
+  return fail(Errc::kIo, "file '" + name + "': reading it failed: the disk reports an error");
 }
 
 Status SimDisk::check_parent(const std::string& name) const {
@@ -130,8 +139,7 @@ Result<FileHandle> SimDisk::open_read(const std::string& name) {
 Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) {
   const auto handle = handle_of(file, true);
   if (!handle) return fail(handle.error());
-  if (dead_) return fail(no_power((*handle)->name));
-  if (gone_) return fail(disk_gone((*handle)->name));
+  if (const Status begun = begin_read((*handle)->name); !begun) return fail(begun.error());
   const std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
   if (offset >= data.size()) return 0;
   const std::size_t count = std::min<std::uint64_t>(bytes.size(), data.size() - offset);
@@ -257,6 +265,7 @@ Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::ui
     return fail(Errc::kTooLarge, "file '" + name + "': is " + std::to_string(*length) + " bytes, over the limit of " +
                                      std::to_string(limit_bytes));
   }
+  if (const Status begun = begin_read(name); !begun) return fail(begun.error());
   return tree_.at(name)->bytes;
 }
 

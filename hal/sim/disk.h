@@ -71,6 +71,15 @@ class SimDisk final : public DiskPort {
     slow_clock_ = clock;
     speed_ = bytes_per_second;
   }
+  /// The next changing operation takes so long on `clock`, which must be virtual.
+  void stall(SimClock* clock, Duration once) {
+    slow_clock_ = clock;
+    stall_ = once;
+  }
+  /// The next calls of read() and read_at() fail with kIo.
+  void fail_reads(int count) { failing_reads_ = count; }
+  /// Every changing operation fails with kIo from now on, or no longer.
+  void be_read_only(bool on = true) { read_only_ = on; }
   /// sync() and sync_all() succeed and make nothing durable.
   void lie_about_sync(bool lies) { lies_ = lies; }
   /// All calls fail with kDeviceGone from now on, or no longer.
@@ -94,6 +103,7 @@ class SimDisk final : public DiskPort {
 
   void make_durable(Inode& inode);
   Status begin(const char* what, const std::string& name);
+  Status begin_read(const std::string& name);
   Status check_parent(const std::string& name) const;
   Result<FileHandle> hand_out(InodePtr inode, const std::string& name, bool to_read = false);
   Result<Handle*> handle_of(FileHandle file, bool to_read);
@@ -120,6 +130,9 @@ class SimDisk final : public DiskPort {
   bool lies_ = false;
   bool gone_ = false;
   int failing_syncs_ = 0;
+  int failing_reads_ = 0;
+  bool read_only_ = false;
+  Duration stall_;
 };
 
 }  // namespace nodal::hal::sim

@@ -127,13 +127,14 @@ StreamId TestHost::pull(bool jpeg, std::uint64_t count, bool lossless) {
   return answer.has_pull() ? answer.pull().stream() : 0;
 }
 
-Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk)
+Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk,
+             std::unique_ptr<hal::sim::SimDisk> its_takes)
     : options(std::move(wanted)),
       world(options.truth, virtual_time(options)),
       disk(its_disk ? std::move(its_disk) : std::make_unique<hal::sim::SimDisk>()),
       watchdog(world.clock()),
       button(world.clock()) {
-  if (options.config.takes) takes = std::make_unique<hal::sim::SimDisk>();
+  if (options.config.takes) takes = its_takes ? std::move(its_takes) : std::make_unique<hal::sim::SimDisk>();
   rig = std::make_unique<firmware::Rig>(options.config,
                                         firmware::RigPorts{world.clock(),
                                                            world.enumerator(),

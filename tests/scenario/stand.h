@@ -82,7 +82,8 @@ struct StandOptions {
 
 class Stand {
  public:
-  explicit Stand(StandOptions options = {}, std::unique_ptr<hal::sim::SimDisk> disk = nullptr);
+  explicit Stand(StandOptions options = {}, std::unique_ptr<hal::sim::SimDisk> disk = nullptr,
+                 std::unique_ptr<hal::sim::SimDisk> takes = nullptr);
   ~Stand();
 
   /// Advances time by a millisecond at a time; everything is stepped until there is nothing to do. After each

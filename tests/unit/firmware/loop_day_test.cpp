@@ -10,8 +10,6 @@
 
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
-#include "protocol/take/documents.h"
-#include "protocol/take/evidence.h"
 #include "take_stage.h"
 
 namespace nodal::firmware {
@@ -31,37 +29,6 @@ TakeStage::Options in_a_loop() {
 /// Room for `bytes` of takes beside what the stage keeps free.
 std::uint64_t capacity_for(std::uint64_t bytes) {
   return 2 * TakeKeeper::kReserveBytes + (std::uint64_t{16} << 20) + bytes;
-}
-
-/// Reads all evidence of a take: every set has its number, and the indexes tell what was deleted.
-struct Account {
-  std::uint64_t sets = 0;
-  std::uint64_t end = 0;                                            ///< index behind the last set
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> segments{};  ///< first set, and behind the last
-};
-Account account_of(hal::sim::SimDisk& disk, std::uint64_t take) {
-  Account account;
-  const std::string folder = take::take_folder(take);
-  std::optional<std::uint64_t> offset;
-  for (const std::string& name : disk.list(folder).value_or(std::vector<std::string>())) {
-    if (!name.starts_with("evidence-")) continue;
-    const auto bytes = disk.read(folder + "/" + name, take::kMaxEvidenceBytes);
-    const auto segment = take::read_evidence(bytes.value_or(std::vector<std::uint8_t>()), name);
-    EXPECT_TRUE(segment) << segment.error().text();
-    if (!segment) continue;
-    EXPECT_TRUE(segment->end.has_value()) << name;
-    EXPECT_EQ(segment->good_bytes, bytes->size()) << name;
-    EXPECT_GE(segment->begin.first_set(), account.end) << name;
-    for (const take::wire::Set& set : segment->sets) {
-      if (!offset) offset = set.number() - set.index();
-      EXPECT_EQ(set.number() - set.index(), *offset) << name << ": none is missing but the deleted ones";
-      EXPECT_EQ(set.missed(), 0U);
-    }
-    account.sets += segment->sets.size();
-    account.end = segment->next_set();
-    account.segments.emplace_back(segment->begin.first_set(), segment->next_set());
-  }
-  return account;
 }
 
 TEST(LoopDay, ADiskOfAnHour_IsBoundedUnbrokenAndKeepsTheMarks) {
@@ -104,9 +71,10 @@ TEST(LoopDay, ADiskOfAnHour_IsBoundedUnbrokenAndKeepsTheMarks) {
   EXPECT_EQ(takes.at(2).deleted_sets, 0U);
   EXPECT_EQ(takes.at(3).sets, 1U);
   const TakeEntry& day = takes.at(4);
-  const Account account = account_of(disk, 4);
+  const TakeAccount account = account_of(disk, 4);
   EXPECT_EQ(day.state, TakeState::kComplete);
   EXPECT_EQ(account.sets, day.sets);
+  EXPECT_EQ(account.missed + account.cut, 0U);
   EXPECT_EQ(account.end, day.sets + day.deleted_sets);
   EXPECT_NEAR(static_cast<double>(account.end), kHours * 3600 * 5, 20);
   EXPECT_GT(day.deleted_sets, 20U * 3600 * 5) << "the disk has room for less than four hours";

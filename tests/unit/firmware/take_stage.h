@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "firmware/record/take_keeper.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
+#include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
 
@@ -34,7 +36,7 @@ class TakeStage {
         keeper_(config_, disk, recorder_, "a test", [&clock] { return kUtcNs + clock.now().ns(); }),
         next_set_at_(clock.now()),
         pixels_(static_cast<std::size_t>(options.width * options.height), 90) {
-    settle();
+    settle(clock_.now());
   }
 
   /// What the stage answers. Sets go on coming.
@@ -65,12 +67,14 @@ class TakeStage {
     while (clock_.now() < end) {
       clock_.advance_to(std::max(clock_.now(), std::min(next_set_at_, end)));
       offer_due();
-      settle();
+      settle(end);
     }
   }
   /// Ends as nodald does.
   void close() { keeper_.close(clock_.now()); }
   const TakeReport& report() { return keeper_.snapshot().read(); }
+  /// What the report said, in order.
+  const std::vector<std::string>& problems() const { return problems_; }
   std::uint64_t offered() const { return next_; }
   Recorder& recorder() { return recorder_; }
 
@@ -107,12 +111,15 @@ class TakeStage {
       recorder_.step();
     }
   }
-  /// A step of the disk's stage may take long; what comes meanwhile is offered after it.
-  void settle() {
+  /// A step of the disk's stage may take long; what comes meanwhile is offered after it. A disk that is too slow is never idle.
+  void settle(Instant end) {
     bool busy = true;
     while (busy) {
       busy = recorder_.step();
       busy |= keeper_.step(clock_.now());
+      const std::string& problem = report().problem;
+      if (!problem.empty() && (problems_.empty() || problems_.back() != problem)) problems_.push_back(problem);
+      if (clock_.now() > end) break;
       offer_due();
     }
   }
@@ -130,6 +137,46 @@ class TakeStage {
   std::vector<std::uint8_t> pixels_;
   std::uint64_t next_ = 0;
   std::uint64_t ticket_ = 0;
+  std::vector<std::string> problems_;
 };
+
+/// What the evidence of a take says, read whole: an index for every set, and a gap for every set that is not there.
+struct TakeAccount {
+  std::uint64_t sets = 0;
+  std::uint64_t missed = 0;  ///< between the first and the last, said by the sets
+  std::uint64_t end = 0;     ///< index behind the last set
+  std::uint64_t cut = 0;     ///< between segments, after a failed sync
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> segments{};  ///< first set, and behind the last
+};
+inline TakeAccount account_of(hal::sim::SimDisk& disk, std::uint64_t take) {
+  TakeAccount account;
+  const std::string folder = take::take_folder(take);
+  std::optional<std::uint64_t> next;
+  for (const std::string& name : disk.list(folder).value_or(std::vector<std::string>())) {
+    if (!name.starts_with("evidence-")) continue;
+    const auto bytes = disk.read(folder + "/" + name, take::kMaxEvidenceBytes);
+    const auto segment = take::read_evidence(bytes.value_or(std::vector<std::uint8_t>()), name);
+    EXPECT_TRUE(segment) << segment.error().text();
+    if (!segment) continue;
+    EXPECT_TRUE(segment->end.has_value()) << name;
+    EXPECT_EQ(segment->good_bytes, bytes->size()) << name;
+    EXPECT_GE(segment->begin.first_set(), account.end) << name;
+    const std::uint64_t deleted = segment->begin.first_set() - account.end;
+    for (const take::wire::Set& set : segment->sets) {
+      const bool begins = set.index() == segment->begin.first_set();
+      const std::uint64_t expected = next ? *next + set.missed() + (begins ? deleted : 0) : set.number();
+      EXPECT_GE(set.number(), expected) << name;
+      const bool may_be_cut = begins && deleted == 0;
+      EXPECT_TRUE(may_be_cut || set.number() == expected) << name << " set " << set.index();
+      account.cut += set.number() - expected;
+      next = set.number() + 1;
+      account.missed += set.missed();
+    }
+    account.sets += segment->sets.size();
+    account.end = segment->next_set();
+    account.segments.emplace_back(segment->begin.first_set(), segment->next_set());
+  }
+  return account;
+}
 
 }  // namespace nodal::firmware

@@ -215,5 +215,45 @@ TEST(SimDisk, Slow_TimePassesWithEveryChange) {
   EXPECT_EQ(clock.now() - start, Duration::milliseconds(200));
 }
 
+TEST(SimDisk, Stall_OneOperationTakesLongAndTheNextDoesNot) {
+  SimClock clock;
+  SimDisk disk;
+  const FileHandle file = disk.create("a").value();
+  disk.stall(&clock, Duration::seconds(5));
+  const Instant start = clock.now();
+  ASSERT_TRUE(disk.write(file, bytes_of("x")));
+  EXPECT_EQ(clock.now() - start, Duration::seconds(5));
+  ASSERT_TRUE(disk.sync(file));
+  EXPECT_EQ(clock.now() - start, Duration::seconds(5));
+}
+
+TEST(SimDisk, FailedReads_EndAndNameTheFile) {
+  SimDisk disk;
+  ASSERT_TRUE(replace_safely(disk, "a", "x"));
+  const FileHandle file = disk.open_read("a").value();
+  disk.fail_reads(2);
+  std::vector<std::uint8_t> byte(1);
+  const auto part = disk.read_at(file, 0, byte);
+  ASSERT_FALSE(part);
+  EXPECT_EQ(part.error().code, Errc::kIo);
+  EXPECT_NE(part.error().message.find("'a'"), std::string::npos);
+  EXPECT_FALSE(disk.read("a", 10));
+  EXPECT_EQ(content(disk, "a"), "x");
+}
+
+TEST(SimDisk, ReadOnly_NothingChangesAndEverythingIsRead) {
+  SimDisk disk;
+  ASSERT_TRUE(replace_safely(disk, "a", "x"));
+  disk.be_read_only();
+  EXPECT_FALSE(disk.create("b"));
+  EXPECT_FALSE(disk.remove("a"));
+  const auto file = disk.open_append("a");
+  ASSERT_FALSE(file);
+  EXPECT_NE(file.error().message.find("read-only"), std::string::npos) << file.error().message;
+  EXPECT_EQ(content(disk, "a"), "x");
+  disk.be_read_only(false);
+  EXPECT_TRUE(replace_safely(disk, "a", "y"));
+}
+
 }  // namespace
 }  // namespace nodal::hal::sim

@@ -1,0 +1,137 @@
+// A rig whose takes' disk is full, removed or read-only: the rig goes on, and says what is wrong, in its status and once in its log.
+// Takes that begin with the rig.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "protocol/take/documents.h"
+#include "tests/scenario/stand.h"
+
+namespace nodal::scenario {
+namespace {
+
+StandOptions rig_with_disk(bool at_start = false) {
+  StandOptions options;
+  options.config.takes = firmware::TakesConfig{.folder = "takes", .buffer_mb = 16, .at_start = at_start};
+  return options;
+}
+
+wire::Reply start_take(TestHost& host) {
+  wire::Request request;
+  request.mutable_take_start();
+  return host.ask(request);
+}
+
+wire::Takes takes_of(TestHost& host) {
+  wire::Request request;
+  request.mutable_take_list();
+  return host.ask(request).takes();
+}
+
+/// What the log says of takes.
+std::vector<std::string> take_news(Stand& stand) {
+  std::vector<std::string> found;
+  for (const std::string& sentence : stand.rig->control().take_news()) {
+    if (sentence.starts_with("take ") || sentence.find("take_start") != std::string::npos) found.push_back(sentence);
+  }
+  return found;
+}
+
+TEST(TakeDisk, RemovedWhileRecording_TheRigGoesOnAndSaysItOnce) {
+  Stand stand(rig_with_disk());
+  TestHost& host = stand.bring_up();
+  ASSERT_TRUE(start_take(host).has_take());
+  stand.run(Duration::seconds(2));
+  EXPECT_TRUE(host.status().recording().has_take());
+  stand.rig->control().take_news();
+  stand.takes->unplug();
+  stand.run(Duration::seconds(3));
+  const wire::RigStatus status = host.status();
+  EXPECT_FALSE(status.recording().has_take());
+  EXPECT_NE(status.recording().problem().find("the disk is gone"), std::string::npos) << status.recording().problem();
+  EXPECT_EQ(take_news(stand), std::vector<std::string>{status.recording().problem()});
+  EXPECT_EQ(status.state(), "running");
+  const std::uint64_t raymaps = status.raymaps();
+  stand.run(Duration::seconds(1));
+  EXPECT_GT(host.status().raymaps(), raymaps) << "nothing else stops";
+
+  const wire::Reply refused = start_take(host);
+  ASSERT_TRUE(refused.has_error());
+  EXPECT_EQ(refused.error().code(), static_cast<std::uint32_t>(Errc::kDeviceGone));
+  stand.takes->unplug(false);
+  EXPECT_TRUE(start_take(host).has_take()) << "it is there again";
+  stand.run(Duration::seconds(1));
+  EXPECT_EQ(host.status().recording().problem(), "");
+}
+
+TEST(TakeDisk, FullWhileRecording_TheTakeEndsAndTheNextIsRefusedUntilThereIsRoom) {
+  Stand stand(rig_with_disk());
+  TestHost& host = stand.bring_up();
+  ASSERT_TRUE(start_take(host).has_take());
+  stand.run(Duration::seconds(2));
+  stand.takes->set_capacity(stand.takes->total_bytes().value() - stand.takes->free_bytes().value() +
+                            firmware::TakeKeeper::kReserveBytes);
+  stand.run(Duration::seconds(2));
+  EXPECT_FALSE(host.status().recording().has_take());
+  EXPECT_EQ(host.status().recording().problem(),
+            "take 1 ended: the disk is full; delete takes (nodal take delete) or change the card");
+  ASSERT_EQ(takes_of(host).takes_size(), 1);
+  EXPECT_EQ(takes_of(host).takes(0).state(), "complete");
+  EXPECT_EQ(takes_of(host).takes(0).ended(), "disk full");
+  const wire::Reply refused = start_take(host);
+  ASSERT_TRUE(refused.has_error());
+  EXPECT_EQ(refused.error().code(), static_cast<std::uint32_t>(Errc::kDiskFull));
+  EXPECT_NE(refused.error().message().find("and a take needs at least"), std::string::npos);
+  wire::Request remove;
+  remove.mutable_take_delete()->set_take(1);
+  EXPECT_TRUE(host.ask(remove).has_take());
+  stand.takes->set_capacity(std::uint64_t{1} << 40);
+  EXPECT_TRUE(start_take(host).has_take());
+}
+
+TEST(TakeDisk, StartAtBoot_ATakeBeginsWhenEveryHeadDelivers) {
+  Stand stand(rig_with_disk(true));
+  TestHost& host = stand.connect();
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
+  EXPECT_EQ(host.status().recording().take(), 1U);
+  stand.run(Duration::seconds(2));
+  EXPECT_GT(host.status().recording().sets(), 10U);
+  wire::Request stop;
+  stop.mutable_take_stop();
+  ASSERT_TRUE(host.ask(stop).has_take());
+  stand.run(Duration::seconds(3));
+  EXPECT_FALSE(host.status().recording().has_take()) << "once";
+}
+
+TEST(TakeDisk, StartAtBootAfterAPowerCut_TheTakeBeforeIsFinishedFirst) {
+  Stand first(rig_with_disk(true));
+  first.run(Duration::seconds(4));
+  auto left = first.takes->after_power_loss(3);
+  Stand second(rig_with_disk(true), nullptr, std::move(left));
+  TestHost& host = second.connect();
+  ASSERT_TRUE(second.run_until([&] { return host.status().recording().has_take(); }));
+  EXPECT_EQ(host.status().recording().take(), 2U);
+  const wire::Takes takes = takes_of(host);
+  ASSERT_EQ(takes.takes_size(), 2);
+  EXPECT_EQ(takes.takes(0).state(), "complete");
+  EXPECT_EQ(takes.takes(0).ended(), "recovered");
+  EXPECT_GT(takes.takes(0).sets(), 10U);
+}
+
+TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
+  auto small = std::make_unique<hal::sim::SimDisk>(1, firmware::TakeKeeper::kReserveBytes);
+  Stand stand(rig_with_disk(true), nullptr, std::move(small));
+  TestHost& host = stand.connect();
+  stand.run(Duration::seconds(6));
+  EXPECT_FALSE(host.status().recording().has_take());
+  const std::vector<std::string> news = take_news(stand);
+  ASSERT_EQ(news.size(), 1U);
+  EXPECT_NE(news[0].find("MB free, and a take needs at least"), std::string::npos) << news[0];
+  EXPECT_NE(host.status().recording().problem().find("no take began: the disk of the takes has"), std::string::npos)
+      << host.status().recording().problem();
+}
+
+}  // namespace
+}  // namespace nodal::scenario
