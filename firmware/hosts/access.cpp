@@ -30,6 +30,7 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kDevices:
     case wire::Request::kTakeList:
     case wire::Request::kTakeRead:
+    case wire::Request::kDiskTest:
     case wire::Request::WHAT_NOT_SET: return false;
   }
   return true;
@@ -48,7 +49,8 @@ std::optional<CommandStage> slow_stage(const wire::Request& request) {
     case wire::Request::kTakeMark:
     case wire::Request::kTakeList:
     case wire::Request::kTakeDelete:
-    case wire::Request::kTakeProtect: return CommandStage::kTakes;
+    case wire::Request::kTakeProtect:
+    case wire::Request::kDiskTest: return CommandStage::kTakes;
     default: return std::nullopt;
   }
 }
@@ -80,6 +82,7 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kTakeDelete:
     case wire::Request::kTakeProtect:
     case wire::Request::kTakeRead:  // the rig sends one file at a time
+    case wire::Request::kDiskTest:  // keeps the disk busy
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:  // opens devices
     case wire::Request::kHosts:    // names users and processes, as the audit log does
@@ -116,6 +119,7 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kTakeDelete: return "take_delete";
     case wire::Request::kTakeProtect: return "take_protect";
     case wire::Request::kTakeRead: return "take_read";
+    case wire::Request::kDiskTest: return "disk_test";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

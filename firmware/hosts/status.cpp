@@ -290,6 +290,20 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
   }
 }
 
+void fill_disk_test(const TakeAnswer::DiskTested& tested, wire::DiskTested& into) {
+  into.set_bytes(tested.speed.bytes);
+  into.set_took_ns(static_cast<std::uint64_t>(tested.speed.took.ns()));
+  into.set_worst_sync_ns(static_cast<std::uint64_t>(tested.speed.worst_sync.ns()));
+  into.set_bytes_a_second(tested.speed.bytes_a_second());
+  for (const DiskVerdict& verdict : tested.modes) {
+    wire::DiskMode& mode = *into.add_modes();
+    mode.set_mode(verdict.mode);
+    mode.set_bytes_a_second(verdict.bytes_a_second);
+    mode.set_sustained(verdict.sustained);
+    mode.set_why(verdict.why);
+  }
+}
+
 void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into) {
   if (takes.recording) {
     into.set_take(*takes.recording);
@@ -304,6 +318,7 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_bytes_a_second(takes.bytes_a_second);
   into.set_problem(shown(takes.problem.empty() ? takes.refused : takes.problem));
   into.set_loop(takes.loop);
+  if (takes.test_percent) into.set_disk_test_percent(*takes.test_percent);
   into.set_deleted_segments(takes.deleted_segments);
 }
 

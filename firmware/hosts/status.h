@@ -27,6 +27,7 @@ void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
 void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into);
+void fill_disk_test(const TakeAnswer::DiskTested& tested, wire::DiskTested& into);
 void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into);
 void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
 /// The connected hosts; `asking` is the one that sent the request.

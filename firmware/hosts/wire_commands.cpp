@@ -113,6 +113,12 @@ Result<Command> take_delete_command(const wire::TakeDelete& request) {
   return TakeCommand(command);
 }
 
+Command disk_test_command(const wire::DiskTest& request) {
+  TakeRequest::TestDisk test;
+  if (request.length_ns() != 0) test.length = duration_of(request.length_ns());
+  return TakeCommand(std::move(test));
+}
+
 }  // namespace
 
 Result<Command> command_of(const wire::Request& request, const RigConfig& config) {
@@ -133,6 +139,7 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kTakeDelete: return take_delete_command(request.take_delete());
     case wire::Request::kTakeProtect:
       return TakeCommand(TakeRequest::Protect{request.take_protect().take(), request.take_protect().on()});
+    case wire::Request::kDiskTest: return disk_test_command(request.disk_test());
     default: return fail(Errc::kUnsupported, "this rig does not support that request; update nodald");
   }
 }
@@ -167,6 +174,8 @@ wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
     reply.mutable_take()->set_take(take->take);
   } else if (const auto* takes = std::get_if<TakeAnswer::Listed>(&outcome)) {
     fill_takes(*takes, *reply.mutable_takes());
+  } else if (const auto* tested = std::get_if<TakeAnswer::DiskTested>(&outcome)) {
+    fill_disk_test(*tested, *reply.mutable_disk_test());
   } else {
     const auto at = std::get<CommandDone>(outcome).at;
     if (at) reply.mutable_done()->set_at_ns(static_cast<std::uint64_t>(at->ns()));

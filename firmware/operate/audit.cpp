@@ -114,6 +114,7 @@ std::string values_after(const Command& command, const RigConfig& config, const 
     if (const auto* kept = std::get_if<TakeRequest::Protect>(take)) {
       return "take " + std::to_string(kept->take) + (kept->on ? " protected" : " not protected");
     }
+    if (std::holds_alternative<TakeRequest::TestDisk>(*take)) return "the disk is tested";
     return std::holds_alternative<TakeRequest::Start>(*take) ? "a take is recorded" : "no take is recorded";
   }
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {

@@ -108,7 +108,8 @@ std::string_view command_name(const Command& command) {
                                  [](const TakeRequest::Mark&) { return "take_mark"; },
                                  [](const TakeRequest::List&) { return "take_list"; },
                                  [](const TakeRequest::Delete&) { return "take_delete"; },
-                                 [](const TakeRequest::Protect&) { return "take_protect"; }},
+                                 [](const TakeRequest::Protect&) { return "take_protect"; },
+                                 [](const TakeRequest::TestDisk&) { return "disk_test"; }},
                       *take);
   }
   return std::visit(Overloaded{[](const KeeperRequest::List&) { return "calibration_list"; },
@@ -136,6 +137,10 @@ Status check(const Command& command, const RigConfig& config) {
   if (const auto* take = std::get_if<TakeCommand>(&command)) {
     if (!config.takes) {
       return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
+    }
+    const auto* test = std::get_if<TakeRequest::TestDisk>(take);
+    if (test && (test->length < DiskTest::kShortest || test->length > DiskTest::kLongest)) {
+      return fail(Errc::kBadValue, "a test of the disk lasts 1 s to 60 s");
     }
     const auto* mark = std::get_if<TakeRequest::Mark>(take);
     if (mark && (mark->text.size() > TakeRequest::Mark::kMaxBytes || !is_printable(mark->text))) {

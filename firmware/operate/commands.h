@@ -44,7 +44,7 @@ struct CommandDone {
   std::optional<Instant> at;  ///< of a HeadChange
 };
 using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed,
-                             KeeperAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed>;
+                             KeeperAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed, TakeAnswer::DiskTested>;
 struct Answer {
   Ticket ticket = 0;
   Result<Outcome> outcome;

@@ -96,6 +96,7 @@ Status Operation::hand_over(Ticket ticket, Command command) {
       if (keeper_->document) start->calibration_json = *keeper_->document;
       start->heads = head_shapes();
     }
+    if (auto* test = std::get_if<TakeRequest::TestDisk>(take)) test->heads = head_shapes();
     if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take)})) return {};
     return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
   }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "firmware/record/head_coder.h"
 #include "firmware/record/take_writer.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/take/documents.h"
@@ -49,6 +48,7 @@ bool TakeKeeper::step(Instant now) {
   sync_if_due(now);
   end_late_still(now);
   if (!busy) busy = take_request(now);
+  if (!busy) busy = step_test(now);
   if (!busy && !writing_) busy = recover_one();
   if (busy || now >= next_report_) publish(now);
   return busy;
@@ -94,6 +94,10 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     if (!set) return fail(set.error());
     (*entry)->is_protected = what->on;
     return done(what->take);
+  }
+  if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
+    if (const Status begun = begin_test(request.ticket, *what, now); !begun) return fail(begun.error());
+    return std::optional<Answered>();
   }
   if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
   if (const auto* what = std::get_if<TakeRequest::Mark>(&request.what)) {
@@ -153,22 +157,12 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
     return fail(Errc::kTooLarge,
                 fmt::format("the disk has {} takes, the most that there may be; delete some", takes_.size()));
   }
-  expected_set_bytes_ = 0;
-  for (const auto& head : start.heads) {
-    if (!head) continue;
-    const bool jpeg = head->format == PixelFormat::kMjpeg;
-    const bool coded = config_.takes->mode == TakesConfig::Mode::kJpeg &&
-                       HeadCoder::codes({head->format, head->width, head->height, {}, Fields::kProgressive});
-    // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
-    expected_set_bytes_ +=
-        packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg    ? 8
-                                                                                            : coded ? 4
-                                                                                                    : 1);
-  }
+  expected_set_bytes_ = set_bytes(start.heads, config_.takes->mode);
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
     return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
                                              expected_set_bytes_ >> 20, (expected_set_bytes_ >> 18) + 1));
   }
+  if (test_) end_test(fail(Errc::kBusy, "a take began, which has priority; test the disk when none is recorded"));
   if (const Status room = check_room(); !room) return fail(room.error());
   const std::uint64_t number = next_take_;
   if (const Status stored = write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1)); !stored) {
@@ -317,6 +311,8 @@ void TakeKeeper::publish(Instant now) {
   next_report_ = now + kReportEvery;
   const Recorder::Counts& counts = recorder_.counts();
   report_.ready = loaded_ && loaded_status_ && to_recover_.empty();
+  report_.test_percent.reset();
+  if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;

@@ -13,6 +13,7 @@
 
 #include "firmware/config/config.h"
 #include "firmware/frame/snapshot.h"
+#include "firmware/record/disk_test.h"
 #include "firmware/record/recorder.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
@@ -48,7 +49,11 @@ struct TakeRequest {
     std::uint64_t take = 0;
     bool on = false;
   };
-  using What = std::variant<List, Start, Stop, Mark, Delete, Protect>;
+  struct TestDisk {
+    Duration length = Duration::seconds(10);
+    HeadShapes heads{};  ///< for what the modes need
+  };
+  using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk>;
 
   std::uint64_t ticket = 0;
   What what;
@@ -89,8 +94,12 @@ struct TakeAnswer {
   struct Done {
     std::uint64_t take = 0;
   };
+  struct DiskTested {
+    DiskSpeed speed;
+    std::vector<DiskVerdict> modes;
+  };
   std::uint64_t ticket = 0;
-  Result<std::variant<Listed, Done>> result;
+  Result<std::variant<Listed, Done, DiskTested>> result;
 };
 
 /// Status of the stage.
@@ -104,11 +113,12 @@ struct TakeReport {
   std::uint32_t buffer_percent = 0;  ///< of [takes] buffer_mb, used
   std::optional<Instant> durable;    ///< everything from before is on the disk
   std::uint64_t free_bytes = 0;
-  std::uint64_t bytes_a_second = 0;    ///< that the take needs
-  bool loop = false;                   ///< [takes] when_full = "loop"
-  std::uint64_t deleted_segments = 0;  ///< since nodald started, to make room
-  std::string problem;                 ///< of the disk, or why the last take ended
-  std::string refused;                 ///< why no take began when one was asked for last; the audit log has it, too
+  std::uint64_t bytes_a_second = 0;           ///< that the take needs
+  std::optional<std::uint32_t> test_percent;  ///< of the test of the disk that runs
+  bool loop = false;                          ///< [takes] when_full = "loop"
+  std::uint64_t deleted_segments = 0;         ///< since nodald started, to make room
+  std::string problem;                        ///< of the disk, or why the last take ended
+  std::string refused;  ///< why no take began when one was asked for last; the audit log has it, too
 };
 
 /// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
@@ -149,7 +159,7 @@ class TakeKeeper {
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
 
  private:
-  using Answered = std::variant<TakeAnswer::Listed, TakeAnswer::Done>;
+  using Answered = std::variant<TakeAnswer::Listed, TakeAnswer::Done, TakeAnswer::DiskTested>;
 
   void load();
   void load(const std::string& folder);
@@ -160,6 +170,10 @@ class TakeKeeper {
   bool take_request(Instant now);
   Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
   Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
+  Status begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now);
+  bool step_test(Instant now);
+  void end_test(Result<TakeAnswer::DiskTested> result);
+  std::uint64_t set_bytes(const HeadShapes& heads, TakesConfig::Mode mode) const;
   Status remove(const TakeRequest::Delete& what);
   Result<TakeEntry*> finished(std::uint64_t take);
   std::uint64_t bytes_a_second() const;
@@ -190,6 +204,12 @@ class TakeKeeper {
   std::uint64_t next_take_ = 1;
   std::vector<std::uint64_t> to_recover_;
 
+  struct Test {
+    std::uint64_t ticket = 0;
+    HeadShapes heads;
+    std::unique_ptr<DiskTest> test;
+  };
+  std::optional<Test> test_;
   std::unique_ptr<TakeWriter> writing_;
   std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
   bool still_ = false;                   ///< the take is a still

@@ -40,6 +40,7 @@ void TakeEntry::complete(const take::Manifest& manifest) {
 
 /// Reads which takes there are. Errors are in loaded_status_: then nothing can be recorded.
 void TakeKeeper::load() {
+  DiskTest::remove_leftover(disk_);
   const auto names = disk_.list("");
   if (!names) {
     loaded_status_ = fail(names.error());

@@ -132,6 +132,7 @@ CommandLine::CommandLine(Console& console)
   add_hosts(app_, *this);
   add_take(app_, *this);
   add_offload(app_, *this);
+  add_disk(app_, *this);
   add_exposure(app_, *this);
   add_genlock(app_, *this);
   add_calibration(app_, *this);

@@ -83,6 +83,7 @@ void add_genlock(CLI::App& app, CommandLine& line);
 void add_calibration(CLI::App& app, CommandLine& line);
 void add_take(CLI::App& app, CommandLine& line);
 void add_offload(CLI::App& app, CommandLine& line);
+void add_disk(CLI::App& app, CommandLine& line);
 void add_audit(CLI::App& app, CommandLine& line);
 void add_sync(CLI::App& app, CommandLine& line);
 void add_raymap(CLI::App& app, CommandLine& line);

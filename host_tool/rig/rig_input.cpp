@@ -151,6 +151,13 @@ Status check_and_clean(wire::Reply& reply) {
         check.sentence(take.mutable_problem());
       }
       break;
+    case wire::Reply::kDiskTest:
+      check.list(reply.disk_test().modes(), kMaxDiskModes, "modes");
+      for (wire::DiskMode& mode : *reply.mutable_disk_test()->mutable_modes()) {
+        check.name(mode.mutable_mode());
+        check.sentence(mode.mutable_why());
+      }
+      break;
     case wire::Reply::kCalibration: check.id(reply.calibration().id()); break;
     case wire::Reply::kDone:
     case wire::Reply::kTake:

@@ -13,6 +13,7 @@ inline constexpr int kMaxMarks = 256;     ///< a rig keeps the last 32
 inline constexpr int kMaxSentences = 64;  ///< entries in a list of problems
 inline constexpr int kMaxCalibrations = 1024;
 inline constexpr int kMaxTakes = 1000;
+inline constexpr int kMaxDiskModes = 8;
 inline constexpr int kMaxAuditEntries = 1024;  ///< a rig keeps the newest 256
 inline constexpr int kMaxHosts = 256;          ///< a rig talks to 8
 inline constexpr int kMaxDeviceLines = 4096;   ///< of the list of what is plugged in

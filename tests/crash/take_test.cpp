@@ -187,6 +187,42 @@ TEST(RecordedTakes, NodaldKilledWhileRecording_EveryTakeIsWholeAfterTheNextStart
   }
 }
 
+TEST(RecordedTakes, ATestOfTheDisk_SaysWhatItTakesAndLeavesNothingAlsoWhenNodaldIsKilled) {
+  const RecordingRig folder;
+  const fs::path file = folder.path / "takes" / "disk-test";
+  const auto command = [&](const std::string& length) -> std::vector<std::string> {
+    return {NODAL_BIN_DIR "/nodal", "--rig", "unix:" + folder.socket(), "disk", "test", "--for", length};
+  };
+  {
+    test::Process daemon(nodald({"--config", folder.config()}));
+    const auto host = LinkHost::connect(folder.socket());
+    ASSERT_TRUE(host) << daemon.complained();
+    ASSERT_TRUE(
+        test::wait_until([&] { return host->pump() && host->status().value_or(wire::RigStatus()).full_sets() > 3; }));
+    const test::Finished done = test::Process(command("1s")).wait();
+    // A disk that is busy with other things may be too slow for every mode.
+    EXPECT_TRUE(done.code == 0 || done.code == 8) << done.code << done.err;
+    EXPECT_NE(done.out.find("the longest sync took"), std::string::npos) << done.out;
+    for (const char* mode : {"mode = \"driver\": ", "mode = \"jpeg\": "}) {
+      EXPECT_NE(done.out.find(mode), std::string::npos) << done.out;
+    }
+    EXPECT_FALSE(fs::exists(file));
+    const test::Finished refused = test::Process(command("120s")).wait();
+    EXPECT_NE(refused.code, 0);
+    EXPECT_NE(refused.err.find("lasts 1 s to 60 s"), std::string::npos) << refused.err;
+
+    test::Process running(command("20s"));
+    ASSERT_TRUE(test::wait_until([&] { return fs::exists(file) && fs::file_size(file) > 0; }));
+    daemon.signal(SIGKILL);
+    EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 128 + SIGKILL);
+    EXPECT_NE(running.wait(std::chrono::seconds(30)).code, 0);
+  }
+  ASSERT_TRUE(fs::exists(file));
+  test::Process daemon(nodald({"--config", folder.config()}));
+  ASSERT_TRUE(LinkHost::connect(folder.socket())) << daemon.complained();
+  EXPECT_TRUE(test::wait_until([&] { return !fs::exists(file); }));
+}
+
 TEST(RecordedTakes, AFolderThatShouldBeACardAndIsNot_IsRefused) {
   const RigFolder folder;
   std::ofstream(folder.config(), std::ios::app) << "[takes]\nfolder = \"takes\"\nmounted = true\n";

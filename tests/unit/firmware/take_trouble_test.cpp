@@ -26,15 +26,6 @@ std::vector<TakeEntry> takes_after_restart(hal::sim::SimDisk& disk) {
   return stage.list();
 }
 
-/// 153 kB a set, 30 a second: 4.6 MB/s.
-TakeStage::Options large_pictures() {
-  TakeStage::Options options;
-  options.rate = {30, 1};
-  options.width = 320;
-  options.height = 240;
-  return options;
-}
-
 TEST(TakeTrouble, TheDiskIsFullBetweenTwoSyncs_TheTakeEndsWithWhatIsWhole) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk;
@@ -64,7 +55,7 @@ TEST(TakeTrouble, TheDiskIsFullBetweenTwoSyncs_TheTakeEndsWithWhatIsWhole) {
 TEST(TakeTrouble, LessThanAMinuteOfRoom_StartsNoTake) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk;
-  TakeStage stage(disk, clock, large_pictures());
+  TakeStage stage(disk, clock, TakeStage::large_pictures());
   constexpr std::uint64_t kSet = 2 * 320 * 240;
   disk.set_capacity(kStageNeeds + 60 * 30 * kSet - 1'000'000);
   const auto refused = stage.start();
@@ -78,7 +69,7 @@ TEST(TakeTrouble, LessThanAMinuteOfRoom_StartsNoTake) {
 TEST(TakeTrouble, TheReserveIsReached_TheTakeEndsAndIsFinished) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk(1, kStageNeeds + 300'000'000);
-  TakeStage stage(disk, clock, large_pictures());
+  TakeStage stage(disk, clock, TakeStage::large_pictures());
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(120));
   EXPECT_FALSE(stage.report().recording);
@@ -96,7 +87,7 @@ TEST(TakeTrouble, TheReserveIsReached_TheTakeEndsAndIsFinished) {
 TEST(TakeTrouble, ASlowDisk_LosesWholeSetsWhichAreCountedAndGoesOn) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk;
-  TakeStage stage(disk, clock, large_pictures());
+  TakeStage stage(disk, clock, TakeStage::large_pictures());
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(5));
   EXPECT_EQ(stage.report().lost_sets, 0U);
@@ -126,7 +117,7 @@ TEST(TakeTrouble, AStallOfFiveSeconds_LosesNothingThatTheBufferHolds) {
     SCOPED_TRACE(large ? "the buffer holds three and a half seconds" : "the buffer holds all");
     hal::sim::SimClock clock;
     hal::sim::SimDisk disk;
-    TakeStage stage(disk, clock, large ? large_pictures() : TakeStage::Options());
+    TakeStage stage(disk, clock, large ? TakeStage::large_pictures() : TakeStage::Options());
     ASSERT_TRUE(stage.start().result);
     for (int k = 0; k < 4; ++k) {
       stage.run(Duration::milliseconds(9000 + 70 * k));  // another operation each time

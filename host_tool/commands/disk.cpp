@@ -1,0 +1,70 @@
+// `nodal disk test`: what the disk of the rig's takes sustains.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/console/quantities.h"
+
+namespace nodal::host {
+namespace {
+
+Status run_disk_test(Context& context, const std::string& length) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  wire::Request request;
+  request.mutable_disk_test()->set_length_ns(static_cast<std::uint64_t>(parse_duration(length)->ns()));
+  Result<wire::Reply> reply = [&] {
+    Progress bar(context.console(), "testing the disk", 100);
+    return (*rig)->ask_long(request, [&](const wire::RigStatus& status) {
+      if (status.recording().has_disk_test_percent()) bar.update(status.recording().disk_test_percent(), "");
+    });
+  }();
+  if (!reply) return fail(reply.error());
+  const wire::DiskTested& tested = reply->disk_test();
+  Console& console = context.console();
+  Json modes = Json::array();
+  console.line(fmt::format("{} written in {}: {}/s; the longest sync took {}", show_bytes(tested.bytes()),
+                           show_duration(tested.took_ns()), show_bytes(tested.bytes_a_second()),
+                           show_duration(tested.worst_sync_ns())));
+  bool any = false;
+  for (const wire::DiskMode& mode : tested.modes()) {
+    any |= mode.sustained();
+    modes.push_back({{"mode", mode.mode()},
+                     {"bytes_a_second", mode.bytes_a_second()},
+                     {"sustained", mode.sustained()},
+                     {"why", mode.why()}});
+    console.line(fmt::format("mode = \"{}\": {}: {}", mode.mode(),
+                             mode.sustained() ? "sustained" : console.paint(Colour::kBad, "not sustained"),
+                             mode.why()));
+  }
+  console.document({{"bytes", tested.bytes()},
+                    {"took_ns", tested.took_ns()},
+                    {"worst_sync_ns", tested.worst_sync_ns()},
+                    {"bytes_a_second", tested.bytes_a_second()},
+                    {"modes", modes}});
+  if (!any) context.answer = ExitCode::kJudged;
+  return {};
+}
+
+}  // namespace
+
+void add_disk(CLI::App& app, CommandLine& line) {
+  CLI::App* disk = add_command(app, "disk", "The disk of the rig's takes", "");
+  disk->require_subcommand(1);
+  auto length = std::make_shared<std::string>("10s");
+  CLI::App* test =
+      add_command(*disk, "test", "Measures which modes of [takes] the disk sustains, before a take is recorded",
+                  "  nodal disk test\n"
+                  "  nodal disk test --for 30s --json\n"
+                  "Writes to the takes' folder for a while, and removes what it wrote. Exits with 8 if no\n"
+                  "mode is sustained.\n");
+  test->add_option("--for", *length, "How long, 1s to 60s")
+      ->type_name("DURATION")
+      ->capture_default_str()
+      ->check(checked_by(parse_duration));
+  line.on(test, [length](Context& context) { return run_disk_test(context, *length); });
+}
+
+}  // namespace nodal::host
