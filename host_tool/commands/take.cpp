@@ -7,6 +7,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/take/evidence.h"
 
 namespace nodal::host {
 namespace {
@@ -22,10 +23,26 @@ std::string show_utc(std::int64_t ns) {
   return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
 }
 
+/// As OSC's listFiles writes it; null if the rig's clock was not set.
+Json osc_date(std::int64_t ns) {
+  if (ns <= 0) return {};
+  return fmt::format("{:%Y:%m:%d %H:%M:%S}+00:00", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
+}
+
 Json take_json(const wire::TakeEntry& take) {
-  Json json{{"take", take.number()}, {"state", take.state()},         {"started_utc_ns", take.started_utc_ns()},
-            {"sets", take.sets()},   {"lost_sets", take.lost_sets()}, {"deleted_sets", take.deleted_sets()},
-            {"bytes", take.bytes()}, {"length_ns", take.length_ns()}, {"protected", take.is_protected()},
+  Json json{{"take", take.number()},
+            {"name", take::take_folder(take.number())},
+            {"date_time_zone", osc_date(take.started_utc_ns())},
+            {"width", take.width()},
+            {"height", take.height()},
+            {"state", take.state()},
+            {"started_utc_ns", take.started_utc_ns()},
+            {"sets", take.sets()},
+            {"lost_sets", take.lost_sets()},
+            {"deleted_sets", take.deleted_sets()},
+            {"bytes", take.bytes()},
+            {"length_ns", take.length_ns()},
+            {"protected", take.is_protected()},
             {"ended", take.ended()}};
   if (!take.problem().empty()) json["problem"] = take.problem();
   return json;

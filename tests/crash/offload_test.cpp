@@ -272,6 +272,25 @@ TEST_F(Offload, TheRigDeletedASegmentToMakeRoom_CopiesFromBeforeStayGood) {
   expect_equal(to_ / "new" / folder, take);
 }
 
+TEST_F(Offload, TheListAsJson_HasWhatOscListsOfFiles) {
+  const Finished listed =
+      Process({NODAL_BIN_DIR "/nodal", "--rig", "unix:" + rig_->folder.socket(), "--json", "take", "list"}).wait();
+  ASSERT_EQ(listed.code, 0) << listed.err;
+  const Json take = Json::parse(listed.out)["takes"][0];
+  const auto text = test::read_bytes(rig_->take(1) / take::kTakeFile);
+  const Json about = Json::parse(std::string(text.begin(), text.end()));
+  EXPECT_EQ(take["name"], "000001");
+  EXPECT_EQ(take["width"], about["raymap"][0]);
+  EXPECT_EQ(take["height"], about["raymap"][1]);
+  const std::string seconds = std::to_string(about["started_utc_ns"].get<std::int64_t>() / 1'000'000'000);
+  const Finished date = Process({"date", "-u", "-d", "@" + seconds, "+%Y:%m:%d %H:%M:%S+00:00"}).wait();
+  EXPECT_EQ(take["date_time_zone"].get<std::string>() + "\n", date.out);
+  std::uint64_t bytes = 0;
+  for (const auto& entry : fs::directory_iterator(rig_->take(1)))
+    bytes += entry.path().filename() == take::kManifestFile ? 0 : entry.file_size();
+  EXPECT_EQ(take["bytes"], bytes);
+}
+
 TEST_F(Offload, OnlyTheRaymaps_LeavesTheHeadsOnTheRig) {
   const Finished done = offload({"1", "--to", to_.path().string(), "--only", "raymap"});
   ASSERT_EQ(done.code, 0) << done.err;
