@@ -146,5 +146,41 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "pinhole"}, "perspective, fisheye");
 }
 
+TEST_F(ViewCommand, EyeBesideTheCentreOfASphere_SeesWhatTheGeometryPredicts) {
+  // From 3 m in front of the centre of a sphere of 5 m, the point at the right is at atan(4 / 3) = 53.13 degrees. The camera
+  // there, turned to the right, shows in its middle what one at the centre shows when it is turned by that angle.
+  write_sphere("s.png", 512);
+  const Words common{"--from", "equirectangular", "--fov", "2", "--size", "16x16"};
+  const auto view = [&](Words words, const std::string& out) {
+    words.insert(words.begin(), {"view", path("s.png"), "-o", path(out)});
+    words.insert(words.end(), common.begin(), common.end());
+    const Finished run = nodal(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+  };
+  view({"--yaw", "90", "--envelope", "sphere:5", "--eye", "0,0,3"}, "moved.png");
+  view({"--yaw", "53.1301"}, "same.png");
+  view({"--yaw", "90"}, "centre.png");
+  EXPECT_GT(psnr_of("moved.png", "same.png"), 38);
+  EXPECT_LT(psnr_of("moved.png", "centre.png"), 30);
+}
+
+TEST_F(ViewCommand, EnvelopesThatAreNone_AreRefusedInOneSentence) {
+  write_sphere("s.png", 64);
+  test::write_bytes(path("hole.obj"),
+                    {'v', ' ', '0', ' ', '0', ' ', '1', '\n', 'f', ' ', '1', ' ', '1', ' ', '1', '\n'});
+  const Words words{"view", path("s.png"), "--from", "equirectangular", "-o", path("v.png")};
+  const auto with = [&](Words more) {
+    more.insert(more.begin(), words.begin(), words.end());
+    return more;
+  };
+  expect_refused(with({"--eye", "0,0,1"}), "--envelope");
+  expect_refused(with({"--envelope", "sphere:5", "--eye", "0,0"}), "write X,Y,Z");
+  expect_refused(with({"--envelope", "sphere:5", "--eye", "0,0,6"}), "the eye is not inside the sphere");
+  expect_refused(with({"--envelope", "sphere:-1"}), "radius");
+  expect_refused(with({"--envelope", "sphere:x"}), "write sphere:RADIUS");
+  expect_refused(with({"--envelope", path("none.obj")}), "none.obj");
+  expect_refused(with({"--envelope", path("hole.obj")}), "line 2");
+}
+
 }  // namespace
 }  // namespace nodal::command_line
