@@ -20,8 +20,10 @@ void print_layouts(const std::vector<Finding>& findings) {
   const double first = findings.front().ms / findings.front().mpixels;
   for (const Finding& f : findings) {
     if (f.isa == "native") continue;
-    std::printf("%-20s %7.3f %7.1f%% %9.3f %9.2f %9.2f\n", f.variant.c_str(), f.mpixels, 100 * f.part_with_rays,
-                f.ms / f.mpixels, f.ms / f.mpixels / first, f.ratio_to_opencv);
+    std::printf("%-20s %7.3f %7.1f%% %9.3f %9.2f", f.variant.c_str(), f.mpixels, 100 * f.part_with_rays,
+                f.ms / f.mpixels, f.ms / f.mpixels / first);
+    if (f.ratio_to_opencv > 0) std::printf(" %9.2f", f.ratio_to_opencv);
+    std::printf("\n");
   }
 }
 
