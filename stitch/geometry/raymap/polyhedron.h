@@ -40,6 +40,8 @@ class Polyhedron final : public RaymapLayout {
 
   std::string_view name() const override { return name_; }
   bool scattered() const override { return false; }
+  /// Not with a scale: such faces leave gaps, which can reach into a square of pixels whose corners are all on faces.
+  bool smooth() const override { return scale_ == nullptr; }
   std::optional<Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override;
   std::optional<Pixel> pixel(const Ray& ray) const override;
