@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <optional>
+#include <span>
 #include <utility>
 
 namespace nodal::geometry {
@@ -36,17 +37,24 @@ struct Biquadratic {
             (t - a) * (t - b) / ((c - a) * (c - b))};
   }
 
-  /// The polynomial through `value(i, j)`, if it is within `tolerance` of it at two more points, too: where third
-  /// derivatives show. `value` returns an optional Value.
+  using Point = std::pair<double, double>;
+  /// Two points where third derivatives show.
+  static constexpr std::array kTwoChecks{Point(Side / 4.0, Side / 4.0), Point(Side * 0.75, Side * 3 / 16.0)};
+  /// Four points; wherever an edge cuts off a corner, it shows at one of them by a quarter.
+  static constexpr std::array kFourChecks{Point(Side * 3 / 16.0, Side * 3 / 16.0), Point(Side * 0.75, Side * 3 / 16.0),
+                                          Point(Side * 3 / 16.0, Side * 0.75), Point(Side * 0.75, Side * 0.75)};
+
+  /// The polynomial through `value(i, j)`, if it is within `tolerance` of it at further points, too. `value` returns an
+  /// optional Value.
   template <class F>
-  static std::optional<Biquadratic> fit(const F& value, double tolerance) {
+  static std::optional<Biquadratic> fit(const F& value, double tolerance, std::span<const Point> checks = kTwoChecks) {
     Biquadratic made;
     for (int k = 0; k < 9; ++k) {
       const auto found = value(kNodes[static_cast<std::size_t>(k % 3)], kNodes[static_cast<std::size_t>(k / 3)]);
       if (!found) return std::nullopt;
       made.nodes[static_cast<std::size_t>(k)] = *found;
     }
-    for (const auto& [i, j] : {std::pair(Side / 4.0, Side / 4.0), std::pair(Side * 0.75, Side * 3 / 16.0)}) {
+    for (const auto& [i, j] : checks) {
       const auto found = value(i, j);
       if (!found || !((*found - made.at(i, j)).norm() < tolerance)) return std::nullopt;
     }

@@ -131,7 +131,7 @@ std::optional<ClearTile> clear_tile(const RaySampler& sampler, int grid, int lef
     const bool moved = !(at.x > 0 && at.y > 0 && at.x < plane.width - 1 && at.y < plane.height - 1);
     return moved ? std::nullopt : std::optional(Polynomial::Value(at.x, at.y, kGainScale * at.gain));
   };
-  const std::optional<Polynomial> fitted = Polynomial::fit(value, RaySampler::kSamePlace);
+  const std::optional<Polynomial> fitted = Polynomial::fit(value, RaySampler::kSamePlace, Polynomial::kFourChecks);
   if (!fitted) return std::nullopt;
   ClearTile tile;
   tile.head = *head;

@@ -1,4 +1,4 @@
-// Tiles of a smooth layout that one head fills: far fewer than 64 rays say where all its pixels are.
+// Tiles of a smooth layout that one head fills: thirteen rays say where all its pixels are.
 #pragma once
 
 #include <array>
@@ -16,9 +16,9 @@ struct ClearTile {
   std::array<double, blend::kTilePixels> gain;  ///< as in RaySample
 };
 
-/// The tile whose first sample is (left, top), if the layout is smooth and the limits of the scores' slopes say that one
-/// head has the whole weight all over it. Positions are a biquadratic polynomial through nine of them, within
-/// RaySampler::kSamePlace of what RowSampler computes. Nothing without seams.
+/// The tile whose first sample is (left, top), if the layout is smooth and one head has the whole weight all over it, by
+/// the limits of the scores' slopes or by the tile's distance from the seam. Positions are a biquadratic polynomial through nine of them, within a
+/// quarter of TileBuilder::kFit of what RowSampler computes. Nothing without seams.
 std::optional<ClearTile> clear_tile(const RaySampler& sampler, int grid, int left, int top);
 
 /// Whether the layout is smooth, and at most one head can see rays of the tile. Quick; may say no where it is so.
