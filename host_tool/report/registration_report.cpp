@@ -11,10 +11,10 @@
 
 #include "host_tool/console/quantities.h"
 #include "host_tool/report/html_report.h"
+#include "host_tool/report/pictured_heads.h"
 #include "host_tool/report/sphere_graph.h"
 #include "protocol/base/angles.h"
 #include "stitch/geometry/head.h"
-#include "stitch/geometry/response.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/png_writer.h"
 #include "stitch/parallel/workers.h"
@@ -34,108 +34,6 @@ constexpr int kChecker = 36;  // side of a square from one head, px
 constexpr std::size_t kSeams = 6;
 constexpr double kDifferenceStretch = 8;  // a difference of 32 levels is shown white
 
-// A response curve by table, in steps of a quarter of a level: what pages show needs no more.
-class Curve {
- public:
-  template <class F>
-  explicit Curve(const F& curve) {
-    for (std::size_t k = 0; k < values_.size(); ++k) values_[k] = curve(static_cast<double>(k) / (kSteps - 1));
-  }
-  /// `level`: 0..255; others are clamped.
-  double operator()(double level) const {
-    return values_[static_cast<std::size_t>(std::clamp(level, 0.0, 255.0) * 4 + 0.5)];
-  }
-
- private:
-  static constexpr std::size_t kSteps = 4 * 255 + 1;
-  std::array<double, kSteps> values_;
-};
-
-// One calibration's heads with their pictures.
-class Rig {
- public:
-  static Result<Rig> make(const Calibration& calibration, const FrameSet& frames) {
-    Result<std::vector<Head>> heads = geometry::make_heads(calibration);
-    if (!heads) return fail(heads.error());
-    return Rig(std::move(*heads), frames);
-  }
-
-  const std::vector<Head>& heads() const { return heads_; }
-
-  /// The light that a head recorded for a ray, without its gain and fall-off, 0..255.
-  std::optional<double> light(std::size_t head, const Ray& ray) const {
-    const auto at = heads_[head].project(ray);
-    if (!at || !heads_[head].contains(*at)) return std::nullopt;
-    const HeadCalibration& own = heads_[head].calibration();
-    const double encoded = sample(frames_[head], at->x - 0.5, at->y - 0.5);
-    const double gain = (own.gain[0] + own.gain[1] + own.gain[2]) / 3;
-    return decode_[head](encoded) / (gain * std::max(heads_[head].vignetting(*at), 0.05));
-  }
-
-  /// The same in red, green and blue.
-  std::optional<std::array<double, 3>> colours(std::size_t head, const Ray& ray) const {
-    const auto at = heads_[head].project(ray);
-    if (!at || !heads_[head].contains(*at)) return std::nullopt;
-    const HeadCalibration& own = heads_[head].calibration();
-    const std::array<double, 3> encoded = colour(frames_[head], at->x, at->y);
-    std::array<double, 3> light{};
-    const double fall_off = std::max(heads_[head].vignetting(*at), 0.05);
-    for (std::size_t c = 0; c < 3; ++c) light[c] = decode_[head](encoded[c]) / (own.gain[c] * fall_off);
-    return light;
-  }
-
-  /// The light encoded with the first head's response, for display.
-  std::uint8_t shown(double light) const {
-    return static_cast<std::uint8_t>(encode_(255 * std::sqrt(std::clamp(light / 255, 0.0, 1.0))) + 0.5);
-  }
-
- private:
-  Rig(std::vector<Head> heads, const FrameSet& frames)
-      : heads_(std::move(heads)), frames_(frames), encode_([&](double root) {
-          return 255 * std::clamp(geometry::encode(heads_.front().calibration().response, root * root), 0.0, 1.0);
-        }) {
-    for (const Head& head : heads_) {
-      decode_.emplace_back([&](double level) { return 255 * geometry::decode(head.calibration().response, level); });
-    }
-  }
-
-  static double value(const ImageView& image, int x, int y) {
-    const auto component = [&](std::size_t c) {
-      const PlaneView& plane = image.planes[c];
-      return static_cast<double>(plane.data[y * plane.row_stride + x * plane.pixel_stride]);
-    };
-    if (image.format != PixelFormat::kRgb24) return component(0);
-    return 0.299 * component(0) + 0.587 * component(1) + 0.114 * component(2);
-  }
-
-  // Of the sample that covers the point; YUV by full-range BT.601.
-  static std::array<double, 3> colour(const ImageView& image, double x, double y) {
-    const auto component = [&](std::size_t c) {
-      const PlaneView& plane = image.planes[c];
-      const int i = std::clamp(static_cast<int>(x * plane.width / image.width), 0, plane.width - 1);
-      const int j = std::clamp(static_cast<int>(y * plane.height / image.height), 0, plane.height - 1);
-      return static_cast<double>(plane.data[j * plane.row_stride + i * plane.pixel_stride]);
-    };
-    if (component_count(image.format) == 1) return {component(0), component(0), component(0)};
-    if (!has_chroma(image.format)) return {component(0), component(1), component(2)};
-    const double luma = component(0), u = component(1) - 128, v = component(2) - 128;
-    return {luma + 1.402 * v, luma - 0.344136 * u - 0.714136 * v, luma + 1.772 * u};
-  }
-
-  static double sample(const ImageView& image, double x, double y) {
-    const int i = std::clamp(static_cast<int>(std::floor(x)), 0, image.width - 2);
-    const int j = std::clamp(static_cast<int>(std::floor(y)), 0, image.height - 2);
-    const double fx = std::clamp(x - i, 0.0, 1.0), fy = std::clamp(y - j, 0.0, 1.0);
-    return (1 - fy) * ((1 - fx) * value(image, i, j) + fx * value(image, i + 1, j)) +
-           fy * ((1 - fx) * value(image, i, j + 1) + fx * value(image, i + 1, j + 1));
-  }
-
-  std::vector<Head> heads_;
-  const FrameSet& frames_;
-  std::vector<Curve> decode_;  // of every head
-  Curve encode_;               // of the square root of light, which resolves dark values like the encoded ones
-};
-
 // Calls `row` with every row of a picture of the whole sphere and a function that gives the ray of a column.
 template <class Row>
 void for_rows(int width, int height, const Row& row) {
@@ -151,7 +49,7 @@ struct Spheres {
   std::vector<std::uint8_t> difference, seers;
 };
 
-Spheres spheres_of(const Rig& rig) {
+Spheres spheres_of(const PicturedHeads& rig) {
   Spheres spheres;
   spheres.difference.resize(std::size_t{kMapWidth} * kMapHeight);
   spheres.seers.resize(spheres.difference.size());
@@ -179,7 +77,7 @@ Spheres spheres_of(const Rig& rig) {
 }
 
 /// The mean of the heads in colour, as a JPEG.
-Result<std::vector<std::uint8_t>> colour_sphere(const Rig& rig) {
+Result<std::vector<std::uint8_t>> colour_sphere(const PicturedHeads& rig) {
   std::vector<std::uint8_t> rgb(std::size_t{3} * kColourWidth * kColourHeight);
   for_rows(kColourWidth, kColourHeight, [&](std::size_t y, const auto& ray_at) {
     for (std::size_t x = 0; x < kColourWidth; ++x) {
@@ -208,7 +106,7 @@ std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width
 }
 
 // The centre of the area that two heads share, as a ray of the rig.
-std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
+std::optional<Ray> middle_of(const PicturedHeads& rig, std::size_t a, std::size_t b) {
   double x = 0, y = 0, z = 0;
   for (int j = 0; j < kMapHeight; j += 6) {
     for (int i = 0; i < kMapWidth; i += 6) {
@@ -226,7 +124,7 @@ std::optional<Ray> middle_of(const Rig& rig, std::size_t a, std::size_t b) {
 }
 
 // A plane view along `axis` in which squares of the two heads alternate: an edge that does not continue is an error.
-std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b, const Ray& axis) {
+std::vector<std::uint8_t> close_up(const PicturedHeads& rig, std::size_t a, std::size_t b, const Ray& axis) {
   const double pixel = 1 / (rig.heads()[a].lens().slope(0.1));
   // Two directions perpendicular to the axis.
   const bool steep = std::abs(axis.y()) > 0.9;
@@ -236,17 +134,18 @@ std::vector<std::uint8_t> close_up(const Rig& rig, std::size_t a, std::size_t b,
   const Ray down =
       Ray::towards(axis.y() * right.z() - axis.z() * right.y(), axis.z() * right.x() - axis.x() * right.z(),
                    axis.x() * right.y() - axis.y() * right.x());
-  std::vector<std::uint8_t> values;
-  for (int j = 0; j < kClose; ++j) {
+  std::vector<std::uint8_t> values(std::size_t{kClose} * kClose);
+  parallel::Workers(0).run(kClose, [&](int j) {
     for (int i = 0; i < kClose; ++i) {
       const double u = (i + 0.5 - kClose / 2.0) * pixel, v = (j + 0.5 - kClose / 2.0) * pixel;
       const Ray ray = Ray::towards(axis.x() + u * right.x() + v * down.x(), axis.y() + u * right.y() + v * down.y(),
                                    axis.z() + u * right.z() + v * down.z());
       const bool first = (i / kChecker + j / kChecker) % 2 == 0;
-      const auto mine = rig.light(first ? a : b, ray), other = rig.light(first ? b : a, ray);
-      values.push_back(mine ? rig.shown(*mine) : other ? rig.shown(*other) : std::uint8_t{0});
+      std::optional<double> light = rig.light(first ? a : b, ray);
+      if (!light) light = rig.light(first ? b : a, ray);
+      values[static_cast<std::size_t>(j * kClose + i)] = light ? rig.shown(*light) : std::uint8_t{0};
     }
-  }
+  });
   return values;
 }
 
@@ -277,7 +176,7 @@ void add_convergence(const Report& report, HtmlReport& page) {
   page.chart("Objective", "step", "levels squared", series, true);
 }
 
-void add_seams(const Rig& before, const Rig& after, const Report& report, HtmlReport& page) {
+void add_seams(const PicturedHeads& before, const PicturedHeads& after, const Report& report, HtmlReport& page) {
   std::vector<registration::PairReport> pairs = report.pairs;
   std::ranges::stable_sort(pairs, std::greater<>(), &registration::PairReport::shared_sr);
   page.heading("Seams, before and after");
@@ -301,7 +200,7 @@ GraphNode node_of(const Head& head, const registration::HeadReport& report) {
           -kDegreesPerRadian * std::asin(std::clamp(R[7], -1.0, 1.0)), !report.placed};
 }
 
-void add_graph(const Rig& rig, const Report& report, HtmlReport& page) {
+void add_graph(const PicturedHeads& rig, const Report& report, HtmlReport& page) {
   std::vector<GraphNode> nodes;
   for (std::size_t h = 0; h < report.heads.size(); ++h) nodes.push_back(node_of(rig.heads()[h], report.heads[h]));
   double most = 0;
@@ -364,7 +263,8 @@ std::string poor_pairs(const Report& report) {
 }
 
 Result<std::string> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
-  const Result<Rig> before = Rig::make(prior, frames), after = Rig::make(report.calibration, frames);
+  const Result<PicturedHeads> before = PicturedHeads::make(prior, frames),
+                              after = PicturedHeads::make(report.calibration, frames);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
   HtmlReport page(
