@@ -94,14 +94,12 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
 
 Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const std::vector<std::string>& names,
                                            const OwnProgress& progress) {
-  std::vector<DecodedImage> images, grey;
-  for (const std::string& file : files) {
-    progress(0.3 * static_cast<double>(images.size()) / static_cast<double>(files.size()), "reading " + file);
-    Result<DecodedImage> image = read_picture(file);
-    if (!image) return fail(image.error());
-    grey.push_back(media::convert_image(image->view(), PixelFormat::kGrey8));
-    images.push_back(std::move(*image));
-  }
+  Result<std::vector<DecodedImage>> read = read_all(files, [&](std::size_t n) {
+    progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
+  });
+  if (!read) return fail(read.error());
+  std::vector<DecodedImage> images = std::move(*read), grey;
+  for (const DecodedImage& image : images) grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
   autocalibration::Options options;
   std::vector<std::string> turned;
   for (std::size_t n = 0; n < files.size(); ++n) {

@@ -5,9 +5,11 @@
 #include <cctype>
 #include <filesystem>
 #include <string_view>
+#include <utility>
 
 #include "stitch/media/image_file.h"
 #include "stitch/media/tiff/tiff_reader.h"
+#include "stitch/parallel/workers.h"
 
 namespace nodal::host {
 
@@ -18,6 +20,26 @@ Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFo
   Result<DecodedImage> picture = media::read_tiff(file);
   if (!picture || !as || picture->format == *as) return picture;
   return media::convert_image(picture->view(), *as);
+}
+
+Result<std::vector<DecodedImage>> read_all(const std::vector<std::string>& files,
+                                           const std::function<void(std::size_t n)>& begin) {
+  const parallel::Workers workers(0);
+  std::vector<DecodedImage> images;
+  while (images.size() < files.size()) {
+    begin(images.size());
+    const std::size_t at_once = std::min(files.size() - images.size(), static_cast<std::size_t>(workers.threads()));
+    std::vector<std::optional<Result<DecodedImage>>> read(at_once);
+    workers.run(static_cast<int>(at_once), [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      read[k] = read_picture(files[images.size() + k]);
+    });
+    for (std::optional<Result<DecodedImage>>& one : read) {
+      if (!*one) return fail(one->error());
+      images.push_back(std::move(**one));
+    }
+  }
+  return images;
 }
 
 Result<ImageHeader> read_picture_header(const std::string& file) {

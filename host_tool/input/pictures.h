@@ -1,6 +1,7 @@
 // Pictures as files of any format that nodal reads: JPEG, PNG, TIFF.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +14,12 @@ namespace nodal::host {
 /// A picture as media::decode_image() or media::read_tiff() gives it; `as`: GREY or RGB24 instead of its natural format.
 /// Errors: theirs; each names the file.
 Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt);
+
+/// Several pictures in their natural formats, on all cores. `begin(n)` is called on the caller's thread before pictures n
+/// and later are read.
+/// Errors: that of the first file, in their order, that has one.
+Result<std::vector<DecodedImage>> read_all(
+    const std::vector<std::string>& files, const std::function<void(std::size_t n)>& begin = [](std::size_t) {});
 
 /// Its size and natural format, without decoding it.
 Result<ImageHeader> read_picture_header(const std::string& file);

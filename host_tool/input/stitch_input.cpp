@@ -86,18 +86,17 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
 
 Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files, const Calibration& calibration,
                                            bool rgb) {
-  std::vector<DecodedImage> pictures;
+  Result<std::vector<DecodedImage>> read = read_all(files);
+  if (!read) return fail(read.error());
+  std::vector<DecodedImage> pictures = std::move(*read);
   for (std::size_t h = 0; h < files.size(); ++h) {
-    Result<DecodedImage> picture = read_picture(files[h]);
-    if (!picture) return fail(picture.error());
     const HeadCalibration& head = calibration.heads[h];
-    if (picture->width != head.width || picture->height != head.height) {
+    if (pictures[h].width != head.width || pictures[h].height != head.height) {
       return fail(Errc::kHeadMismatch,
                   fmt::format("{}: the picture has {}x{} pixels, and the calibration of head '{}' is for {}x{}; give "
                               "the pictures in the calibration's order and at the size they were calibrated at",
-                              files[h], picture->width, picture->height, head.name, head.width, head.height));
+                              files[h], pictures[h].width, pictures[h].height, head.name, head.width, head.height));
     }
-    pictures.push_back(std::move(*picture));
   }
   const PixelFormat format = common_format(pictures, rgb);
   for (DecodedImage& picture : pictures) {
