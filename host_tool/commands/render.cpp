@@ -198,10 +198,9 @@ Status run_render(Context& context, RenderArgs args) {
   Rendered done;
   {
     const double period = static_cast<double>(folder->about().rate.period().ns());
+    const auto recorded = static_cast<double>(folder->manifest().sets + folder->manifest().deleted_sets);
     const auto sets_before = [&](Duration time) {
-      const double sets =
-          std::min(static_cast<double>(time.ns()) / period, static_cast<double>(folder->manifest().sets));
-      return static_cast<std::uint64_t>(std::ceil(sets));
+      return static_cast<std::uint64_t>(std::ceil(std::min(static_cast<double>(time.ns()) / period, recorded)));
     };
     const std::uint64_t first = sets_before(options.from);
     Progress bar(console, "rendering", std::max<std::uint64_t>(1, sets_before(options.to) - first));
@@ -239,9 +238,13 @@ Status run_render(Context& context, RenderArgs args) {
                                               done.last.empty() ? args.out : done.last));
   }
   if (done.raymaps == 0) {
-    return fail(Errc::kNotFound,
-                fmt::format("{}: no set between --from and --to; the take is {} long", args.folder,
-                            show_duration(static_cast<std::uint64_t>(folder->manifest().length.ns()))));
+    const take::Manifest& manifest = folder->manifest();
+    std::string deleted;
+    if (manifest.deleted_sets != 0) {
+      deleted = fmt::format(" without the {} that the rig deleted to make room", counted(manifest.deleted_sets, "set"));
+    }
+    return fail(Errc::kNotFound, fmt::format("{}: no set between --from and --to; the take is {} long{}", args.folder,
+                                             show_duration(static_cast<std::uint64_t>(manifest.length.ns())), deleted));
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   console.document({{"summary",
