@@ -5,14 +5,13 @@
 #include <utility>
 
 #include "firmware/storage/durable_file.h"
+#include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
 namespace {
 
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
-
-constexpr std::uint64_t kMaxCalibrationBytes = std::uint64_t{1} << 20;
 
 /// Reads a part of a file. Errors: the disk's; kTruncated if the file is shorter.
 Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint64_t from, std::uint64_t to) {
@@ -246,10 +245,14 @@ void add_segment(take::Manifest& manifest, const FinishedSegment& segment, Frame
 }
 
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
-  for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile}) {
-    const auto bytes = disk.read(folder + "/" + name, kMaxCalibrationBytes);
+  for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile, take::kThumbFile}) {
+    const auto bytes = disk.read(folder + "/" + name, kMostDocumentBytes);
     if (!bytes && bytes.error().code == Errc::kNotFound) continue;
     if (!bytes) return fail(bytes.error());
+    if (name == take::kThumbFile && !media::is_whole_jpeg(*bytes)) {  // the power went while it was written
+      if (const Status removed = disk.remove(folder + "/" + name); !removed) return fail(removed.error());
+      continue;
+    }
     PieceHashes hashes;
     hashes.update(*bytes);
     manifest.files.push_back({name, bytes->size(), take::digest_of(hashes.all())});

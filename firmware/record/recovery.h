@@ -46,6 +46,9 @@ void add_segment(take::Manifest& manifest, const FinishedSegment& segment, Frame
 /// not count. Errors: the disk's.
 Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint32_t segment);
 
+/// write_manifest() reads no larger documents.
+inline constexpr std::uint64_t kMostDocumentBytes = std::uint64_t{1} << 20;
+
 /// Writes the manifest of a take whose segments are finished, durably.
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);
 

@@ -7,6 +7,7 @@
 
 #include "firmware/record/loop.h"
 #include "firmware/storage/durable_file.h"
+#include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
 
@@ -58,7 +59,21 @@ Status TakeWriter::write(const TakeRow& row) {
   unsynced_ = true;
   const Status written = segment_->write(row);
   failed_ = failed_ || !written;
+  if (written && !row.raymaps.empty() && !thumbnail_tried_) write_thumbnail(row);
   return written;
+}
+
+/// Once, of the first raymap; durable with the next sync. A take without it is as good, so its errors do not count.
+void TakeWriter::write_thumbnail(const TakeRow& row) {
+  thumbnail_tried_ = true;
+  const std::string name = place_.folder + "/" + take::kThumbFile;
+  const auto small = media::thumbnail(row.raymaps.front().jpeg, name);
+  if (!small || small->size() > kMostDocumentBytes) return;
+  const auto file = place_.disk->create(name);
+  if (!file) return;
+  const Status written = place_.disk->write(*file, *small);
+  place_.disk->close(*file);
+  if (!written) (void)place_.disk->remove(name);
 }
 
 Status TakeWriter::finish_segment(const std::string& reason) {

@@ -59,6 +59,7 @@ class TakeWriter {
 
  private:
   Status finish_segment(const std::string& reason);
+  void write_thumbnail(const TakeRow& row);
   void add(FinishedSegment done);
   std::vector<take::Manifest::Mark> marks() const;
 
@@ -75,6 +76,7 @@ class TakeWriter {
   std::vector<EarlyMark> early_marks_;
   bool unsynced_ = false;
   bool failed_ = false;  ///< the open segment had an error
+  bool thumbnail_tried_ = false;
 };
 
 }  // namespace nodal::firmware

@@ -15,6 +15,10 @@ struct Close {
 };
 using Decoder = std::unique_ptr<void, Close>;
 
+/// If data are truncated or corrupt, libjpeg only warns and fills with grey; here that is an error. TJFLAG_LIMITSCANS:
+/// every scan of a progressive JPEG costs time for every pixel, so at most 500 scans are decoded.
+constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS;
+
 /// Whether the last bytes contain an end marker; files may have padding after it.
 bool has_end(std::span<const std::uint8_t> bytes) {
   constexpr std::array<std::uint8_t, 2> kEnd{0xFF, 0xD9};
@@ -75,9 +79,6 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
   DecodedImage image{
       rgb && natural == PixelFormat::kI420 ? PixelFormat::kRgb24 : natural, h->image.width, h->image.height, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
-  // If data are truncated or corrupt, libjpeg only warns and fills with grey; here that is an error. TJFLAG_LIMITSCANS:
-  // every scan of a progressive JPEG costs time for every pixel, so at most 500 scans are decoded.
-  constexpr int kFlags = TJFLAG_STOPONWARNING | TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS;
   int status = 0;
   if (image.format == PixelFormat::kI420) {
     const MutableImageView view = packed_image(image.format, image.width, image.height, image.bytes.data());
@@ -94,6 +95,21 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
                            image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
   if (status != 0) return fail(broken(decoder.get(), bytes, name));
+  return image;
+}
+
+Result<DecodedImage> decode_jpeg_eighth(std::span<const std::uint8_t> bytes, const std::string& name) {
+  const Decoder decoder(tjInitDecompress());
+  const auto h = header(decoder.get(), bytes, name);
+  if (!h) return fail(h.error());
+  const bool grey = h->image.natural == PixelFormat::kGrey8;
+  DecodedImage image{
+      grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24, (h->image.width + 7) / 8, (h->image.height + 7) / 8, {}};
+  image.bytes.resize(packed_size(image.format, image.width, image.height));
+  if (tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0, image.height,
+                    grey ? TJPF_GRAY : TJPF_RGB, kFlags) != 0) {
+    return fail(broken(decoder.get(), bytes, name));
+  }
   return image;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "firmware/record/recovery.h"
@@ -12,6 +13,9 @@
 #include "hal/sim/disk.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
+#include "stitch/media/image_file.h"
+#include "stitch/media/jpeg_writer.h"
+#include "stitch/media/thumbnail.h"
 #include "take_film.h"
 
 namespace nodal::firmware {
@@ -28,6 +32,70 @@ TEST(Takes, WrittenToTheEnd_HoldsEveryPictureAndItsHashes) {
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(manifest->files.size(), 8U) << "three heads, raymaps, evidence, calibration.json, rig.toml, take.json";
   EXPECT_EQ(check(disk, *manifest), 40U);
+}
+
+/// 64 x 32 pixels, red on the left and blue on the right.
+Bytes red_and_blue() {
+  constexpr int kWide = 64, kHigh = 32;
+  Bytes pixels, jpeg;
+  for (int p = 0; p < kWide * kHigh; ++p) {
+    const bool left = p % kWide < kWide / 2;
+    pixels.insert(pixels.end(),
+                  {static_cast<std::uint8_t>(left ? 220 : 20), 20, static_cast<std::uint8_t>(left ? 20 : 220)});
+  }
+  media::JpegWriter writer({.width = kWide, .height = kHigh, .quality = 95});
+  EXPECT_TRUE(writer.write(packed_image(PixelFormat::kRgb24, kWide, kHigh, std::as_const(pixels).data()), "", jpeg));
+  return jpeg;
+}
+
+TEST(Takes, TheFirstRaymap_IsTheThumbnailAnEighthAsWide) {
+  hal::sim::SimDisk disk;
+  Film made = film(10);
+  const Bytes raymap = red_and_blue();
+  made.rows[1].raymaps[0].jpeg = raymap;
+  made.rows[0].raymaps.clear();  // the disk was slow
+  EXPECT_EQ(record(disk, made, true), 40U);
+  const Bytes text = read(disk, take::kManifestFile);
+  const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text.data()), text.size()}, "manifest");
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(std::ranges::count(manifest->files, take::kThumbFile, &take::Manifest::File::name), 1);
+  EXPECT_EQ(check(disk, *manifest), 40U);
+  const auto small = media::decode_image(read(disk, take::kThumbFile), "thumb.jpg", PixelFormat::kRgb24);
+  ASSERT_TRUE(small) << small.error().text();
+  ASSERT_EQ(small->width, 8);
+  ASSERT_EQ(small->height, 4);
+  for (std::size_t p = 0; p < 32; ++p) {
+    if (p % 8 == 3 || p % 8 == 4) continue;  // the JPEG smears the edge
+    EXPECT_NEAR(small->bytes[3 * p], p % 8 < 4 ? 220 : 20, 30) << p;
+    EXPECT_NEAR(small->bytes[3 * p + 2], p % 8 < 4 ? 20 : 220, 30) << p;
+  }
+}
+
+TEST(Takes, PowerCutWhileTheThumbnailIsWritten_ItIsWholeOrNotThere) {
+  Film made = film(4);
+  const Bytes raymap = red_and_blue();
+  made.rows[0].raymaps[0].jpeg = raymap;
+  hal::sim::SimDisk counted;
+  record(counted, made, true);
+  int there = 0, torn = 0;
+  for (std::uint64_t k = 0; k < counted.operations(); ++k) {
+    hal::sim::SimDisk disk(k);
+    disk.die_at(k);
+    record(disk, made, true);
+    const auto left = disk.after_power_loss(k + 1);
+    if (!left->size("000042/" + take::kTakeFile)) continue;
+    const auto before = left->read("000042/" + take::kThumbFile, 1 << 20);
+    torn += before && !media::is_whole_jpeg(*before) ? 1 : 0;
+    if (!left->size("000042/" + take::kManifestFile)) {
+      ASSERT_TRUE(recover_take(*left, "000042")) << "operation " << k;
+    }
+    const auto after = left->read("000042/" + take::kThumbFile, 1 << 20);
+    if (!after) continue;
+    ++there;
+    EXPECT_TRUE(media::decode_image(*after, "thumb.jpg")) << "operation " << k;
+  }
+  EXPECT_GT(there, 0);
+  EXPECT_GT(torn, 0) << "no power cut tore the thumbnail";
 }
 
 TEST(Takes, PowerCutAtAnyOperation_LosesAtMostWhatWasNotSynced) {
