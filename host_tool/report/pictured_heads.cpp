@@ -68,7 +68,7 @@ PicturedHeads::PicturedHeads(std::vector<Head> heads, const registration::FrameS
         return 255 * std::clamp(geometry::encode(heads_.front().calibration().response, root * root), 0.0, 1.0);
       }) {
   for (const Head& head : heads_) {
-    axes_.push_back(head.axis().direction());
+    axes_.push_back(head.axis());
     cos_reach_.push_back(std::cos(reach_of(head)) - 1e-9);
     decode_.emplace_back([&](double level) { return 255 * geometry::decode(head.calibration().response, level); });
   }
@@ -81,7 +81,7 @@ Result<PicturedHeads> PicturedHeads::make(const Calibration& calibration, const 
 }
 
 std::optional<Pixel> PicturedHeads::pixel(std::size_t head, const Ray& ray) const {
-  if (axes_[head].dot(heads_[head].seen_from_here(ray.direction())) < cos_reach_[head]) return std::nullopt;
+  if (axes_[head].direction().dot(heads_[head].seen_from_here(ray.direction())) < cos_reach_[head]) return std::nullopt;
   const auto at = heads_[head].project(ray);
   return at && heads_[head].contains(*at) ? at : std::nullopt;
 }

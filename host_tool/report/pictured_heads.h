@@ -1,7 +1,6 @@
 // The heads of a calibration with one picture each: the light that a head recorded along a ray, for pages to show.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -52,8 +51,8 @@ class PicturedHeads {
 
   std::vector<geometry::Head> heads_;
   const registration::FrameSet& frames_;
-  std::vector<Eigen::Vector3d> axes_;  ///< of the heads, in the rig
-  std::vector<double> cos_reach_;      ///< rays with a smaller cosine to the axis are outside the region
+  std::vector<geometry::Ray> axes_;  ///< of the heads, in the rig
+  std::vector<double> cos_reach_;    ///< rays with a smaller cosine to the axis are outside the region
   std::vector<Curve> decode_;
   Curve encode_;  ///< of the square root of light, which resolves dark values like the encoded ones
 };
