@@ -144,7 +144,7 @@ Result<interchange::ImportResult> imported_from(const ImportArgs& args) {
   }
   const std::string& first = args.files.front();
   const std::string name = args.name.empty() ? fs::path(first).stem().string() : args.name;
-  if (files.size() > 1) return interchange::import_opencv_cameras(files, name);
+  if (files.size() > 1) return interchange::import_cameras(files, name);
   Result<interchange::ImportResult> imported = interchange::import_project(files.front().text, name);
   if (!imported) return fail(imported.error().in(first));
   return imported;
@@ -177,12 +177,14 @@ void add_import(CLI::App& app, CommandLine& line) {
                                   "  nodal import camchain.yaml -o rig.json\n"
                                   "  nodal import left.yaml right.yaml -o rig.json  OpenCV's cameras, one a file\n"
                                   "Knows Hugin's projects (.pto), PTGui's text ones (.pts), VideoStitch's (.ptv),\n"
-                                  "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml). Says\n"
-                                  "what did not fit, and how well a project's control points agree.\n");
+                                  "Surround360's rigs (.json), OpenCV's cameras and Kalibr's chains (.yaml), and\n"
+                                  "OCamCalib's cameras (calib_results.txt). Says what did not fit, and how well a\n"
+                                  "project's control points agree.\n");
   auto args = std::make_shared<ImportArgs>();
   command
-      ->add_option("FILE", args->files,
-                   "The project: .pto, .pts, .ptv, .json or .yaml; or OpenCV's cameras, one a file")
+      ->add_option(
+          "FILE", args->files,
+          "The project: .pto, .pts, .ptv, .json, .yaml or .txt; or cameras of OpenCV or\nOCamCalib, one a file")
       ->required()
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration (calibration.json when not given)")->type_name("FILE");

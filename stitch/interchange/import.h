@@ -1,5 +1,5 @@
 // Calibrations from other programs' files: Hugin's .pto, PTGui's text .pts, VideoStitch's .ptv, Surround360's
-// JSON, OpenCV's and Kalibr's YAML.
+// JSON, OpenCV's and Kalibr's YAML, OCamCalib's text.
 #pragma once
 
 #include <span>
@@ -39,16 +39,17 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name);
 Result<ImportResult> import_pts(std::string_view text, std::string_view name);
 Result<ImportResult> import_videostitch(std::string_view text, std::string_view name);
 Result<ImportResult> import_surround360(std::string_view text, std::string_view name);
-Result<ImportResult> import_opencv(std::string_view text, std::string_view name);
 Result<ImportResult> import_kalibr(std::string_view text, std::string_view name);
+/// One camera of OpenCV or OCamCalib.
+Result<ImportResult> import_camera(std::string_view text, std::string_view name);
 
 struct CameraFile {
   std::string path;
   std::string text;
 };
-/// A rig of OpenCV cameras, one per file, in the given order. The files hold no orientations: all cameras look forward,
+/// A rig of such cameras, one per file, in the given order. The files hold no orientations: all cameras look forward,
 /// with a note. Errors: as above, with the file's path; kUnsupported for too few or too many files.
-Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name);
+Result<ImportResult> import_cameras(std::span<const CameraFile> files, std::string_view name);
 
 /// Imports a project whose format is recognized from the text.
 Result<ImportResult> import_project(std::string_view text, std::string_view name);

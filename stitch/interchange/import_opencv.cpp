@@ -1,11 +1,10 @@
 // OpenCV's FileStorage YAML, as written by its calibration programs and by ROS: one camera per file, no orientation.
 #include <algorithm>
 
+#include "stitch/interchange/camera_files.h"
 #include "stitch/interchange/foreign_head.h"
-#include "stitch/interchange/import.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/pinhole_lens.h"
-#include "stitch/interchange/project.h"
 #include "stitch/interchange/yaml_fields.h"
 
 namespace nodal::interchange {
@@ -29,9 +28,9 @@ bool is_fisheye(const YamlFields& file) {
   return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
 }
 
-/// Adds a file's camera to a rig. Its name is the file's own camera name; if there is none, or it is taken, the name of
-/// the file at `path`.
-Status add_camera(std::string_view text, std::string_view path, ImportResult& result) {
+}  // namespace
+
+Status add_opencv_camera(std::string_view text, std::string_view path, ImportResult& result) {
   const Result<YAML::Node> root = parse_foreign_yaml(text);
   if (!root) return fail(root.error());
   const YamlFields file(*root, "the camera");
@@ -65,37 +64,6 @@ Status add_camera(std::string_view text, std::string_view path, ImportResult& re
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
   return {};
-}
-
-}  // namespace
-
-Result<ImportResult> import_opencv(std::string_view text, std::string_view name) {
-  ImportResult result;
-  result.calibration.name = std::string(name);
-  result.calibration.comment = "Imported from an OpenCV camera file.";
-  if (Status added = add_camera(text, std::string(name) + ".", result); !added) return fail(added.error());
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
-  return result;
-}
-
-Result<ImportResult> import_opencv_cameras(std::span<const CameraFile> files, std::string_view name) {
-  if (Status count = check_head_count(files.size()); !count) return fail(count.error());
-  ImportResult result;
-  result.calibration.name = std::string(name);
-  result.calibration.comment = "Imported from OpenCV camera files, one a head.";
-  for (const CameraFile& file : files) {
-    if (!is_opencv(file.text)) {
-      const Error error{Errc::kBadFormat,
-                        "it is no OpenCV camera; several files make one rig only when each of them is"};
-      return fail(error.in(file.path));
-    }
-    if (Status added = add_camera(file.text, file.path, result); !added) return fail(added.error().in(file.path));
-  }
-  result.notes.emplace_back(
-      "OpenCV's files do not say how the cameras stand to each other: all look forward; place them "
-      "with `nodal pairs`, then `nodal register`.");
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
-  return result;
 }
 
 }  // namespace nodal::interchange

@@ -3,12 +3,16 @@
 #include <array>
 #include <cstdio>
 
+#include "stitch/interchange/camera_files.h"
+
 namespace nodal::interchange {
 namespace {
 
 constexpr const char* kUnknown =
     "it is none of the files Nodal knows: Hugin's .pto, PTGui's text .pts (of PTGui 9 and older; newer ones save as "
-    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's or Kalibr's YAML";
+    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's or Kalibr's YAML, "
+    "OCamCalib's "
+    "calib_results.txt";
 
 }  // namespace
 
@@ -48,10 +52,6 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
   return {};
 }
 
-bool is_opencv(std::string_view text) {
-  return text.starts_with("%YAML") || text.find("camera_matrix") != std::string_view::npos;
-}
-
 Result<ImportResult> import_project(std::string_view text, std::string_view name) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   const auto says = [text](std::string_view word) { return text.find(word) != std::string_view::npos; };
@@ -63,7 +63,7 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
     if (says("\"inputs\"") || says("\"pano\"")) return import_videostitch(text, name);
     return fail(Errc::kBadFormat, kUnknown);
   }
-  if (is_opencv(text)) return import_opencv(text, name);
+  if (is_opencv(text) || is_ocam(text)) return import_camera(text, name);
   if (says("distortion_model") && says("cam0")) return import_kalibr(text, name);
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());

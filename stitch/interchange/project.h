@@ -19,7 +19,4 @@ std::string short_number(double value);
 /// Errors: kBadValue for a point that names a missing image.
 Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result);
 
-/// Whether a file holds one camera in OpenCV's format.
-bool is_opencv(std::string_view text);
-
 }  // namespace nodal::interchange

@@ -9,7 +9,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   using Import = Result<interchange::ImportResult> (*)(std::string_view, std::string_view);
   for (const Import import : {&interchange::import_pto, &interchange::import_pts, &interchange::import_videostitch,
-                              &interchange::import_surround360, &interchange::import_opencv,
+                              &interchange::import_surround360, &interchange::import_camera,
                               &interchange::import_kalibr, &interchange::import_project}) {
     const Result<interchange::ImportResult> result = import(text, "fuzz");
     if (!result) {

@@ -124,7 +124,7 @@ TEST(ImportOpenCvCameras, AFileEach_AreHeadsInTheOrderGivenEachWithItsOwnLens) {
   const std::vector<CameraFile> files{{"rigs/left.yaml", opencv("-0.28, 0.09, 0., 0., -0.012")},
                                       {"rigs/right.yaml", opencv("-0.1, 0.02, 0., 0., 0.")},
                                       {"up.yaml", opencv("-0.01, 0.02, -0.005, 0.001", "fisheye_model: 1\n")}};
-  const auto import = import_opencv_cameras(files, "tripod");
+  const auto import = import_cameras(files, "tripod");
   ASSERT_TRUE(import) << import.error().text();
   EXPECT_EQ(import->calibration.name, "tripod");
   ASSERT_EQ(import->calibration.heads.size(), 3u);
@@ -146,8 +146,7 @@ TEST(ImportOpenCvCameras, AFileEach_AreHeadsInTheOrderGivenEachWithItsOwnLens) {
 TEST(ImportOpenCvCameras, TwoOfOneName_TheSecondIsCalledAsItsFile) {
   // ROS gives every camera this name.
   const std::string camera = opencv("-0.1, 0.02, 0., 0., 0.", "camera_name: narrow_stereo\n");
-  const auto import =
-      import_opencv_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
+  const auto import = import_cameras(std::vector<CameraFile>{{"a/front.yaml", camera}, {"b/back.yaml", camera}}, "r");
   ASSERT_TRUE(import) << import.error().text();
   EXPECT_EQ(import->calibration.heads[0].name, "narrow_stereo");
   EXPECT_EQ(import->calibration.heads[1].name, "back");
@@ -157,10 +156,10 @@ TEST(ImportOpenCvCameras, BadOnes_AreRefusedWithTheFile) {
   const CameraFile good{"good.yaml", opencv("-0.1, 0.02, 0., 0., 0.")};
   const std::vector<std::pair<std::vector<CameraFile>, std::string>> bad{
       {{good, {"dir/short.yaml", opencv("0, 0, 0, 0, 0, 0, 0")}}, "dir/short.yaml: "},
-      {{good, {"rig.pto", "p f2 w100\ni w640 h480 f0 v50\n"}}, "rig.pto: it is no OpenCV camera"},
+      {{good, {"rig.pto", "p f2 w100\ni w640 h480 f0 v50\n"}}, "rig.pto: it is no camera of OpenCV or OCamCalib"},
       {std::vector<CameraFile>(65, good), "65 cameras"}};
   for (const auto& [files, words] : bad) {
-    const auto refused = import_opencv_cameras(files, "r");
+    const auto refused = import_cameras(files, "r");
     ASSERT_FALSE(refused) << words;
     EXPECT_NE(refused.error().message.find(words), std::string::npos) << refused.error().text();
   }
