@@ -1,6 +1,7 @@
 // Exposure, gain and white balance of an IIDC head, and the numbers embedded in its pictures.
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <future>
 #include <thread>
 
@@ -29,7 +30,12 @@ TEST_F(IidcHeadTest, ExposureGainAndBalance_AreInTheRegistersAndInTheFrames) {
   ASSERT_TRUE(head->set_exposure(Exposure::microseconds(12'340)));
   ASSERT_TRUE(head->set_gain(Gain::millidecibels(7'250)));
   ASSERT_TRUE(head->set_white_balance({8192, 2048}));
-  const FrameView frame = pass_frames(*head, 5);
+  // The worker sets one after the other, while frames go on.
+  FrameView frame = pass_frames(*head, 5);
+  for (int more = 0; more < 500 && frame.in_effect.white_balance.blue_q12 != 2048; ++more) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    frame = pass_frames(*head, 1);
+  }
   EXPECT_FLOAT_EQ(bus_.registers.absolute(Registers::kShutter), 0.01234F);
   EXPECT_FLOAT_EQ(bus_.registers.absolute(Registers::kGain), 7.25F);
   EXPECT_EQ(bus_.registers.get(0x80C) & 0xFF'FFFF, 256U << 12 | 1023U) << "1.0 is the middle, 512; 2.0 is over the end";
