@@ -215,7 +215,7 @@ class TakeKeeper {
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why
-  std::string cause_;                    ///< of an end that nobody asked for
+  std::string cause_;                    ///< why the take ended without a request; empty: it did not
   std::string lost_by_sync_;             ///< what a failed sync cost; not reported yet
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
   std::uint64_t dropped_sets_ = 0;

@@ -90,7 +90,8 @@ Result<OcamModel> read_model(std::string_view text) {
   if (size.numbers.size() != 2) return wrong(size, "the picture's size is a height and a width");
   model.row0 = centre.numbers[0], model.column0 = centre.numbers[1];
   model.c = affine.numbers[0], model.d = affine.numbers[1], model.e = affine.numbers[2];
-  if (!(model.c - model.d * model.e > 0.1 && model.c < 10)) return wrong(affine, "c must be about 1, d and e about 0");
+  const bool small = std::abs(model.d) < 0.5 && std::abs(model.e) < 0.5;
+  if (!(small && model.c > 0.5 && model.c < 2)) return wrong(affine, "c must be about 1, d and e about 0");
   const Result<int> height = picture_side(size.numbers[0], "height");
   if (!height) return fail(height.error());
   const Result<int> width = picture_side(size.numbers[1], "width");
@@ -129,6 +130,10 @@ Status add_ocam_camera(std::string_view text, std::string_view path, ImportResul
   const double farthest = std::hypot(std::max(model.column0, model.width - model.column0),
                                      std::max(model.row0, model.height - model.row0) / model.c);
   const double end = end_of(model, farthest);
+  if (!(end > 1)) {
+    return fail(Errc::kBadValue,
+                "head '" + head.name + "': by its polynomial, angles do not rise from the centre outwards");
+  }
   std::vector<geometry::RayPixel> samples;
   constexpr int kRadii = 60, kTurns = 24;
   for (int i = 1; i <= kRadii; ++i) {

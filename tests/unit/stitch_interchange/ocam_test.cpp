@@ -119,6 +119,8 @@ TEST(Ocam, WrongFiles_AreOneErrorThatNamesTheLine) {
   refused("5 -4", "5 x -4", "line 3: 'x' is no number");
   refused("392.6", "-392.6", "line 11: the centre is not in the picture");
   refused("1.000600000", "0.000000000", "line 15: c must be about 1");
+  refused("0.000200000 -0.000100000", "1e300 -1e300", "line 15: c must be about 1");
+  refused("5 -4.0", "5 -1e-300 -1e308 1 1 1 \n#", "angles do not rise");
   refused("800 1280", "", "this one 4");
   for (std::size_t cut = 0; cut < good.size(); cut += 7) {
     const auto imported = import_project(good.substr(0, cut), "cam");
