@@ -8,7 +8,7 @@
 #include "firmware/record/disk_test.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
-#include "take_stage.h"
+#include "tests/support/take_stage.h"
 
 namespace nodal::firmware {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
-#include "take_stage.h"
+#include "tests/support/take_stage.h"
 
 namespace nodal::firmware {
 namespace {

@@ -106,7 +106,7 @@ TEST(Takes, PowerCutAtAnyOperation_LosesAtMostWhatWasNotSynced) {
   ASSERT_GT(operations, 60U);
   int recovered = 0, ended = 0;
   for (std::uint64_t k = 0; k < operations; ++k) {
-    for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    for (std::uint64_t seed = 0; seed < 64; ++seed) {
       SCOPED_TRACE("operation " + std::to_string(k) + " seed " + std::to_string(seed));
       hal::sim::SimDisk disk(seed);
       disk.die_at(k);

@@ -1,4 +1,4 @@
-// The recorder and the disk's stage on a simulated disk, in virtual time: sets come at their times, also while the disk is busy.
+// The recorder and the disk's stage on any disk, in virtual time: sets come at their times, also while the disk is busy.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -11,8 +11,8 @@
 
 #include "firmware/record/recorder.h"
 #include "firmware/record/take_keeper.h"
+#include "hal/disk.h"
 #include "hal/sim/clock.h"
-#include "hal/sim/disk.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
@@ -37,7 +37,7 @@ class TakeStage {
     return options;
   }
 
-  TakeStage(hal::sim::SimDisk& disk, hal::sim::SimClock& clock, const Options& options)
+  TakeStage(hal::DiskPort& disk, hal::sim::SimClock& clock, const Options& options)
       : options_(options),
         clock_(clock),
         config_(config(options)),
@@ -161,7 +161,7 @@ struct TakeAccount {
   std::uint64_t cut = 0;     ///< between segments, after a failed sync
   std::vector<std::pair<std::uint64_t, std::uint64_t>> segments{};  ///< first set, and behind the last
 };
-inline TakeAccount account_of(hal::sim::SimDisk& disk, std::uint64_t take) {
+inline TakeAccount account_of(hal::DiskPort& disk, std::uint64_t take) {
   TakeAccount account;
   const std::string folder = take::take_folder(take);
   std::optional<std::uint64_t> next;
