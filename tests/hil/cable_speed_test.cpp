@@ -6,7 +6,7 @@
 #include <future>
 #include <thread>
 
-#include "cable_gadget.h"
+#include "cable_rig.h"
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/cable/function_fs.h"
 #include "hal/linux/cable/host/device.h"
@@ -108,6 +108,29 @@ TEST(CableSpeed, BothDirections_FillTheBusAndAreFasterThanAPlainLoop) {
   EXPECT_GT(down, 0.9 * kBus);
   EXPECT_GT(up, 0.9 * kBus);
   EXPECT_GT(down, plain);
+}
+
+TEST(CableSpeed, ATake_IsOffloadedNearlyAsFastAsByAPlainLoop) {
+  const double plain = plain_loop();
+  std::filesystem::create_directories(kScratch);
+  const CableGadget gadget("RIG7", 0, "nobody");
+  CableNodald rig(gadget);
+  const test::Finished started = nodal(rig.by_cable(), {"take", "start"});
+  ASSERT_EQ(started.code, 0) << started.err;
+  std::this_thread::sleep_for(std::chrono::seconds(8));
+  ASSERT_EQ(nodal(rig.by_cable(), {"take", "stop"}).code, 0);
+  const std::string to = kScratch + "/copies";
+  const auto begun = Clock::now();
+  const test::Finished done = nodal(rig.by_cable(), {"offload", "--new", "--to", to});
+  const double seconds = std::chrono::duration<double>(Clock::now() - begun).count();
+  ASSERT_EQ(done.code, 0) << done.err;
+  const auto take = nlohmann::json::parse(done.out.substr(0, done.out.find('\n')))["takes"][0];
+  const double megabytes = take["fetched"].get<double>() / 1e6;
+  EXPECT_GT(megabytes, 8);
+  std::ofstream("offload.txt") << "MB/s: plain loop " << plain << ", offload " << megabytes / seconds << " ("
+                               << megabytes << " MB)\n";
+  EXPECT_GE(megabytes / seconds, 0.8 * plain);
+  EXPECT_EQ(test::Process({NODAL_BIN_DIR "/nodal", "take", "verify", to + "/000001"}).wait().code, 0);
 }
 
 }  // namespace

@@ -1,18 +1,14 @@
 // nodal against nodald over a USB cable: the kernel's FunctionFS and usbfs, with dummy_hcd between them. nodald runs as an
 // ordinary user, as with its systemd unit.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <csignal>
 #include <filesystem>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
-#include "cable_gadget.h"
+#include "cable_rig.h"
 #include "hal/linux/cable/host/cable_link.h"
-#include "tests/support/process.h"
 
 namespace nodal::hil {
 namespace {
@@ -20,60 +16,6 @@ namespace {
 using Json = nlohmann::json;
 using test::Finished;
 using test::Process;
-
-const std::string kScratch = "/tmp/cable-rig";  // in the guest's memory
-
-std::string content(const std::string& file) {
-  std::ifstream from(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(from), {}};
-}
-
-std::vector<std::string> as_nobody(std::vector<std::string> words) {
-  words.insert(words.begin(), {"setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"});
-  return words;
-}
-
-Finished nodal(const std::string& rig, std::vector<std::string> words) {
-  words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "--rig", rig, "--json"});
-  return Process(words).wait();
-}
-
-/// A rig with two heads, whose raymaps are all equal to the byte: a scene without motion and noise.
-class Rig {
- public:
-  explicit Rig(const CableGadget& gadget) : gadget_(gadget), folder_(kScratch + "/" + gadget.serial()) {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-    std::ofstream(folder_ + "/rig.toml")
-        << "[rig]\nname = \"rig-" << gadget.serial() << "\"\nrate = \"20\"\n[raymap]\nwidth = 1024\nheight = 512\n"
-        << "[trigger]\nstart = true\n[links]\nunix = \"nodal.sock\"\nusb = \"" << gadget.folder()
-        << "\"\n[store]\nfolder = \"store\"\n[sim]\ncalibration = \"" << calibration() << "\"\n"
-        << "scene = \"photo\"\nphoto = \"" NODAL_SOURCE_DIR "/.github/pictures/town_square.jpg\"\n"
-        << "[[heads]]\nname = \"cam0\"\nport = \"sim:cam0\"\n[[heads]]\nname = \"cam1\"\nport = \"sim:cam1\"\n";
-    Json two = Json::parse(content(NODAL_SOURCE_DIR "/host_tool/example/ten_heads.json"));
-    two["heads"].erase(two["heads"].begin() + 2, two["heads"].end());
-    std::ofstream(calibration()) << two.dump();
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(kScratch)) {
-      EXPECT_EQ(::chown(entry.path().c_str(), kNobody, kNobody), 0);
-    }
-    nodald_ = std::make_unique<Process>(as_nobody({NODAL_BIN_DIR "/nodald", "--config", folder_ + "/rig.toml"}));
-    EXPECT_TRUE(test::wait_until([&] { return std::filesystem::exists(folder_ + "/nodal.sock"); }))
-        << nodald_->complained();
-    gadget_.plug();
-  }
-
-  std::string calibration() const { return folder_ + "/two.json"; }
-  std::string by_socket() const { return "unix:" + folder_ + "/nodal.sock"; }
-  std::string by_cable() const { return "usb:" + gadget_.serial(); }
-  Process& nodald() { return *nodald_; }
-
-  static constexpr uid_t kNobody = 65534;
-
- private:
-  const CableGadget& gadget_;
-  std::string folder_;
-  std::unique_ptr<Process> nodald_;
-};
 
 class CableRig : public testing::Test {
  protected:
@@ -107,7 +49,7 @@ class CableRig : public testing::Test {
 
 TEST_F(CableRig, CalibrationGoesInAndRaymapsComeOut_AsOverTheSocketToTheByte) {
   const CableGadget gadget("RIG7", 0, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   const Finished status = nodal("usb:", {"status"});
   ASSERT_EQ(status.code, 0) << status.err;
   EXPECT_EQ(Json::parse(status.out)["rig"], "rig-RIG7");
@@ -121,7 +63,7 @@ TEST_F(CableRig, CalibrationGoesInAndRaymapsComeOut_AsOverTheSocketToTheByte) {
 
 TEST_F(CableRig, HostsKilledInTheMiddleOfAPull_TheNextGetsNoByteMeantForThem) {
   const CableGadget gadget("RIG7", 0, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   upload(rig.by_cable(), rig.calibration());
   const std::string expected = pull(rig.by_socket());
   for (int i = 0; i < 8; ++i) {
@@ -138,7 +80,7 @@ TEST_F(CableRig, HostsKilledInTheMiddleOfAPull_TheNextGetsNoByteMeantForThem) {
 
 TEST_F(CableRig, UnpluggedDuringAPull_TheHostSaysSoAndTheRigGoesOn) {
   const CableGadget gadget("RIG7", 0, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   upload(rig.by_cable(), rig.calibration());
   const std::string expected = pull(rig.by_socket());
   for (int i = 0; i < 3; ++i) {
@@ -155,7 +97,7 @@ TEST_F(CableRig, UnpluggedDuringAPull_TheHostSaysSoAndTheRigGoesOn) {
 
 TEST_F(CableRig, SecondHost_IsRefusedAndServedWhenTheFirstHasLeft) {
   const CableGadget gadget("RIG7", 0, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   upload(rig.by_cable(), rig.calibration());
   const auto first = puller(rig.by_cable());
   const Finished refused = nodal(rig.by_cable(), {"status"});
@@ -168,7 +110,7 @@ TEST_F(CableRig, SecondHost_IsRefusedAndServedWhenTheFirstHasLeft) {
 
 TEST_F(CableRig, TwoHundredConnections_EachIsAnsweredAndNothingStays) {
   const CableGadget gadget("RIG7", 0, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   const auto descriptors = [&] {
     const std::filesystem::directory_iterator all("/proc/" + std::to_string(rig.nodald().pid()) + "/fd");
     return std::distance(begin(all), end(all));
@@ -195,9 +137,9 @@ TEST_F(CableRig, NoRigOrTheWrongOneOrSeveral_OneErrorThatListsThem) {
   EXPECT_NE(complaint("usb:").find("no rig is plugged in"), std::string::npos);
   const CableGadget gadget("RIG7", 0, "nobody");
   const CableGadget other("RIG8", 1, "nobody");
-  Rig rig(gadget);
+  CableNodald rig(gadget);
   EXPECT_NE(complaint("usb:RIG8").find("plugged in: usb:RIG7 ('rig-RIG7' at "), std::string::npos);
-  Rig second(other);
+  CableNodald second(other);
   const std::string several = complaint("usb:");
   EXPECT_NE(several.find("2 rigs are plugged in"), std::string::npos) << several;
   EXPECT_NE(several.find("usb:RIG7"), std::string::npos) << several;
@@ -234,7 +176,7 @@ TEST_F(CableRig, NoGadgetOrATakenOne_NodaldSaysWhatToDo) {
   EXPECT_EQ(missing.code, 3);
   EXPECT_NE(missing.err.find("systemctl enable --now nodal-cable"), std::string::npos) << missing.err;
   const CableGadget gadget("RIG7", 0, "nobody");
-  const Rig rig(gadget);
+  const CableNodald rig(gadget);
   const Finished taken = start(gadget.folder());
   EXPECT_EQ(taken.code, 3);
   EXPECT_NE(taken.err.find("another program serves the cable"), std::string::npos) << taken.err;
