@@ -1,10 +1,21 @@
 #include "firmware/rig.h"
 
+#include "firmware/flight/flight_recorder.h"
+
 namespace nodal::firmware {
+namespace {
+
+bool records_flight(const RigConfig& config, const RigPorts& ports) {
+  return config.takes && config.takes->flight_recorder && ports.takes;
+}
+
+}  // namespace
 
 Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& software)
     : clock_(ports.clock),
-      capture_(config, ports.heads, ports.trigger),
+      flight_(records_flight(config, ports) ? std::make_unique<FlightRecorder>(config, ports.heads, ports.trigger)
+                                            : nullptr),
+      capture_(config, flight_ ? flight_->heads() : ports.heads, flight_ ? flight_->trigger() : ports.trigger),
       blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.add_outlet(Blender::kSets)),
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
@@ -12,6 +23,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       control_(config, software, stages(config, ports, software), capture_.add_outlet(FrameSender::kSets, false),
                ports.listeners, ports.watchdog, ports.panel, ports.scan, ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
+  if (flight_) capture_.log_to(*flight_);
 }
 
 /// The recorder registers its outlets, so this comes before the first step.
@@ -19,7 +31,8 @@ Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::st
   Stages stages{capture_, blender_, encoder_, keeper_, settings_};
   if (!config.takes || !ports.takes) return stages;
   recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
-  stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc);
+  if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
+  stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc, flight_log_.get());
   stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_);
   return stages;
 }

@@ -2,6 +2,7 @@
 // calls all stages.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,9 +27,14 @@
 
 namespace nodal::firmware {
 
+class FlightLog;
+class FlightRecorder;
+
+/// The most frame sets that all readers hold at once.
+inline constexpr std::size_t kSetsHeld =
+    held_at_most(Blender::kSets) + held_at_most(FrameSender::kSets) + held_at_most(Recorder::kSets);
 /// The number of buffers of a head: one for each open set, one for each set that a reader can hold, two for the driver.
-inline constexpr std::size_t kFramesAHead = Capture::kMaxOpenSets + held_at_most(Blender::kSets) +
-                                            held_at_most(FrameSender::kSets) + held_at_most(Recorder::kSets) + 2;
+inline constexpr std::size_t kFramesAHead = Capture::kMaxOpenSets + kSetsHeld + 2;
 
 /// The ports of a rig.
 struct RigPorts {
@@ -87,12 +93,14 @@ class Rig {
   Stages stages(const RigConfig& config, const RigPorts& ports, const std::string& software);
 
   hal::ClockPort& clock_;
+  std::unique_ptr<FlightRecorder> flight_;  ///< null without [takes] flight_recorder
   Capture capture_;
   Blender blender_;
   EncodeStage encoder_;
   CalibrationKeeper keeper_;
   SettingsStore settings_;
   std::optional<Recorder> recorder_;
+  std::unique_ptr<FlightLog> flight_log_;
   std::optional<TakeKeeper> takes_;
   std::optional<TakeReader> take_reader_;
   Control control_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "firmware/capture/capture_log.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -46,7 +48,7 @@ Capture::~Capture() { close(); }
 void Capture::close() {
   close_all(Instant());
   for (Outlet<SetLoan>& outlet : outlets_) outlet.drop_waiting();
-  if (sets_) sets_->collect();
+  if (sets_) collect_sets();
   genlock_.stop();
   for (CaptureHead& head : heads_) head.close();
   update_report(Instant(), true);
@@ -54,8 +56,10 @@ void Capture::close() {
 
 bool Capture::step(Instant now) {
   now_ = now;
+  collections_ = 0;
+  if (log_) log_->note(StepBegun{now});
   if (!sets_) make_sets();
-  bool busy = sets_->collect();
+  bool busy = collect_sets();
   busy |= follow_light();
   busy |= run_commands(now);
   busy |= take_edges();
@@ -70,6 +74,7 @@ bool Capture::step(Instant now) {
     busy = true;
   }
   check();
+  if (log_) log_changes();
   update_report(now, busy);
   steps_.fetch_add(1, std::memory_order_relaxed);
   return busy;
@@ -108,6 +113,7 @@ bool Capture::run_commands(Instant now) {
     auto command = commands_.pop();
     if (!command) break;
     any = true;
+    if (log_) log_->note(CommandTaken{*command});
     Status status;
     if (const auto* change = std::get_if<HeadChange>(&command->what)) {
       status = change_heads(*change);
@@ -118,6 +124,7 @@ bool Capture::run_commands(Instant now) {
     } else {
       stop_genlock(now);
     }
+    if (log_) log_->note(CommandAnswered{command->ticket, status});
     answers_.push(CaptureAnswer{command->ticket, now, std::move(status), genlock_report(), exposure_.report()});
   }
   return any;
@@ -127,6 +134,7 @@ bool Capture::follow_light() {
   bool any = false;
   while (auto seen = light_in_ ? light_in_->pop() : std::nullopt) {
     any = true;
+    if (log_) log_->note(LightTaken{*seen});
     std::array<std::optional<ExposureRange>, kMaxHeads> ranges;
     const ExposureSettings& automatic = exposure_.report().settings;
     for (std::size_t i = 0; i < heads_.size(); ++i) {
@@ -215,7 +223,34 @@ void Capture::make_sets() {
   sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
 }
 
+/// Takes back the sets that no reader holds. Returns whether there was one.
+bool Capture::collect_sets() {
+  ++collections_;
+  if (log_) log_->collecting(collections_);
+  return sets_->collect();
+}
+
+/// Empty if a reader holds more sets than it registered for.
+SetLoan Capture::take_set() {
+  ++collections_;
+  if (log_) log_->collecting(collections_);
+  return sets_->take();
+}
+
+void Capture::log_changes() {
+  for (std::size_t i = 0; i < heads_.size(); ++i) {
+    const auto& losses = heads_[i].report().counts.losses;
+    for (std::size_t reason = 0; reason < kLossReasons; ++reason) {
+      if (std::exchange(logged_.losses[i][reason], losses[reason]) == losses[reason]) continue;
+      log_->note(FramesLost{static_cast<HeadIndex>(i), static_cast<LossReason>(reason), losses[reason]});
+    }
+  }
+  if (std::exchange(logged_.genlock, genlock_.state()) != genlock_.state())
+    log_->note(GenlockChanged{genlock_.state()});
+}
+
 void Capture::release_frames(FrameSet& set) {
+  if (log_) log_->note(SetReturned{set.number, collections_});
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (set.has(i)) heads_[i].release(set.frames[i].slot);
   }

@@ -51,6 +51,8 @@ struct CaptureAnswer {
   ExposureControl::Report exposure;
 };
 
+class CaptureLog;
+
 /// Status of one reader of frame sets.
 struct OutletReport {
   std::string_view name;
@@ -93,6 +95,8 @@ class Capture {
   Outlet<SetLoan>& add_outlet(const OutletSpec& spec, bool open = true);
   /// The ring with the meter's readings. Without it the exposure programs change nothing.
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
+  /// Notes everything that determines what capture does; call it before the first step(). See capture_log.h.
+  void log_to(CaptureLog& log) { log_ = &log; }
   SpscRing<CaptureCommand>& commands() { return commands_; }
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
@@ -134,7 +138,10 @@ class Capture {
   void align();
   void restart_clocks(FrameRate rate, bool genlocked, Instant now);
   void make_sets();
+  bool collect_sets();
+  SetLoan take_set();
   void release_frames(FrameSet& set);
+  void log_changes();
   void close_all(Instant now);
   GenlockReport genlock_report() const;
   void update_report(Instant now, bool changed);
@@ -167,6 +174,14 @@ class Capture {
   std::vector<OpenSet> open_;               ///< sorted by slot, oldest first
   std::optional<SetClock::Slot> newest_closed_;
   Instant now_;  ///< time of the current step
+
+  CaptureLog* log_ = nullptr;      ///< null: nothing is noted
+  std::uint32_t collections_ = 0;  ///< of the current step
+  /// What log_ knows.
+  struct Logged {
+    GenlockState genlock = GenlockState::kOff;
+    std::array<std::array<std::uint64_t, kLossReasons>, kMaxHeads> losses{};
+  } logged_;
 
   SpscRing<CaptureCommand> commands_;
   SpscRing<CaptureAnswer> answers_;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "firmware/capture/capture.h"
+#include "firmware/capture/capture_log.h"
 #include "firmware/frame/statistics.h"
 
 namespace nodal::firmware {
@@ -90,8 +91,8 @@ Capture::OpenSet* Capture::open_set(SetClock::Slot slot) {
     close_oldest();
     return open_set(slot);
   }
-  SetLoan set = sets_->take();
-  if (!set) return nullptr;  // a reader holds more sets than it registered for
+  SetLoan set = take_set();
+  if (!set) return nullptr;
   set.edit().sync = {};
   return &*open_.insert(open_.begin() + index, OpenSet{slot, std::move(set), {}});
 }
@@ -159,9 +160,10 @@ void Capture::close_oldest() {
     genlock_.on_set(set, open.skews, every_present, now_);
   }
   set.sync.state = genlock_.state();
+  if (log_) log_->note(SetClosed{set.number, set.mid_exposure, set.mask, set.sync});
   outlets_.offer(open.set);
   open.set = {};
-  sets_->collect();  // returns the frames at once if no outlet took the set
+  collect_sets();  // returns the frames at once if no outlet took the set
 }
 
 /// Aligns free-running heads, after every set and after every requested exposure. Nudge and exposure are requested in the

@@ -239,8 +239,10 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
   if (file.has("takes")) {
-    TomlReader takes(section("takes"), "takes",
-                     {"folder", "mounted", "buffer_mb", "raymap", "start", "when_full", "mode", "quality"}, error);
+    TomlReader takes(
+        section("takes"), "takes",
+        {"folder", "mounted", "buffer_mb", "raymap", "start", "when_full", "mode", "quality", "flight_recorder"},
+        error);
     TakesConfig& to = config.takes.emplace();
     to.folder = takes.required_text("folder");
     to.mounted = takes.boolean("mounted", to.mounted);
@@ -251,6 +253,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     using Mode = TakesConfig::Mode;
     to.mode = takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}});
     to.quality = static_cast<int>(takes.integer("quality", 1, 100, to.quality));
+    to.flight_recorder = takes.boolean("flight_recorder", to.flight_recorder);
     if (to.mode != Mode::kJpeg && takes.has("quality")) takes.refuse("quality", "is for mode = \"jpeg\" only");
   }
   TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);

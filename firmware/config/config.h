@@ -155,7 +155,8 @@ struct TakesConfig {
     kJpeg,    ///< those that are not coded become JPEGs
   };
   Mode mode = Mode::kDriver;
-  int quality = 90;  ///< kJpeg: 1 .. 100
+  int quality = 90;              ///< kJpeg: 1 .. 100
+  bool flight_recorder = false;  ///< what capture's ports answer is recorded, too
 };
 
 /// A complete, checked rig.toml.

@@ -299,6 +299,9 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     add_segment(manifest, **done, about->rate);
   }
   manifest.deleted_sets = recorded - std::min(recorded, manifest.sets);
+  auto flight = recover_flight(disk, folder);
+  if (!flight) return fail(flight.error());
+  if (*flight) manifest.files.push_back(std::move(**flight));
   return write_manifest(disk, folder, std::move(manifest));
 }
 

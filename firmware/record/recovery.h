@@ -39,6 +39,10 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
 /// Recovers every segment of a take and writes its manifest. The take's calibration and take.json are read from its folder.
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);
 
+/// Cuts the flight record of a take after its last whole record. Nothing if there is none, or none is whole; its file is removed
+/// then. Errors: the disk's.
+Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, const std::string& folder);
+
 /// Adds a segment to the manifest of its take.
 void add_segment(take::Manifest& manifest, const FinishedSegment& segment, FrameRate rate);
 

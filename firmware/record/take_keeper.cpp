@@ -24,12 +24,13 @@ std::string_view take_state_name(TakeState state) {
 }
 
 TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
-                       UtcClock utc)
+                       UtcClock utc, FlightLog* flight)
     : config_(config),
       disk_(disk),
       recorder_(recorder),
       software_(std::move(software)),
       utc_(std::move(utc)),
+      flight_(flight),
       requests_(64),
       answers_(64 + 4) {
   report_.loop = config_.takes->loop;
@@ -45,6 +46,7 @@ bool TakeKeeper::step(Instant now) {
     busy = true;
   }
   busy |= write_rows(now);
+  busy |= write_flight(now, kFlightRecordsAStep);
   sync_if_due(now);
   end_late_still(now);
   if (!busy) busy = take_request(now);
@@ -208,6 +210,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   lost_before_ = recorder_.counts().lost_sets.load();
   raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
   next_sync_ = now + kSyncEvery;
+  begin_flight();
   still_ = start.still;
   reason_ = start.still ? "still" : "";
   const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
@@ -276,6 +279,7 @@ void TakeKeeper::sync_if_due(Instant now) {
 void TakeKeeper::end(Instant now) {
   const std::uint64_t number = writing_->number();
   const std::uint64_t lost = recorder_.counts().lost_sets.load() - lost_before_ + dropped_sets_;
+  end_flight(now);
   const auto manifest = writing_->end(reason_, lost);
   writing_.reset();
   ending_ = broken_ = false;

@@ -26,6 +26,7 @@ struct Manifest;
 
 namespace nodal::firmware {
 
+class FlightLog;
 class TakeWriter;
 
 struct TakeRequest {
@@ -133,7 +134,9 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc);
+  /// `flight`: of [takes] flight_recorder; null without it.
+  TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
+             FlightLog* flight = nullptr);
   ~TakeKeeper();
 
   /// True when it did something.
@@ -156,6 +159,8 @@ class TakeKeeper {
   /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
+  /// Of a flight record: nodald's first hour is written in less than 2 s.
+  static constexpr int kFlightRecordsAStep = 32;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
 
  private:
@@ -180,6 +185,9 @@ class TakeKeeper {
   std::uint64_t room_to_start() const;
   Status check_room();
   bool write_rows(Instant now);
+  void begin_flight();
+  bool write_flight(Instant now, int most);
+  void end_flight(Instant now);
   void sync_if_due(Instant now);
   void give_up(const Error& error);
   void end_late_still(Instant now);
@@ -193,6 +201,7 @@ class TakeKeeper {
   Recorder& recorder_;
   const std::string software_;
   const UtcClock utc_;
+  FlightLog* const flight_;
   SpscRing<TakeRequest> requests_;
   SpscRing<TakeAnswer> answers_;
   Snapshot<TakeReport> snapshot_;

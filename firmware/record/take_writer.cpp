@@ -76,6 +76,31 @@ void TakeWriter::write_thumbnail(const TakeRow& row) {
   if (!written) (void)place_.disk->remove(name);
 }
 
+void TakeWriter::write_flight(std::span<const std::uint8_t> record) {
+  if (!flight_) {
+    const auto file = place_.disk->create(place_.folder + "/" + take::kFlightFile);
+    flight_.emplace();
+    if (file) flight_->file = *file;
+  }
+  if (!flight_->file) return;
+  unsynced_ = true;
+  flight_->hashes.update(record);
+  if (!place_.disk->write(*flight_->file, record)) close_flight();
+}
+
+void TakeWriter::close_flight() {
+  if (flight_ && flight_->file) place_.disk->close(*std::exchange(flight_->file, std::nullopt));
+}
+
+/// After an error of the disk it is cut to the records that are whole.
+Result<std::optional<take::Manifest::File>> TakeWriter::finish_flight() {
+  if (!flight_) return std::optional<take::Manifest::File>();
+  if (!flight_->file) return recover_flight(*place_.disk, place_.folder);
+  close_flight();
+  return std::optional<take::Manifest::File>(
+      {take::kFlightFile, flight_->hashes.bytes(), take::digest_of(flight_->hashes.all())});
+}
+
 Status TakeWriter::finish_segment(const std::string& reason) {
   auto files = segment_->finish(reason);
   if (files) {
@@ -135,6 +160,7 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
     failed_ = failed_ || !noted;
     return noted;
   }
+  if (!synced) close_flight();  // nobody knows which of its bytes are on the disk
   if (!synced && segment_) {
     segment_.reset();
     auto done = recover_segment(place_, next_segment_ - 1, Trust::kDurable, "sync failed");
@@ -174,6 +200,9 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t 
   manifest.lost_sets = lost_sets;
   for (const FinishedSegment& segment : finished_) add_segment(manifest, segment, place_.rate);
   manifest.deleted_sets = finished_sets_ - manifest.sets;
+  auto flight = finish_flight();
+  if (!flight) return fail(flight.error());
+  if (*flight) manifest.files.push_back(std::move(**flight));
   return write_manifest(*place_.disk, place_.folder, std::move(manifest));
 }
 

@@ -5,6 +5,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,8 @@ class TakeWriter {
   /// Makes everything written durable. Errors: that of the sync; the take goes on.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
+  /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
+  void write_flight(std::span<const std::uint8_t> record);
   /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
   /// at the next start.
   Result<take::Manifest> end(const std::string& reason, std::uint64_t lost_sets);
@@ -60,6 +63,8 @@ class TakeWriter {
  private:
   Status finish_segment(const std::string& reason);
   void write_thumbnail(const TakeRow& row);
+  void close_flight();
+  Result<std::optional<take::Manifest::File>> finish_flight();
   void add(FinishedSegment done);
   std::vector<take::Manifest::Mark> marks() const;
 
@@ -74,6 +79,11 @@ class TakeWriter {
     Instant at;
   };
   std::vector<EarlyMark> early_marks_;
+  struct Flight {
+    std::optional<hal::FileHandle> file;  ///< empty: the disk failed
+    take::PieceHashes hashes;
+  };
+  std::optional<Flight> flight_;
   bool unsynced_ = false;
   bool failed_ = false;  ///< the open segment had an error
   bool thumbnail_tried_ = false;

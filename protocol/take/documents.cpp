@@ -207,7 +207,8 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
 }
 
 bool is_take_file(std::string_view name) {
-  for (const std::string& each : {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile}) {
+  for (const std::string& each :
+       {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile, kFlightFile}) {
     if (name == each) return true;
   }
   const auto digits = [&](std::size_t least) {

@@ -23,7 +23,8 @@ inline constexpr std::size_t kMaxMarkBytes = 200;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
-                         kCalibrationFile = "calibration.json", kRigFile = "rig.toml", kThumbFile = "thumb.jpg";
+                         kCalibrationFile = "calibration.json", kRigFile = "rig.toml", kThumbFile = "thumb.jpg",
+                         kFlightFile = "flight";
 
 /// take.json.
 struct TakeDocument {

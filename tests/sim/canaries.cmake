@@ -2,6 +2,17 @@
 # replaced, goes before the library, whose own is then left out. Nothing of it is in what is shipped.
 #
 # canary(NAME FILE FROM TO [FILE FROM TO]... [HOSTILE])    HOSTILE: hostile clients find it, in rigs where nothing else goes wrong
+# The copy of `file` with one text replaced.
+function(mutated_copy name file from to result)
+  get_filename_component(copy ${file} NAME)
+  set(mutated ${CMAKE_CURRENT_BINARY_DIR}/canaries/${name}/${copy})
+  add_custom_command(OUTPUT ${mutated} VERBATIM DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake
+    COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
+            -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
+  nodal_replaceable(${file})
+  set(${result} ${mutated} PARENT_SCOPE)
+endfunction()
+
 function(canary name)
   set(copies)
   set(hostile)
@@ -18,13 +29,8 @@ function(canary name)
     set(file ${ARGV${i}})
     set(from "${ARGV${at_from}}")
     set(to "${ARGV${at_to}}")
-    get_filename_component(copy ${file} NAME)
-    set(mutated ${CMAKE_CURRENT_BINARY_DIR}/canaries/${name}/${copy})
-    add_custom_command(OUTPUT ${mutated} VERBATIM DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake
-      COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${mutated} -DFROM=${from} -DTO=${to}
-              -P ${CMAKE_CURRENT_SOURCE_DIR}/mutate.cmake)
+    mutated_copy(${name} ${file} "${from}" "${to}" mutated)
     list(APPEND copies ${mutated})
-    nodal_replaceable(${file})
     math(EXPR i "${i} + 3")
   endwhile()
   nodal_module(swarm_canary_${name} EXECUTABLE SOURCES ${copies}
