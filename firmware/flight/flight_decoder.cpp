@@ -8,7 +8,7 @@ namespace {
 
 namespace wire = take::flight;
 
-constexpr std::int64_t kLatestNs = INT64_MAX / 2;
+constexpr std::int64_t kLatestNs = std::int64_t{1} << 60;
 constexpr std::uint32_t kMostPixels = 1U << 16;
 constexpr int kPixelFormats = static_cast<int>(PixelFormat::kYuv411);
 constexpr int kGenlockStates = static_cast<int>(GenlockState::kLost) + 1;

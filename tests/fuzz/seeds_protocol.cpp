@@ -11,6 +11,7 @@
 #include "protocol/session.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
+#include "protocol/take/flight.pb.h"
 
 namespace nodal {
 namespace {
@@ -86,11 +87,54 @@ Bytes as_operations(std::uint8_t role, std::span<const std::uint8_t> stream) {
   }
 }
 
-void add_record(Bytes& to, const take::wire::Record& record) {
+template <class Record>
+void add_record(Bytes& to, const Record& record) {
   const std::string bytes = record.SerializeAsString();
   to.push_back(static_cast<std::uint8_t>(bytes.size() & 0xFF));
   to.push_back(static_cast<std::uint8_t>(bytes.size() >> 8));
   to.insert(to.end(), bytes.begin(), bytes.end());
+}
+
+/// The flight records of a head that is opened, started and delivers, of a pulse, a command, a set and an end.
+Bytes flight_records() {
+  Bytes all;
+  take::flight::Record first;
+  first.mutable_begin()->set_version(1);
+  first.mutable_begin()->set_sets_held(8);
+  first.mutable_begin()->set_trigger(true);
+  first.add_events()->set_step_ns(1'000'000);
+  take::flight::Opened& opened = *first.add_events()->mutable_opened();
+  opened.set_path("sim:a");
+  opened.set_format(2);
+  opened.set_width(16);
+  opened.set_height(8);
+  opened.set_rate_numerator(30);
+  opened.set_rate_denominator(1);
+  first.add_events()->mutable_called()->set_call(0);
+  take::flight::TriggerStarted& trigger = *first.add_events()->mutable_trigger_started();
+  trigger.set_rate_numerator(30);
+  trigger.set_rate_denominator(1);
+  for (int head = 0; head < kMaxHeads; ++head) trigger.add_delay_ns(0);
+  add_record(all, first);
+  take::flight::Record second;
+  second.add_events()->set_step_ns(2'000'000);
+  second.add_events()->mutable_pulse()->set_number(1);
+  take::flight::Delivered& delivered = *second.add_events()->mutable_delivered();
+  delivered.mutable_settings()->set_exposure_ns(1'000'000);
+  delivered.mutable_picture()->set_format(2);
+  delivered.mutable_picture()->set_present(true);
+  second.add_events()->mutable_command()->mutable_heads()->set_exposure_ns(5);
+  second.add_events()->mutable_answer()->mutable_status()->set_code(103);
+  take::flight::SetClosed& set = *second.add_events()->mutable_set_closed();
+  set.set_mask(1);
+  set.add_offset_ns(7);
+  second.add_events()->mutable_set_returned()->set_collection(1);
+  second.add_events()->mutable_lost()->set_reason(2);
+  second.add_events()->set_genlock(2);
+  second.add_events()->set_step_ns(3'000'000);
+  second.mutable_end()->set_reason("the take ended");
+  add_record(all, second);
+  return all;
 }
 
 /// The records of a short segment of three heads, one of which is missing in the second set, and of raymaps.
@@ -186,6 +230,7 @@ int main(int argc, char** argv) {
                    0,    0,  16, 1, 2,    0,    0x08, 0x01, 0x85, 1, 0, 0, 0x83, 2,    0,    0, 0x84, 4,    0,    0};
   acting.insert(acting.end(), acts.begin(), acts.end());
   write(corpus / "session/program_acts", acting);
+  write(corpus / "take/flight", with_front(3, flight_records()));
   write(corpus / "take/records", with_front(2, take_records()));
   take::TakeDocument about;
   about.number = 3;

@@ -1,5 +1,5 @@
-// The folder of a take, as it may come from anywhere. The input's first byte selects: take.json, the manifest, or the records of
-// an evidence, which get the framing, the file and the hashes that their own numbers ask for, so that what is wrong is only
+// The folder of a take, as it may come from anywhere. The input's first byte selects: take.json, the manifest, the records of a
+// flight record, or the records of an evidence, which get the framing, the file and the hashes that their own numbers ask for, so that what is wrong is only
 // what they say. Either an error says what is wrong, or every picture that is given lies in memory of its own.
 #include <algorithm>
 #include <map>
@@ -8,8 +8,10 @@
 
 #include "memory_limit.h"
 #include "protocol/base/bytes.h"
+#include "protocol/framing.h"
 #include "protocol/take/digest.h"
 #include "stitch/media/take/take_folder.h"
+#include "tests/sim/flight_reader.h"
 
 namespace {
 
@@ -113,12 +115,37 @@ void read_all(const media::TakeFolder& folder) {
   }
 }
 
+/// Records one after the other, as in add_evidence().
+void read_flight(ByteReader in) {
+  Bytes flight;
+  std::uint32_t sequence = 0;
+  while (in.left() > 2) {
+    const auto payload = in.bytes(std::min<std::size_t>(in.u16(), in.left()));
+    const auto head = encode_frame_header({FrameType::kTakeRecord, 0, 0, sequence++}, payload);
+    flight.insert(flight.end(), head.begin(), head.end());
+    flight.insert(flight.end(), payload.begin(), payload.end());
+  }
+  auto reader = flight::FlightReader::open(flight, "take/flight");
+  if (!reader) return check(reader.error());
+  for (;;) {
+    const auto step = reader->next_step();
+    if (!step) return check(step.error());
+    if (step->empty()) return;
+    NODAL_ASSERT(std::holds_alternative<firmware::StepBegun>(step->front()));
+    NODAL_ASSERT(step->size() <= flight::FlightReader::kMostEventsInStep);
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const bool limited = (fuzz::limit_memory(std::size_t{256} << 20), true);
   (void)limited;
   if (size == 0 || size > (1U << 16)) return 0;
+  if (data[0] % 4 == 3) {
+    read_flight(ByteReader({data + 1, size - 1}));
+    return 0;
+  }
   const std::string rest(reinterpret_cast<const char*>(data + 1), size - 1);
   auto files = std::make_shared<InMemory>();
   take::TakeDocument about;
@@ -128,11 +155,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   about.heads = {"a", "b", "c"};
   take::Manifest manifest;
   manifest.ended = "stopped";
-  const std::string take_json = data[0] % 3 == 0 ? rest : take::take_json(about);
+  const std::string take_json = data[0] % 4 == 0 ? rest : take::take_json(about);
   files->files[take::kTakeFile] = Bytes(take_json.begin(), take_json.end());
   manifest.files.push_back(listed(take::kTakeFile, files->files[take::kTakeFile]));
-  if (data[0] % 3 == 2) add_evidence(ByteReader({data + 1, size - 1}), *files, manifest);
-  const std::string text = data[0] % 3 == 1 ? rest : take::manifest_json(manifest);
+  if (data[0] % 4 == 2) add_evidence(ByteReader({data + 1, size - 1}), *files, manifest);
+  const std::string text = data[0] % 4 == 1 ? rest : take::manifest_json(manifest);
   files->files[take::kManifestFile] = Bytes(text.begin(), text.end());
   const auto folder = media::TakeFolder::open(files);
   if (!folder) {
