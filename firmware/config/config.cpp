@@ -251,7 +251,8 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
     to.at_start = takes.choice<bool>("start", {{"request", false}, {"boot", true}});
     to.loop = takes.choice<bool>("when_full", {{"stop", false}, {"loop", true}});
     using Mode = TakesConfig::Mode;
-    to.mode = takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}});
+    to.mode =
+        takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}, {"lossless", Mode::kLossless}});
     to.quality = static_cast<int>(takes.integer("quality", 1, 100, to.quality));
     to.flight_recorder = takes.boolean("flight_recorder", to.flight_recorder);
     if (to.mode != Mode::kJpeg && takes.has("quality")) takes.refuse("quality", "is for mode = \"jpeg\" only");

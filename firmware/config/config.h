@@ -151,8 +151,9 @@ struct TakesConfig {
   bool at_start = false;  ///< a take begins when nodald starts
   bool loop = false;      ///< when the disk is full, the oldest segments are deleted; else the take ends
   enum class Mode : std::uint8_t {
-    kDriver,  ///< pictures are stored as the heads deliver them
-    kJpeg,    ///< those that are not coded become JPEGs
+    kDriver,    ///< pictures are stored as the heads deliver them
+    kJpeg,      ///< those that are not coded become JPEGs
+    kLossless,  ///< those that are not coded become Ut Video, which decodes to the same bytes
   };
   Mode mode = Mode::kDriver;
   int quality = 90;              ///< kJpeg: 1 .. 100

@@ -2,6 +2,7 @@
 
 #include "protocol/base/field.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
 namespace {
@@ -21,7 +22,16 @@ std::vector<FieldParity> parities_of(Fields fields) {
 
 }  // namespace
 
-HeadCoder::HeadCoder(const HeadStream& delivered) : parities_(parities_of(delivered.fields)) {
+std::string_view mode_name(TakesConfig::Mode mode) {
+  constexpr std::array<std::string_view, 3> kNames = {"driver", "jpeg", "lossless"};
+  return kNames[static_cast<std::size_t>(mode)];
+}
+
+HeadCoder::HeadCoder(const HeadStream& delivered, Mode mode) : parities_(parities_of(delivered.fields)) {
+  if (mode == Mode::kLossless) {
+    lossless_ = std::make_unique<media::UtVideoEncoder>();
+    return;
+  }
   media::JpegSpec spec{.format = delivered.format, .width = delivered.width, .height = delivered.height};
   if (parities_.empty()) fields_[0].writer = std::make_unique<media::JpegWriter>(spec);
   spec.height /= 2;
@@ -34,7 +44,9 @@ HeadCoder::HeadCoder(const HeadStream& delivered) : parities_(parities_of(delive
 HeadCoder::HeadCoder(HeadCoder&& other) noexcept = default;
 HeadCoder::~HeadCoder() = default;
 
-bool HeadCoder::codes(const HeadStream& delivered) {
+bool HeadCoder::codes(const HeadStream& delivered, Mode mode) {
+  if (mode == Mode::kDriver) return false;
+  if (mode == Mode::kLossless) return media::ut_video_codes(delivered.format, delivered.width, delivered.height);
   if (!media::JpegWriter::writes(delivered.format)) return false;
   if (delivered.fields == Fields::kProgressive) return true;
   // Both fields must have the same rows, of chroma, too.
@@ -44,6 +56,11 @@ bool HeadCoder::codes(const HeadStream& delivered) {
 
 Result<HeadCoder::Parts> HeadCoder::encode(const ImageView& picture, int quality) {
   Parts parts;
+  if (lossless_) {
+    lossless_->encode(picture, fields_[0].bytes);
+    parts[0] = fields_[0].bytes;
+    return parts;
+  }
   for (std::size_t k = 0; k < fields_.size(); ++k) {
     Field& field = fields_[k];
     if (!field.writer) continue;

@@ -6,6 +6,7 @@
 
 #include "firmware/frame/pack_picture.h"
 #include "protocol/take/matroska_writer.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
 namespace {
@@ -185,20 +186,21 @@ void Recorder::record(const FrameSet& set) {
   if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
 }
 
-bool Recorder::encodes(const HeadStream& delivered) const {
-  return takes_.mode == TakesConfig::Mode::kJpeg && HeadCoder::codes(delivered);
-}
+bool Recorder::encodes(const HeadStream& delivered) const { return HeadCoder::codes(delivered, takes_.mode); }
 
 HeadStream Recorder::stream_of(const hal::FrameView& frame) const {
   const HeadStream delivered = delivered_stream(frame);
-  return encodes(delivered) ? HeadCoder::coded(delivered) : delivered;
+  return encodes(delivered) ? HeadCoder::coded(delivered, takes_.mode) : delivered;
 }
 
 std::size_t Recorder::most_bytes(const hal::FrameView& frame) const {
   const ImageView& picture = frame.image;
   if (picture.format == PixelFormat::kMjpeg) return picture.bytes;
   const std::size_t raw = packed_size(picture.format, picture.width, picture.height);
-  return encodes(delivered_stream(frame)) ? raw + raw / 2 : raw;
+  if (!encodes(delivered_stream(frame))) return raw;
+  return takes_.mode == TakesConfig::Mode::kJpeg
+             ? raw + raw / 2
+             : media::ut_video_most_bytes(picture.format, picture.width, picture.height);
 }
 
 int Recorder::quality_now() const {
@@ -214,8 +216,8 @@ bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame
   const bool encoded = encodes(delivered);
   if (encoded) {
     std::optional<Coder>& coder = coders_[head];
-    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered)});
-    to.quality = quality_now();
+    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered, takes_.mode)});
+    if (takes_.mode == TakesConfig::Mode::kJpeg) to.quality = quality_now();
     const auto coded = coder->coder.encode(picture, to.quality);
     if (!coded) {
       to.placeholder = Placeholder::kEncoder;

@@ -88,6 +88,7 @@ HeadStream stream_of(const take::wire::File& file) {
   stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
   if (file.fields() == "top-first") stream.fields = Fields::kTopFirst;
   if (file.fields() == "bottom-first") stream.fields = Fields::kBottomFirst;
+  stream.lossless = file.lossless();
   return stream;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
 namespace {
@@ -26,6 +27,12 @@ std::string bytes_of(std::span<const take::Xxh128> hashes) {
 Result<Bytes> grey_picture(const HeadStream& stream) {
   const PixelFormat format = stream.format == PixelFormat::kMjpeg ? PixelFormat::kI420 : stream.format;
   Bytes grey(packed_size(format, stream.width, stream.height), 128);
+  if (stream.lossless) {
+    Bytes coded;
+    media::UtVideoEncoder().encode(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
+                                   coded);
+    return coded;
+  }
   if (stream.format != PixelFormat::kMjpeg) return grey;
   media::JpegWriter writer({.format = format, .width = stream.width, .height = stream.height, .quality = 50});
   Bytes jpeg;
@@ -65,6 +72,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
     told.set_video_range(stream.coding.video_range);
     told.set_bt709(stream.coding.bt709);
     told.set_fields(std::string(fields_name(stream.fields)));
+    told.set_lossless(stream.lossless);
   };
   for (std::size_t head = 0; head < kMaxHeads; ++head) {
     if (first.streams[head])
@@ -87,6 +95,12 @@ take::VideoTrack SegmentWriter::track_of(const File& file) const {
   const bool jpeg = file.stream.format == PixelFormat::kMjpeg;
   track.codec = jpeg ? "V_MJPEG" : "V_UNCOMPRESSED";
   track.fourcc = take::fourcc_of(file.stream.format);
+  if (file.stream.lossless) {
+    track.codec = media::kUtVideoCodec;
+    track.fourcc.clear();
+    track.codec_private =
+        media::ut_video_private(file.stream.format, file.stream.width, file.stream.height, file.stream.coding);
+  }
   track.width = file.stream.width;
   track.height = file.stream.height;
   track.rate = place_.rate;

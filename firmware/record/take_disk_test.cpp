@@ -13,8 +13,9 @@ std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, TakesConfig::Mode m
   for (const auto& head : heads) {
     if (!head) continue;
     const bool jpeg = head->format == PixelFormat::kMjpeg;
-    const bool coded = mode == TakesConfig::Mode::kJpeg &&
-                       HeadCoder::codes({head->format, head->width, head->height, {}, Fields::kProgressive});
+    const bool coded =
+        HeadCoder::codes({head->format, head->width, head->height, {}, Fields::kProgressive, false}, mode) &&
+        mode == TakesConfig::Mode::kJpeg;  // noise may leave nothing for Ut Video to save
     // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
     sum += packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg    ? 8
                                                                                                : coded ? 4
@@ -44,9 +45,9 @@ bool TakeKeeper::step_test(Instant now) {
   if (!speed || !*speed) return true;
   TakeAnswer::DiskTested tested{**speed, {}};
   using Mode = TakesConfig::Mode;
-  for (const auto& [mode, name] : {std::pair(Mode::kDriver, "driver"), std::pair(Mode::kJpeg, "jpeg")}) {
+  for (const Mode mode : {Mode::kDriver, Mode::kJpeg}) {
     const std::uint64_t needed = set_bytes(test_->heads, mode) * config_.rate.numerator / config_.rate.denominator;
-    tested.modes.push_back(judge_disk(**speed, name, needed, recorder_.ring().size()));
+    tested.modes.push_back(judge_disk(**speed, std::string(mode_name(mode)), needed, recorder_.ring().size()));
   }
   end_test(std::move(tested));
   return true;

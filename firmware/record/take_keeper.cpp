@@ -177,7 +177,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   documents.about.software = software_;
   documents.about.started_utc_ns = utc_();
   documents.about.rate = config_.rate;
-  documents.about.mode = config_.takes->mode == TakesConfig::Mode::kJpeg ? "jpeg" : "driver";
+  documents.about.mode = mode_name(config_.takes->mode);
   if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
   documents.calibration = start.calibration;
   for (const HeadConfig& head : config_.heads) documents.about.heads.push_back(head.name);

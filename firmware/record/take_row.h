@@ -22,6 +22,7 @@ struct HeadStream {
   int height = 0;
   ColourCoding coding;
   Fields fields = Fields::kProgressive;
+  bool lossless = false;  ///< stored as Ut Video, which decodes to `format`
   friend bool operator==(const HeadStream&, const HeadStream&) = default;
 };
 

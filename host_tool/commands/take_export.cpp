@@ -17,6 +17,7 @@
 #include "host_tool/offload/take_files.h"
 #include "protocol/calibration.h"
 #include "stitch/media/take/take_folder.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::host {
 namespace {
@@ -101,13 +102,18 @@ class Films {
   };
   static bool same(const media::TakeStream& a, const media::TakeStream& b) {
     return a.format == b.format && a.width == b.width && a.height == b.height && a.coding == b.coding &&
-           a.fields == b.fields;
+           a.fields == b.fields && a.lossless == b.lossless;
   }
   take::VideoTrack track_of(const media::TakeStream& stream) const {
     take::VideoTrack track;
     if (stream.format != PixelFormat::kMjpeg) {
       track.codec = "V_UNCOMPRESSED";
       track.fourcc = take::fourcc_of(stream.format);
+    }
+    if (stream.lossless) {
+      track.codec = media::kUtVideoCodec;
+      track.fourcc.clear();
+      track.codec_private = media::ut_video_private(stream.format, stream.width, stream.height, stream.coding);
     }
     track.width = stream.width;
     track.height = stream.height;

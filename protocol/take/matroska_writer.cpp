@@ -20,10 +20,11 @@ constexpr ElementId kSegment = 0x18538067, kSeekHead = 0x114D9B74, kSeek = 0x4DB
 constexpr ElementId kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuration = 0x4489, kMuxingApp = 0x4D80,
                     kWritingApp = 0x5741;
 constexpr ElementId kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7, kTrackUid = 0x73C5,
-                    kTrackType = 0x83, kFlagLacing = 0x9C, kDefaultDuration = 0x23E383, kCodecId = 0x86, kVideo = 0xE0,
-                    kFlagInterlaced = 0x9A, kFieldOrder = 0x9D, kColourSpace = 0x2EB524, kPixelWidth = 0xB0,
-                    kPixelHeight = 0xBA, kColour = 0x55B0, kMatrixCoefficients = 0x55B1, kRange = 0x55B9,
-                    kProjection = 0x7670, kProjectionType = 0x7671, kProjectionPrivate = 0x7672;
+                    kTrackType = 0x83, kFlagLacing = 0x9C, kDefaultDuration = 0x23E383, kCodecId = 0x86,
+                    kCodecPrivate = 0x63A2, kVideo = 0xE0, kFlagInterlaced = 0x9A, kFieldOrder = 0x9D,
+                    kColourSpace = 0x2EB524, kPixelWidth = 0xB0, kPixelHeight = 0xBA, kColour = 0x55B0,
+                    kMatrixCoefficients = 0x55B1, kRange = 0x55B9, kProjection = 0x7670, kProjectionType = 0x7671,
+                    kProjectionPrivate = 0x7672;
 constexpr ElementId kAttachments = 0x1941A469, kAttachedFile = 0x61A7, kFileName = 0x466E, kFileMediaType = 0x4660,
                     kFileData = 0x465C, kFileUid = 0x46AE;
 constexpr ElementId kCluster = 0x1F43B675, kTimestamp = 0xE7, kSimpleBlock = 0xA3;
@@ -100,6 +101,7 @@ Bytes tracks_of(const VideoTrack& track) {
   put_number(entry, kFlagLacing, 0);
   if (track.rate) put_number(entry, kDefaultDuration, static_cast<std::uint64_t>(track.rate->period().ns()));
   put_text(entry, kCodecId, track.codec);
+  if (!track.codec_private.empty()) put_element(entry, kCodecPrivate, track.codec_private);
   put_element(entry, kVideo, video);
   Bytes entries;
   put_element(entries, kTrackEntry, entry);

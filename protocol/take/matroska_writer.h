@@ -28,7 +28,8 @@ struct VideoTrack {
   std::string codec = "V_MJPEG";  ///< Matroska's name: every frame can be decoded by itself
   /// V_UNCOMPRESSED only: the pixel format by its FourCC, such as "YUY2".
   std::string fourcc{};
-  int width = 0;  ///< px
+  std::vector<std::uint8_t> codec_private{};  ///< what the codec's decoder must know before the first frame
+  int width = 0;                              ///< px
   int height = 0;
   std::optional<FrameRate> rate{};  ///< nominal, if known; frames have their own times
   Fields fields = Fields::kProgressive;

@@ -89,6 +89,17 @@ TEST_F(RenderTest, RawTakes_GiveTheBytesThatTheRigMade) {
   EXPECT_NE(later.begin()->second, std::next(later.begin())->second);
 }
 
+TEST_F(RenderTest, LosslessTakes_GiveTheBytesThatTheRigMade) {
+  head_key("fields = \"bottom-first\"\nformat = \"YUYV\"");
+  const Raymaps live = film(20, "mode = \"lossless\"\n");
+  expect_same(live, rendered());
+  if (Process({"sh", "-c", "command -v ffprobe"}).wait().code != 0) GTEST_SKIP() << "ffprobe is not installed";
+  const Finished probed = Process({"ffprobe", "-v", "error", "-show_entries", "stream=codec_name,field_order", "-of",
+                                   "csv=p=0", take() + "/cam0-0000.mkv"})
+                              .wait();
+  EXPECT_NE(probed.out.find("utvideo,bt"), std::string::npos) << probed.out;
+}
+
 TEST_F(RenderTest, FieldsAndExposuresThatChangeFromSetToSet_AreThoseOfTheEvidence) {
   with("height = 128\n", "height = 128\nfields = \"separate\"\n");
   with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");

@@ -1,4 +1,5 @@
 #include "stitch/media/take/take_folder.h"
+#include "stitch/media/ut_video.h"
 
 #include <fmt/format.h>
 
@@ -30,6 +31,7 @@ TakeStream stream_of(const take::wire::File& file) {
   stream.height = static_cast<int>(file.height());
   stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
   stream.fields = fields_named(file.fields());
+  stream.lossless = file.lossless();
   return stream;
 }
 
@@ -173,9 +175,17 @@ Status TakeSegment::check_frame(const take::wire::Frame& frame, std::uint64_t se
                                               frame.bytes(), stream.file, frame.at(), pixel_format_name(stream.format),
                                               stream.width, stream.height, most));
   };
+  if (stream.lossless && !ut_video_codes(stream.format, stream.width, stream.height)) {
+    return fail(Errc::kBadFormat,
+                fmt::format("set {}: {} has pictures of {} {}x{}, which Ut Video does not code", set, stream.file,
+                            pixel_format_name(stream.format), stream.width, stream.height));
+  }
   const bool jpeg = stream.format == PixelFormat::kMjpeg;
-  const std::uint64_t expected = jpeg ? kMaxTakePictureBytes : packed_size(stream.format, stream.width, stream.height);
-  if (jpeg ? frame.bytes() == 0 || frame.bytes() > expected : frame.bytes() != expected) return wrong(expected);
+  const std::uint64_t expected = jpeg              ? kMaxTakePictureBytes
+                                 : stream.lossless ? ut_video_most_bytes(stream.format, stream.width, stream.height)
+                                                   : packed_size(stream.format, stream.width, stream.height);
+  if (jpeg || stream.lossless ? frame.bytes() == 0 || frame.bytes() > expected : frame.bytes() != expected)
+    return wrong(expected);
   if (expected > kMaxTakePictureBytes) {
     return fail(Errc::kTooLarge, fmt::format("set {}: a picture of {} has {} bytes; at most {} are read", set,
                                              stream.file, expected, kMaxTakePictureBytes));

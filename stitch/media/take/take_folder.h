@@ -30,6 +30,7 @@ struct TakeStream {
   int height = 0;
   ColourCoding coding;
   Fields fields = Fields::kProgressive;
+  bool lossless = false;  ///< the file's frames are Ut Video, and `format` is that of the decoded pictures
 };
 
 /// How many sets of a take come before a segment.

@@ -3,6 +3,7 @@
 
 #include "protocol/base/limits.h"
 #include "stitch/media/take/take_folder.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::media {
 namespace {
@@ -74,6 +75,12 @@ Status TakeSets::read_picture(TakeSet& set, std::size_t head) {
     if (stream.head != head || !set.heads[head].placeholder.empty()) continue;
     std::vector<std::uint8_t>& bytes = set.bytes[head];
     if (const Status read = segment_->read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
+    if (stream.lossless) {
+      std::vector<std::uint8_t> picture;
+      const Status decoded = decode_ut_video(bytes, stream.format, stream.width, stream.height, picture);
+      if (!decoded) return fail(decoded.error().in(folder_.shown(stream.file)));
+      bytes.swap(picture);
+    }
     set.heads[head].image = view_of(stream, bytes);
   }
   return {};

@@ -44,7 +44,7 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
   const auto [format, fields] = GetParam();
   const Bytes bytes = flash(format);
   const ImageView picture = packed_image(format, kCodedWidth, kCodedHeight, bytes.data());
-  HeadCoder coder(HeadStream{format, kCodedWidth, kCodedHeight, {}, fields});
+  HeadCoder coder(HeadStream{format, kCodedWidth, kCodedHeight, {}, fields}, HeadCoder::Mode::kJpeg);
   take::VideoTrack track;
   track.width = kCodedWidth;
   track.height = kCodedHeight;
@@ -95,7 +95,8 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(HeadCoder, ALowerQuality_GivesFewerBytes) {
   const Bytes bytes = flash(PixelFormat::kI420);
   const ImageView picture = packed_image(PixelFormat::kI420, kCodedWidth, kCodedHeight, bytes.data());
-  HeadCoder coder(HeadStream{PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive});
+  HeadCoder coder(HeadStream{PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive},
+                  HeadCoder::Mode::kJpeg);
   const std::size_t good = (*coder.encode(picture, 90))[0].size();
   EXPECT_LT((*coder.encode(picture, 45))[0].size(), good);
   EXPECT_EQ((*coder.encode(picture, 90))[0].size(), good);
