@@ -1,7 +1,9 @@
 // The folder of a take, as it may come from anywhere. The input's first byte selects: take.json, the manifest, the records of a
-// flight record, or the records of an evidence, which get the framing, the file and the hashes that their own numbers ask for, so that what is wrong is only
-// what they say. Either an error says what is wrong, or every picture that is given lies in memory of its own.
+// flight record, a lossless picture, or the records of an evidence, which get the framing, the file and the hashes that their own
+// numbers ask for, so that what is wrong is only what they say. Either an error says what is wrong, or every picture that is given
+// lies in memory of its own.
 #include <algorithm>
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -11,6 +13,7 @@
 #include "protocol/framing.h"
 #include "protocol/take/digest.h"
 #include "stitch/media/take/take_folder.h"
+#include "stitch/media/ut_video.h"
 #include "tests/sim/flight_reader.h"
 
 namespace {
@@ -115,6 +118,23 @@ void read_all(const media::TakeFolder& folder) {
   }
 }
 
+/// The first byte selects the format.
+void decode_lossless(std::span<const std::uint8_t> frame) {
+  constexpr int kWidth = 18, kHeight = 10;
+  constexpr std::array kFormats = {PixelFormat::kI420, PixelFormat::kYuyv, PixelFormat::kRgb24, PixelFormat::kNv12};
+  if (frame.empty()) return;
+  const PixelFormat format = kFormats[frame[0] % kFormats.size()];
+  Bytes picture;
+  const Status decoded = media::decode_ut_video(frame.subspan(1), format, kWidth, kHeight, picture);
+  if (!decoded) return check(decoded.error());
+  NODAL_ASSERT(picture.size() == packed_size(format, kWidth, kHeight));
+  // What was decoded is coded to something that is decoded to the same.
+  Bytes coded, again;
+  media::UtVideoEncoder().encode(packed_image(format, kWidth, kHeight, std::as_const(picture).data()), coded);
+  NODAL_ASSERT(coded.size() <= media::ut_video_most_bytes(format, kWidth, kHeight));
+  NODAL_ASSERT(media::decode_ut_video(coded, format, kWidth, kHeight, again).has_value() && again == picture);
+}
+
 /// Records one after the other, as in add_evidence().
 void read_flight(ByteReader in) {
   Bytes flight;
@@ -142,7 +162,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const bool limited = (fuzz::limit_memory(std::size_t{256} << 20), true);
   (void)limited;
   if (size == 0 || size > (1U << 16)) return 0;
-  if (data[0] % 4 == 3) {
+  if (data[0] % 5 == 4) {
+    decode_lossless({data + 1, size - 1});
+    return 0;
+  }
+  if (data[0] % 5 == 3) {
     read_flight(ByteReader({data + 1, size - 1}));
     return 0;
   }
@@ -155,11 +179,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   about.heads = {"a", "b", "c"};
   take::Manifest manifest;
   manifest.ended = "stopped";
-  const std::string take_json = data[0] % 4 == 0 ? rest : take::take_json(about);
+  const std::string take_json = data[0] % 5 == 0 ? rest : take::take_json(about);
   files->files[take::kTakeFile] = Bytes(take_json.begin(), take_json.end());
   manifest.files.push_back(listed(take::kTakeFile, files->files[take::kTakeFile]));
-  if (data[0] % 4 == 2) add_evidence(ByteReader({data + 1, size - 1}), *files, manifest);
-  const std::string text = data[0] % 4 == 1 ? rest : take::manifest_json(manifest);
+  if (data[0] % 5 == 2) add_evidence(ByteReader({data + 1, size - 1}), *files, manifest);
+  const std::string text = data[0] % 5 == 1 ? rest : take::manifest_json(manifest);
   files->files[take::kManifestFile] = Bytes(text.begin(), text.end());
   const auto folder = media::TakeFolder::open(files);
   if (!folder) {
