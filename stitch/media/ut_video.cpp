@@ -187,18 +187,20 @@ Status decode_plane(std::span<const std::uint8_t>& frame, std::vector<std::uint8
     std::uint8_t symbol = 0, length = 0;
   };
   std::array<Entry, std::size_t{1} << kLongestCode> table;
-  const auto codes = codes_of(lengths);
-  std::uint32_t filled = 0;
-  for (std::size_t symbol = 0; symbol < kSymbols; ++symbol) {
-    if (lengths[symbol] == kUnused) continue;
-    const std::uint32_t free_bits = lengths[symbol] <= kLongestCode ? kLongestCode - lengths[symbol] : 0;
-    const std::uint32_t first = codes[symbol].bits << free_bits;
-    if (lengths[symbol] > kLongestCode || first + (1U << free_bits) > table.size())
-      return fail(Errc::kBadFormat, "a plane of Ut Video has codes that are too long, or no code");
-    std::fill_n(table.begin() + first, 1U << free_bits, Entry{static_cast<std::uint8_t>(symbol), lengths[symbol]});
-    filled += 1U << free_bits;
+  std::size_t filled = 0;
+  for (const std::uint8_t length : lengths) {
+    if (length == kUnused) continue;
+    if (length > kLongestCode) return fail(Errc::kBadFormat, "a plane of Ut Video has codes that are too long");
+    filled += std::size_t{1} << (kLongestCode - length);
   }
   if (filled != table.size()) return fail(Errc::kBadFormat, "a plane of Ut Video has no complete code");
+  const auto codes = codes_of(lengths);
+  for (std::size_t symbol = 0; symbol < kSymbols; ++symbol) {
+    if (lengths[symbol] == kUnused) continue;
+    const std::uint32_t free_bits = kLongestCode - lengths[symbol];
+    std::fill_n(table.begin() + (codes[symbol].bits << free_bits), std::size_t{1} << free_bits,
+                Entry{static_cast<std::uint8_t>(symbol), lengths[symbol]});
+  }
   for (std::uint8_t& each : plane) {
     const Entry entry = table[bits.peek()];
     bits.skip(entry.length);
