@@ -75,7 +75,7 @@ class FlightLog {
   /// Events were lost: there are no records after those that next() returns.
   bool overrun() const { return overrun_; }
 
-  /// With ten heads at 29.97 Hz more than half an hour: firmware/flight/README.md.
+  /// With ten heads at 29.97 Hz about an hour: firmware/flight/README.md.
   static constexpr std::size_t kMost = std::size_t{64} << 20;
   /// Of a take. Its record ends there.
   static constexpr std::uint64_t kMostInTake = std::uint64_t{1} << 30;
