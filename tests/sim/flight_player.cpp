@@ -126,6 +126,7 @@ FlightPlayer::FlightPlayer(const RigConfig& config, FlightReader& reader)
 FlightPlayer::~FlightPlayer() {
   over_ = true;
   held_.clear();
+  capture_.reset();  // it stops the heads, which look at the members behind it
 }
 
 template <class E>
