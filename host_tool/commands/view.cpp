@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "host_tool/commands/envelope_option.h"
 #include "host_tool/commands/raymap_frames.h"
-#include "host_tool/console/files.h"
 #include "stitch/geometry/envelope/envelope.h"
 #include "stitch/view/camera.h"
 
@@ -37,23 +37,6 @@ Result<geometry::RaymapSize> parse_view_size(const std::string& text) {
   return size;
 }
 
-/// "sphere:RADIUS", or the name of an OBJ file.
-Result<geometry::Envelope> read_envelope(const std::string& text) {
-  constexpr std::string_view kSphere = "sphere:";
-  if (text.starts_with(kSphere)) {
-    double radius = 0;
-    const char* end = text.data() + text.size();
-    const auto [at, error] = std::from_chars(text.data() + kSphere.size(), end, radius);
-    if (error != std::errc() || at != end) return fail(Errc::kBadValue, "write sphere:RADIUS, metres");
-    return geometry::Envelope::sphere(radius);
-  }
-  const Result<std::string> bytes = read_file(text, geometry::Envelope::kMaxObjBytes);
-  if (!bytes) return fail(bytes.error());
-  Result<geometry::Envelope> envelope = geometry::Envelope::from_obj(*bytes);
-  if (!envelope) return fail(envelope.error().in(text));
-  return envelope;
-}
-
 Result<Eigen::Vector3d> parse_eye(const std::string& text) {
   Eigen::Vector3d eye;
   const char *from = text.data(), *end = text.data() + text.size();
@@ -79,13 +62,14 @@ Status run_view(Context& context, const ViewArgs& args) {
   std::optional<geometry::Envelope> envelope;
   if (!args.envelope.empty()) {
     Result<geometry::Envelope> read = read_envelope(args.envelope);
-    if (!read) return fail(read.error().in("--envelope"));
+    if (!read) return fail(read.error());
     envelope.emplace(std::move(*read));
     const Eigen::Vector3d eye = args.eye.empty() ? Eigen::Vector3d::Zero() : parse_eye(args.eye).value();
     if (const Status inside = envelope->check_eye(eye); !inside) return fail(inside.error().in("--eye"));
     target.ray = [&, eye](double x, double y) -> std::optional<geometry::Ray> {
       const std::optional<geometry::Ray> ray = camera->ray(x, y);
-      return ray ? std::optional(geometry::Ray::towards(envelope->seen(eye, *ray))) : std::nullopt;
+      const std::optional<Eigen::Vector3d> point = ray ? envelope->seen(eye, *ray) : std::nullopt;
+      return point ? std::optional(geometry::Ray::towards(*point)) : std::nullopt;
     };
     target.smooth = false;  // not at the edges of a mesh
   }
@@ -104,7 +88,9 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "      --fov 300 --size 1500x1500\n"
                   "  nodal view r-*.jpg -o v-%04d.jpg\n"
                   "  nodal view hall.jpg -o near.jpg --envelope hall.obj --eye 0,0,3\n"
-                  "Where the camera shows nothing, beyond 180 degrees from its axis, the view is black.\n");
+                  "  nodal view hall.jpg -o ball.jpg --envelope icosahedron:1 --eye 0,0,-3\n"
+                  "Where the camera shows nothing, beyond 180 degrees from its axis or beside an envelope that it\n"
+                  "sees from outside, the view is black.\n");
   auto args = std::make_shared<ViewArgs>();
   add_frame_options(*command, args->frames);
   command->add_option("--camera", args->camera, "perspective when not given; fisheye is equidistant")
@@ -124,10 +110,7 @@ void add_view(CLI::App& app, CommandLine& line) {
   command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by(parse_view_size));
-  CLI::Option* const envelope =
-      command->add_option("--envelope", args->envelope,
-                          "How far away what the raymap shows is: a sphere, or a closed mesh around the nodal point");
-  envelope->type_name("sphere:RADIUS|FILE.obj");
+  CLI::Option* const envelope = add_envelope_option(*command, args->envelope, "How far away what the raymap shows is");
   command
       ->add_option("--eye", args->eye, "Where the camera is, metres to the right, down and forward of the nodal point")
       ->type_name("X,Y,Z")

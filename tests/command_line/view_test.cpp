@@ -164,6 +164,24 @@ TEST_F(ViewCommand, EyeBesideTheCentreOfASphere_SeesWhatTheGeometryPredicts) {
   EXPECT_LT(psnr_of("moved.png", "centre.png"), 30);
 }
 
+TEST_F(ViewCommand, EyeOutsideOfASphere_SeesADiscOfTheSizeThatTheGeometryPredicts) {
+  // A sphere of 1 m from 2 m away spans asin(1 / 2) = 30 degrees from its centre: a disc of the radius tan 30 / tan 45 of half the
+  // view's width.
+  write_sphere("s.png", 64);
+  const Finished run = nodal({"view", path("s.png"), "--from", "equirectangular", "-o", path("v.png"), "--envelope",
+                              "sphere:1", "--eye", "0,0,-2", "--size", "100x100"});
+  ASSERT_EQ(run.code, 0) << run.err;
+  const DecodedImage view = media::read_image(path("v.png"), PixelFormat::kRgb24).value();
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const double off = std::hypot(x - 49.5, y - 49.5) - 50 * std::tan(std::acos(-1.0) / 6);
+      const std::uint8_t* pixel = view.bytes.data() + 3 * (100 * y + x);
+      if (std::abs(off) < 1) continue;
+      EXPECT_EQ(pixel[0] + pixel[1] + pixel[2] > 0, off < 0) << x << " " << y;
+    }
+  }
+}
+
 TEST_F(ViewCommand, EnvelopesThatAreNone_AreRefusedInOneSentence) {
   write_sphere("s.png", 64);
   test::write_bytes(path("hole.obj"),
@@ -175,9 +193,9 @@ TEST_F(ViewCommand, EnvelopesThatAreNone_AreRefusedInOneSentence) {
   };
   expect_refused(with({"--eye", "0,0,1"}), "--envelope");
   expect_refused(with({"--envelope", "sphere:5", "--eye", "0,0"}), "write X,Y,Z");
-  expect_refused(with({"--envelope", "sphere:5", "--eye", "0,0,6"}), "the eye is not inside the sphere");
-  expect_refused(with({"--envelope", "sphere:-1"}), "radius");
+  expect_refused(with({"--envelope", "sphere:5", "--eye", "0,0,5"}), "the eye is on the surface");
   expect_refused(with({"--envelope", "sphere:x"}), "write sphere:RADIUS");
+  expect_refused(with({"--envelope", "torus:1"}), "--envelope: no envelope is called 'torus'");
   expect_refused(with({"--envelope", path("none.obj")}), "none.obj");
   expect_refused(with({"--envelope", path("hole.obj")}), "line 2");
 }
