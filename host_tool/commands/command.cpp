@@ -143,6 +143,7 @@ CommandLine::CommandLine(Console& console)
   add_render(app_, *this);
   add_convert(app_, *this);
   add_view(app_, *this);
+  add_mesh(app_, *this);
   add_import(app_, *this);
   add_pairs(app_, *this);
   add_register(app_, *this);

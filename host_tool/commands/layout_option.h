@@ -1,6 +1,7 @@
-// The option --layout of commands that make or use a raymap.
+// The options --layout and --size of commands that make or use a raymap.
 #pragma once
 
+#include <charconv>
 #include <string>
 
 #include "host_tool/commands/command.h"
@@ -21,6 +22,21 @@ inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, co
     line = begins ? word.size() : line + 1 + word.size();
   }
   return command.add_option("--layout", layout, help)->type_name("NAME");
+}
+
+/// "1920x1080". Errors: kBadValue unless both are 1 to `most`.
+inline Result<geometry::RaymapSize> parse_size(const std::string& text, int most) {
+  geometry::RaymapSize size;
+  const char* end = text.data() + text.size();
+  const auto [x, error] = std::from_chars(text.data(), end, size.width);
+  bool good = error == std::errc() && x != end && *x == 'x';
+  if (good) {
+    const auto [at, wrong] = std::from_chars(x + 1, end, size.height);
+    good = wrong == std::errc() && at == end;
+  }
+  if (!good || size.width < 1 || size.height < 1 || size.width > most || size.height > most)
+    return fail(Errc::kBadValue, "'" + text + "': write WIDTHxHEIGHT, each 1 to " + std::to_string(most));
+  return size;
 }
 
 }  // namespace nodal::host

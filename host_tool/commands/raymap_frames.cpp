@@ -91,6 +91,72 @@ Status check_names(const FrameOptions& options) {
                           options.out, options.inputs.size()));
 }
 
+/// What all pictures of one size become.
+struct FrameJob {
+  geometry::RaymapSize made;
+  std::optional<geometry::LayoutName> layout;  ///< of the results; nothing for a view
+  std::function<DecodedImage(const DecodedImage&)> paint;
+  double plan_seconds = 0;
+};
+
+/// Reads every input, paints and writes it. `begin` is called with the first.
+Status run_frame_job(Context& context, const FrameOptions& options,
+                     const std::function<Result<FrameJob>(const FrameInput& first)>& begin) {
+  Console& console = context.console();
+  const Stopwatch whole;
+  double resampling_seconds = 0;
+  const Result<RaymapFormat> format = raymap_format_of_name(options.out);
+  if (!format) return fail(format.error().in("--out"));
+  if (const Status good = check_names(options); !good) return good;
+  std::optional<FrameJob> job;
+  geometry::RaymapSize size;  // of the first
+  std::string last;
+  {
+    Progress bar(console, "resampling", options.inputs.size());
+    for (std::size_t k = 0; k < options.inputs.size(); ++k) {
+      if (interrupted())
+        return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
+      const Result<FrameInput> input = interruptible(console, [&] { return read_frame(options.inputs[k]); });
+      if (!input) return fail(input.error());
+      const DecodedImage& picture = input->picture;
+      if (!job) {
+        Result<FrameJob> begun = begin(*input);
+        if (!begun) return fail(begun.error());
+        job.emplace(std::move(*begun));
+        size = {picture.width, picture.height};
+      }
+      if (picture.width != size.width || picture.height != size.height) {
+        return fail(Errc::kBadValue,
+                    fmt::format("{}: it has {}x{} pixels, and the first raymap has {}x{}; give raymaps of "
+                                "one size",
+                                options.inputs[k], picture.width, picture.height, size.width, size.height));
+      }
+      const auto file = interruptible(console, [&] {
+        const Stopwatch watch;
+        const DecodedImage result = job->paint(picture);
+        resampling_seconds += watch.seconds();
+        return encode(result, *format, job->layout, options.quality);
+      });
+      if (!file) return fail(file.error());
+      last = numbered_name(options.out, k).value();
+      if (const Status written = write_file(last, *file); !written) return written;
+      bar.update(k + 1, last);
+    }
+  }
+  Json document{{"pictures", options.inputs.size()},
+                {"out", last},
+                {"width", job->made.width},
+                {"height", job->made.height},
+                {"seconds", whole.seconds()},
+                {"plan_seconds", job->plan_seconds},
+                {"resampling_seconds", resampling_seconds}};
+  if (job->layout) document["layout"] = job->layout->text();
+  console.document(document);
+  console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out, job->made.width,
+                           job->made.height, job->layout ? ", " + job->layout->text() : "", whole.seconds()));
+  return {};
+}
+
 }  // namespace
 
 void add_frame_options(CLI::App& command, FrameOptions& options) {
@@ -115,74 +181,37 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
 
 Status run_frames(Context& context, const FrameOptions& options,
                   const std::function<Result<Outcome>(const geometry::LayoutName&, geometry::RaymapSize)>& outcome) {
-  Console& console = context.console();
-  const Stopwatch whole;
-  double plan_seconds = 0, resampling_seconds = 0;
-  const Result<RaymapFormat> format = raymap_format_of_name(options.out);
-  if (!format) return fail(format.error().in("--out"));
-  if (const Status good = check_names(options); !good) return good;
   const parallel::Workers workers(options.threads);
   const view::Filter filter = view::parse_filter(options.filter).value();
   std::unique_ptr<geometry::RaymapLayout> source;
   std::optional<view::Resampler> resampler;
   view::Resampler::Plan plan;
-  Result<Outcome> made = fail(Errc::kInternal, "no raymap was read");
-  std::string last;
-  {
-    Progress bar(console, "resampling", options.inputs.size());
-    for (std::size_t k = 0; k < options.inputs.size(); ++k) {
-      if (interrupted()) {
-        return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
-      }
-      const Result<FrameInput> input = interruptible(console, [&] { return read_frame(options.inputs[k]); });
-      if (!input) return fail(input.error());
-      const DecodedImage& picture = input->picture;
-      if (!source) {
-        const Result<geometry::LayoutName> from = layout_of(options, *input);
-        if (!from) return fail(from.error());
-        auto layout = geometry::make_layout(*from, picture.width, picture.height);
-        if (!layout) return fail(layout.error().in(options.inputs[k]));
-        source = std::move(*layout);
-        made = outcome(*from, {picture.width, picture.height});
-        if (!made) return fail(made.error());
-        interruptible(console, [&] {
-          const Stopwatch watch;
-          resampler.emplace(*source, filter, workers);
-          plan = resampler->plan(made->target, workers);
-          plan_seconds = watch.seconds();
-        });
-      }
-      if (picture.width != source->width() || picture.height != source->height()) {
-        return fail(Errc::kBadValue,
-                    fmt::format("{}: it has {}x{} pixels, and the first raymap has {}x{}; give raymaps of "
-                                "one size",
-                                options.inputs[k], picture.width, picture.height, source->width(), source->height()));
-      }
-      const auto file = interruptible(console, [&] {
-        const Stopwatch watch;
-        const DecodedImage result = resampler->resample(picture.view(), plan, workers);
-        resampling_seconds += watch.seconds();
-        return encode(result, *format, made->layout, options.quality);
-      });
-      if (!file) return fail(file.error());
-      last = numbered_name(options.out, k).value();
-      if (const Status written = write_file(last, *file); !written) return written;
-      bar.update(k + 1, last);
-    }
-  }
-  Json document{{"pictures", options.inputs.size()},
-                {"out", last},
-                {"width", made->target.width},
-                {"height", made->target.height},
-                {"seconds", whole.seconds()},
-                {"plan_seconds", plan_seconds},
-                {"resampling_seconds", resampling_seconds}};
-  if (made->layout) document["layout"] = made->layout->text();
-  console.document(document);
-  console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out,
-                           made->target.width, made->target.height, made->layout ? ", " + made->layout->text() : "",
-                           whole.seconds()));
-  return {};
+  return run_frame_job(context, options, [&](const FrameInput& first) -> Result<FrameJob> {
+    const Result<geometry::LayoutName> from = layout_of(options, first);
+    if (!from) return fail(from.error());
+    const geometry::RaymapSize size{first.picture.width, first.picture.height};
+    auto layout = geometry::make_layout(*from, size.width, size.height);
+    if (!layout) return fail(layout.error().in(options.inputs.front()));
+    source = std::move(*layout);
+    const Result<Outcome> made = outcome(*from, size);
+    if (!made) return fail(made.error());
+    const Stopwatch watch;
+    interruptible(context.console(), [&] {
+      resampler.emplace(*source, filter, workers);
+      plan = resampler->plan(made->target, workers);
+    });
+    return FrameJob{{made->target.width, made->target.height},
+                    made->layout,
+                    [&](const DecodedImage& raymap) { return resampler->resample(raymap.view(), plan, workers); },
+                    watch.seconds()};
+  });
+}
+
+Status run_frames_as(Context& context, const FrameOptions& options, geometry::RaymapSize size,
+                     const std::function<DecodedImage(const DecodedImage& raymap)>& paint) {
+  return run_frame_job(context, options, [&](const FrameInput&) -> Result<FrameJob> {
+    return FrameJob{size, std::nullopt, paint, 0};
+  });
 }
 
 }  // namespace nodal::host

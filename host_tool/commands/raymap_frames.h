@@ -38,4 +38,8 @@ Status run_frames(
     Context& context, const FrameOptions& options,
     const std::function<Result<Outcome>(const geometry::LayoutName& from, geometry::RaymapSize size)>& outcome);
 
+/// The same with pictures of `size` that `paint` makes of the inputs, whatever their layout is.
+Status run_frames_as(Context& context, const FrameOptions& options, geometry::RaymapSize size,
+                     const std::function<DecodedImage(const DecodedImage& raymap)>& paint);
+
 }  // namespace nodal::host

@@ -5,8 +5,12 @@
 #include <optional>
 
 #include "host_tool/commands/envelope_option.h"
+#include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/raymap_frames.h"
+#include "host_tool/console/files.h"
 #include "stitch/geometry/envelope/envelope.h"
+#include "stitch/mesh/mesh_file.h"
+#include "stitch/mesh/rasteriser.h"
 #include "stitch/view/camera.h"
 
 namespace nodal::host {
@@ -16,26 +20,13 @@ struct ViewArgs {
   FrameOptions frames;
   std::string camera = "perspective";
   std::string size = "1920x1080";
-  std::string envelope, eye;
+  std::string envelope, mesh, eye;
   view::CameraSpec spec;
 };
 
 constexpr int kMostSide = 16384;
 
-Result<geometry::RaymapSize> parse_view_size(const std::string& text) {
-  geometry::RaymapSize size;
-  const char* end = text.data() + text.size();
-  const auto [x, error] = std::from_chars(text.data(), end, size.width);
-  bool good = error == std::errc() && x != end && *x == 'x';
-  if (good) {
-    const auto [at, wrong] = std::from_chars(x + 1, end, size.height);
-    good = wrong == std::errc() && at == end;
-  }
-  if (!good || size.width < 1 || size.height < 1 || size.width > kMostSide || size.height > kMostSide) {
-    return fail(Errc::kBadValue, fmt::format("'{}': write WIDTHxHEIGHT, each 1 to {}", text, kMostSide));
-  }
-  return size;
-}
+Result<geometry::RaymapSize> parse_view_size(const std::string& text) { return parse_size(text, kMostSide); }
 
 Result<Eigen::Vector3d> parse_eye(const std::string& text) {
   Eigen::Vector3d eye;
@@ -50,12 +41,39 @@ Result<Eigen::Vector3d> parse_eye(const std::string& text) {
   return eye;
 }
 
+/// As textured triangles.
+Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraSpec& spec) {
+  const Result<mesh::MeshFormat> format = mesh::mesh_format_of_name(args.mesh);
+  if (!format) return fail(format.error().in("--mesh"));
+  const Result<std::string> bytes = read_file(args.mesh, mesh::kMaxMeshFileBytes);
+  if (!bytes) return fail(bytes.error().in("--mesh"));
+  const auto read = mesh::decode_mesh({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()}, *format);
+  if (!read) return fail(read.error().in(args.mesh).in("--mesh"));
+  const Eigen::Vector3d eye = args.eye.empty() ? Eigen::Vector3d::Zero() : parse_eye(args.eye).value();
+  const parallel::Workers workers(args.frames.threads);
+  const auto seen = mesh::MeshView::make(*read, spec, eye, workers);
+  if (!seen) return fail(seen.error().in("--camera"));
+  // The mesh says where everything is; of the layout, only whether pixels beside each other belong together matters.
+  bool scattered = false;
+  if (!args.frames.from.empty()) {
+    const Result<geometry::LayoutName> from = geometry::LayoutName::parse(args.frames.from);
+    if (!from) return fail(from.error().in("--from"));
+    const geometry::RaymapSize any = from->size_for_width(64);
+    scattered = geometry::make_layout(*from, any.width, any.height).value()->scattered();
+  }
+  return run_frames_as(context, args.frames, {spec.width, spec.height},
+                       [&](const DecodedImage& raymap) { return seen->paint(raymap.view(), scattered, workers); });
+}
+
 Status run_view(Context& context, const ViewArgs& args) {
+  if (!args.eye.empty() && args.envelope.empty() && args.mesh.empty())
+    return fail(Errc::kMissingField, "--eye: how far away things are is not known; give --envelope or --mesh");
   view::CameraSpec spec = args.spec;
   spec.projection = view::parse_projection(args.camera).value();
   const geometry::RaymapSize size = parse_view_size(args.size).value();
   spec.width = size.width;
   spec.height = size.height;
+  if (!args.mesh.empty()) return run_mesh_view(context, args, spec);
   const Result<view::Camera> camera = view::Camera::make(spec);
   if (!camera) return fail(camera.error().in("--fov"));
   view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }, 0, true};
@@ -88,6 +106,7 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "      --fov 300 --size 1500x1500\n"
                   "  nodal view r-*.jpg -o v-%04d.jpg\n"
                   "  nodal view hall.jpg -o near.jpg --envelope hall.obj --eye 0,0,3\n"
+                  "  nodal view cube.jpg -o view.jpg --mesh cube.glb\n"
                   "  nodal view hall.jpg -o ball.jpg --envelope icosahedron:1 --eye 0,0,-3\n"
                   "Where the camera shows nothing, beyond 180 degrees from its axis or beside an envelope that it\n"
                   "sees from outside, the view is black.\n");
@@ -112,9 +131,13 @@ void add_view(CLI::App& app, CommandLine& line) {
       ->check(checked_by(parse_view_size));
   CLI::Option* const envelope = add_envelope_option(*command, args->envelope, "How far away what the raymap shows is");
   command
+      ->add_option("--mesh", args->mesh,
+                   "Draw the textured triangles of a mesh in place of the raymap's layout: .obj, .glb or .mshp")
+      ->type_name("FILE")
+      ->excludes(envelope);
+  command
       ->add_option("--eye", args->eye, "Where the camera is, metres to the right, down and forward of the nodal point")
       ->type_name("X,Y,Z")
-      ->needs(envelope)
       ->check(checked_by(parse_eye));
   line.on(command, [args](Context& context) { return run_view(context, *args); });
 }

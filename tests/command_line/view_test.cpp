@@ -182,6 +182,55 @@ TEST_F(ViewCommand, EyeOutsideOfASphere_SeesADiscOfTheSizeThatTheGeometryPredict
   }
 }
 
+TEST_F(ViewCommand, AMeshOfALayout_ShowsWhatTheLayoutShows) {
+  write_sphere("s.png", 512);
+  ASSERT_EQ(
+      nodal({"convert", path("s.png"), "--from", "equirectangular", "-o", path("c.png"), "--layout", "cube:pad=2"})
+          .code,
+      0);
+  const DecodedImage cube = media::read_image(path("c.png"), PixelFormat::kRgb24).value();
+  const std::string size = std::to_string(cube.width) + "x" + std::to_string(cube.height);
+  const Words view{"--yaw", "40", "--pitch", "30", "--size", "160x120"};
+  const auto viewed = [&](Words words, const std::string& out) {
+    words.insert(words.begin(), {"view", path("c.png"), "-o", path(out)});
+    words.insert(words.end(), view.begin(), view.end());
+    const Finished run = nodal(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+  };
+  viewed({"--from", "cube:pad=2"}, "rays.png");
+  for (const std::string ending : {"obj", "glb", "mshp"}) {
+    const std::string mesh = path("m." + ending);
+    const Json made = nodal_json({"mesh", "--layout", "cube:pad=2", "--size", size, "-o", mesh}).at(0);
+    EXPECT_LE(made["error_deg"].get<double>(), 0.1);
+    viewed({"--mesh", mesh}, ending + ".png");
+    EXPECT_GT(psnr_of("rays.png", ending + ".png"), 38) << ending;
+  }
+}
+
+TEST_F(ViewCommand, MeshesThatCannotBeMadeOrShown_AreRefusedInOneSentence) {
+  write_sphere("s.png", 64);
+  const std::string glb = path("m.glb");
+  expect_refused({"mesh", "--size", "64x32", "-o", path("m.stl")}, "ends with .obj, .glb or .mshp");
+  expect_refused({"mesh", "--size", "64", "-o", glb}, "write WIDTHxHEIGHT");
+  expect_refused({"mesh", "--size", "64x33", "--layout", "cube", "-o", glb}, "--layout: a cube raymap is 3 by 2");
+  expect_refused({"mesh", "--size", "64x32", "--error", "0.001", "-o", glb}, "--error: a mesh with this error");
+  expect_refused({"mesh", "--size", "64x32", "--texture", "a.jpg", "-o", path("m.obj")}, "only a .glb");
+  expect_refused({"mesh", "--size", "1024x512", "--layout", "halton", "-o", glb}, "give a smaller size");
+  EXPECT_FALSE(std::filesystem::exists(glb));
+  ASSERT_EQ(nodal({"mesh", "--size", "64x32", "-o", glb}).code, 0);
+  const Words view{"view", path("s.png"), "-o", path("v.png"), "--mesh"};
+  const auto with = [&](Words more) {
+    more.insert(more.begin(), view.begin(), view.end());
+    return more;
+  };
+  expect_refused(with({path("s.png")}), "ends with .obj, .glb or .mshp");
+  expect_refused(with({path("gone.glb")}), "gone.glb");
+  expect_refused(with({glb, "--camera", "fisheye"}), "only the perspective camera");
+  expect_refused(with({glb, "--envelope", "sphere:1"}), "excludes");
+  write("png.glb", read("s.png"));
+  expect_refused(with({path("png.glb")}), "png.glb: it is no binary glTF");
+}
+
 TEST_F(ViewCommand, EnvelopesThatAreNone_AreRefusedInOneSentence) {
   write_sphere("s.png", 64);
   test::write_bytes(path("hole.obj"),

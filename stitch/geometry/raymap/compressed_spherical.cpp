@@ -49,4 +49,15 @@ std::optional<Pixel> CompressedSpherical::pixel(const Ray& ray) const {
   return Pixel{first(row) + (angles.theta / (2 * kPi) + 0.5) * used_[static_cast<std::size_t>(row)], y};
 }
 
+std::vector<LayoutPatch> CompressedSpherical::patches() const {
+  std::vector<LayoutPatch> rows;
+  for (int j = 0; j < height(); ++j) {
+    rows.push_back({.across = 4, .down = 0, .point = [this, j](double u, double v) {
+                      const Angles angles{2 * kPi * (u - 0.5), kPi * ((j + v) / height() - 0.5)};
+                      return PatchPoint{{first(j) + u * used_[static_cast<std::size_t>(j)], j + v}, Ray::at(angles)};
+                    }});
+  }
+  return rows;
+}
+
 }  // namespace nodal::geometry

@@ -86,11 +86,16 @@ std::optional<Ray> Cube::ray(double x, double y) const {
   if (!(x >= 0 && x <= width() && y >= 0 && y <= height())) return std::nullopt;
   const int column = std::min(static_cast<int>(x) / square_, plan_.columns - 1);
   const int row = std::min(static_cast<int>(y) / square_, plan_.rows - 1);
-  const Place& place = plan_.places[static_cast<std::size_t>(plan_.columns * row + column)];
-  if (place.face < 0) return std::nullopt;
+  const auto cell = static_cast<std::size_t>(plan_.columns * row + column);
+  if (plan_.places[cell].face < 0) return std::nullopt;
   const double side = square_ - 2 * pad_;
-  const Pixel at =
-      turned({2 * (x - column * square_ - pad_) / side - 1, 2 * (y - row * square_ - pad_) / side - 1}, place.turned);
+  return ray_in(cell, 2 * (x - column * square_ - pad_) / side - 1, 2 * (y - row * square_ - pad_) / side - 1);
+}
+
+/// The ray at a place in a square of the picture: -1..1 without the padding.
+Ray Cube::ray_in(std::size_t cell, double x, double y) const {
+  const Place& place = plan_.places[cell];
+  const Pixel at = turned({x, y}, place.turned);
   const double a = on_face(at.x), b = on_face(at.y);
   const Face& face = kFaces[static_cast<std::size_t>(place.face)];
   const auto component = [&](std::size_t k) { return face.forward[k] + a * face.right[k] + b * face.down[k]; };
@@ -105,6 +110,20 @@ double Cube::solid_angle(int i, int j) const {
   const double x0 = edge(i % square_), x1 = edge(i % square_ + 1);
   const double y0 = edge(j % square_), y1 = edge(j % square_ + 1);
   return std::max(0.0, corner(x1, y1) - corner(x0, y1) - corner(x1, y0) + corner(x0, y0));
+}
+
+std::vector<LayoutPatch> Cube::patches() const {
+  std::vector<LayoutPatch> patches;
+  for (std::size_t cell = 0; cell < plan_.places.size(); ++cell) {
+    const int column = static_cast<int>(cell) % plan_.columns, row = static_cast<int>(cell) / plan_.columns;
+    if (row >= plan_.rows || plan_.places[cell].face < 0) continue;
+    patches.push_back({.point = [this, cell, column, row](double u, double v) {
+      const double side = square_ - 2 * pad_;
+      return PatchPoint{{column * square_ + pad_ + u * side, row * square_ + pad_ + v * side},
+                        ray_in(cell, 2 * u - 1, 2 * v - 1)};
+    }});
+  }
+  return patches;
 }
 
 std::optional<Pixel> Cube::pixel(const Ray& ray) const {

@@ -47,12 +47,14 @@ class Cube final : public RaymapLayout {
   std::optional<Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override;
   std::optional<Pixel> pixel(const Ray& ray) const override;
+  std::vector<LayoutPatch> patches() const override;
 
  private:
   Cube(const Arrangement& plan, RaymapSize size, int pad);
   static Result<std::unique_ptr<RaymapLayout>> make(const Arrangement& plan, RaymapSize size, std::int64_t pad);
 
   double on_face(double u) const;
+  Ray ray_in(std::size_t cell, double x, double y) const;
 
   const Arrangement& plan_;
   int square_;  ///< side of a face with its padding, px

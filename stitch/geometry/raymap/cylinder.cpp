@@ -30,6 +30,12 @@ class Cylinder final : public RaymapLayout {
     if (!(at >= -1 && at <= 1)) return std::nullopt;
     return Pixel{(ray.angles().theta / (2 * kPi) + 0.5) * width(), 0.5 * (at + 1) * height()};
   }
+  std::vector<LayoutPatch> patches() const override {
+    return {{.across = 4, .down = 2, .point = [this](double u, double v) {
+               const Pixel at{u * width(), 0.5 * (1 + Rows::spread(2 * v - 1)) * height()};
+               return PatchPoint{at, *ray(at.x, at.y)};
+             }}};
+  }
 
  private:
   Rows rows_;
@@ -39,11 +45,16 @@ struct EqualArea {
   static constexpr std::string_view kName = "cylinder_equal_area";
   static double sine(double at) { return at; }
   static double height_at(const Ray& ray) { return ray.y(); }
+  /// The height is no smooth function of a mesh's rows at a pole, so that rows are the closer the nearer they are.
+  static double spread(double v) {
+    return std::sin(std::copysign(kPi / 2 * (1 - (1 - std::abs(v)) * (1 - std::abs(v))), v));
+  }
 };
 
 struct Central {
   static constexpr std::string_view kName = "central_cylinder";
   double half;  ///< tan(fov / 2)
+  static double spread(double v) { return v; }
   double sine(double at) const { return half * at / std::sqrt(1 + half * half * at * at); }
   double height_at(const Ray& ray) const {
     // Rays at the very edge of the picture count as inside, whatever rounding does.

@@ -56,11 +56,7 @@ class DualDisc final : public RaymapLayout {
     const Pixel at = on_disc({x, y}, back);
     const int i = std::min(static_cast<int>(x), width() - 1), j = std::min(static_cast<int>(y), height() - 1);
     if (!touches(i, j)) return std::nullopt;
-    const double r = std::hypot(at.x, at.y);
-    const SinCos alpha = Lens::angle(r);
-    const double across = r > 0 ? alpha.sin / r : 0;
-    return back ? Ray::towards(-at.x * across, at.y * across, -alpha.cos)
-                : Ray::towards(at.x * across, at.y * across, alpha.cos);
+    return ray_in(at, back);
   }
 
   /// Green's theorem about the axis: a region spans the integral of (1 - cos alpha) d psi over its boundary, psi being
@@ -99,7 +95,29 @@ class DualDisc final : public RaymapLayout {
     return Pixel{(back ? 3 : 1) * half + (back ? -1 : 1) * ray.x() * scale * half, half + ray.y() * scale * half};
   }
 
+  std::vector<LayoutPatch> patches() const override {
+    std::vector<LayoutPatch> patches;
+    for (const bool back : {false, true}) {
+      patches.push_back(
+          {.across = 4, .point = [this, back](double u, double v) {
+             // Around the disc, the last direction is the first; on the back one rows run the other way.
+             const SinCos turned = u < 1 ? SinCos::of(2 * kPi * u) : SinCos{0, 1};
+             const Pixel on{(back ? -v : v) * turned.cos, v * turned.sin};
+             const double half = 0.5 * height();
+             return PatchPoint{{(back ? 3 + on.x : 1 + on.x) * half, (1 + on.y) * half}, ray_in(on, back)};
+           }});
+    }
+    return patches;
+  }
+
  private:
+  static Ray ray_in(const Pixel& at, bool back) {
+    const double r = std::hypot(at.x, at.y);
+    const SinCos alpha = Lens::angle(r);
+    const double across = r > 0 ? alpha.sin / r : 0;
+    return back ? Ray::towards(-at.x * across, at.y * across, -alpha.cos)
+                : Ray::towards(at.x * across, at.y * across, alpha.cos);
+  }
   Pixel on_disc(Pixel at, bool back) const {
     return {2 * (at.x - (back ? height() : 0)) / height() - 1, 2 * at.y / height() - 1};
   }

@@ -45,4 +45,11 @@ std::optional<Pixel> Equirectangular::pixel(const Ray& ray) const {
   return Pixel{(angles.theta / (2 * kPi) + 0.5) * width(), (angles.phi / kPi + 0.5) * height()};
 }
 
+std::vector<LayoutPatch> Equirectangular::patches() const {
+  return {{.across = 4, .down = 2, .point = [this](double u, double v) {
+             const Pixel at{u * width(), v * height()};
+             return PatchPoint{at, *ray(at.x, at.y)};
+           }}};
+}
+
 }  // namespace nodal::geometry

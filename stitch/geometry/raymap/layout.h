@@ -5,9 +5,11 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "protocol/base/result.h"
 #include "stitch/geometry/ray.h"
+#include "stitch/geometry/raymap/patch.h"
 #include "stitch/geometry/raymap/registry.h"
 
 namespace nodal::geometry {
@@ -45,6 +47,9 @@ class RaymapLayout {
 
   /// The position of a ray in the raymap; nothing if the layout does not hold it.
   virtual std::optional<Pixel> pixel(const Ray& ray) const = 0;
+
+  /// The patches that together are the layout, without overlap. None if it has none, as scattered layouts.
+  virtual std::vector<LayoutPatch> patches() const { return {}; }
 
  protected:
   RaymapLayout(int width, int height) : width_(width), height_(height) {}

@@ -137,6 +137,25 @@ std::optional<Pixel> Polyhedron::pixel(const Ray& ray) const {
   return best;
 }
 
+std::vector<LayoutPatch> Polyhedron::patches() const {
+  std::vector<LayoutPatch> patches;
+  // Faces of which the picture holds a half at each end are cut in the middle of a side.
+  const int across = std::ranges::any_of(faces_, [](const Face& face) { return face.left < 0; }) ? 2 : 1;
+  for (std::size_t k = 0; k < faces_.size(); ++k) {
+    // Of two copies of a face, of which the picture holds a half each, the first.
+    const auto copy = [&](const Face& face) { return (face.normal - faces_[k].normal).norm() < 1e-9; };
+    if (std::any_of(faces_.begin(), faces_.begin() + static_cast<std::ptrdiff_t>(k), copy)) continue;
+    patches.push_back(
+        {.triangle = true, .across = across, .point = [this, k](double u, double v) {
+           const Face& face = faces_[k];
+           const Eigen::Vector3d map(1 - u - v, u, v);
+           const Eigen::Vector3d at = face.picture * map;
+           return PatchPoint{{at.x(), at.y()}, Ray::towards(face.space * (scale_ ? scale_->from_map(map) : map))};
+         }});
+  }
+  return patches;
+}
+
 Result<std::unique_ptr<RaymapLayout>> make_octahedron(RaymapSize size, std::int64_t) {
   if (size.width != size.height || size.width % 2 != 0) {
     const int side = std::clamp((size.width + 1) / 2 * 2, 2, kMaxRaymapSide);

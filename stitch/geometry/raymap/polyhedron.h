@@ -45,6 +45,7 @@ class Polyhedron final : public RaymapLayout {
   std::optional<Ray> ray(double x, double y) const override;
   double solid_angle(int i, int j) const override;
   std::optional<Pixel> pixel(const Ray& ray) const override;
+  std::vector<LayoutPatch> patches() const override;
 
  private:
   struct Face {

@@ -50,4 +50,12 @@ std::optional<Pixel> Sinusoidal::pixel(const Ray& ray) const {
   return Pixel{0.5 * width() + angles.theta / kPi * half_width(y), y};
 }
 
+std::vector<LayoutPatch> Sinusoidal::patches() const {
+  return {{.across = 4, .down = 2, .point = [this](double u, double v) {
+             const Angles angles{(2 * u - 1) * kPi, (v - 0.5) * kPi};
+             const double y = v * height();
+             return PatchPoint{{0.5 * width() + (2 * u - 1) * half_width(y), y}, Ray::at(angles)};
+           }}};
+}
+
 }  // namespace nodal::geometry

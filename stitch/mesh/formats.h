@@ -1,0 +1,31 @@
+// The formats of mesh files, one function a direction.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/mesh/raymesh.h"
+
+namespace nodal::mesh {
+
+/// A mesh as files have it: no point is shared. Points have the rig's axes; texture coordinates are from the upper left.
+struct FileMesh {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<Eigen::Vector2d> textures;  ///< as many
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+/// From the rig's axes (x right, y down, z forward) to those of glTF and mshp (x right, y up, z backward), and back.
+inline Eigen::Vector3d turned_over(const Eigen::Vector3d& p) { return {p.x(), -p.y(), -p.z()}; }
+
+Result<std::vector<std::uint8_t>> encode_glb(const Raymesh& mesh, const std::string& texture);
+Result<FileMesh> decode_glb(std::span<const std::uint8_t> bytes);
+
+Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh);
+Result<FileMesh> decode_mshp(std::span<const std::uint8_t> bytes);
+
+}  // namespace nodal::mesh

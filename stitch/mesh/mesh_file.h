@@ -1,0 +1,32 @@
+// Raymeshes as files.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "stitch/mesh/raymesh.h"
+
+namespace nodal::mesh {
+
+/// kObj: Wavefront OBJ, axes as of rays, so that it can also be an envelope. kGlb: binary glTF 2.0. kMshp: the mesh
+/// projection box of spherical video V2. The latter two have the axes of glTF: x right, y up, z backward.
+enum class MeshFormat { kObj, kGlb, kMshp };
+
+/// By the ending of a file's name: .obj, .glb, .mshp. Errors: kUnsupported.
+Result<MeshFormat> mesh_format_of_name(std::string_view name);
+
+/// `texture`: the name of the raymap's picture that a .glb refers to, relative to it; empty: none.
+/// Errors: kTooLarge for more than a player of mshp boxes takes (10000 different coordinates, 32000 vertices, 128000
+/// indices).
+Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat format, const std::string& texture);
+
+/// What encode_mesh() writes, and such files of other programs: of a .glb, the first primitive of the first mesh, without
+/// its nodes; of an mshp box, its first mesh. Points that are equal to a millionth of the farthest one's distance are one.
+/// Errors: kBadFormat, kTruncated, kTooLarge, kUnsupported; those of check_raymesh().
+Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format);
+
+}  // namespace nodal::mesh
