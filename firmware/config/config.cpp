@@ -211,7 +211,7 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
   }
 }
 
-RigConfig read_file(const toml::table& root, FirstError& error) {
+RigConfig read_file(const toml::table& root, FirstError& error, const ReadRayFile& read_rays) {
   RigConfig config;
   TomlReader file(
       root, "",
@@ -225,7 +225,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
   if (!file.has("rig")) file.refuse("rig", "is missing; write a table [rig] with the rig's name", Errc::kMissingField);
   read_rig({section("rig"), "rig", {"name", "rate"}, error}, config);
   TomlReader raymap = sets::raymap_reader(section("raymap"), error);
-  config.raymap = sets::read_raymap(raymap);
+  config.raymap = sets::read_raymap(raymap, read_rays);
   read_trigger(
       {section("trigger"), "trigger", {"start", "pulse_width_us", "polarity", "source", "port", "readback"}, error},
       config.rate, config.trigger);
@@ -297,7 +297,7 @@ RigConfig read_file(const toml::table& root, FirstError& error) {
 
 }  // namespace
 
-Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file) {
+Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file, const ReadRayFile& read_rays) {
   if (text.size() > kMaxRigTomlBytes) {
     return fail(Errc::kTooLarge, std::string(file) + ": is " + std::to_string(text.size()) +
                                      " bytes; a rig.toml has at most " + std::to_string(kMaxRigTomlBytes));
@@ -308,7 +308,7 @@ Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file)
     error.set(Errc::kBadFormat, parsed.error().source(), "not TOML: " + std::string(parsed.error().description()));
     return fail(error.get());
   }
-  RigConfig config = read_file(parsed.table(), error);
+  RigConfig config = read_file(parsed.table(), error, read_rays);
   if (error.any()) return fail(error.get());
   config.text_id = sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   config.text = std::make_shared<const std::string>(text);

@@ -181,10 +181,11 @@ struct RigConfig {
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;
 
-/// Parses and checks a rig.toml. Paths stay as written.
+/// Parses and checks a rig.toml. Paths stay as written. `read_rays` reads the file that [raymap] layout = "rays:FILE" names;
+/// without it such a layout is refused.
 ///
 /// Errors: the first one, with `file:line:column`, the field, what is wrong and what is allowed; an unknown key
 /// is an error that suggests the nearest known key.
-Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file);
+Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file, const ReadRayFile& read_rays = {});
 
 }  // namespace nodal::firmware

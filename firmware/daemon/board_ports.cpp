@@ -207,9 +207,11 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
                                      "example; RIG.md explains every key");
   }
   if (!text) return fail(text.error());
-  auto config = firmware::parse_rig_config(*text, file.string());
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  const auto read_rays = [&](const std::string& name) { return read_text(folder / name, kMaxRayFileBytes); };
+  auto config = firmware::parse_rig_config(*text, file.string(), read_rays);
   if (!config || config->signers_file.empty()) return config;
-  const std::filesystem::path signers = std::filesystem::absolute(file).parent_path() / config->signers_file;
+  const std::filesystem::path signers = folder / config->signers_file;
   const auto lines = read_text(signers, kMaxAllowedSignersBytes);
   if (!lines) return fail(lines.error().in("calibration.signers"));
   auto parsed = AllowedSigners::parse(*lines);

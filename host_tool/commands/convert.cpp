@@ -11,7 +11,7 @@ struct ConvertArgs {
 };
 
 Status run_convert(Context& context, const ConvertArgs& args) {
-  const Result<geometry::LayoutName> to = geometry::LayoutName::parse(args.layout);
+  const Result<geometry::LayoutName> to = layout_named(args.layout);
   if (!to) return fail(to.error().in("--layout"));
   std::unique_ptr<geometry::RaymapLayout> layout;
   return run_frames(context, args.frames,

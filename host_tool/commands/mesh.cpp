@@ -26,7 +26,9 @@ Status run_mesh(Context& context, const MeshArgs& args) {
   if (!args.texture.empty() && *format != mesh::MeshFormat::kGlb)
     return fail(Errc::kBadValue, "--texture: only a .glb refers to a picture");
   const geometry::RaymapSize size = parse_size(args.size, geometry::kMaxRaymapSide).value();
-  const auto layout = geometry::make_layout(args.layout, size.width, size.height);
+  const Result<geometry::LayoutName> name = layout_named(args.layout);
+  if (!name) return fail(name.error().in("--layout"));
+  const auto layout = geometry::make_layout(*name, size.width, size.height);
   if (!layout) return fail(layout.error().in("--layout"));
   const Result<geometry::Envelope> envelope = read_envelope(args.envelope);
   if (!envelope) return fail(envelope.error());
@@ -38,7 +40,7 @@ Status run_mesh(Context& context, const MeshArgs& args) {
   if (const Status written = write_file(args.out, *bytes); !written) return written;
   const double error_deg = made->error * 180 / kPi, ratio = mesh::edge_ratio(made->mesh);
   console.document({{"out", args.out},
-                    {"layout", args.layout},
+                    {"layout", name->text()},
                     {"vertices", made->mesh.vertices.size()},
                     {"triangles", made->mesh.triangles.size()},
                     {"error_deg", error_deg},

@@ -49,7 +49,7 @@ Result<FrameInput> read_frame(const std::string& file) {
 
 Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameInput& input) {
   if (!options.from.empty()) {
-    const Result<geometry::LayoutName> name = geometry::LayoutName::parse(options.from);
+    const Result<geometry::LayoutName> name = layout_named(options.from);
     if (!name) return fail(name.error().in("--from"));
     return *name;
   }

@@ -42,7 +42,7 @@ Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const Render
   Result<RaymapConfig> raymap = render::raymap_of(folder);
   if (!raymap || (args.layout.empty() && args.width == 0 && args.quality == 0)) return raymap;
   const std::string layout = args.layout.empty() ? raymap->layout : args.layout;
-  const Result<geometry::LayoutName> name = geometry::LayoutName::parse(layout);
+  const Result<geometry::LayoutName> name = layout_named(layout);
   if (!name) return fail(name.error().in("--layout"));
   const Result<geometry::LayoutName> before = geometry::LayoutName::parse(raymap->layout);
   if (!before) return fail(before.error());

@@ -142,7 +142,7 @@ Status calibrate(Console& console, Job& job) {
 Result<Job> make_job(Console& console, const StitchArgs& args) {
   Job job;
   job.args = args;
-  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(args.layout);
+  const Result<geometry::LayoutName> layout = layout_named(args.layout);
   if (!layout) return fail(layout.error().in("--layout"));
   job.args.layout = layout->text();
   const Result<RaymapFormat> format = raymap_format_of_name(args.out);

@@ -56,7 +56,7 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
   // The mesh says where everything is; of the layout, only whether pixels beside each other belong together matters.
   bool scattered = false;
   if (!args.frames.from.empty()) {
-    const Result<geometry::LayoutName> from = geometry::LayoutName::parse(args.frames.from);
+    const Result<geometry::LayoutName> from = layout_named(args.frames.from);
     if (!from) return fail(from.error().in("--from"));
     const geometry::RaymapSize any = from->size_for_width(64);
     scattered = geometry::make_layout(*from, any.width, any.height).value()->scattered();

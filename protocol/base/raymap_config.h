@@ -2,11 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "protocol/base/image.h"
+#include "protocol/base/result.h"
 
 namespace nodal {
+
+/// Reads the file of a list of rays that a layout names, at most kMaxRayFileBytes.
+using ReadRayFile = std::function<Result<std::string>(const std::string& file)>;
+inline constexpr std::size_t kMaxRayFileBytes = 128 << 20;
 
 /// How interlaced frames are blended.
 enum class FieldUse : std::uint8_t {

@@ -91,6 +91,11 @@ std::vector<Place> sorted_places(const RaymapLayout& layout) {
 }  // namespace
 
 Result<std::unique_ptr<RaymapLayout>> layout_of_width(const std::string& name, int width) {
+  if (name.starts_with("rays:")) {
+    return fail(Errc::kUnsupported,
+                "registration begins with coarse raymaps, and a list of rays has one size; give another "
+                "layout");
+  }
   const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(name);
   if (!layout) return fail(layout.error());
   const geometry::RaymapSize size =

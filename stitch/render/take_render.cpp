@@ -30,7 +30,8 @@ sets::SetFrame blended(const media::TakeFrame& frame) {
 Result<RaymapConfig> raymap_of(const media::TakeFolder& folder) {
   const auto text = folder.text(take::kRigFile, kMostTomlBytes);
   if (!text) return fail(text.error());
-  return sets::raymap_config_of(*text, folder.shown(take::kRigFile));
+  const auto read = [&](const std::string& file) { return folder.text(file, kMaxRayFileBytes); };
+  return sets::raymap_config_of(*text, folder.shown(take::kRigFile), read);
 }
 
 TakeRender::TakeRender(const media::TakeFolder& folder, RenderOptions options, Calibration calibration)

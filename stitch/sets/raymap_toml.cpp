@@ -34,9 +34,15 @@ TomlReader raymap_reader(const toml::table& raymap, FirstError& error) {
       error};
 }
 
-RaymapConfig read_raymap(TomlReader& reader) {
+RaymapConfig read_raymap(TomlReader& reader, const ReadRayFile& read) {
   RaymapConfig raymap;
-  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(reader.text("layout", raymap.layout));
+  const auto beside = [&](const std::string& name) -> Result<std::string> {
+    if (name.empty() || name.size() > 255 || name.find('/') != std::string::npos)
+      return fail(Errc::kBadValue, "the file of a list of rays is beside rig.toml: give its name without a folder");
+    if (!read) return fail(Errc::kUnsupported, "lists of rays are not read here");
+    return read(name);
+  };
+  const auto layout = geometry::LayoutName::parse(reader.text("layout", raymap.layout), beside);
   if (!layout) {
     reader.refuse("layout", "cannot be used: " + layout.error().message, layout.error().code);
     return raymap;
@@ -63,7 +69,7 @@ RaymapConfig read_raymap(TomlReader& reader) {
   return raymap;
 }
 
-Result<RaymapConfig> raymap_config_of(std::string_view rig_toml, const std::string& file) {
+Result<RaymapConfig> raymap_config_of(std::string_view rig_toml, const std::string& file, const ReadRayFile& read) {
   FirstError error(file);
   const toml::parse_result parsed = toml::parse(rig_toml);
   if (!parsed) {
@@ -73,7 +79,7 @@ Result<RaymapConfig> raymap_config_of(std::string_view rig_toml, const std::stri
   static const toml::table kEmpty;
   const toml::table* raymap = parsed.table()["raymap"].as_table();
   TomlReader reader = raymap_reader(raymap ? *raymap : kEmpty, error);
-  RaymapConfig config = read_raymap(reader);
+  RaymapConfig config = read_raymap(reader, read);
   if (error.any()) return fail(error.get());
   return config;
 }

@@ -182,6 +182,41 @@ TEST_F(ViewCommand, EyeOutsideOfASphere_SeesADiscOfTheSizeThatTheGeometryPredict
   }
 }
 
+TEST_F(ViewCommand, AListOfRays_IsALayoutOfItsOwn) {
+  write_sphere("s.png", 128);
+  // The golden spiral: even, and in no order of rows.
+  std::string list = "rays 160 80  # width, height\n";
+  for (int n = 0; n < 160 * 80; ++n) {
+    const double y = 2 * (n + 0.5) / (160 * 80) - 1, theta = 2.399963229728653 * n, across = std::sqrt(1 - y * y);
+    list += std::to_string(across * std::sin(theta)) + " " + std::to_string(y) + " " +
+            std::to_string(across * std::cos(theta)) + "\n";
+  }
+  write("spiral.rays", list);
+  const std::string layout = "rays:" + path("spiral.rays");
+  const Json there =
+      nodal_json({"convert", path("s.png"), "--from", "equirectangular", "-o", path("r.png"), "--layout", layout})
+          .at(0);
+  EXPECT_EQ(there["width"], 160);
+  const std::string name = there["layout"];
+  EXPECT_EQ(name.size(), 21U) << name;
+  const Finished back = nodal({"convert", path("r.png"), "--from", layout, "-o", path("back.png"), "--width", "128"});
+  ASSERT_EQ(back.code, 0) << back.err;
+  EXPECT_GT(psnr_of("s.png", "back.png"), 34);
+  const Words view{"view", path("r.png"), "-o", path("v.png"), "--from"};
+  const auto refused = [&](const std::string& from, const std::string& says) {
+    Words words = view;
+    words.push_back(from);
+    expect_refused(words, says);
+  };
+  refused(name, "is not known here; give the file that has it: rays:FILE");
+  refused("rays:" + path("gone.rays"), "gone.rays");
+  write("small.rays", "rays 2 2\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n");
+  refused("rays:" + path("small.rays"), "for raymaps of 2x2, not 160x80");
+  write("twice.rays", "rays 2 2\n1 0 0\n0 1 0\n\n2 0 0\n1 1 1\n");
+  refused("rays:" + path("twice.rays"), "line 5: the ray is the same as that of line 2");
+  refused("rays:" + path("s.png"), "this is no list of rays");
+}
+
 TEST_F(ViewCommand, AMeshOfALayout_ShowsWhatTheLayoutShows) {
   write_sphere("s.png", 512);
   ASSERT_EQ(

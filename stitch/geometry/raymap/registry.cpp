@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <charconv>
 #include <cmath>
 
@@ -13,8 +14,10 @@
 #include "stitch/geometry/raymap/dymaxion.h"
 #include "stitch/geometry/raymap/equirectangular.h"
 #include "stitch/geometry/raymap/healpix.h"
+#include "stitch/geometry/raymap/listed_rays.h"
 #include "stitch/geometry/raymap/point_sequence.h"
 #include "stitch/geometry/raymap/polyhedron.h"
+#include "stitch/geometry/raymap/ray_list.h"
 #include "stitch/geometry/raymap/sinusoidal.h"
 #include "stitch/geometry/raymap/stratified_random.h"
 
@@ -106,6 +109,25 @@ const std::array kKinds{
     LayoutKind{"halton", "the Halton points of low discrepancy", &make_halton, std::sqrt(8 * kPi), {2, 2}, &one_half},
 };
 
+std::optional<RaymapSize> size_of_list(std::int64_t digits) {
+  const RayList* list = known_ray_list(std::bit_cast<std::uint64_t>(digits));
+  return list != nullptr ? std::optional(list->size) : std::nullopt;
+}
+
+/// Its parameter is the number in its name.
+const LayoutKind kRays{
+    "rays", "a list of rays from a file", &ListedRays::make, std::sqrt(8 * kPi), {2, 2}, nullptr, {}, &size_of_list};
+constexpr std::string_view kRaysPrefix = "rays:";
+constexpr std::size_t kRaysDigits = 16;
+
+/// The number in "rays:0123456789abcdef"; nothing in other text.
+std::optional<std::uint64_t> digits_of(std::string_view text) {
+  if (!text.starts_with(kRaysPrefix) || text.size() != kRaysPrefix.size() + kRaysDigits) return std::nullopt;
+  std::uint64_t digits = 0;
+  const auto [at, error] = std::from_chars(text.data() + kRaysPrefix.size(), text.data() + text.size(), digits, 16);
+  return error == std::errc() && at == text.data() + text.size() ? std::optional(digits) : std::nullopt;
+}
+
 double ratio_of(const LayoutKind& kind, std::int64_t value) {
   return kind.ratio ? kind.ratio(value) : static_cast<double>(kind.step.height) / kind.step.width;
 }
@@ -121,11 +143,30 @@ std::span<const LayoutKind> layout_kinds() { return kKinds; }
 
 std::string layout_list() {
   std::string names;
-  for (const LayoutKind& kind : kKinds) names += (names.empty() ? "" : ", ") + std::string(kind.name);
-  return names;
+  for (const LayoutKind& kind : kKinds) names += std::string(kind.name) + ", ";
+  return names + "rays:FILE";
+}
+
+Result<LayoutName> LayoutName::parse(std::string_view text, const ReadRayFile& read) {
+  if (!text.starts_with(kRaysPrefix)) return parse(text);
+  const std::optional<std::uint64_t> digits = digits_of(text);
+  if (digits && known_ray_list(*digits)) return parse(text);
+  const std::string file(text.substr(kRaysPrefix.size()));
+  const Result<std::string> list = read(file);
+  if (!list && digits) return parse(text);  // a name that a rig or another host gave
+  if (!list) return fail(list.error());
+  const Result<std::string> name = make_ray_list_known(*list);
+  if (!name) return fail(name.error().in(file));
+  return parse(*name);
 }
 
 Result<LayoutName> LayoutName::parse(std::string_view text) {
+  if (text.starts_with(kRaysPrefix)) {
+    const std::optional<std::uint64_t> digits = digits_of(text);
+    if (digits && known_ray_list(*digits)) return LayoutName(kRays, std::bit_cast<std::int64_t>(*digits));
+    return fail(Errc::kNotFound, "the list of rays '" + std::string(text.substr(kRaysPrefix.size(), 64)) +
+                                     "' is not known here; give the file that has it: rays:FILE");
+  }
   const std::string_view name = text.substr(0, text.find(':'));
   const auto kind = std::ranges::find(kKinds, name, &LayoutKind::name);
   if (kind == kKinds.end()) {
@@ -156,6 +197,12 @@ Result<LayoutName> LayoutName::parse(std::string_view text) {
 }
 
 std::string LayoutName::text() const {
+  if (is_ray_list()) {
+    std::array<char, kRaysDigits> digits{};
+    const auto end = std::to_chars(digits.begin(), digits.end(), std::bit_cast<std::uint64_t>(value_), 16).ptr;
+    const std::string_view number(digits.begin(), end);
+    return std::string(kRaysPrefix) + std::string(kRaysDigits - number.size(), '0') + std::string(number);
+  }
   std::string text(kind_->name);
   const LayoutParameter& parameter = kind_->parameter;
   if (value_ != parameter.otherwise) text += ":" + std::string(parameter.key) + "=" + std::to_string(value_);
@@ -169,6 +216,7 @@ double LayoutName::width_for_resolution(double pixels_per_radian) const {
 }
 
 RaymapSize LayoutName::size_for_width(double width) const {
+  if (is_ray_list()) return kind_->only_size(value_).value();
   const RaymapSize step = kind_->step;
   const double ratio = ratio_of(*kind_, value_);
   const int most = static_cast<int>(kMaxRaymapSide / std::max(1.0, ratio)) / std::max(step.width, step.height);
@@ -180,6 +228,12 @@ RaymapSize LayoutName::size_for_width(double width) const {
 }
 
 Status LayoutName::check_size(RaymapSize size) const {
+  if (is_ray_list()) {
+    const RaymapSize its = kind_->only_size(value_).value();
+    if (its.width == size.width && its.height == size.height) return {};
+    return fail(Errc::kBadValue, "is not the size of the list of rays, " + std::to_string(its.width) + "x" +
+                                     std::to_string(its.height) + "; leave width and height out");
+  }
   const RaymapSize step = kind_->step;
   if (size.width >= least_width(*kind_, value_) && size.height > 0 && size.width % step.width == 0 &&
       size.height % step.height == 0) {

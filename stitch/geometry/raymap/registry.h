@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "protocol/base/raymap_config.h"
 #include "protocol/base/result.h"
 
 namespace nodal::geometry {
@@ -39,20 +41,25 @@ struct LayoutKind {
   /// both sides may be any multiples of `step`'s.
   double (*ratio)(std::int64_t value) = nullptr;
   LayoutParameter parameter = {};
+  /// The only size, of a list of rays; nothing if the list is not known. Null for layouts that have many.
+  std::optional<RaymapSize> (*only_size)(std::int64_t value) = nullptr;
 };
 
-/// Every layout, in the order of lists for users.
+/// Every layout, in the order of lists for users, but for lists of rays, which have no size of their own choice.
 std::span<const LayoutKind> layout_kinds();
 
 /// The layouts' names, separated by commas.
 std::string layout_list();
 
-/// A layout with the value of its parameter; as text "cube", "cube:pad=4".
+/// A layout with the value of its parameter; as text "cube", "cube:pad=4", or "rays:HASH" for a list of rays that is known
+/// to this process.
 class LayoutName {
  public:
   /// Errors: kUnsupported for an unknown name (the message lists the known ones); kBadValue for a parameter that the
-  /// layout does not have, or whose value is out of range.
+  /// layout does not have, or whose value is out of range; kNotFound for a list of rays that is not known here.
   static Result<LayoutName> parse(std::string_view text);
+  /// The same, and "rays:FILE": makes the list of this file known. Errors: also those of `read` and make_ray_list_known().
+  static Result<LayoutName> parse(std::string_view text, const ReadRayFile& read);
 
   const LayoutKind& kind() const { return *kind_; }
   std::int64_t value() const { return value_; }
@@ -60,12 +67,13 @@ class LayoutName {
   std::string text() const;
   /// Whether players know it as a sphere (GPano).
   bool is_equirectangular() const { return kind_ == layout_kinds().data(); }
+  bool is_ray_list() const { return kind_->only_size != nullptr; }
 
   /// The width, rarely a whole number, at which a whole-sphere raymap has `pixels_per_radian` where its pixels are
   /// largest (equirectangular: at the equator; cube: in the centre of a face).
   double width_for_resolution(double pixels_per_radian) const;
   /// The smallest size of a raymap with at least this width, up to kMaxRaymapSide, with about square pixels; valid for
-  /// halved chroma.
+  /// halved chroma. Of a list of rays: its size.
   RaymapSize size_for_width(double width) const;
   /// Refuses sizes that have no halved chroma or strongly stretched pixels. The message completes "WIDTHxHEIGHT ...".
   /// Errors: kBadValue.

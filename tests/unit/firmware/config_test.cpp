@@ -55,6 +55,30 @@ TEST(RigConfig, TheExample_IsReadWhole) {
   EXPECT_DOUBLE_EQ(config->sim->noise, 1.0);
 }
 
+TEST(RigConfig, AListOfRays_IsReadByItsNameAndNamedByItsContents) {
+  const auto read = [](const std::string& file) -> Result<std::string> {
+    std::string list = "rays 16 16\n";
+    for (int k = 0; k < 256; ++k) list += "1 0 " + std::to_string(k) + "\n";
+    if (file == "four.rays") return list;
+    return fail(Errc::kNotFound, file + ": there is no such file");
+  };
+  const auto layout = [](const std::string& of) { return kSmall + "[raymap]\nlayout = \"rays:" + of + "\"\n"; };
+  const auto config = parse_rig_config(layout("four.rays"), "rig.toml", read);
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->raymap.width, 16);
+  EXPECT_EQ(config->raymap.height, 16);
+  EXPECT_TRUE(config->raymap.layout.starts_with("rays:")) << config->raymap.layout;
+  const auto refused = [&](const std::string& of, const std::string& says) {
+    const auto bad = parse_rig_config(of, "rig.toml", read);
+    ASSERT_FALSE(bad) << says;
+    EXPECT_NE(bad.error().message.find(says), std::string::npos) << bad.error().message;
+  };
+  refused(layout("gone.rays"), "gone.rays: there is no such file");
+  refused(layout("../four.rays"), "give its name without a folder");
+  refused(layout("four.rays") + "width = 32\n", "is not the size of the list of rays, 16x16");
+  expect_refused(layout("four.rays"), Errc::kUnsupported, "lists of rays are not read here");
+}
+
 TEST(RigConfig, SeparateFields_WantEveryHeadInterlacedInOneOrder) {
   const std::string separate = kSmall + "fields = \"bottom-first\"\n[raymap]\nfields = \"separate\"\n";
   const auto config = parse_rig_config(separate, "rig.toml");

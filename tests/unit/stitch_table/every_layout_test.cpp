@@ -3,10 +3,12 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
 
 #include "rigs.h"
 #include "stitch/blend/blend.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/geometry/raymap/ray_list.h"
 #include "stitch/table/table_compiler.h"
 #include "tests/reference/double_blend.h"
 #include "tests/reference/png_file.h"
@@ -43,6 +45,19 @@ struct Waves {
   }
 };
 
+/// Rays in an order that has nothing to do with the sphere's: every 37th of a spiral from the zenith to the nadir.
+std::string spiral() {
+  constexpr int kWidth = 40, kHeight = 26, kRays = kWidth * kHeight;
+  std::string text = "rays " + std::to_string(kWidth) + " " + std::to_string(kHeight) + "\n";
+  for (int k = 0; k < kRays; ++k) {
+    const int n = 37 * k % kRays;
+    const double y = 2 * (n + 0.5) / kRays - 1, theta = 2.399963229728653 * n, across = std::sqrt(1 - y * y);
+    text += std::to_string(across * std::sin(theta)) + " " + std::to_string(y) + " " +
+            std::to_string(across * std::cos(theta)) + "\n";
+  }
+  return text;
+}
+
 class EveryLayoutBlended : public testing::TestWithParam<PixelFormat> {};
 
 TEST_P(EveryLayoutBlended, IsWithinOneLevelOfDoublePrecision_AndBlackWithoutARay) {
@@ -50,6 +65,7 @@ TEST_P(EveryLayoutBlended, IsWithinOneLevelOfDoublePrecision_AndBlackWithoutARay
   std::vector<std::string> texts{"cube:pad=3", "equiangular_cube:pad=2", "central_cylinder:fov=140",
                                  "stratified_random:seed=7"};
   for (const geometry::LayoutKind& kind : geometry::layout_kinds()) texts.emplace_back(kind.name);
+  texts.push_back(geometry::make_ray_list_known(spiral()).value());
   for (const std::string& text : texts) {
     const geometry::LayoutName name = geometry::LayoutName::parse(text).value();
     const geometry::RaymapSize size = name.size_for_width(90);
