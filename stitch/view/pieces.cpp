@@ -1,6 +1,7 @@
 #include "stitch/view/pieces.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -25,28 +26,49 @@ bool rows_are_circles(const RaymapLayout& layout) {
   return true;
 }
 
-/// Whether the square of pixels (i, j) .. (i + 1, j + 1) is one piece.
-bool is_joined(const RaymapLayout& layout, int i, int j) {
-  // Just on both sides of the edge between two pixels, rays differ by less than a quarter of a pixel.
-  const auto meet = [&](double x0, double y0, double x1, double y1, int k, int l) {
-    const std::optional<Ray> a = layout.ray(x0, y0), b = layout.ray(x1, y1);
-    if (!a || !b) return false;
-    const double pitch = std::sqrt(layout.solid_angle(k, l));
-    return (a->direction() - b->direction()).norm() < 0.25 * pitch;
+/// Which neighbours of a block, and of the pixels right of it and below, are neighbours on the sphere.
+class Neighbours {
+ public:
+  Neighbours(const RaymapLayout& layout, int left, int top, int right, int bottom)
+      : layout_(layout), left_(left), top_(top) {
+    for (int j = top; j <= bottom; ++j) {
+      for (int i = left; i <= right; ++i) {
+        at(i, j) = {layout.ray(i + 0.5, j + 0.5), std::sqrt(layout.solid_angle(i, j)), false, false};
+      }
+    }
+    for (int j = top; j <= bottom; ++j) {
+      for (int i = left; i <= right; ++i) {
+        Its& its = at(i, j);
+        its.across = i < right && near(its, at(i + 1, j)) && meet(i + 1, j + 0.5, 1e-6, 0, its.pitch);
+        its.below = j < bottom && near(its, at(i, j + 1)) && meet(i + 0.5, j + 1, 0, 1e-6, its.pitch);
+      }
+    }
+  }
+
+  /// Whether the square of pixels (i, j) .. (i + 1, j + 1) is one piece.
+  bool joined(int i, int j) { return at(i, j).across && at(i, j + 1).across && at(i, j).below && at(i + 1, j).below; }
+
+ private:
+  struct Its {
+    std::optional<Ray> ray;
+    double pitch;  ///< rad
+    bool across, below;
   };
-  // An edge that crosses both pixels aslant may miss that point, but then their own rays are far apart.
-  const auto near = [&](int k, int l, int m, int n) {
-    const std::optional<Ray> a = layout.ray(k + 0.5, l + 0.5), b = layout.ray(m + 0.5, n + 0.5);
-    return a && b && (a->direction() - b->direction()).norm() < Pieces::kFar * std::sqrt(layout.solid_angle(k, l));
-  };
-  const auto across = [&](int k, int l) {
-    return meet(k + 1 - 1e-6, l + 0.5, k + 1 + 1e-6, l + 0.5, k, l) && near(k, l, k + 1, l);
-  };
-  const auto below = [&](int k, int l) {
-    return meet(k + 0.5, l + 1 - 1e-6, k + 0.5, l + 1 + 1e-6, k, l) && near(k, l, k, l + 1);
-  };
-  return across(i, j) && across(i, j + 1) && below(i, j) && below(i + 1, j);
-}
+  Its& at(int i, int j) { return all_[static_cast<std::size_t>((j - top_) * (Pieces::kBlock + 1) + i - left_)]; }
+  /// Just on both sides of the edge between two pixels, rays differ by less than a quarter of a pixel.
+  bool meet(double x, double y, double dx, double dy, double pitch) const {
+    const std::optional<Ray> a = layout_.ray(x - dx, y - dy), b = layout_.ray(x + dx, y + dy);
+    return a && b && (a->direction() - b->direction()).norm() < 0.25 * pitch;
+  }
+  /// An edge that crosses both pixels aslant may miss that point, but then their own rays are far apart.
+  static bool near(const Its& a, const Its& b) {
+    return a.ray && b.ray && (a.ray->direction() - b.ray->direction()).norm() < Pieces::kFar * a.pitch;
+  }
+
+  const RaymapLayout& layout_;
+  int left_, top_;
+  std::array<Its, (Pieces::kBlock + 1) * (Pieces::kBlock + 1)> all_;
+};
 
 }  // namespace
 
@@ -77,9 +99,11 @@ void Pieces::join(const RaymapLayout& layout, int block_row) {
     const double pitch = std::sqrt(layout.solid_angle(left + kBlock / 2, std::min(top + kBlock / 2, height_ - 1)));
     all = whole && Biquadratic<3>::fit(ray, pitch / 16) ? 1 : 0;
     bool each = right > left && bottom > top;
+    std::optional<Neighbours> neighbours;
+    if (all == 0 && each) neighbours.emplace(layout, left, top, right, bottom);
     for (int j = top; j < bottom; ++j) {
       for (int i = left; i < right; ++i) {
-        const bool joined = all != 0 || is_joined(layout, i, j);
+        const bool joined = !neighbours || neighbours->joined(i, j);
         squares_[square(i, j)] = joined ? 1 : 0;
         each = each && joined;
       }

@@ -14,6 +14,7 @@ class Pieces {
  public:
   /// Rays of neighbouring pixels that are farther apart, in pixels, belong to different faces.
   static constexpr double kFar = 5;
+  static constexpr int kBlock = 16;
 
   Pieces(const geometry::RaymapLayout& layout, const parallel::Workers& workers);
 
@@ -26,7 +27,6 @@ class Pieces {
   bool all_joined(int left, int top, int right, int bottom) const;
 
  private:
-  static constexpr int kBlock = 16;
   void join(const geometry::RaymapLayout& layout, int block_row);
   std::size_t square(int i, int j) const {
     return static_cast<std::size_t>(j) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(i);

@@ -13,7 +13,6 @@ constexpr double kHalfEdge = 0.55357435889704525, kTangent = 0.61803398874989485
 
 /// Per coordinate: the angle along an edge, 0 to 1, of the gnomonic coordinate b, and back.
 double angle_of(double b) { return 0.5 + std::atan((2 * b - 1) * kTangent) / (2 * kHalfEdge); }
-double coordinate_at(double angle) { return 0.5 + std::tan((2 * angle - 1) * kHalfEdge) / (2 * kTangent); }
 double slope_at(double angle) {
   const double cosine = std::cos((2 * angle - 1) * kHalfEdge);
   return kHalfEdge / (kTangent * cosine * cosine);
@@ -27,16 +26,23 @@ class Fuller final : public FaceScale {
     const Eigen::Vector3d g = b.unaryExpr(&angle_of);
     return g.array() + (1 - g.sum()) / 3;
   }
-  /// The g_i are the map's coordinates plus one number: that at which the gnomonic coordinates sum to 1, by Newton.
+  /// The g_i are the map's coordinates plus one number: that at which the gnomonic coordinates sum to 1. With t_i the
+  /// tangents of the map's angles and x that of the number's, tan(a + b) = (t + x) / (1 - t x): Newton on x, without
+  /// trigonometry.
   Eigen::Vector3d from_map(const Eigen::Vector3d& map) const override {
-    double more = 0;
+    const Eigen::Array3d t =
+        ((2 * map.array() - 1) * kHalfEdge).unaryExpr([](double angle) { return std::tan(angle); });
+    double x = 0;
+    Eigen::Array3d moved = t;
     for (int step = 0; step < 8; ++step) {
-      const Eigen::Vector3d g = map.array() + more;
-      const double change = (g.unaryExpr(&coordinate_at).sum() - 1) / g.unaryExpr(&slope_at).sum();
-      more -= change;
-      if (std::abs(change) < 1e-15) break;
+      const Eigen::Array3d under = 1 / (1 - t * x);
+      moved = (t + x) * under;
+      const double change = (moved.sum() + kTangent) / ((1 + t.square()) * under.square()).sum();
+      x -= change;
+      if (std::abs(change) < 1e-9) break;  // the next one would be under 1e-16
     }
-    return (map.array() + more).matrix().unaryExpr(&coordinate_at);
+    moved = (t + x) / (1 - t * x);
+    return 0.5 + moved / (2 * kTangent);
   }
 };
 

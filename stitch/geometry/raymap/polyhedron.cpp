@@ -101,14 +101,28 @@ std::optional<Ray> Polyhedron::ray(double x, double y) const {
 /// The solid angle of the part of a pixel that is in a face.
 double Polyhedron::part(const Face& face, int i, int j) const {
   if (face.left >= i + 1 || face.right <= i || face.top >= j + 1 || face.bottom <= j) return 0;
-  std::vector<Pixel> polygon(face.corners.begin(), face.corners.end());
-  polygon = cut(polygon, &Pixel::x, -1, i);
-  polygon = cut(polygon, &Pixel::x, 1, i + 1);
-  polygon = cut(polygon, &Pixel::y, -1, j);
-  polygon = cut(polygon, &Pixel::y, 1, j + 1);
+  // The least and the most of the corners' barycentric coordinates: most pixels are whole in a face, or whole beside it.
+  const Eigen::Vector3d first = face.map_of_picture * Eigen::Vector3d(i, j, 1);
+  const auto right = face.map_of_picture.col(0), down = face.map_of_picture.col(1);
+  if (((first + right.cwiseMax(0) + down.cwiseMax(0)).array() < 0).any()) return 0;
+  std::vector<Pixel> polygon;
+  if (((first + right.cwiseMin(0) + down.cwiseMin(0)).array() >= 0).all()) {
+    polygon = {{i + 0.0, j + 0.0}, {i + 1.0, j + 0.0}, {i + 1.0, j + 1.0}, {i + 0.0, j + 1.0}};
+  } else {
+    polygon.assign(face.corners.begin(), face.corners.end());
+    polygon = cut(polygon, &Pixel::x, -1, i);
+    polygon = cut(polygon, &Pixel::x, 1, i + 1);
+    polygon = cut(polygon, &Pixel::y, -1, j);
+    polygon = cut(polygon, &Pixel::y, 1, j + 1);
+  }
+  if (polygon.size() < 3) return 0;
   double sum = 0;
+  const Eigen::Vector3d begin = point_of(face, polygon[0]);
+  Eigen::Vector3d last = point_of(face, polygon[1]);
   for (std::size_t k = 2; k < polygon.size(); ++k) {
-    sum += solid_angle_of(point_of(face, polygon[0]), point_of(face, polygon[k - 1]), point_of(face, polygon[k]));
+    const Eigen::Vector3d next = point_of(face, polygon[k]);
+    sum += solid_angle_of(begin, last, next);
+    last = next;
   }
   return sum;
 }
