@@ -12,6 +12,7 @@
 NODAL_TARGET_BEGIN("avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")
 
 #include "stitch/blend/constants_avx512.h"
+#include "stitch/blend/lines_avx512.h"
 #include "stitch/blend/patch_avx512.h"
 #include "stitch/blend/tile_driver.h"
 
@@ -339,22 +340,13 @@ struct Avx512 {
     }
   }
 
-  /// Bypasses the caches if `to` is aligned, because the store then fills a whole cache line.
-  [[gnu::always_inline]] static inline void put(std::uint8_t* to, V bytes) {
-    if ((reinterpret_cast<std::uintptr_t>(to) & 63) == 0) {
-      _mm512_stream_si512(reinterpret_cast<V*>(to), bytes);
-    } else {
-      _mm512_storeu_si512(to, bytes);
-    }
-  }
-
   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) {
-    for (; bytes >= 64; bytes -= 64, to += 64, from += 64) put(to, _mm512_loadu_si512(from));
+    for (; bytes >= 64; bytes -= 64, to += 64, from += 64) put_bytes(to, _mm512_loadu_si512(from));
     std::memcpy(to, from, bytes);
   }
 
   template <int N>
-  static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
+  static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip, const RowEnds& ends) {
     const int step = job.out[0].pixel_stride;
     const bool triples = N == 3 && interleaved(job);
     const bool pairs = N == 2 && paired(job);
@@ -364,21 +356,23 @@ struct Avx512 {
     for (std::size_t j = 0; j < kTile; ++j) {
       const auto row = static_cast<std::ptrdiff_t>(y) + static_cast<std::ptrdiff_t>(j);
       if (triples) {
+        V bytes[3];
         for (std::size_t k = 0; k < 3; ++k) {
           const V from = load(kTripleBytes.of[k]);
           const V two = _mm512_permutex2var_epi8(rows[0][j], from, rows[N > 1 ? 1 : 0][j]);
-          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3 +
-                  static_cast<std::ptrdiff_t>(64 * k),
-              _mm512_mask_permutexvar_epi8(two, kThirds[k], from, rows[N - 1][j]));
+          bytes[k] = _mm512_mask_permutexvar_epi8(two, kThirds[k], from, rows[N - 1][j]);
         }
+        put_row(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 3, bytes, ends, j);
       } else if (pairs) {
-        for (std::size_t k = 0; k < 2; ++k) {
-          put(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2 +
-                  static_cast<std::ptrdiff_t>(64 * k),
-              _mm512_permutex2var_epi8(rows[0][j], load(kPairBytes.of[k]), rows[N - 1][j]));
-        }
+        V bytes[2];
+        for (std::size_t k = 0; k < 2; ++k)
+          bytes[k] = _mm512_permutex2var_epi8(rows[0][j], load(kPairBytes.of[k]), rows[N - 1][j]);
+        put_row(job.out[0].data + row * job.out[0].row_stride + std::ptrdiff_t{x} * 2, bytes, ends, j);
       } else {
-        for (std::size_t c = 0; c < N; ++c) put(job.out[c].data + row * job.out[c].row_stride + x, rows[c][j]);
+        for (std::size_t c = 0; c < N; ++c) {
+          const V bytes[1] = {rows[c][j]};
+          put_row(job.out[c].data + row * job.out[c].row_stride + x, bytes, ends, c * kTile + j);
+        }
       }
     }
     return true;

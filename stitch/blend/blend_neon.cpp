@@ -350,7 +350,7 @@ struct Neon {
   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes) { std::memcpy(to, from, bytes); }
 
   template <int N>
-  static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip) {
+  static bool emit(const BlendJob& job, int x, int y, const std::uint8_t* strip, const RowEnds&) {
     const bool triples = N == 3 && interleaved(job);
     const bool pairs = N == 2 && paired(job);
     if (!triples && !pairs && job.out[0].pixel_stride != 1) return false;

@@ -42,7 +42,7 @@ struct Scalar {
   }
 
   template <int N>
-  static bool emit(const BlendJob&, int, int, const std::uint8_t*) {
+  static bool emit(const BlendJob&, int, int, const std::uint8_t*, const RowEnds&) {
     return false;
   }
 

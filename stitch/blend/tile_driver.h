@@ -7,7 +7,7 @@
 //   template <int N> static void samples(const BlendJob&, const GridTable&, const PatchRecord&,
 //                                        std::array<TileValues, N>&);
 //     computes the samples of the pixels with weight of a record of that table, before curve and gain;
-//   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip);
+//   template <int N> static bool emit(const BlendJob&, int x, int y, const std::uint8_t* strip, const RowEnds&);
 //     writes a whole strip to the raymap at (x, y), or returns false and leaves that to write_strip;
 //   static void put(std::uint8_t* to, const std::uint8_t* from, std::size_t bytes);
 //     copies bytes that will not be read again soon.
@@ -22,6 +22,15 @@ namespace {
 
 /// Bytes of one component of a strip: eight tiles side by side, 64 pixels each.
 constexpr std::size_t kStrip = 8 * kTilePixels;
+
+/// Strips that emit() writes follow each other from left to right: a kernel may keep the end of a row, up to 64 bytes, until
+/// the strip to the right completes its cache line.
+struct RowEnds {
+  static constexpr std::size_t kBytes = 64;
+  std::uint8_t* of;       ///< kBytes for each row of the strip, component by component; aligned
+  bool leftmost = true;   ///< nothing is kept from the left
+  bool rightmost = true;  ///< nothing can be left to the right: its strip, if there is one, is not whole
+};
 
 /// Whether the raymap is interleaved R G B R G B ..
 inline bool interleaved(const BlendJob& job) {
@@ -171,13 +180,14 @@ void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
 
 /// Writes the part of a strip that is inside the grid and within the rows of the call.
 template <class Kernel, int N>
-void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* strip) {
+void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* strip, std::uint8_t* ends) {
   const int x = column * kTile;
   const int y = row * kTile;
   const int columns = std::min(8 * kTile, job.grid->width - x);
   const int begin = std::max(y, job.row_begin);
   const int end = std::min({y + kTile, job.row_end, job.grid->height});
-  if (columns == 8 * kTile && end - begin == kTile && Kernel::template emit<N>(job, x, y, strip)) return;
+  const RowEnds of_rows{ends, x == 0, x + 16 * kTile > job.grid->width};
+  if (columns == 8 * kTile && end - begin == kTile && Kernel::template emit<N>(job, x, y, strip, of_rows)) return;
   for (std::size_t c = 0; c < N; ++c) {
     const MutablePlaneView& plane = job.out[c];
     for (int j = begin; j < end; ++j) {
@@ -239,7 +249,7 @@ void scatter_strip(const BlendJob& job, std::size_t t, int row, const Number* st
 
 /// write_strip for 16-bit raymaps: converts light to numbers.
 template <class Kernel, int N>
-void write_strip(const BlendJob& job, int column, int row, const std::int16_t* strip) {
+void write_strip(const BlendJob& job, int column, int row, const std::int16_t* strip, std::uint8_t*) {
   const int x = column * kTile;
   const int y = row * kTile;
   const int columns = std::min(8 * kTile, job.grid->width - x);
@@ -261,6 +271,8 @@ void write_strip(const BlendJob& job, int column, int row, const std::int16_t* s
 template <class Kernel, int N, class Number>
 void blend_grid(const BlendJob& job) {
   alignas(64) std::array<Number, N * kStrip> strip;
+  constexpr std::size_t kEnds = std::size_t{N} * kTile * RowEnds::kBytes;  // of a row of tiles
+  alignas(64) std::array<std::uint8_t, 8 * kEnds> ends;
   const GridTable& grid = *job.grid;
   const int block_rows = grid.block_rows();
   const int first = job.row_begin / kTile;
@@ -278,7 +290,8 @@ void blend_grid(const BlendJob& job) {
           blend_tile<Kernel, N, Number>(job, t + k, strip.data() + k * kTilePixels);
         }
         if (grid.places.empty()) {
-          write_strip<Kernel, N>(job, column, row, strip.data());
+          write_strip<Kernel, N>(job, column, row, strip.data(),
+                                 ends.data() + static_cast<std::size_t>(row - block) * kEnds);
         } else {
           scatter_strip<N, Number>(job, t, row, strip.data());
         }

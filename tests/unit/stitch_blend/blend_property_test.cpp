@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <thread>
 
@@ -218,6 +219,31 @@ TEST(BlendRows, PixelsThatLieAnywhere_AreThoseOfTheirTilesInEveryFormat) {
               << kernel_name(kernel) << " of " << pixel_format_name(scene.table.format);
         }
       }
+    }
+  }
+}
+
+TEST(BlendRows, RowsThatBeginAnywhereInACacheLine_AreTheSameBytes_AndNothingBesideThemIsWritten) {
+  RandomTables tables(64);
+  for (int trial = 0; trial < 150; ++trial) {
+    Scene scene = random_scene(tables, 60 + tables.below(330), 8 + tables.below(90), 40, 30, 0);
+    const int width = scene.table.width, height = scene.table.height;
+    const Picture expected = blended(Kernel::kScalar, scene);
+    const std::size_t size = expected.bytes.size();
+    for (const Kernel kernel : kernels()) {
+      constexpr std::size_t kBeside = 192;
+      std::vector<std::uint8_t> memory(size + 2 * kBeside, 99);
+      const std::size_t begin = kBeside / 2 + static_cast<std::size_t>(tables.below(64));
+      const MutableImageView raymap = packed_image(scene.table.format, width, height, memory.data() + begin);
+      const int cut = std::min(height, 2 * tables.below(30));
+      blend_rows_by(kernel, scene.table, scene.heads, scene.tone, raymap, cut, height);
+      blend_rows_by(kernel, scene.table, scene.heads, scene.tone, raymap, 0, cut);
+      const auto from = memory.begin() + static_cast<std::ptrdiff_t>(begin);
+      const auto to = from + static_cast<std::ptrdiff_t>(size);
+      ASSERT_TRUE(std::equal(from, to, expected.bytes.begin())) << kernel_name(kernel) << " " << width << "x" << height;
+      const auto untouched = [](std::uint8_t byte) { return byte == 99; };
+      ASSERT_TRUE(std::all_of(memory.begin(), from, untouched) && std::all_of(to, memory.end(), untouched))
+          << kernel_name(kernel) << " " << width << "x" << height;
     }
   }
 }
