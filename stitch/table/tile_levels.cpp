@@ -1,7 +1,8 @@
 // TileBuilder: which level of a head's pyramid a tile reads.
 #include <algorithm>
-#include <bit>
+#include <array>
 #include <numbers>
+#include <numeric>
 
 #include "stitch/table/tile_builder.h"
 
@@ -14,11 +15,15 @@ using blend::kPatch;
 /// From this many samples per raymap pixel on, the next pyramid level (half the size) is used. Its samples are then at
 /// most a tenth coarser than the raymap, and closer to the mean over a pixel than interpolation in the larger picture.
 constexpr double kFinest = 1.8;
+/// A step of more than so many times the median of a part's goes over an edge between two faces of the layout, whose
+/// samples the same patch holds. Within a face, steps of a tile differ by less, also beside a pole.
+constexpr double kOverEdge = 4;
 
 }  // namespace
 
 /// The mean squared step from pixel to pixel, in samples, along rows or along columns, whichever is larger; nothing for
-/// parts without neighbouring pixels. Samples that were clamped to the picture's edge are ignored.
+/// parts without neighbouring pixels. Samples that were clamped to the picture's edge, and steps over an edge of the
+/// layout, are ignored.
 std::optional<double> TileBuilder::square_step(const Part& part) const {
   if (sampler_.layout().scattered()) return square_between_rays(part);
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
@@ -34,13 +39,19 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
     constexpr PixelMask kLeftOfAnother = 0x7f7f7f7f7f7f7f7f;
     const PixelMask pairs = still & still >> way & (way == 1 ? kLeftOfAnother : ~PixelMask{0});
     if (pairs == 0) return std::nullopt;
-    double square = 0;
+    std::array<double, blend::kTilePixels> squares;
+    auto end = squares.begin();
     for_each(pairs, [&](std::size_t p) {
       const double dx = part.x[p + way] - part.x[p];
       const double dy = part.y[p + way] - part.y[p];
-      square += dx * dx + dy * dy;
+      *end++ = dx * dx + dy * dy;
     });
-    most = std::max(most, square / std::popcount(pairs));
+    const auto middle = squares.begin() + (end - squares.begin()) / 2;
+    std::nth_element(squares.begin(), middle, end);
+    // Beyond the median all are at least as large.
+    const auto kept = std::partition(
+        middle, end, [limit = kOverEdge * kOverEdge * *middle](double square) { return square <= limit; });
+    most = std::max(most, std::accumulate(squares.begin(), kept, 0.0) / static_cast<double>(kept - squares.begin()));
   }
   return most / (kOne * kOne);
 }

@@ -134,6 +134,17 @@ TEST(TileBuilder, StepsOfAWholeSampleAndAHalf_TakeThePictureItself) {
   EXPECT_EQ(table->sources[0].sharpen, TableOptions().sharpen);
 }
 
+TEST(TileBuilder, TilesThatAnEdgeOfAFaceCrosses_TakeThePictureItself) {
+  // Pixels of sqrt(4 pi / (908 681)) rad = 0.90 samples. Faces are 227 pixels wide, so that edges cross tiles, and the step over an
+  // edge may be any number of samples.
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
+  const auto layout = geometry::make_layout("healpix", 908, 681).value();
+  const auto table = compile_blend_table(fisheye_upwards(), *layout, PixelFormat::kGrey8, formats);
+  ASSERT_TRUE(table.has_value());
+  for (const blend::PatchRecord& record : table->grids[0].records) EXPECT_EQ(record.pyramid_level(), 0);
+  EXPECT_EQ(table->sources[0].levels, 1);
+}
+
 TEST(FitQuadratic, ValuesOfAQuadratic_GiveItBack) {
   const std::array<std::int32_t, 6> truth{1000, -300, 700, 11, -23, 5};
   PixelValues values;
