@@ -43,7 +43,8 @@ class CableNodald {
     std::ofstream(folder_ + "/rig.toml")
         << "[rig]\nname = \"rig-" << gadget.serial() << "\"\nrate = \"20\"\n[raymap]\nwidth = 1024\nheight = 512\n"
         << "[trigger]\nstart = true\n[links]\nunix = \"nodal.sock\"\nusb = \"" << gadget.folder()
-        << "\"\n[store]\nfolder = \"store\"\n[takes]\nfolder = \"takes\"\nbuffer_mb = 64\nmode = \"jpeg\"\n[sim]\ncalibration = \""
+        << "\"\n[store]\nfolder = \"store\"\n[takes]\nfolder = \"takes\"\nbuffer_mb = 64\nmode = "
+           "\"jpeg\"\n[sim]\ncalibration = \""
         << calibration() << "\"\n"
         << "scene = \"photo\"\nphoto = \"" NODAL_SOURCE_DIR "/.github/pictures/town_square.jpg\"\n"
         << "[[heads]]\nname = \"cam0\"\nport = \"sim:cam0\"\n[[heads]]\nname = \"cam1\"\nport = \"sim:cam1\"\n";
