@@ -16,13 +16,14 @@ namespace {
 
 /// What the evidence says about one head.
 struct HeadSummary {
-  std::string stored{};  ///< "720x480 YUYV, top-first"
+  std::string stored{};  ///< "720x480 YUYV as Ut Video, top-first"
   std::map<std::string, std::uint64_t> placeholders{};
   std::uint64_t pictures = 0;
 };
 
 std::string stored_as(const media::TakeStream& stream) {
   std::string text = fmt::format("{}x{} {}", stream.width, stream.height, pixel_format_name(stream.format));
+  if (stream.lossless) text += " as Ut Video";
   if (stream.fields == Fields::kTopFirst) text += ", top-first";
   if (stream.fields == Fields::kBottomFirst) text += ", bottom-first";
   return text;

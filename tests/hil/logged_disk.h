@@ -52,7 +52,8 @@ class LoggedDisk {
   void mark(const std::string& text);
   /// Unmounts and returns what was written since begin_log().
   std::optional<WriteLog> end_log();
-  /// Mounts the disk as the power cut left it (WriteLog::replay()), and returns the mounted folder. Ends with unmount().
+  /// Mounts the disk as the power cut left it (WriteLog::replay()), exFAT after its check, and returns the mounted folder.
+  /// Ends with unmount().
   std::optional<std::string> mount_after_cut(const WriteLog& log, std::size_t count, std::uint64_t seed);
   void unmount();
 
