@@ -26,6 +26,7 @@ constexpr std::uint64_t kSectorBytes = 512;
 constexpr std::uint64_t kMagic = 0x6a736677736872ULL;
 constexpr std::uint64_t kFlush = 1, kFua = 2, kDiscard = 4, kMark = 8;
 constexpr const char* kMapped = "logged";
+constexpr const char* kEndMark = "dm-log-writes-end";  // the target's own, when it is removed
 
 /// The command's output without its last line end; a failure of the test if it fails.
 std::string run(const std::vector<std::string>& command) {
@@ -61,6 +62,10 @@ std::optional<WriteLog> WriteLog::read(const std::string& file) {
     Entry& entry = log.entries_.emplace_back(Entry{words[0], words[1], words[2], at, {}});
     if ((entry.flags & kMark) != 0) entry.mark.assign(sector + sizeof words, std::min<std::uint64_t>(words[3], 400));
     while (entry.mark.ends_with('\0')) entry.mark.pop_back();
+    if (entry.mark == kEndMark) {
+      log.entries_.pop_back();
+      break;
+    }
     if ((entry.flags & (kDiscard | kMark)) == 0) at += entry.sectors * kSectorBytes;
   }
   return log;
