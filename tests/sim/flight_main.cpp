@@ -68,7 +68,9 @@ class Evidence {
     };
     same("genlock", std::string_view(told.genlock()), firmware::genlock_state_name(set.sync.state));
     same("mid-exposure, ns:", told.mid_exposure_ns(), set.mid_exposure.ns());
-    same("pulse, from 1:", told.has_pulse() ? told.pulse() + 1 : 0, set.sync.trigger ? *set.sync.trigger + 1 : 0);
+    // 0: no pulse belongs to the set.
+    same("pulse, counted from 1:", told.has_pulse() ? told.pulse() + 1 : 0,
+         set.sync.trigger ? *set.sync.trigger + 1 : 0);
     same("spread, ns:", static_cast<std::int64_t>(told.spread_ns()), set.sync.spread.ns());
     same("drift, ppb:", told.drift_ppb(), set.sync.drift_ppb.value_or(0));
     for (const take::wire::Frame& frame : told.frames()) {

@@ -68,7 +68,8 @@ struct Known {
   RayList list;
 };
 
-/// The lists that are known, from the first on. They stay: whoever has a name may use them at any time.
+/// The known lists, in the order in which they became known. None is removed, because any name that was given out may be used
+/// at any time.
 std::array<std::atomic<const Known*>, kMaxRayLists>& all_known() {
   static std::array<std::atomic<const Known*>, kMaxRayLists> slots{};
   return slots;
