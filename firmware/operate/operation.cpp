@@ -40,6 +40,7 @@ void Operation::begin_step(Instant now) {
   if (stages_.takes) takes_ = &stages_.takes->snapshot().read();
   news_.step(now);
   watch_takes(now);
+  tell_takes_the_calibration();
   watch_trial(now);
   read_settings();
   restore_settings(now);
@@ -92,7 +93,7 @@ Status Operation::hand_over(Ticket ticket, Command command) {
   }
   if (auto* take = std::get_if<TakeCommand>(&command)) {
     if (auto* start = std::get_if<TakeRequest::Start>(take)) {
-      start->calibration = keeper_->in_force;
+      start->calibration = told_calibration_ = keeper_->in_force;
       if (keeper_->document) start->calibration_json = *keeper_->document;
       start->heads = head_shapes();
     }
@@ -200,6 +201,16 @@ void Operation::watch_takes(Instant now) {
   if (const auto asked = ask({Requester::Kind::kConfiguration, 0, "rig.toml"}, TakeCommand(TakeRequest::Start{}), now);
       !asked) {
     news_.say(NewsKind::kRig, "the take of [takes] start = \"boot\": " + asked.error().message);
+  }
+}
+
+/// A take has every calibration that its raymaps were made with.
+void Operation::tell_takes_the_calibration() {
+  if (!takes_ || !takes_->recording || !keeper_->document) return;
+  const Blender::Adoption& adopted = stages_.blender.adoption().read();
+  if (adopted.calibration == keeper_->in_force && adopted.calibration != told_calibration_ &&
+      stages_.takes->calibrations().push({adopted.first_set, adopted.calibration, *keeper_->document})) {
+    told_calibration_ = adopted.calibration;
   }
 }
 

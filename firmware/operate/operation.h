@@ -122,6 +122,7 @@ class Operation {
   void audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
   void watch_trial(Instant now);
   void watch_takes(Instant now);
+  void tell_takes_the_calibration();
   void read_settings();
   void restore_settings(Instant now);
   void write_settings(Instant now);
@@ -159,9 +160,10 @@ class Operation {
   Instant steady_since_;
   RecentRate rate_;
   std::optional<Instant> judged_;
-  std::optional<Sha256> judged_with_;  ///< the calibration that was in force then
-  Instant unstable_;                   ///< the last time the rig was starting or hanging
-  bool stable_noted_ = false;          ///< by the settings' store
+  std::optional<Sha256> judged_with_;       ///< the calibration that was in force then
+  std::optional<Sha256> told_calibration_;  ///< the newest that the take has
+  Instant unstable_;                        ///< the last time the rig was starting or hanging
+  bool stable_noted_ = false;               ///< by the settings' store
   Supervisor supervisor_;
   Shedding shedding_;
   std::string end_reason_;  ///< valid when end_asked_ is true

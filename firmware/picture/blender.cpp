@@ -122,7 +122,11 @@ bool Blender::begin() {
   }
   const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
-  if (std::exchange(adoption_unreported_, false)) adoptions_out_.push({set->number, blend_.installed()->id});
+  if (std::exchange(adoption_unreported_, false)) {
+    Adoption adoption{set->number, blend_.installed()->id};
+    adoption_.publish(adoption);
+    adoptions_out_.push(std::move(adoption));
+  }
   sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!blend_.installed()) {

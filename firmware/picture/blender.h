@@ -10,6 +10,7 @@
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/raymap.h"
+#include "firmware/frame/snapshot.h"
 #include "firmware/frame/statistics.h"
 #include "hal/clock.h"
 #include "protocol/base/image.h"
@@ -56,6 +57,8 @@ class Blender {
     Sha256 calibration{};
   };
   SpscRing<Adoption>& adoptions_out() { return adoptions_out_; }
+  /// The newest of them, for control.
+  Snapshot<Adoption>& adoption() { return adoption_; }
   /// Every set with a lower number was begun, skipped or missed, and adoptions_out() has named its calibration.
   std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
 
@@ -126,6 +129,7 @@ class Blender {
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
   SpscRing<Adoption> adoptions_out_;
+  Snapshot<Adoption> adoption_;
   std::atomic<std::uint64_t> sets_begun_{0};
 
   // Written between raymaps, only by the thread that holds coordinating_.

@@ -12,7 +12,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::string_view kEvidencePrefix = "evidence-";
+constexpr std::string_view kEvidencePrefix = "evidence-", kCalibrationPrefix = "calibration-";
 /// More than the first record of any evidence.
 constexpr std::size_t kBeginBytes = 64 * 1024;
 
@@ -22,7 +22,7 @@ std::string_view view_of(const std::vector<std::uint8_t>& bytes) {
 
 /// The number in a name such as "cam0-0003.mkv". Nothing for names that are not of a segment.
 std::optional<std::uint32_t> segment_of(std::string_view name) {
-  if (!take::is_take_file(name)) return std::nullopt;
+  if (!take::is_take_file(name) || name.starts_with(kCalibrationPrefix)) return std::nullopt;
   const std::size_t dash = name.rfind('-');
   if (dash == std::string_view::npos) return std::nullopt;
   return static_cast<std::uint32_t>(std::stoul(std::string(name.substr(dash + 1))));

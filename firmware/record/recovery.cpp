@@ -28,6 +28,25 @@ Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint6
   return bytes;
 }
 
+/// The evidence of a segment. Its last bytes may be unreadable after a power cut, and count as missing then; but not more of them
+/// than may come between two syncs, because a fault of the disk in what was durable is for people to see.
+Result<Bytes> read_evidence_file(hal::DiskPort& disk, const std::string& name) {
+  constexpr std::uint64_t kMostUnreadable = 64 << 10;
+  auto whole = disk.read(name, take::kMaxEvidenceBytes);
+  if (whole || whole.error().code != Errc::kIo) return whole;
+  const auto size = disk.size(name);
+  if (!size || *size > take::kMaxEvidenceBytes) return whole;
+  Bytes readable;
+  while (readable.size() < *size) {
+    const auto part = read_part(disk, name, readable.size(),
+                                std::min<std::uint64_t>(*size, readable.size() + hal::DiskPort::kSector));
+    if (!part) break;
+    readable.insert(readable.end(), part->begin(), part->end());
+  }
+  if (*size - readable.size() > kMostUnreadable) return whole;
+  return readable;
+}
+
 bool whole_clusters(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const std::size_t length = take::whole_cluster(bytes);
@@ -43,13 +62,17 @@ std::uint64_t end_of(const take::Segment& found, std::size_t rows, std::size_t f
   return rows == 0 ? found.begin.files(static_cast<int>(file)).head_bytes() : found.rows[rows - 1].file_ends[file];
 }
 
-/// Errors: the disk's. A file that is too short or gone is no error: the row is not whole.
+/// Errors: the disk's. A file that is too short, gone, or cannot be read there, also when it is tried again, is no error: the row
+/// is not whole. After a power cut, bytes that were never synced may be unreadable.
 Result<bool> row_is_whole(const TakePlace& place, const take::Segment& found, std::size_t row) {
   for (std::size_t file = 0; file < static_cast<std::size_t>(found.begin.files_size()); ++file) {
     const std::string name = path(place, found.begin.files(static_cast<int>(file)).name());
-    const auto bytes = read_part(*place.disk, name, end_of(found, row, file), end_of(found, row + 1, file));
-    if (!bytes && bytes.error().code != Errc::kTruncated && bytes.error().code != Errc::kNotFound)
-      return fail(bytes.error());
+    const auto read = [&] {
+      return read_part(*place.disk, name, end_of(found, row, file), end_of(found, row + 1, file));
+    };
+    auto bytes = read();
+    if (!bytes && bytes.error().code == Errc::kIo) bytes = read();
+    if (!bytes && bytes.error().code == Errc::kDeviceGone) return fail(bytes.error());
     if (!bytes || !whole_clusters(*bytes)) return false;
   }
   return true;
@@ -69,7 +92,8 @@ Result<bool> end_is_whole(const TakePlace& place, const take::Segment& found, bo
       if (piece != 0 && piece < durable) continue;
       const std::uint64_t from = piece * PieceHashes::kPiece;
       const auto bytes = read_part(*place.disk, name, from, std::min(*size, from + PieceHashes::kPiece));
-      if (!bytes) return fail(bytes.error());
+      if (!bytes && bytes.error().code == Errc::kDeviceGone) return fail(bytes.error());
+      if (!bytes) return false;
       if (take::xxh128(*bytes) != hashes[static_cast<std::size_t>(piece)]) return false;
     }
   }
@@ -181,7 +205,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
 Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
                                                        const std::string& reason) {
   const std::string name = path(place, take::evidence_file(segment));
-  const auto bytes = place.disk->read(name, take::kMaxEvidenceBytes);
+  const auto bytes = read_evidence_file(*place.disk, name);
   if (!bytes) return fail(bytes.error());
   auto found = take::read_evidence(*bytes, name);
   if (!found && found.error().code != Errc::kTruncated) return fail(found.error());
@@ -194,6 +218,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
         FinishedSegment done;
         done.number = segment;
         done.first_set = found->begin.first_set();
+        done.calibrations = found->calibrations;
         done.sets = found->sets.size();
         done.length = length_of(*found, done.sets);
         for (const take::wire::Mark& mark : found->marks) done.marks.push_back({mark.set(), mark.text()});
@@ -223,6 +248,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
   FinishedSegment done;
   done.number = segment;
   done.first_set = found->begin.first_set();
+  done.calibrations = found->calibrations;
   for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
     const auto size = place.disk->size(path(place, found->begin.files(static_cast<int>(file)).name()));
     if (size) done.cut_bytes += *size - std::min(*size, end_of(*found, rows, file));
@@ -246,7 +272,9 @@ void add_segment(take::Manifest& manifest, const FinishedSegment& segment, Frame
 }
 
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
-  for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile, take::kThumbFile}) {
+  std::vector<std::string> names{take::kTakeFile, take::kRigFile, take::kCalibrationFile, take::kThumbFile};
+  for (const take::Manifest::Calibration& calibration : manifest.calibrations) names.push_back(calibration.file);
+  for (const std::string& name : names) {
     const auto bytes = disk.read(folder + "/" + name, kMostDocumentBytes);
     if (!bytes && bytes.error().code == Errc::kNotFound) continue;
     if (!bytes) return fail(bytes.error());
@@ -263,6 +291,19 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
   const Status written = write_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
   if (!written) return fail(written.error());
   return manifest;
+}
+
+Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder) {
+  const std::string name = folder + "/" + take::kTakeFile;
+  const auto text = disk.read(name, take::kMaxTakeJsonBytes);
+  if (text && take::parse_take_json({reinterpret_cast<const char*>(text->data()), text->size()}, name)) return false;
+  if (!text && text.error().code != Errc::kNotFound) return fail(text.error());
+  const auto entries = disk.list(folder);
+  if (!entries) return fail(entries.error());
+  return std::ranges::all_of(*entries, [](std::string_view file) {
+    if (file.ends_with(kTemporarySuffix)) file.remove_suffix(kTemporarySuffix.size());
+    return file == take::kTakeFile || file == take::kCalibrationFile || file == take::kRigFile;
+  });
 }
 
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder) {
@@ -297,6 +338,7 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     if (!done) return fail(done.error());
     if (!*done) continue;
     recorded = (*done)->first_set + (*done)->sets;
+    manifest.calibrations = (*done)->calibrations;
     add_segment(manifest, **done, about->rate);
   }
   manifest.deleted_sets = recorded - std::min(recorded, manifest.sets);

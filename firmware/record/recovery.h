@@ -21,6 +21,7 @@ struct FinishedSegment {
   Duration length;
   std::uint64_t cut_bytes = 0;  ///< of the heads' files, behind the newest complete set
   std::vector<take::Manifest::Mark> marks{};
+  std::vector<take::Manifest::Calibration> calibrations{};  ///< those after the take's first, so far
 };
 
 /// How much of a segment is on the device for certain.
@@ -35,6 +36,9 @@ enum class Trust : std::uint8_t {
 /// Errors: the disk's; those of the evidence, which name its file.
 Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
                                                        const std::string& reason);
+
+/// Whether the power failed while the documents of a take were written, so that it has no set. Errors: the disk's.
+Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder);
 
 /// Recovers every segment of a take and writes its manifest. The take's calibration and take.json are read from its folder.
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);

@@ -87,6 +87,9 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
   take::wire::Record record;
   *record.mutable_begin() = begin;
   if (const Status begun = made->append_record(record); !begun) return fail(begun.error());
+  for (const take::Manifest::Calibration& calibration : place.calibrations) {
+    if (const Status noted = made->note(calibration); !noted) return fail(noted.error());
+  }
   return made;
 }
 
@@ -308,6 +311,14 @@ Status SegmentWriter::mark(const std::string& text, Instant now) {
   record.mutable_mark()->set_at_ns(now.ns());
   record.mutable_mark()->set_text(text);
   marks_.push_back({next_set_, text});
+  return append_record(record);
+}
+
+Status SegmentWriter::note(const take::Manifest::Calibration& calibration) {
+  take::wire::Record record;
+  record.mutable_calibration()->set_file(calibration.file);
+  record.mutable_calibration()->set_id(calibration.id);
+  record.mutable_calibration()->set_set(calibration.set);
   return append_record(record);
 }
 

@@ -31,6 +31,8 @@ struct TakePlace {
   std::string software;
   std::string calibration_json;  ///< attached to every file; empty: none
   std::vector<std::uint8_t> calibration_id;
+  /// Those after the take's first, in order. Every segment's evidence has them, because earlier segments may be deleted.
+  std::vector<take::Manifest::Calibration> calibrations;
 };
 
 /// One file for each head that has a stream, one for raymaps, and the evidence. A row appends one cluster to each file that
@@ -53,6 +55,7 @@ class SegmentWriter {
 
   Status write(const TakeRow& row);
   Status mark(const std::string& text, Instant now);
+  Status note(const take::Manifest::Calibration& calibration);
   /// Call after DiskPort::sync_all(): what is written is durable.
   Status note_durable(Instant now, std::int64_t utc_ns);
   /// Writes the index of every file and ends the evidence. Returns the segment's files for the manifest.

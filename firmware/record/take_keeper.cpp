@@ -32,6 +32,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       utc_(std::move(utc)),
       flight_(flight),
       requests_(64),
+      calibrations_(2),
       answers_(64 + 4) {
   report_.loop = config_.takes->loop;
 }
@@ -45,6 +46,7 @@ bool TakeKeeper::step(Instant now) {
     load();
     busy = true;
   }
+  busy |= store_calibration();
   busy |= write_rows(now);
   busy |= write_flight(now, kFlightRecordsAStep);
   sync_if_due(now);
@@ -216,6 +218,13 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
   NODAL_ASSERT(told);
   return number;
+}
+
+bool TakeKeeper::store_calibration() {
+  const auto calibration = calibrations_.pop();
+  if (!calibration || !writing_ || broken_) return calibration.has_value();
+  if (const Status stored = writing_->use_calibration(*calibration); !stored) give_up(stored.error());
+  return true;
 }
 
 bool TakeKeeper::write_rows(Instant now) {

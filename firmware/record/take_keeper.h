@@ -125,8 +125,8 @@ struct TakeReport {
 /// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
 /// nothing else in the rig does.
 ///
-/// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests() and answers() are SPSC rings
-///   with control, snapshot() is read by control.
+/// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests(), calibrations() and answers() are
+///   SPSC rings with control, snapshot() is read by control.
 /// Ownership: disk and recorder outlive it.
 /// Errors: in the answers, and in the report's problem.
 class TakeKeeper {
@@ -145,6 +145,7 @@ class TakeKeeper {
   void close(Instant now);
 
   SpscRing<TakeRequest>& requests() { return requests_; }
+  SpscRing<TakeCalibration>& calibrations() { return calibrations_; }
   SpscRing<TakeAnswer>& answers() { return answers_; }
   Snapshot<TakeReport>& snapshot() { return snapshot_; }
 
@@ -169,7 +170,7 @@ class TakeKeeper {
   void load();
   void load(const std::string& folder);
   bool recover_one();
-  void recover(TakeEntry& entry);
+  bool recover(TakeEntry& entry);
   Status make_room(std::uint64_t needed);
   Result<std::optional<std::uint64_t>> delete_oldest();
   bool take_request(Instant now);
@@ -184,6 +185,7 @@ class TakeKeeper {
   std::uint64_t bytes_a_second() const;
   std::uint64_t room_to_start() const;
   Status check_room();
+  bool store_calibration();
   bool write_rows(Instant now);
   void begin_flight();
   bool write_flight(Instant now, int most);
@@ -203,6 +205,7 @@ class TakeKeeper {
   const UtcClock utc_;
   FlightLog* const flight_;
   SpscRing<TakeRequest> requests_;
+  SpscRing<TakeCalibration> calibrations_;
   SpscRing<TakeAnswer> answers_;
   Snapshot<TakeReport> snapshot_;
   TakeReport report_;

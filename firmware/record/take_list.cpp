@@ -92,8 +92,15 @@ bool TakeKeeper::recover_one() {
   return true;
 }
 
-void TakeKeeper::recover(TakeEntry& entry) {
+/// False if it held nothing and is gone.
+bool TakeKeeper::recover(TakeEntry& entry) {
   std::erase(to_recover_, entry.number);
+  if (const auto nothing = nothing_recorded(disk_, take::take_folder(entry.number)); nothing && *nothing) {
+    const std::uint64_t number = entry.number;  // its entry goes
+    entry.state = TakeState::kDamaged;          // if it cannot be removed
+    entry.problem = "the power failed when it began; it holds nothing";
+    return !remove({number});
+  }
   const auto manifest = recover_take(disk_, take::take_folder(entry.number));
   if (manifest) {
     entry.complete(*manifest);
@@ -101,6 +108,7 @@ void TakeKeeper::recover(TakeEntry& entry) {
     entry.state = TakeState::kDamaged;
     entry.problem = manifest.error().message;
   }
+  return true;
 }
 
 Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {

@@ -28,9 +28,10 @@ Status TakeKeeper::make_room(std::uint64_t needed) {
 /// Deletes one segment, of the oldest take that has one which may be deleted, and returns its bytes; nothing if there is none. A
 /// take without segments goes altogether. A take that cannot be read stays, for people to look at.
 Result<std::optional<std::uint64_t>> TakeKeeper::delete_oldest() {
-  for (auto& [number, entry] : takes_) {
+  for (auto next = takes_.begin(); next != takes_.end();) {
+    auto& [number, entry] = *next++;
     if (entry.is_protected || entry.all_near_marks) continue;
-    if (entry.state == TakeState::kUnfinished) recover(entry);
+    if (entry.state == TakeState::kUnfinished && !recover(entry)) continue;
     if (entry.state != TakeState::kComplete || entry.ended == "still") continue;
     auto trimmed = trim_take(disk_, take::take_folder(number));
     if (!trimmed) {

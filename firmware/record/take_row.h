@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "hal/head.h"
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
+#include "protocol/base/sha256.h"
 
 namespace nodal::firmware {
 
@@ -56,6 +58,13 @@ struct RecordedRaymap {
   std::uint64_t set = 0;
   Instant mid_exposure;
   std::span<const std::uint8_t> jpeg;
+};
+
+/// A calibration that was put in force while a take is recorded.
+struct TakeCalibration {
+  std::uint64_t first_set = 0;  ///< number of the first set that is blended with it
+  Sha256 id{};
+  std::string json;  ///< its canonical form
 };
 
 /// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets. Its pictures lie in

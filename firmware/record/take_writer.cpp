@@ -184,6 +184,22 @@ Status TakeWriter::mark(const std::string& text, Instant now) {
   return marked;
 }
 
+Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
+  const std::vector<std::uint8_t> id(calibration.id.begin(), calibration.id.end());
+  if (id == place_.calibration_id || place_.calibrations.size() >= take::kMostCalibrations) return {};
+  const std::string name = take::calibration_file(place_.calibrations.size() + 1);
+  const Status stored = write_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
+  if (!stored) return stored;
+  place_.calibration_id = id;
+  place_.calibration_json = calibration.json;
+  place_.calibrations.push_back({name, to_hex(calibration.id), calibration.first_set});
+  if (!segment_) return {};
+  unsynced_ = true;
+  const Status noted = segment_->note(place_.calibrations.back());
+  failed_ = failed_ || !noted;
+  return noted;
+}
+
 Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t lost_sets) {
   if (segment_ && !failed_) {
     if (const Status finished = finish_segment(reason); !finished) failed_ = true;
@@ -200,6 +216,7 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t 
   manifest.lost_sets = lost_sets;
   for (const FinishedSegment& segment : finished_) add_segment(manifest, segment, place_.rate);
   manifest.deleted_sets = finished_sets_ - manifest.sets;
+  manifest.calibrations = place_.calibrations;
   auto flight = finish_flight();
   if (!flight) return fail(flight.error());
   if (*flight) manifest.files.push_back(std::move(**flight));

@@ -44,6 +44,9 @@ class TakeWriter {
   /// Makes everything written durable. Errors: that of the sync; the take goes on.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
+  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already, and those after
+  /// take::kMostCalibrations, are left out.
+  Status use_calibration(const TakeCalibration& calibration);
   /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
   void write_flight(std::span<const std::uint8_t> record);
   /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered

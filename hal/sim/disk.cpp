@@ -42,11 +42,13 @@ Status SimDisk::begin(const char* what, const std::string& name) {
   return {};
 }
 
-Status SimDisk::begin_read(const std::string& name) {
+/// `end`: of the bytes that are read.
+Status SimDisk::begin_read(const std::string& name, std::uint64_t end) {
   if (dead_) return fail(no_power(name));
   if (gone_) return fail(disk_gone(name));
-  if (failing_reads_ == 0) return {};
-  --failing_reads_;
+  const bool spoiled = name == spoiled_.first && end > spoiled_.second;
+  if (failing_reads_ == 0 && !spoiled) return {};
+  failing_reads_ -= failing_reads_ == 0 ? 0 : 1;
   return fail(Errc::kIo, "file '" + name + "': reading it failed: the disk reports an error");
 }
 
@@ -139,7 +141,7 @@ Result<FileHandle> SimDisk::open_read(const std::string& name) {
 Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) {
   const auto handle = handle_of(file, true);
   if (!handle) return fail(handle.error());
-  if (const Status begun = begin_read((*handle)->name); !begun) return fail(begun.error());
+  if (const Status begun = begin_read((*handle)->name, offset + bytes.size()); !begun) return fail(begun.error());
   const std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
   if (offset >= data.size()) return 0;
   const std::size_t count = std::min<std::uint64_t>(bytes.size(), data.size() - offset);
@@ -265,7 +267,7 @@ Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::ui
     return fail(Errc::kTooLarge, "file '" + name + "': is " + std::to_string(*length) + " bytes, over the limit of " +
                                      std::to_string(limit_bytes));
   }
-  if (const Status begun = begin_read(name); !begun) return fail(begun.error());
+  if (const Status begun = begin_read(name, *length); !begun) return fail(begun.error());
   return tree_.at(name)->bytes;
 }
 

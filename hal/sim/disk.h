@@ -78,6 +78,8 @@ class SimDisk final : public DiskPort {
   }
   /// The next calls of read() and read_at() fail with kIo.
   void fail_reads(int count) { failing_reads_ = count; }
+  /// Bytes of the file from `offset` on cannot be read: kIo. Empty: all can.
+  void spoil(const std::string& name, std::uint64_t offset) { spoiled_ = {name, offset}; }
   /// Every changing operation fails with kIo from now on, or no longer.
   void be_read_only(bool on = true) { read_only_ = on; }
   /// sync() and sync_all() succeed and make nothing durable.
@@ -103,7 +105,7 @@ class SimDisk final : public DiskPort {
 
   void make_durable(Inode& inode);
   Status begin(const char* what, const std::string& name);
-  Status begin_read(const std::string& name);
+  Status begin_read(const std::string& name, std::uint64_t end);
   Status check_parent(const std::string& name) const;
   Result<FileHandle> hand_out(InodePtr inode, const std::string& name, bool to_read = false);
   Result<Handle*> handle_of(FileHandle file, bool to_read);
@@ -131,6 +133,7 @@ class SimDisk final : public DiskPort {
   bool gone_ = false;
   int failing_syncs_ = 0;
   int failing_reads_ = 0;
+  std::pair<std::string, std::uint64_t> spoiled_;
   bool read_only_ = false;
   Duration stall_;
 };

@@ -271,7 +271,7 @@ void add_render(CLI::App& app, CommandLine& line) {
       "  nodal render 000042                                  raymaps.mkv, a film\n"
       "  nodal render 000042 -o r-%06d.png --from 10s --to 12s\n"
       "  nodal render 000042 -o cube.mkv --layout cube --calibration better.json\n"
-      "The rig's own calibration and [raymap] are in the take. With them, and if the take has the pictures as the\n"
+      "The rig's own calibrations and [raymap] are in the take. With them, and if the take has the pictures as the\n"
       "heads delivered them, the pixels are those of the rig's raymaps; sets that the rig had no time to blend are\n"
       "rendered, too.\n");
   auto args = std::make_shared<RenderArgs>();

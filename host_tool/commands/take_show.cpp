@@ -70,7 +70,7 @@ Status run_show(Context& context, const std::string& name) {
             {"mode", about.mode},
             {"started_utc_ns", about.started_utc_ns},
             {"calibration", about.calibration_id}};
-  Json json_heads = Json::array(), json_marks = Json::array();
+  Json json_heads = Json::array(), json_marks = Json::array(), json_calibrations = Json::array();
   Table table({{"head"}, {"stored as"}, {"pictures", Table::Align::kRight}, {"missing", Table::Align::kRight}});
   for (std::size_t i = 0; i < about.heads.size(); ++i) {
     std::uint64_t missing = 0;
@@ -96,6 +96,10 @@ Status run_show(Context& context, const std::string& name) {
   }
   console.line(about.calibration_id.empty() ? "without a calibration"
                                             : "calibration " + about.calibration_id.substr(0, 12));
+  for (const take::Manifest::Calibration& each : manifest.calibrations) {
+    console.line(fmt::format("calibration {} from the rig's set {} on", each.id.substr(0, 12), each.set));
+    json_calibrations.push_back({{"file", each.file}, {"id", each.id}, {"set", each.set}});
+  }
   for (const std::string& line : table.lines()) console.line(line);
   for (const take::Manifest::Mark& mark : manifest.marks) {
     const std::int64_t known = starts[mark.set];  // -1: of no set, behind the last
@@ -105,6 +109,7 @@ Status run_show(Context& context, const std::string& name) {
   }
   json["heads"] = json_heads;
   json["marks"] = json_marks;
+  json["later_calibrations"] = json_calibrations;
   console.document(json);
   return {};
 }

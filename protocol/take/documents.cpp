@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -158,6 +159,12 @@ std::string manifest_json(const Manifest& manifest) {
   nlohmann::ordered_json marks = nlohmann::ordered_json::array();
   for (const Manifest::Mark& mark : manifest.marks) marks.push_back({{"set", mark.set}, {"text", mark.text}});
   json["marks"] = std::move(marks);
+  if (!manifest.calibrations.empty()) {
+    nlohmann::ordered_json calibrations = nlohmann::ordered_json::array();
+    for (const Manifest::Calibration& each : manifest.calibrations)
+      calibrations.push_back({{"file", each.file}, {"id", each.id}, {"set", each.set}});
+    json["calibrations"] = std::move(calibrations);
+  }
   json["files"] = std::move(files);
   return json.dump(1) + "\n";
 }
@@ -181,6 +188,19 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
     NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
     NODAL_TAKE(mark, entry.text("text", kMaxMarkBytes));
     manifest.marks.push_back({set, mark});
+  }
+  if (json.contains("calibrations")) {
+    NODAL_TAKE(calibrations, fields.list("calibrations", kMostCalibrations));
+    for (const Json& each : *calibrations) {
+      if (!each.is_object()) return fields.wrong("calibrations", "not a list of objects");
+      const JsonFields entry(each, file + ": calibrations");
+      NODAL_TAKE(name, entry.text("file", 64));
+      NODAL_TAKE(id, entry.text("id", 64));
+      NODAL_TAKE(set, entry.number("set", kMostNs));
+      Manifest::Calibration calibration{name, id, set};
+      if (const Status good = check_next(calibration, manifest.calibrations); !good) return fail(good.error().in(file));
+      manifest.calibrations.push_back(std::move(calibration));
+    }
   }
   NODAL_TAKE(files, fields.list("files", kMostFiles));
   std::set<std::string> names;
@@ -206,6 +226,19 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   return manifest;
 }
 
+std::string calibration_file(std::size_t number) { return fmt::format("calibration-{:04}.json", number); }
+
+Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before) {
+  const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
+  if (before.size() < kMostCalibrations && calibration.file == calibration_file(before.size() + 1) &&
+      calibration.id.size() == 64 && std::ranges::all_of(calibration.id, is_digit) &&
+      (before.empty() || before.back().set <= calibration.set)) {
+    return {};
+  }
+  return fail(Errc::kBadValue, fmt::format("calibrations: '{}' from set {} on, as number {}", calibration.file,
+                                           calibration.set, before.size() + 1));
+}
+
 bool is_take_file(std::string_view name) {
   for (const std::string& each :
        {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile, kFlightFile}) {
@@ -223,6 +256,7 @@ bool is_take_file(std::string_view name) {
     return true;
   };
   if (word("cam")) return digits(1) && word("-") && digits(4) && name == ".mkv";
+  if (word("calibration-")) return digits(4) && name == ".json";
   if (word("raymap-")) return digits(4) && name == ".mkv";
   return word("evidence-") && digits(4) && name.empty();
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,8 @@ inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
 /// In one take.
 inline constexpr std::size_t kMostMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
+/// After the first.
+inline constexpr std::size_t kMostCalibrations = 1000;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
@@ -66,6 +69,14 @@ struct Manifest {
     friend bool operator==(const Mark&, const Mark&) = default;
   };
   std::vector<Mark> marks;
+  /// One that was put in force after calibration.json.
+  struct Calibration {
+    std::string file;       ///< "calibration-0001.json"
+    std::string id;         ///< 64 hexadecimal digits
+    std::uint64_t set = 0;  ///< the rig's number of the first set that is blended with it
+    friend bool operator==(const Calibration&, const Calibration&) = default;
+  };
+  std::vector<Calibration> calibrations;  ///< in order
   std::vector<File> files;
 
   std::uint64_t bytes() const;
@@ -74,6 +85,11 @@ struct Manifest {
 std::string manifest_json(const Manifest& manifest);
 /// Errors: as parse_take_json(); kBadValue for the name of a file that no take has, such as "../x".
 Result<Manifest> parse_manifest(std::string_view text, const std::string& file);
+
+/// "calibration-0001.json": the first after calibration.json.
+std::string calibration_file(std::size_t number);
+/// Whether a calibration may come after others. Errors: kBadValue.
+Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before);
 
 /// Whether a take may have a file of this name.
 bool is_take_file(std::string_view name);

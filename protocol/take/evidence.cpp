@@ -28,6 +28,7 @@ class Reader {
     if (record.has_set()) return set(record.set());
     if (record.has_clusters()) return clusters(record.clusters(), end);
     if (record.has_mark()) segment_.marks.push_back(record.mark());
+    if (record.has_calibration()) return calibration(record.calibration());
     if (record.has_durable()) {
       segment_.durable = record.durable();
       segment_.durable_rows = segment_.rows.size();
@@ -145,6 +146,13 @@ class Reader {
     row.evidence_end = end;
     row.records = records_;
     segment_.rows.push_back(std::move(row));
+    return {};
+  }
+
+  Status calibration(const wire::Calibration& told) {
+    Manifest::Calibration calibration{told.file(), told.id(), told.set()};
+    if (const Status good = check_next(calibration, segment_.calibrations); !good) return good;
+    segment_.calibrations.push_back(std::move(calibration));
     return {};
   }
 

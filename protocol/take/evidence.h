@@ -9,6 +9,7 @@
 
 #include "protocol/base/result.h"
 #include "protocol/take/digest.h"
+#include "protocol/take/documents.h"
 #include "protocol/take/evidence.pb.h"
 
 namespace nodal::take {
@@ -39,6 +40,7 @@ struct Segment {
   std::vector<wire::Set> sets;  ///< only those whose clusters are in the files; index rises by one
   std::vector<wire::Raymap> raymaps;
   std::vector<wire::Mark> marks;
+  std::vector<Manifest::Calibration> calibrations;  ///< those after the take's first, so far
   /// After one cluster of every file.
   struct Row {
     std::uint64_t sets = 0;                ///< of `sets`

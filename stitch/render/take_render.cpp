@@ -34,34 +34,46 @@ Result<RaymapConfig> raymap_of(const media::TakeFolder& folder) {
   return sets::raymap_config_of(*text, folder.shown(take::kRigFile), read);
 }
 
-TakeRender::TakeRender(const media::TakeFolder& folder, RenderOptions options, Calibration calibration)
+TakeRender::TakeRender(const media::TakeFolder& folder, RenderOptions options, std::vector<Used> calibrations)
     : folder_(folder),
       options_(std::move(options)),
-      calibration_(std::move(calibration)),
-      id_(calibration_id(calibration_)),
+      calibrations_(std::move(calibrations)),
+      used_(&calibrations_.front()),
       workers_(options_.threads),
       sets_(folder) {}
 
 Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& folder, RenderOptions options) {
-  std::optional<Calibration> calibration = options.calibration;
-  std::string from = "--calibration";
-  if (!calibration) {
-    from = folder.shown(take::kCalibrationFile);
-    if (!folder.has(take::kCalibrationFile)) {
-      return fail(Errc::kNotReady, from + ": the take has no calibration; give one with --calibration");
-    }
-    const auto text = folder.text(take::kCalibrationFile, kMaxCalibrationBytes);
-    if (!text) return fail(text.error());
-    auto parsed = parse_calibration(*text);
-    if (!parsed) return fail(parsed.error().in(from));
-    calibration = std::move(*parsed);
-  }
   std::vector<sets::RigHead> named;
   for (const std::string& head : folder.about().heads) named.push_back({head, {}});
-  if (const auto fits = sets::calibration_of(*calibration, named, "take.json"); !fits) {
-    return fail(fits.error().in(from));
+  std::vector<Used> calibrations;
+  const auto add = [&](Calibration calibration, std::uint64_t first_set, const std::string& from) -> Status {
+    if (const auto fits = sets::calibration_of(calibration, named, "take.json"); !fits)
+      return fail(fits.error().in(from));
+    const Sha256 id = calibration_id(calibration);
+    calibrations.push_back({std::move(calibration), id, first_set});
+    return {};
+  };
+  const auto add_file = [&](const std::string& name, std::uint64_t first_set) -> Status {
+    const auto text = folder.text(name, kMaxCalibrationBytes);
+    if (!text) return fail(text.error());
+    auto parsed = parse_calibration(*text);
+    if (!parsed) return fail(parsed.error().in(folder.shown(name)));
+    return add(std::move(*parsed), first_set, folder.shown(name));
+  };
+  Status added;
+  if (options.calibration) {
+    added = add(*options.calibration, 0, "--calibration");
+  } else {
+    const auto& later = folder.manifest().calibrations;
+    if (folder.has(take::kCalibrationFile)) added = add_file(take::kCalibrationFile, 0);
+    for (std::size_t k = 0; k < later.size() && added; ++k) added = add_file(later[k].file, later[k].set);
+    if (added && calibrations.empty()) {
+      return fail(Errc::kNotReady,
+                  folder.shown(take::kCalibrationFile) + ": the take has no calibration; give one with --calibration");
+    }
   }
-  return std::unique_ptr<TakeRender>(new TakeRender(folder, std::move(options), std::move(*calibration)));
+  if (!added) return fail(added.error());
+  return std::unique_ptr<TakeRender>(new TakeRender(folder, std::move(options), std::move(calibrations)));
 }
 
 Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(double)>& compiled) {
@@ -94,12 +106,14 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
   return true;
 }
 
-/// Compiles tables for the heads' formats in a segment, if they are not those of the segment before.
+/// Compiles tables for a set's calibration and for the heads' formats in its segment, if they are not those of the set before.
 Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   const take::wire::Begin& begin = sets_.segment().evidence().begin;
-  if (segment_ == begin.segment()) return {};
+  while (used_ != &calibrations_.back() && (used_ + 1)->first_set <= set_.evidence.number()) ++used_;
+  if (segment_ == begin.segment() && compiled_ == used_) return {};
+  if (segment_ != begin.segment() && begin.calibration_id() != std::string(used_->id.begin(), used_->id.end()))
+    ++other_calibrations_;
   segment_ = begin.segment();
-  if (begin.calibration_id() != std::string(id_.begin(), id_.end())) ++other_calibrations_;
 
   std::vector<sets::RigHead> heads;
   for (const std::string& name : folder_.about().heads) heads.push_back({name, {}});
@@ -116,8 +130,8 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
     formats[*stream.head] = stream.format;
     heads[*stream.head].size = {stream.width, stream.height};
   }
-  if (blend_.installed() && formats == formats_ && fields == fields_) return {};
-  const auto fitted = sets::calibration_of(calibration_, heads, "take.json");
+  if (compiled_ == used_ && formats == formats_ && fields == fields_) return {};
+  const auto fitted = sets::calibration_of(used_->calibration, heads, "take.json");
   if (!fitted) return fail(fitted.error());
   auto job = sets::TableJob::make(*fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats);
   if (!job) return fail(job.error());
@@ -134,9 +148,10 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   if (!tables) return fail(tables.error());
   auto meter = table::compile_meter_table(*fitted);
   if (!meter) return fail(meter.error());
-  blend_.adopt(sets::make_installed(id_, fitted->name, std::move(*tables), std::move(*meter),
+  blend_.adopt(sets::make_installed(used_->id, fitted->name, std::move(*tables), std::move(*meter),
                                     table::compile_tone_table(*fitted, options_.raymap.format, options_.raymap.soft),
                                     formats));
+  compiled_ = used_;
   formats_ = std::move(formats);
   fields_ = fields;
   return {};

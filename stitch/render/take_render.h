@@ -43,9 +43,9 @@ struct RenderedRaymap {
   std::size_t undecodable_heads = 0;           ///< of the set: pictures that could not be decoded
 };
 
-/// With the take's calibration, and pictures as the heads delivered them, the bytes are those of the rig's own raymaps: the
-/// same code makes them, with the settings that the evidence has. Every set is rendered, also those that the rig had no time to
-/// blend.
+/// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered them,
+/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings that the evidence has. Every set is
+/// rendered, also those that the rig had no time to blend.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
 /// Ownership: the folder outlives it.
@@ -59,12 +59,18 @@ class TakeRender {
   Result<bool> next(RenderedRaymap& into, const std::function<void(double)>& compiled = {});
   /// The set of the newest raymap, with the head's settings.
   const media::TakeSet& set() const { return set_; }
-  const Sha256& calibration() const { return id_; }
-  /// Segments that were recorded with another calibration than that of the raymaps.
+  /// Of the newest raymap.
+  const Sha256& calibration() const { return used_->id; }
+  /// Segments that began with another calibration than that of their first raymap here.
   std::size_t other_calibrations() const { return other_calibrations_; }
 
  private:
-  TakeRender(const media::TakeFolder& folder, RenderOptions options, Calibration calibration);
+  struct Used {
+    Calibration calibration;
+    Sha256 id{};
+    std::uint64_t first_set = 0;  ///< number of the first set that is blended with it
+  };
+  TakeRender(const media::TakeFolder& folder, RenderOptions options, std::vector<Used> calibrations);
   Result<bool> next_set(const std::function<void(double)>& compiled);
   Status use_tables(const std::function<void(double)>& compiled);
   std::size_t begin_set();
@@ -72,13 +78,14 @@ class TakeRender {
 
   const media::TakeFolder& folder_;
   RenderOptions options_;
-  Calibration calibration_;
-  Sha256 id_;
+  std::vector<Used> calibrations_;  ///< at least one, in order
+  const Used* used_;                ///< for the newest set
   parallel::Workers workers_;
   media::TakeSets sets_;
   media::TakeSet set_;
   std::optional<Instant> first_;          ///< middle of the take's first set
   std::optional<std::uint32_t> segment_;  ///< number of the one that the tables were compared with
+  const Used* compiled_ = nullptr;        ///< that the tables are for
   std::vector<PixelFormat> formats_;      ///< that the tables are for
   std::optional<Fields> fields_;          ///< that the tables are for
   sets::SetBlend blend_;

@@ -1,10 +1,12 @@
 // Takes that the real nodald recorded, afterwards: `nodal render` beside the raymaps that it made while it filmed, `nodal take show`
 // and `take export`, and heads that play a take.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <map>
+#include <thread>
 #include <utility>
 
 #include "rig_process.h"
@@ -34,12 +36,15 @@ class RenderTest : public RigTest {
       with(name, name + line + "\n");
     }
   }
-  /// Films and records, pulls `count` raymaps meanwhile, and returns them.
-  Raymaps film(int count, const std::string& takes = "") {
+  void start_take(const std::string& takes = "") {
     with("[sim]\n", "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n" + takes + "[sim]\nnoise = 2\n");
     start_nodald();
     bring_up();
     EXPECT_EQ(nodal({"take", "start"}).code, 0);
+  }
+  /// Films and records, pulls `count` raymaps meanwhile, and returns them.
+  Raymaps film(int count, const std::string& takes = "") {
+    start_take(takes);
     const std::vector<Json> said =
         nodal_json({"raymap", "pull", "-n", std::to_string(count), "--lossless", "--out", path("live-%04d.raw")});
     EXPECT_EQ(nodal({"take", "mark", "the bus, \"42\""}).code, 0);
@@ -87,6 +92,49 @@ TEST_F(RenderTest, RawTakes_GiveTheBytesThatTheRigMade) {
   EXPECT_EQ(rendered({"--threads", "1"}), later);
   // The pictures differ from set to set, so equal bytes cannot be an accident.
   EXPECT_NE(later.begin()->second, std::next(later.begin())->second);
+}
+
+/// Two swaps while it films: each set is rendered with the calibration that the rig blended it with, also when nodald was killed.
+TEST_F(RenderTest, CalibrationsSwappedInATake_AreEachUsedForTheirSets) {
+  Calibration other = six_heads("other");
+  for (HeadCalibration& head : other.heads) head.center_x += 3;
+  write("other.json", to_json(other));
+  for (const bool killed : {false, true}) {
+    SCOPED_TRACE(killed ? "nodald killed" : "take stopped");
+    if (killed) {
+      fs::remove_all(path("takes"));
+      start_nodald();
+      bring_up();
+      ASSERT_EQ(nodal({"take", "start"}).code, 0);
+    } else {
+      start_take();
+    }
+    Raymaps live;
+    const auto pull = [&](const std::string& name) {
+      live.merge(raymaps_of(nodal_json({"raymap", "pull", "-n", "8", "--lossless", "--out", path(name)})));
+    };
+    pull("one-%04d.raw");
+    ASSERT_EQ(nodal({"calibration", "upload", path("other.json")}).code, 0);
+    pull("two-%04d.raw");
+    ASSERT_EQ(nodal({"calibration", "rollback"}).code, 0);
+    pull("three-%04d.raw");
+    if (killed) {
+      std::this_thread::sleep_for(std::chrono::seconds(2));  // until all of it is on the disk
+      nodald().signal(SIGKILL);
+      nodald().wait();
+      start_nodald();
+      ASSERT_TRUE(wait_until([&] { return fs::exists(take() + "/manifest"); }));
+    } else {
+      ASSERT_EQ(nodal({"take", "stop"}).code, 0);
+    }
+    const Raymaps later = rendered();
+    expect_same(live, later);
+    const Json shown = nodal_json({"take", "show", take()}).at(0);
+    ASSERT_EQ(shown["later_calibrations"].size(), 2U);
+    EXPECT_EQ(shown["later_calibrations"][1]["id"], shown["calibration"]) << "rolled back";
+    EXPECT_EQ(nodal({"take", "verify", take()}).code, 0);
+    EXPECT_NE(rendered({"--calibration", path("other.json")}), later);
+  }
 }
 
 TEST_F(RenderTest, LosslessTakes_GiveTheBytesThatTheRigMade) {

@@ -95,9 +95,6 @@ void check_take(hal::DiskPort& disk, const std::string& mounted, std::uint64_t s
 class PowerCuts : public testing::TestWithParam<FileSystem> {};
 
 TEST_P(PowerCuts, AnywhereInATakeOfTwoSegments_LoseAtMostASecondAndEveryFileIsWhole) {
-  // Without a journal it does not hold everywhere: one cut in about 60 left the folder of a take in which nothing was recorded.
-  if (GetParam().type == "exfat" && std::getenv("NODAL_POWER_CUTS") == nullptr)
-    GTEST_SKIP() << "exFAT: with NODAL_POWER_CUTS";
   const std::string scratch = "/run/" + GetParam().type;
   hil::LoggedDisk disk(scratch, GetParam().make, GetParam().type, 320);
   std::optional<hil::WriteLog> log;

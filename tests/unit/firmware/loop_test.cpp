@@ -133,6 +133,42 @@ TEST(Loop, OfAFinishedTake_WhatIsLeftIsWholeAndPlaysInOrder) {
   }
 }
 
+/// A calibration is no part of a segment, though its name has a number, too.
+TEST(Loop, SegmentsAreDeletedThatNamedACalibration_TheOthersNameItToo) {
+  hal::sim::SimDisk disk;
+  const Film made = slow_film(30);
+  const TakeCalibration second{kFirstNumber + 2, Sha256{1}, "{\"second\":2}"};
+  const TakeCalibration third{kFirstNumber + 7, Sha256{}, "{\"third\":3}"};
+  {
+    auto writer = TakeWriter::begin(disk, slow_documents());
+    ASSERT_TRUE(writer);
+    for (std::size_t k = 0; k < made.rows.size(); ++k) {
+      if (k == 2) {
+        ASSERT_TRUE((*writer)->use_calibration(second));
+        ASSERT_TRUE((*writer)->use_calibration(second)) << "it is in force";
+      }
+      if (k == 7) {
+        ASSERT_TRUE((*writer)->use_calibration(third));
+      }
+      ASSERT_TRUE((*writer)->write(made.rows[k]));
+    }
+    ASSERT_TRUE((*writer)->delete_oldest());
+    ASSERT_TRUE((*writer)->delete_oldest());
+  }
+  const auto recovered = recover_take(disk, "000042");
+  ASSERT_TRUE(recovered) << recovered.error().text();
+  ASSERT_TRUE(trim_take(disk, "000042").value_or(std::nullopt));
+  const take::Manifest manifest = manifest_on(disk);
+  EXPECT_EQ(segments_on(disk), (std::set<int>{3, 4, 5}));
+  const std::vector<take::Manifest::Calibration> expected{
+      {"calibration-0001.json", to_hex(second.id), second.first_set},
+      {"calibration-0002.json", to_hex(third.id), third.first_set}};
+  EXPECT_EQ(manifest.calibrations, expected);
+  EXPECT_EQ(check(disk, manifest), 15U) << "with the hashes of all files";
+  const Bytes text = read(disk, "calibration-0002.json");
+  EXPECT_EQ(std::string(text.begin(), text.end()), third.json);
+}
+
 TEST(Loop, PowerCutWhileASegmentOfARunningTakeIsDeleted_LosesNothingElse) {
   const Film made = slow_film(30);
   const auto run = [&](hal::sim::SimDisk& disk) {

@@ -252,5 +252,81 @@ TEST(TakeTrouble, ReadsFailWhenNodaldStarts_TheTakeIsDamagedUntilTheyWork) {
   }
 }
 
+/// A take of ten seconds that nodald did not end.
+std::unique_ptr<hal::sim::SimDisk> killed_take() {
+  hal::sim::SimDisk disk;
+  hal::sim::SimClock clock;
+  TakeStage stage(disk, clock, {});
+  EXPECT_TRUE(stage.start().result);
+  stage.run(Duration::seconds(10));
+  return disk.after_kill();
+}
+
+TEST(TakeTrouble, TheLastBytesOfAFileCannotBeRead_TheTakeIsCutBeforeThem) {
+  const std::uint64_t all = takes_after_restart(*killed_take()).at(0).sets;
+  for (const std::string name : {"000001/cam1-0000.mkv", "000001/evidence-0000"}) {
+    SCOPED_TRACE(name);
+    const auto disk = killed_take();
+    // 512 bytes of a picture: less than half a second, which is 3 sets. Of the evidence, a few records.
+    disk->spoil(name, disk->size(name).value() - 100);
+    const std::vector<TakeEntry> takes = takes_after_restart(*disk);
+    ASSERT_EQ(takes.size(), 1U);
+    EXPECT_EQ(takes[0].state, TakeState::kComplete) << takes[0].problem;
+    EXPECT_LT(takes[0].sets, all);
+    EXPECT_GE(takes[0].sets + 5, all) << "at most a second";
+    EXPECT_EQ(account_of(*disk, 1).sets, takes[0].sets);
+  }
+}
+
+TEST(TakeTrouble, WhatWasDurableCannotBeRead_TheTakeIsDamagedAndNothingIsCut) {
+  for (const std::string name : {"000001/cam1-0000.mkv", "000001/evidence-0000"}) {
+    SCOPED_TRACE(name);
+    hal::sim::SimDisk disk;
+    {
+      hal::sim::SimClock clock;
+      TakeStage::Options large;
+      large.rate = {100, 1};  // 0.6 MB of evidence
+      TakeStage stage(disk, clock, large);
+      ASSERT_TRUE(stage.start().result);
+      stage.run(Duration::seconds(50));
+    }
+    disk.spoil(name, disk.size(name).value() / 2);
+    const std::uint64_t length = disk.size(name).value();
+    const std::vector<TakeEntry> takes = takes_after_restart(disk);
+    ASSERT_EQ(takes.size(), 1U);
+    EXPECT_EQ(takes[0].state, TakeState::kDamaged);
+    EXPECT_NE(takes[0].problem.find("reading it failed"), std::string::npos) << takes[0].problem;
+    EXPECT_EQ(disk.size(name).value(), length);
+  }
+}
+
+/// exFAT moves a file in two steps, so both of its names may be gone.
+TEST(TakeTrouble, ThePowerFailsWhenATakeBegins_ItsFolderGoesAndTheOthersStay) {
+  for (const std::string left : {"", "calibration.json", "rig.toml.tmp", "take.json.tmp", "take.json"}) {
+    SCOPED_TRACE("left: " + left);
+    const auto disk = killed_take();
+    ASSERT_TRUE(disk->make_folder("000002"));
+    if (!left.empty()) {
+      const auto file = disk->create("000002/" + left);
+      ASSERT_TRUE(file);
+      ASSERT_TRUE(disk->write(*file, std::vector<std::uint8_t>{'{', '"', 'v'}));
+    }
+    const std::vector<TakeEntry> takes = takes_after_restart(*disk);
+    ASSERT_EQ(takes.size(), 1U);
+    EXPECT_EQ(takes[0].number, 1U);
+    EXPECT_EQ(takes[0].state, TakeState::kComplete) << takes[0].problem;
+    EXPECT_FALSE(disk->list("000002"));
+  }
+}
+
+TEST(TakeTrouble, AFolderWithoutTakeJsonHasAPicture_ItStaysAndIsDamaged) {
+  const auto disk = killed_take();
+  ASSERT_TRUE(disk->remove("000001/take.json"));
+  const std::vector<TakeEntry> takes = takes_after_restart(*disk);
+  ASSERT_EQ(takes.size(), 1U);
+  EXPECT_EQ(takes[0].state, TakeState::kDamaged);
+  EXPECT_TRUE(disk->size("000001/cam0-0000.mkv"));
+}
+
 }  // namespace
 }  // namespace nodal::firmware

@@ -99,6 +99,24 @@ TEST(TakeFiles, EvidenceWithAChangedByte_EndsBeforeItsRecord) {
   }
 }
 
+wire::Record calibration(const std::string& file, std::uint64_t set) {
+  wire::Record record;
+  record.mutable_calibration()->set_file(file);
+  record.mutable_calibration()->set_id(std::string(64, 'a'));
+  record.mutable_calibration()->set_set(set);
+  return record;
+}
+
+TEST(TakeFiles, EvidenceOfManyCalibrations_HasThemUpToTheLimit) {
+  std::vector<wire::Record> many{records().front()};
+  for (std::size_t k = 0; k < kMostCalibrations; ++k) many.push_back(calibration(calibration_file(k + 1), k / 2));
+  const auto segment = read_evidence(bytes_of(many), "evidence-0000");
+  ASSERT_TRUE(segment) << segment.error().text();
+  EXPECT_EQ(segment->calibrations.size(), kMostCalibrations);
+  many.push_back(calibration(calibration_file(kMostCalibrations + 1), kMostCalibrations));
+  EXPECT_FALSE(read_evidence(bytes_of(many), "evidence-0000"));
+}
+
 TEST(TakeFiles, EvidenceThatContradictsItself_IsRefusedWithItsRecord) {
   struct Case {
     const char* what;
@@ -126,6 +144,14 @@ TEST(TakeFiles, EvidenceThatContradictsItself_IsRefusedWithItsRecord) {
       {"half a hash", [](auto& r) { r[3].mutable_clusters()->set_hashes(0, "half"); }},
       {"lengths of other files", [](auto& r) { r[3].mutable_clusters()->add_end(5); }},
       {"an end for fewer sets", [](auto& r) { r.back().mutable_end()->set_sets(3); }},
+      {"a calibration outside of the folder",
+       [](auto& r) { r.insert(r.begin() + 1, calibration("../calibration-0001.json", 1)); }},
+      {"a calibration left out", [](auto& r) { r.insert(r.begin() + 1, calibration(calibration_file(2), 1)); }},
+      {"a calibration from an earlier set on",
+       [](auto& r) {
+         r.insert(r.begin() + 1, calibration(calibration_file(2), 1));
+         r.insert(r.begin() + 1, calibration(calibration_file(1), 2));
+       }},
       {"a record after the end", [](auto& r) { r.push_back(r[1]); }},
   };
   for (const Case& each : cases) {
@@ -157,15 +183,18 @@ TEST(TakeFiles, Documents_AreReadAsTheyWereWritten) {
   manifest.length = Duration::seconds(3);
   manifest.ended = "stopped";
   manifest.marks = {{3, "the bus"}, {5, ""}};
+  manifest.calibrations = {{"calibration-0001.json", std::string(64, '0'), 5}};
   manifest.files = {{"cam0-0000.mkv", 1000, xxh128(Bytes{1, 2, 3})}, {"evidence-0000", 20, {}}};
   const auto read = parse_manifest(manifest_json(manifest), "manifest");
   ASSERT_TRUE(read) << read.error().text();
   EXPECT_EQ(manifest_json(*read), manifest_json(manifest));
   EXPECT_EQ(read->bytes(), 1020U);
+  EXPECT_EQ(read->calibrations, manifest.calibrations);
 }
 
 TEST(TakeFiles, HostileDocuments_AreRefusedByName) {
   Manifest manifest;
+  manifest.calibrations = {{"calibration-0001.json", std::string(64, 'b'), 5}};
   manifest.files = {{"cam0-0000.mkv", 1000, {}}};
   const std::string good = manifest_json(manifest);
   const auto with = [&](const std::string& from, const std::string& to) {
@@ -173,12 +202,26 @@ TEST(TakeFiles, HostileDocuments_AreRefusedByName) {
     text.replace(text.find(from), from.size(), to);
     return text;
   };
-  for (const std::string& text :
-       {std::string(), std::string("[]"), std::string("{}"), with("cam0-0000.mkv", "../x"),
-        with("cam0-0000.mkv", "manifest"), with("cam0-0000.mkv", "cam0-0000.mkv/x"), with("1000", "-1"),
-        with("1000", "99999999999999999999"), with("1000", "1e3"), with("\"version\": 1", "\"version\": 2"),
-        with("00000000", "0000000g"), with("\"sets\": 0", "\"sets\": \"0\""), with("\"marks\": []", "\"marks\": [1]"),
-        with("\"marks\": []", "\"marks\": {}"), std::string(kMaxManifestBytes + 1, ' ')}) {
+  for (const std::string& text : {std::string(),
+                                  std::string("[]"),
+                                  std::string("{}"),
+                                  with("cam0-0000.mkv", "../x"),
+                                  with("cam0-0000.mkv", "manifest"),
+                                  with("cam0-0000.mkv", "cam0-0000.mkv/x"),
+                                  with("1000", "-1"),
+                                  with("1000", "99999999999999999999"),
+                                  with("1000", "1e3"),
+                                  with("\"version\": 1", "\"version\": 2"),
+                                  with("00000000", "0000000g"),
+                                  with("\"sets\": 0", "\"sets\": \"0\""),
+                                  with("\"marks\": []", "\"marks\": [1]"),
+                                  with("\"marks\": []", "\"marks\": {}"),
+                                  with("n-0001", "n-0002"),
+                                  with("n-0001.json", "n-0001/.."),
+                                  with("bbb", "bb"),
+                                  with("bbb", "bBb"),
+                                  with("\"set\": 5", "\"set\": -5"),
+                                  std::string(kMaxManifestBytes + 1, ' ')}) {
     const auto read = parse_manifest(text, "the-manifest");
     ASSERT_FALSE(read) << text.substr(0, 200);
     EXPECT_NE(read.error().message.find("the-manifest"), std::string::npos) << read.error().text();
