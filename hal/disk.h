@@ -40,6 +40,9 @@ class DiskPort {
   virtual Status truncate(FileHandle file, std::uint64_t size) = 0;
   /// Asks the disk to begin writing what was appended, without waiting for it: less is left for sync().
   virtual void start_write_out(FileHandle file) = 0;
+  /// Asks for room behind the end of a file that is open for appending, which keeps its length, so that it lies in one piece.
+  /// A file system that cannot do it, or has no room, does nothing. truncate() gives back what was not used.
+  virtual void preallocate(FileHandle file, std::uint64_t bytes) = 0;
   virtual Status sync(FileHandle file) = 0;
   /// Makes every change of every file and folder durable. After an error it is unknown what is durable.
   virtual Status sync_all() = 0;

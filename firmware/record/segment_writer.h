@@ -78,6 +78,7 @@ class SegmentWriter {
     std::optional<take::MatroskaWriter> video;
     take::PieceHashes hashes;
     std::size_t hashes_told = 0;            ///< those in the evidence
+    std::uint64_t room_until = 0;           ///< bytes that the file was given room for
     std::vector<std::uint8_t> first;        ///< the first piece, whose sector is written again at the end
     Duration newest;                        ///< time of the newest raymap
     std::vector<std::uint8_t> placeholder;  ///< a grey picture; empty until it is needed
@@ -85,6 +86,7 @@ class SegmentWriter {
 
   explicit SegmentWriter(const TakePlace& place) : place_(place) {}
   take::VideoTrack track_of(const File& file) const;
+  void make_room(File& file, std::size_t bytes);
   Status append(File& file, std::span<const std::span<const std::uint8_t>> pieces);
   Status append_record(const take::wire::Record& record);
   Status create_files();

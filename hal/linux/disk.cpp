@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <fcntl.h>
+#include <linux/falloc.h>
 #include <linux/openat2.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -240,6 +241,13 @@ void LinuxDisk::start_write_out(FileHandle handle) {
   if (const auto file = file_of(handle, false)) {
     (void)::sync_file_range((*file)->descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
   }
+}
+
+void LinuxDisk::preallocate(FileHandle handle, std::uint64_t bytes) {
+  const auto file = file_of(handle, false);
+  if (!file || bytes == 0) return;
+  (void)::fallocate((*file)->descriptor, FALLOC_FL_KEEP_SIZE, static_cast<off_t>((*file)->end),
+                    static_cast<off_t>(bytes));
 }
 
 Status LinuxDisk::sync_all() {

@@ -217,6 +217,7 @@ Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
 }
 
 void SimDisk::start_write_out(FileHandle) {}
+void SimDisk::preallocate(FileHandle, std::uint64_t) {}
 
 void SimDisk::make_durable(Inode& inode) {
   if (inode.lost) return;

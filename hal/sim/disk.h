@@ -33,6 +33,7 @@ class SimDisk final : public DiskPort {
   Status overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) override;
   Status truncate(FileHandle file, std::uint64_t size) override;
   void start_write_out(FileHandle file) override;
+  void preallocate(FileHandle file, std::uint64_t bytes) override;
   Status sync(FileHandle file) override;
   Status sync_all() override;
   void close(FileHandle file) override;

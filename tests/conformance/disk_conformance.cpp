@@ -254,6 +254,8 @@ TEST_P(DiskConformance, GatheredPieces_AreOneAfterTheOther) {
   ASSERT_TRUE(disk().write_pieces(file, pieces));
   ASSERT_TRUE(disk().write_pieces(file, {}));
   disk().start_write_out(file);
+  disk().preallocate(file, 100'000);
+  EXPECT_EQ(disk().size("log").value_or(0), all.size()) << "room is no length";
   ASSERT_TRUE(disk().write(file, bytes_of("end")));
   ASSERT_TRUE(disk().sync_all());
   EXPECT_EQ(get("log"), all + "end");

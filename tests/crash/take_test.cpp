@@ -1,5 +1,6 @@
 // Takes of the real nodald on a real file system: stopped, killed while recording, refused.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <chrono>
 #include <csignal>
@@ -52,6 +53,9 @@ bool wait_for_sets(LinkHost& host, std::uint64_t sets) {
   return false;
 }
 
+/// At most, by a file system's blocks.
+constexpr std::uint64_t kRoundedUp = 256 << 10;
+
 /// Checks every file of a take against its manifest and its evidence, and with ffprobe. Returns its sets.
 std::uint64_t check(const fs::path& folder) {
   const auto text = test::read_bytes(folder / take::kManifestFile);
@@ -63,6 +67,10 @@ std::uint64_t check(const fs::path& folder) {
   for (const take::Manifest::File& file : manifest->files) {
     const auto bytes = test::read_bytes(folder / file.name);
     EXPECT_EQ(bytes.size(), file.bytes) << file.name;
+    struct stat about {};
+    EXPECT_EQ(::stat((folder / file.name).c_str(), &about), 0);
+    EXPECT_LT(static_cast<std::uint64_t>(about.st_blocks) * 512, file.bytes + kRoundedUp)
+        << file.name << ": room that was not used is given back";
     take::PieceHashes hashes;
     hashes.update(bytes);
     EXPECT_EQ(take::digest_of(hashes.all()), file.digest) << file.name;

@@ -26,6 +26,26 @@ TEST(LinuxDisk, NoRoom_IsDiskFullAndNamesTheFile) {
   EXPECT_NE(status.error().message.find("/dev/full"), std::string::npos);
 }
 
+TEST(LinuxDisk, RoomBehindTheEnd_IsTakenAndGivenBackByTruncate) {
+  const test::TemporaryFolder folder;
+  auto disk = LinuxDisk::open(folder.path().string()).value();
+  const FileHandle file = disk->create("film").value();
+  const auto blocks = [&] {
+    struct stat about {};
+    EXPECT_EQ(::stat((folder / "film").c_str(), &about), 0);
+    return about.st_blocks * 512;
+  };
+  ASSERT_TRUE(disk->write(file, kBytes));
+  disk->preallocate(file, 1 << 20);
+  if (blocks() < 1 << 20) GTEST_SKIP() << "this file system gives no room";
+  EXPECT_EQ(disk->size("film").value_or(0), kBytes.size());
+  disk->preallocate(file, std::uint64_t{1} << 62);  // more than any disk has
+  ASSERT_TRUE(disk->write(file, kBytes));
+  ASSERT_TRUE(disk->truncate(file, 2 * kBytes.size()));
+  EXPECT_LT(blocks(), 1 << 20);
+  EXPECT_EQ(disk->read("film", 100).value(), (std::vector<std::uint8_t>{'x', 'y', 'x', 'y'}));
+}
+
 TEST(LinuxDisk, SymbolicLinkOutOfTheFolder_IsNotFollowed) {
   const test::TemporaryFolder folder;
   std::filesystem::create_directory(folder / "root");
