@@ -314,6 +314,8 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_lost_sets(takes.lost_sets);
   into.set_lost_raymaps(takes.lost_raymaps);
   into.set_buffer_percent(takes.buffer_percent);
+  into.set_quality(static_cast<std::uint32_t>(takes.quality));
+  into.set_leaves_out_raymaps(takes.leaves_out_raymaps);
   into.set_free_bytes(takes.free_bytes);
   into.set_bytes_a_second(takes.bytes_a_second);
   into.set_problem(shown(takes.problem.empty() ? takes.refused : takes.problem));

@@ -10,6 +10,7 @@ namespace nodal::firmware {
 namespace {
 
 constexpr Duration kSettling = Duration::seconds(5);
+constexpr Duration kLossShown = Duration::seconds(10);
 
 std::string hertz(std::uint32_t millihertz) {
   char text[32];
@@ -61,6 +62,20 @@ std::string too_slow(const HealthInputs& inputs) {
          hertz(inputs.rate_wanted_millihertz) + "; the board is too slow for this raymap size, or busy" + shed;
 }
 
+/// What the disk is too slow for now, or why the newest take ended; empty: nothing.
+std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
+  if (!inputs.takes) return "";
+  const TakeReport& takes = *inputs.takes;
+  if (!takes.recording) return takes.problem;
+  std::string left_out;
+  const auto add = [&](const std::string& what) { left_out += (left_out.empty() ? ": " : ", ") + what; };
+  if (takes.quality != 0 && takes.quality < config.takes->quality)
+    add("JPEG quality is " + std::to_string(takes.quality) + " of " + std::to_string(config.takes->quality));
+  if (takes.leaves_out_raymaps) add("raymaps are left out");
+  if (inputs.since_lost_set < kLossShown) add(std::to_string(takes.lost_sets) + " sets were lost");
+  return left_out.empty() ? takes.problem : "the disk is too slow for the take" + left_out;
+}
+
 /// The row of a condition. It holds in every state but kStopping, which is final.
 struct Row {
   RigState to;
@@ -79,7 +94,7 @@ constexpr std::array<Row, kConditions> kTable = [] {
   row(Condition::kNoFrames, RigState::kIdle, kServe);
   for (const Condition worse :
        {Condition::kHeadMissing, Condition::kGenlockLost, Condition::kHoldover, Condition::kUnfitFrames,
-        Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTooSlow}) {
+        Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTakeTrouble, Condition::kTooSlow}) {
     row(worse, RigState::kDegraded, kServe);
   }
   row(Condition::kHealthy, RigState::kRunning, kServe);
@@ -149,6 +164,8 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
     return found(Condition::kHeadTrouble, std::move(problem));
   }
   if (!inputs.undecodable.empty()) return found(Condition::kHeadTrouble, std::string(inputs.undecodable));
+  if (std::string trouble = take_trouble(config, inputs); !trouble.empty())
+    return found(Condition::kTakeTrouble, std::move(trouble));
   if (std::string slow = too_slow(inputs); !slow.empty()) return found(Condition::kTooSlow, std::move(slow));
   return {};
 }

@@ -13,6 +13,7 @@
 #include "firmware/config/config.h"
 #include "firmware/operate/shedding.h"
 #include "firmware/picture/blender.h"
+#include "firmware/record/take_keeper.h"
 #include "hal/watchdog.h"
 
 namespace nodal::firmware {
@@ -35,10 +36,11 @@ enum class Condition : std::uint8_t {
   kUnfitFrames,  ///< frames have a format that the calibration is not for
   kStoreTrouble,
   kHeadTrouble,
-  kTooSlow,  ///< fewer raymaps than frame sets, or some of the work is shed
+  kTakeTrouble,  ///< the disk loses something of the take, or ended it
+  kTooSlow,      ///< fewer raymaps than frame sets, or some of the work is shed
   kHealthy,
 };
-inline constexpr std::size_t kConditions = 13;
+inline constexpr std::size_t kConditions = 14;
 
 /// The actions of a transition.
 struct Actions {
@@ -64,6 +66,8 @@ struct HealthInputs {
   Duration blending;        ///< time without a pause of the sets or a change of calibration
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem()
+  const TakeReport* takes;              ///< null: the rig records nothing
+  Duration since_lost_set;              ///< of a take, by the disk
   const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
 

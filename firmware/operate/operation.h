@@ -155,6 +155,8 @@ class Operation {
 
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
+  std::uint64_t sets_lost_by_disk_ = 0;  ///< of the take that is recorded
+  std::optional<Instant> newest_lost_set_;
   bool frames_arrive_ = true;  ///< as last logged by watch_frames()
   std::uint64_t adopted_ = 0;
   Instant steady_since_;

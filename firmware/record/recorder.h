@@ -51,6 +51,10 @@ class Recorder {
   /// No set waits, and every closed row was written or is being written. Any thread.
   bool idle() const { return sets_in_.empty() && raymaps_in_.empty() && rows_.empty(); }
 
+  /// Of JPEGs that are encoded now: lower while the ring fills. Any thread.
+  int quality_now() const;
+  bool leaves_out_raymaps() const { return 100 * ring_.used() > kRaymapsUpTo * ring_.size(); }
+
   struct Counts {
     std::atomic<std::uint64_t> sets{0};          ///< since nodald started, all takes
     std::atomic<std::uint64_t> lost_sets{0};     ///< no room in the ring
@@ -87,7 +91,6 @@ class Recorder {
   std::size_t most_bytes(const hal::FrameView& frame) const;
   /// False if the ring has no room.
   bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
-  int quality_now() const;
   bool not_for_still(const FrameSet& set);
   void begin_end();
 

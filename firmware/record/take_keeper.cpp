@@ -329,6 +329,9 @@ void TakeKeeper::publish(Instant now) {
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
+  const bool encodes = writing_ && config_.takes->mode == TakesConfig::Mode::kJpeg;
+  report_.quality = encodes ? recorder_.quality_now() : 0;
+  report_.leaves_out_raymaps = writing_ && config_.takes->raymap && recorder_.leaves_out_raymaps();
   report_.buffer_percent = static_cast<std::uint32_t>(recorder_.ring().used() * 100 / recorder_.ring().size());
   report_.bytes_a_second = bytes_a_second();
   snapshot_.publish(report_);

@@ -111,6 +111,8 @@ struct TakeReport {
   std::uint64_t sets = 0;       ///< of the take that is being recorded
   std::uint64_t lost_sets = 0;  ///< likewise
   std::uint64_t lost_raymaps = 0;
+  bool leaves_out_raymaps = false;   ///< because the buffer is too full
+  int quality = 0;                   ///< of JPEGs that the rig encodes now; 0: it encodes none
   std::uint32_t buffer_percent = 0;  ///< of [takes] buffer_mb, used
   std::optional<Instant> durable;    ///< everything from before is on the disk
   std::uint64_t free_bytes = 0;

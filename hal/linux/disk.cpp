@@ -2,7 +2,6 @@
 
 #include <dirent.h>
 #include <fcntl.h>
-#include <linux/falloc.h>
 #include <linux/openat2.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -20,7 +19,6 @@
 #include "hal/file_name.h"
 
 namespace nodal::hal::linux_os {
-
 namespace {
 
 // Readable for owner and group; the umask may remove more.
@@ -245,9 +243,8 @@ void LinuxDisk::start_write_out(FileHandle handle) {
 
 void LinuxDisk::preallocate(FileHandle handle, std::uint64_t bytes) {
   const auto file = file_of(handle, false);
-  if (!file || bytes == 0) return;
-  (void)::fallocate((*file)->descriptor, FALLOC_FL_KEEP_SIZE, static_cast<off_t>((*file)->end),
-                    static_cast<off_t>(bytes));
+  const auto length = static_cast<off_t>(bytes);
+  if (file) (void)::fallocate((*file)->descriptor, FALLOC_FL_KEEP_SIZE, static_cast<off_t>((*file)->end), length);
 }
 
 Status LinuxDisk::sync_all() {

@@ -11,10 +11,10 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/raymap_sink.h"
+#include "host_tool/commands/take_argument.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
-#include "host_tool/offload/take_files.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/stops.h"
 #include "stitch/media/gpano.h"
@@ -162,7 +162,7 @@ Status run_render(Context& context, RenderArgs args) {
   watch_interrupts();
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(args.folder));
+  const Result<media::TakeFolder> folder = open_take(context, args.folder);
   if (!folder) return fail(folder.error());
   const Result<RaymapConfig> raymap = wanted_raymap(*folder, args);
   if (!raymap) return fail(raymap.error());
@@ -267,15 +267,16 @@ Status run_render(Context& context, RenderArgs args) {
 
 void add_render(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "render", "Blend a take's pictures to raymaps; needs no rig",
+      app, "render", "Blend a take's pictures to raymaps",
       "  nodal render 000042                                  raymaps.mkv, a film\n"
       "  nodal render 000042 -o r-%06d.png --from 10s --to 12s\n"
+      "  nodal render 42 -o still.jpg                         a still on the rig's disk\n"
       "  nodal render 000042 -o cube.mkv --layout cube --calibration better.json\n"
       "The rig's own calibrations and [raymap] are in the take. With them, and if the take has the pictures as the\n"
       "heads delivered them, the pixels are those of the rig's raymaps; sets that the rig had no time to blend are\n"
       "rendered, too.\n");
   auto args = std::make_shared<RenderArgs>();
-  command->add_option("TAKE", args->folder, "The folder of the take")->required()->type_name("");
+  command->add_option("TAKE", args->folder, kTakeArgumentHelp)->required()->type_name("");
   command
       ->add_option("-o,--out", args->out,
                    "A film, .mkv (raymaps.mkv when not given), or files, .jpg, .png, .tif or .raw, with %06d")

@@ -2,19 +2,25 @@
 #include <fmt/format.h>
 
 #include <ctime>
+#include <filesystem>
 #include <memory>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/console/files.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/offload/take_fetch.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::host {
 namespace {
 
+constexpr std::size_t kMostThumbnailBytes = 4 << 20;
+
 struct TakeOptions {
   std::uint64_t take = 0;
   std::string text;
+  std::string thumbnails;
   bool off = false;
 };
 
@@ -48,11 +54,29 @@ Json take_json(const wire::TakeEntry& take) {
   return json;
 }
 
-Status list_takes(Context& context) {
+/// Writes a take's thumbnail as DIR/000042.jpg, and returns that name; empty: it has none.
+Result<std::string> store_thumbnail(RigConnection& rig, const wire::TakeEntry& take, const std::string& folder) {
+  if (take.width() == 0 || take.state() != "complete") return std::string();
+  const auto bytes = fetch_small_file(rig, take.number(), take::kThumbFile, kMostThumbnailBytes);
+  if (!bytes && bytes.error().code == Errc::kNotFound) return std::string();
+  if (!bytes) return fail(bytes.error());
+  const std::string name = fmt::format("{}/{}.jpg", folder, take::take_folder(take.number()));
+  if (const Status written = write_file(name, *bytes); !written) return fail(written.error());
+  return name;
+}
+
+Status list_takes(Context& context, const TakeOptions& options) {
   wire::Request request;
   request.mutable_take_list();
-  const Result<wire::Reply> reply = context.ask(request);
+  const Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const Result<wire::Reply> reply = (*rig)->ask(request);
   if (!reply) return fail(reply.error());
+  if (!options.thumbnails.empty()) {
+    std::error_code error;
+    std::filesystem::create_directories(options.thumbnails, error);
+    if (error) return fail(Errc::kIo, fmt::format("folder '{}': {}", options.thumbnails, error.message()));
+  }
   Json list = Json::array();
   Table table({{"take", Table::Align::kRight},
                {"started (UTC)"},
@@ -63,6 +87,11 @@ Status list_takes(Context& context) {
                {"state"}});
   for (const wire::TakeEntry& take : reply->takes().takes()) {
     list.push_back(take_json(take));
+    if (!options.thumbnails.empty()) {
+      const Result<std::string> stored = store_thumbnail(**rig, take, options.thumbnails);
+      if (!stored) return fail(stored.error());
+      list.back()["thumbnail"] = stored->empty() ? Json() : Json(*stored);
+    }
     std::string state = take.state();
     if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
     if (take.deleted_sets() != 0) state += ", without the " + counted(take.deleted_sets(), "set") + " deleted for room";
@@ -147,8 +176,12 @@ void add_take(CLI::App& app, CommandLine& line) {
   line.on(mark, [marked](Context& context) { return run_mark(context, *marked); });
   CLI::App* list = add_command(*take, "list", "The takes on the rig's disk",
                                "  nodal take list\n"
+                               "  nodal take list --thumbnails pictures     pictures/000042.jpg, ...\n"
                                "  nodal take list --json | jq '.takes[] | select(.lost_sets>0)'\n");
-  line.on(list, list_takes);
+  auto listed = std::make_shared<TakeOptions>();
+  list->add_option("--thumbnails", listed->thumbnails, "Writes a small raymap of each take, where it has any")
+      ->type_name("DIR");
+  line.on(list, [listed](Context& context) { return list_takes(context, *listed); });
   add_take_show(*take, line);
   add_take_verify(*take, line);
   add_take_export(*take, line);

@@ -1,4 +1,4 @@
-// `nodal take show`: what a copy of a take holds.
+// `nodal take show`: what a take holds.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,10 +6,8 @@
 #include <map>
 #include <memory>
 
-#include "host_tool/commands/command.h"
+#include "host_tool/commands/take_argument.h"
 #include "host_tool/console/quantities.h"
-#include "host_tool/offload/take_files.h"
-#include "stitch/media/take/take_folder.h"
 
 namespace nodal::host {
 namespace {
@@ -30,7 +28,7 @@ std::string stored_as(const media::TakeStream& stream) {
 }
 
 Status run_show(Context& context, const std::string& name) {
-  const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(name));
+  const Result<media::TakeFolder> folder = open_take(context, name);
   if (!folder) return fail(folder.error());
   const take::TakeDocument& about = folder->about();
   const take::Manifest& manifest = folder->manifest();
@@ -118,9 +116,10 @@ Status run_show(Context& context, const std::string& name) {
 
 void add_take_show(CLI::App& group, CommandLine& line) {
   auto folder = std::make_shared<std::string>();
-  CLI::App* show = add_command(group, "show", "What a copy of a take holds: heads, marks, what is missing",
-                               "  nodal take show 000042\n");
-  show->add_option("FOLDER", *folder, "The folder of the take")->required()->type_name("");
+  CLI::App* show = add_command(group, "show", "What a take holds: heads, marks, what is missing",
+                               "  nodal take show 42        on the rig\n"
+                               "  nodal take show 000042    a copy\n");
+  show->add_option("TAKE", *folder, kTakeArgumentHelp)->required()->type_name("");
   line.on(show, [folder](Context& context) { return run_show(context, *folder); });
 }
 

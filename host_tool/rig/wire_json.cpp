@@ -86,6 +86,8 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"sets", takes.sets()},
                  {"lost_sets", takes.lost_sets()},
                  {"lost_raymaps", takes.lost_raymaps()},
+                 {"jpeg_quality", takes.quality()},
+                 {"leaves_out_raymaps", takes.leaves_out_raymaps()},
                  {"buffer_percent", takes.buffer_percent()},
                  {"durable_ns", takes.has_durable_ns() ? Json(takes.durable_ns()) : Json()},
                  {"free_bytes", takes.free_bytes()},

@@ -266,6 +266,28 @@ TEST_F(RenderTest, Shown_HasHeadsMarksAndNothingMissing) {
   EXPECT_LE(at, told["length_ns"].get<std::int64_t>() + 40'000'000);
 }
 
+TEST_F(RenderTest, ByItsNumber_ATakeOnTheRigsDiskIsShownAndRenderedAsItsCopyIs) {
+  film(10);
+  EXPECT_EQ(nodal_json({"take", "show", "1"}), nodal_json({"take", "show", take()}));
+  const Raymaps local = rendered();
+  const Raymaps remote = raymaps_of(nodal_json({"render", "1", "-o", path("remote-%04d.raw")}));
+  EXPECT_EQ(remote, local);
+  const Finished none = nodal({"take", "show", "5"});
+  EXPECT_NE(none.code, 0);
+  EXPECT_NE(none.err.find("take 5"), std::string::npos) << none.err;
+
+  const Json list = nodal_json({"take", "list", "--thumbnails", path("small")}).at(0)["takes"];
+  ASSERT_EQ(list.size(), 1U);
+  EXPECT_EQ(list[0]["thumbnail"], path("small/000001.jpg"));
+  EXPECT_EQ(read("small/000001.jpg"), read("takes/000001/thumb.jpg"));
+
+  nodald().signal(SIGTERM);
+  nodald().wait();
+  const Finished away = nodal({"render", "1", "-o", path("x.mkv")});
+  EXPECT_NE(away.err.find("there is no folder '1', and the rig"), std::string::npos) << away.err;
+  EXPECT_EQ(nodal({"take", "show", take()}).code, 0);
+}
+
 TEST_F(RenderTest, Exported_FilmsHaveTheSamePicturesAndTablesARowForEachFrame) {
   film(10);
   const Json done = nodal_json({"take", "export", take(), "--to", path("out")}).at(0);

@@ -23,8 +23,9 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    const Diagnosis found = diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set,
-                                              Duration::seconds(60), shed, settings, undecodable});
+    const Diagnosis found =
+        diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings,
+                          recording, since_lost_set, undecodable});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -36,6 +37,8 @@ class HealthTest : public testing::Test {
   Duration since_last_set;
   ShedLevel shed;
   std::string settings;
+  const TakeReport* recording = nullptr;
+  Duration since_lost_set = Duration::seconds(1000);
   std::string undecodable;
 };
 
@@ -137,6 +140,35 @@ TEST_F(HealthTest, WorkIsShed_IsDegradedAndSaysWhatIsLeftUndone) {
   EXPECT_NE(judged().problem.find("1 of 2 sets is blended"), std::string::npos) << judged().problem;
 }
 
+TEST_F(HealthTest, TheDiskIsTooSlowForTheTake_IsDegradedAndSaysWhatIsLost) {
+  config.takes = TakesConfig{.folder = "takes", .quality = 90};
+  TakeReport takes;
+  takes.recording = 7;
+  takes.quality = 90;
+  takes.lost_sets = 12;
+  recording = &takes;
+  EXPECT_EQ(judged().state, "running") << "what was lost is long ago";
+  takes.quality = 75;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, "the disk is too slow for the take: JPEG quality is 75 of 90");
+  takes.leaves_out_raymaps = true;
+  since_lost_set = Duration::seconds(3);
+  EXPECT_EQ(judged().problem,
+            "the disk is too slow for the take: JPEG quality is 75 of 90, raymaps are left out, 12 sets were lost");
+}
+
+TEST_F(HealthTest, ATakeEndedByItself_IsDegradedUntilTheNextBegins) {
+  config.takes = TakesConfig{.folder = "takes"};
+  TakeReport takes;
+  takes.problem = "take 7 ended: the disk is full";
+  recording = &takes;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, takes.problem);
+  takes.problem.clear();
+  takes.recording = 8;
+  EXPECT_EQ(judged().state, "running");
+}
+
 constexpr std::array kStates{RigState::kStarting, RigState::kNoCalibration, RigState::kIdle,    RigState::kRunning,
                              RigState::kDegraded, RigState::kHanging,       RigState::kStopping};
 
@@ -154,6 +186,7 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "DDDDDDX",  // kUnfitFrames
     "DDDDDDX",  // kStoreTrouble
     "DDDDDDX",  // kHeadTrouble
+    "DDDDDDX",  // kTakeTrouble
     "DDDDDDX",  // kTooSlow
     "RRRRRRX",  // kHealthy
 };
