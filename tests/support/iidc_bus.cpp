@@ -160,6 +160,7 @@ int IidcBus::write(std::uint64_t offset, std::uint32_t value, int generation) {
     coming_.clear();
     next_done_ = now + period();
     own_clock_from_.reset();
+    displaced_ = false;
   }
   streams_ = registers.transmits();
   return 0;
@@ -216,8 +217,9 @@ void IidcBus::deliver(Instant now) {
 
 void IidcBus::fill(Slot& slot, const Frame& frame) {
   std::fill(slot.bytes.begin(), slot.bytes.end(), static_cast<std::uint8_t>(frame.number));
+  const std::size_t begin = displaced_ ? slot.bytes.size() / 2 : 0;
   if (!registers.embeds()) return;
-  std::size_t i = 0;
+  std::size_t i = begin;
   for (const std::uint32_t number : {frame.gain | 0x8200'0000, frame.shutter | 0x8200'0000, frame.number + jumped_}) {
     for (int shift = 24; shift >= 0; shift -= 8) slot.bytes[i++] = static_cast<std::uint8_t>(number >> shift);
   }
@@ -238,6 +240,11 @@ void IidcBus::tear(std::uint32_t frame) {
 void IidcBus::damage(std::uint32_t frame) {
   const std::lock_guard lock(mutex_);
   damaged_.insert(frame);
+}
+void IidcBus::displace() {
+  const std::lock_guard lock(mutex_);
+  deliver(clock_.now());
+  displaced_ = true;
 }
 void IidcBus::jump_counter(std::uint32_t by) {
   const std::lock_guard lock(mutex_);

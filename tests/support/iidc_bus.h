@@ -43,6 +43,7 @@ class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
   void lose(std::uint32_t frame);            ///< the camera counts it and does not send it
   void tear(std::uint32_t frame);            ///< half of it arrives
   void damage(std::uint32_t frame);
+  void displace();  ///< from now on its pictures begin in the middle of a transfer, until the stream begins again
   void jump_counter(std::uint32_t by);  ///< its embedded counter is wrong from now on
   void fall_silent(bool on);
   void break_stream(int takes);      ///< so many takes fail with EIO
@@ -107,7 +108,7 @@ class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
   std::set<std::uint64_t> ignored_;
   std::set<std::uint32_t> lost_, torn_, damaged_;
   std::uint32_t jumped_ = 0;
-  bool silent_ = false;
+  bool silent_ = false, displaced_ = false;
   int broken_takes_ = 0, refused_buffers_ = 0;
 
   bool streams_ = false;

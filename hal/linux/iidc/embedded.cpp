@@ -9,6 +9,7 @@ namespace {
 
 constexpr std::uint32_t kGainInfo = 1U << 1, kShutterInfo = 1U << 2, kCounterInfo = 1U << 6, kAllInfo = 0x3FF;
 constexpr std::size_t kInfoBytes = 3 * 4;
+constexpr std::uint32_t kFixedBits = reg::kPresent | 0x00FF'F000;
 
 }  // namespace
 
@@ -34,7 +35,8 @@ std::optional<EmbeddedInfo> take_embedded(std::span<std::uint8_t> picture, std::
     for (std::size_t k = 0; k < 4; ++k) value = value << 8 | picture[4 * i + k];
     return value;
   };
-  const EmbeddedInfo info{number(0) & reg::kTwelveBits, number(1) & reg::kTwelveBits, number(2)};
+  const EmbeddedInfo info{number(0) & reg::kTwelveBits, number(1) & reg::kTwelveBits, number(2),
+                          (number(0) & kFixedBits) == reg::kPresent && (number(1) & kFixedBits) == reg::kPresent};
   std::copy_n(picture.begin() + static_cast<std::ptrdiff_t>(repeat * row_bytes), kInfoBytes, picture.begin());
   return info;
 }

@@ -18,6 +18,8 @@ struct EmbeddedInfo {
   std::uint32_t gain = 0;     ///< of the register, 12 bits
   std::uint32_t shutter = 0;  ///< likewise
   std::uint32_t counter = 0;  ///< of frames
+  /// Gain and shutter have their registers' fixed bits: 0 present, 8 to 19 zero. Otherwise these bytes are pixels.
+  bool marked = false;
 };
 
 /// Switches gain, shutter and frame counter on, and the others off. False if the camera has no embedded numbers.

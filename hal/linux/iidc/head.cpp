@@ -48,6 +48,7 @@ void IidcHead::began() {
 void IidcHead::stopped() {
   slots_.clear();
   sequence_.reset();
+  marked_ = false;
 }
 
 void IidcHead::return_refused() {
@@ -76,9 +77,10 @@ Result<std::optional<FrameView>> IidcHead::take_frame() {
     const Instant now = clock().now();
     const int failed = channel_->stream.take(frame);
     if (failed == 0) {
-      works();
       slots_[frame.slot] = Slot::kLent;
-      return std::optional<FrameView>{view(frame, now)};
+      const FrameView taken = view(frame, now);
+      displaced_ ? restart_stream() : works();
+      return std::optional<FrameView>{taken};
     }
     if (failed == ENODEV || (failed != EAGAIN && channel_->gone())) {
       fail_for_good(channel_->camera->explained("taking a frame", ENODEV));
@@ -109,6 +111,11 @@ std::uint32_t IidcHead::number(const RawFrame& frame, const std::optional<Embedd
   return next;
 }
 
+bool IidcHead::displaced(const EmbeddedInfo& embedded) {
+  marked_ |= embedded.marked;
+  return marked_ && !embedded.marked;
+}
+
 FrameView IidcHead::view(const RawFrame& frame, Instant now) {
   const Granted& granted = channel_->granted;
   const HeadFormat& format = granted.format;
@@ -117,11 +124,17 @@ FrameView IidcHead::view(const RawFrame& frame, Instant now) {
   if (frame.damaged) view.verdict = FrameVerdict::kCorrupt;
   if (frame.bytes < granted.picture_bytes) view.verdict = FrameVerdict::kTorn;
   std::optional<EmbeddedInfo> embedded;
+  displaced_ = false;
   if (channel_->embedded && view.verdict == FrameVerdict::kGood) {
     const std::span picture(frame.data, granted.picture_bytes);
     const std::size_t row = granted.picture_bytes / static_cast<std::size_t>(format.height);
     // Pixels of the same colour: in a mosaic, those two rows below.
     embedded = take_embedded(picture, row, is_bayer(format.pixels) ? 2 : 1);
+    if (embedded && displaced(*embedded)) {
+      displaced_ = true;
+      view.verdict = FrameVerdict::kCorrupt;
+      embedded.reset();
+    }
   }
 
   // A transfer begins when the exposure is over, and ends when the last row was read out.

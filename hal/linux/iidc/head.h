@@ -70,12 +70,16 @@ class IidcHead final : public device::DeviceHead {
   bool give_back(std::size_t slot);
   void restart_stream();
   FrameView view(const RawFrame& frame, Instant now);
+  /// Whether these bytes are not where a picture begins, although they were in an earlier picture of this stream.
+  bool displaced(const EmbeddedInfo& embedded);
   std::uint32_t number(const RawFrame& frame, const std::optional<EmbeddedInfo>& embedded);
 
   std::shared_ptr<Channel> channel_;
   std::vector<Slot> slots_;
   std::optional<std::uint32_t> sequence_;  ///< of the newest frame
   Instant last_at_;                        ///< its time
+  bool marked_ = false;                    ///< a picture of this stream had marked numbers
+  bool displaced_ = false;                 ///< the newest frame
 };
 
 }  // namespace nodal::hal::iidc

@@ -86,6 +86,16 @@ TEST_F(IidcHeadTest, TornAndDamagedFrames_HaveTheirVerdictAndTheNextIsGood) {
             (std::vector{FrameVerdict::kGood, FrameVerdict::kTorn, FrameVerdict::kCorrupt, FrameVerdict::kGood}));
 }
 
+TEST_F(IidcHeadTest, PicturesThatBeginInTheMiddleOfATransfer_AreCorruptUntilTheStreamIsBegunAgain) {
+  const auto head = streaming();
+  pass_frames(*head, 3);
+  bus_.displace();
+  EXPECT_EQ(pass_frame(*head).verdict, FrameVerdict::kCorrupt);
+  EXPECT_EQ(head->recoveries().restarts, 1U);
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(pass_frame(*head).verdict, FrameVerdict::kGood);
+  EXPECT_EQ(head->recoveries().restarts, 1U);
+}
+
 TEST_F(IidcHeadTest, AStreamThatBreaks_IsBegunAgainAndLentFramesStayWhatTheyWere) {
   const auto head = streaming();
   const auto lent = next(*head);
