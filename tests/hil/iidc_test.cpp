@@ -1,13 +1,39 @@
 // The IIDC head on libdc1394 and libusb: what reaches the camera's registers, what its pictures show, and each of its faults.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <thread>
 #include <vector>
 
 #include "iidc_camera.h"
 #include "tests/support/process.h"
 #include "vivid.h"
+
+struct libusb_transfer;
+
+namespace {
+
+/// How long the kernel keeps a cancelled transfer.
+std::atomic<std::chrono::milliseconds> g_kept_after_cancel{};
+
+}  // namespace
+
+/// Used instead of libusb's.
+extern "C" int libusb_cancel_transfer(libusb_transfer* transfer) {
+  using Function = int(libusb_transfer*);
+  static auto* const real = reinterpret_cast<Function*>(::dlsym(RTLD_NEXT, "libusb_cancel_transfer"));
+  const std::chrono::milliseconds kept = g_kept_after_cancel;
+  if (kept.count() == 0) return real(transfer);
+  std::thread([transfer, kept] {
+    std::this_thread::sleep_for(kept);
+    real(transfer);
+  }).detach();
+  return 0;
+}
 
 namespace nodal::hil {
 namespace {
@@ -136,6 +162,20 @@ TEST_F(Iidc, Stopped_NothingIsSentAndTheNextStreamBeginsWithAWholeFrame) {
     ASSERT_TRUE(head->start(TriggerMode::kFreeRun));
   }
   EXPECT_EQ(pass_frame(*head).verdict, FrameVerdict::kGood);
+}
+
+TEST_F(Iidc, TheKernelKeepsCancelledTransfers_TheStopWaitsForThemAndTheNextStreamIsWhole) {
+  const auto head = streaming();
+  pass_frame(*head);
+  g_kept_after_cancel = std::chrono::milliseconds(3000);
+  const Instant before = clock_.now();
+  head->stop();
+  EXPECT_LT((clock_.now() - before).ms(), 10) << "the worker waits, not capture's thread";
+  enumerator_.settle();
+  EXPECT_GE((clock_.now() - before).ms(), 3000);
+  g_kept_after_cancel = std::chrono::milliseconds(0);
+  ASSERT_TRUE(head->start(TriggerMode::kFreeRun));
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(pass_frame(*head).verdict, FrameVerdict::kGood);
 }
 
 TEST_F(Iidc, UnpluggedWhileStreaming_TheErrorNamesTheHeadAndSoDoesOpeningIt) {
