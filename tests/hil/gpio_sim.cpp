@@ -66,7 +66,7 @@ void SimChip::remove() {
   if (read_text(folder_ + "/live") == "1") write_text(folder_ + "/live", "0");
 }
 
-bool SimChip::wire(std::uint32_t offset) const { return read_text(lines_ + std::to_string(offset) + "/value") == "1"; }
+bool SimChip::wire(std::uint32_t offset) const { return read_text(wire_file(offset)) == "1"; }
 
 void SimChip::drive(std::uint32_t offset, bool high) const {
   write_text(lines_ + std::to_string(offset) + "/pull", high ? "pull-up" : "pull-down");

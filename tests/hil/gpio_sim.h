@@ -21,6 +21,8 @@ class SimChip {
   const std::string& name() const { return name_; }  ///< "gpiochip0"
   /// The level on the wire.
   bool wire(std::uint32_t offset) const;
+  /// The file that holds it, as 0 or 1.
+  std::string wire_file(std::uint32_t offset) const { return lines_ + std::to_string(offset) + "/value"; }
   /// Drives the line from outside: sets its pull, which a program's output overrides.
   void drive(std::uint32_t offset, bool high) const;
   /// Removes the chip, also while lines are in use.

@@ -1,5 +1,6 @@
 #include "iidc_camera.h"
 
+#include <fcntl.h>
 #include <linux/usb/ch9.h>
 #include <pthread.h>
 #include <signal.h>
@@ -15,8 +16,10 @@
 #include <deque>
 #include <filesystem>
 #include <fstream>
+#include <iomanip>
 #include <mutex>
 #include <new>
+#include <sstream>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -36,12 +39,15 @@ constexpr const char* kCameraTexts[] = {"Nodal", "IIDC emulator"};
 constexpr std::uint32_t kSpace = 0xF000'0000;  ///< the low half of FFFF F000 0000h
 constexpr std::uint32_t kRom = 0x400;
 
+constexpr std::uint32_t kGuidLow = 0x00C0'FFEE;  ///< of number 0; the others follow
+constexpr std::size_t kGuidLowPlace = 4;         ///< in the following words
+
 /// IEEE 1212: bus information, root directory, unit directory (IIDC 1.31), unit dependent directory, two leaves of text.
 constexpr std::array<std::uint32_t, 28> kConfigRom{0x0404'0000,
                                                    0x3133'3934,
                                                    0x0000'A002,
                                                    0x00B0'9D01,
-                                                   0x00C0'FFEE,  // "1394", GUID
+                                                   kGuidLow,  // "1394", GUID
                                                    0x0003'0000,
                                                    0x0300'B09D,
                                                    0x0C00'83C0,
@@ -94,7 +100,12 @@ Bytes camera_configuration() {
 
 class CameraProcess {
  public:
-  explicit CameraProcess(State& state) : state_(state) { registers_.set(0x614, 0); }
+  CameraProcess(State& state, int number, const std::string& wire)
+      : state_(state), usb_(number), rom_(kConfigRom), wire_(wire.empty() ? -1 : ::open(wire.c_str(), O_RDONLY)) {
+    if (!wire.empty() && wire_ < 0) RawGadget::end(wire.c_str());
+    rom_[kGuidLowPlace] += static_cast<std::uint32_t>(number);
+    registers_.set(0x614, 0);
+  }
 
   [[noreturn]] void run() {
     struct sigaction interrupt {};
@@ -154,8 +165,8 @@ class CameraProcess {
   }
 
   bool read(std::uint32_t offset, std::uint32_t& value) {
-    if (offset >= kRom && offset < kRom + 4 * kConfigRom.size()) {
-      value = kConfigRom[(offset - kRom) / 4];
+    if (offset >= kRom && offset < kRom + 4 * rom_.size()) {
+      value = rom_[(offset - kRom) / 4];
       return true;
     }
     const std::lock_guard lock(mutex_);
@@ -175,7 +186,7 @@ class CameraProcess {
       changes_.clear();
       start_ = SteadyClock::now();
       number_ = 0;
-      pulses_ = state_.pulses;
+      phase_ = Phase::kIdle;
     }
     const bool ends = state_.transmits && !registers_.transmits();
     state_.transmits = registers_.transmits();
@@ -191,30 +202,60 @@ class CameraProcess {
   /// The next frame of a stream, if its time has come.
   bool next_frame(Bytes& frame) {
     const std::lock_guard lock(mutex_);
+    const bool pulse = pulse_begins();
     if (!state_.transmits) return false;
     const SteadyClock::time_point now = SteadyClock::now();
+    SteadyClock::time_point begun = now - std::chrono::microseconds(kReadoutUs + 10 * shutter_);
     if (registers_.triggered()) {
-      if (state_.pulses == pulses_) return false;
-      ++pulses_;
-      ++number_;
+      if (!exposed_by_pulse(now, pulse)) return false;
+      begun = pulse_at_;
     } else {
       const double periods = std::chrono::duration<double>(now - start_).count() * registers_.hertz();
       if (periods < number_ + 1) return false;
       number_ = static_cast<std::uint32_t>(periods);  // those that nobody took are lost
     }
-    const auto begun = now - std::chrono::microseconds(kReadoutUs + 10 * shutter_);
     for (Change& change : changes_) change.frames_left -= begun < change.at ? 0 : 1;
     for (; !changes_.empty() && changes_.front().frames_left < 0; changes_.pop_front()) {
       shutter_ = changes_.front().shutter;
       gain_ = changes_.front().gain;
     }
     frame.assign(registers_.picture_bytes(), static_cast<std::uint8_t>(shutter_));
+    std::fill(frame.end() - static_cast<std::ptrdiff_t>(frame.size() / registers_.height()), frame.end(),
+              static_cast<std::uint8_t>(number_));
     if (!registers_.embeds()) return true;
     std::size_t i = 0;
     for (const std::uint32_t each : {gain_ | 0x8200'0000, shutter_ | 0x8200'0000, number_}) {
       for (int shift = 24; shift >= 0; shift -= 8) frame[i++] = static_cast<std::uint8_t>(each >> shift);
     }
     return true;
+  }
+
+  /// Whether a picture that a pulse started has been read out.
+  bool exposed_by_pulse(SteadyClock::time_point now, bool pulse) {
+    const bool by_pulse = (registers_.get(0x830) >> 16 & 0xF) == 1;
+    if (phase_ == Phase::kIdle && pulse) {
+      phase_ = Phase::kExposes;
+      pulse_at_ = now;
+      number_ = input_pulses_;
+    }
+    if (phase_ == Phase::kExposes &&
+        (by_pulse ? !high_ : now >= pulse_at_ + std::chrono::microseconds(10 * shutter_))) {
+      phase_ = Phase::kReadsOut;
+      exposed_at_ = by_pulse ? now : pulse_at_ + std::chrono::microseconds(10 * shutter_);
+    }
+    if (phase_ != Phase::kReadsOut || now < exposed_at_ + std::chrono::microseconds(kReadoutUs)) return false;
+    phase_ = Phase::kIdle;
+    return true;
+  }
+
+  /// Samples the trigger input.
+  bool pulse_begins() {
+    char text = '0';
+    const bool was_high = std::exchange(high_, wire_ >= 0 && ::pread(wire_, &text, 1, 0) == 1 && text == '1');
+    const bool by_wire = high_ && !was_high;
+    const bool by_test = state_.pulses != std::exchange(pulses_, state_.pulses);
+    if (by_wire || by_test) ++input_pulses_;
+    return by_wire || by_test;
   }
 
   void send_frames() {
@@ -241,22 +282,34 @@ class CameraProcess {
   }
 
   static constexpr std::int64_t kReadoutUs = IidcCamera::kReadout.us();
+  enum class Phase : std::uint8_t { kIdle, kExposes, kReadsOut };
+
   State& state_;
   RawGadget usb_;
+  std::array<std::uint32_t, kConfigRom.size()> rom_;
+  const int wire_;
   pthread_t sender_{};
   std::mutex mutex_;  ///< protects the following members
   Registers registers_;
   std::deque<Change> changes_;
   SteadyClock::time_point start_;
-  std::uint32_t number_ = 0, pulses_ = 0, shutter_ = 0, gain_ = 0;
+  std::uint32_t number_ = 0, pulses_ = 0, input_pulses_ = 0, shutter_ = 0, gain_ = 0;
+  Phase phase_ = Phase::kIdle;
+  bool high_ = true;
+  SteadyClock::time_point pulse_at_, exposed_at_;
 };
 
 /// Whether the kernel has the camera, and libusb can open it.
-bool is_plugged_in() {
+bool is_plugged_in(int number) {
+  std::error_code gone;  // while it is listed
+  const std::string controller = "/dummy_hcd." + std::to_string(number) + "/";
   for (const auto& device : std::filesystem::directory_iterator("/sys/bus/usb/devices")) {
     std::string vendor;
     std::ifstream(device.path() / "idVendor") >> vendor;
-    if (vendor == "1e10") return std::filesystem::exists(device.path() / "bConfigurationValue");
+    if (vendor != "1e10" ||
+        std::filesystem::canonical(device.path(), gone).string().find(controller) == std::string::npos)
+      continue;
+    return std::filesystem::exists(device.path() / "bConfigurationValue");
   }
   return false;
 }
@@ -273,16 +326,24 @@ hal::iidc::HeadRequest IidcCamera::request() {
   return request;
 }
 
-IidcCamera::IidcCamera() : device_(new (shared_memory(sizeof(Device))) Device) {
-  process_ = start_process([this] { CameraProcess(*device_).run(); });
-  if (!test::wait_until(is_plugged_in, std::chrono::seconds(20)))
+std::string IidcCamera::path() const {
+  std::ostringstream text;
+  text << "iidc:00b09d01" << std::hex << std::setfill('0') << std::setw(8)
+       << kGuidLow + static_cast<std::uint32_t>(number_);
+  return text.str();
+}
+
+IidcCamera::IidcCamera(int number, std::string wire)
+    : number_(number), device_(new (shared_memory(sizeof(Device))) Device) {
+  process_ = start_process([this, &wire] { CameraProcess(*device_, number_, wire).run(); });
+  if (!test::wait_until([this] { return is_plugged_in(number_); }, std::chrono::seconds(20)))
     throw std::runtime_error("the kernel did not find the camera");
 }
 
 void IidcCamera::unplug() {
   if (process_ < 0) return;
   kill_process(std::exchange(process_, -1));
-  if (!test::wait_until([] { return !is_plugged_in(); }, std::chrono::seconds(20))) std::abort();
+  if (!test::wait_until([this] { return !is_plugged_in(number_); }, std::chrono::seconds(20))) std::abort();
 }
 
 }  // namespace nodal::hil

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <string>
 
 #include "hal/linux/iidc/enumerator.h"
 #include "protocol/base/units.h"
@@ -12,22 +13,28 @@
 namespace nodal::hil {
 
 /// With the registers of test::IidcRegisters, and USB's numbers of a Point Grey Firefly MV. A frame is one bulk transfer. Its first
-/// numbers are the embedded gain, shutter and counter when they are on; every other byte is the shutter's register % 256. A new
+/// numbers are the embedded gain, shutter and counter when they are on; every other byte is the shutter's register % 256, in the
+/// last row the counter % 256. A new
 /// shutter or gain is in the third frame that begins after it was written. Frames that nobody takes are lost, and counted.
+///
+/// When triggered, its counter is the number of pulses since it was plugged in, and it ignores those that come during an exposure
+/// and its readout. In trigger mode 1 the pulse is the exposure.
 ///
 /// It runs in a process of its own; destroying the object, or unplug(), kills it, which is what pulling its plug does.
 class IidcCamera {
  public:
   static constexpr Duration kReadout = Duration::milliseconds(2);  ///< from an exposure's end to its frame's transfer
 
-  /// Plugs the camera in and waits until the kernel has it.
-  IidcCamera();
+  /// Plugs the camera to controller `number` of dummy_hcd and waits until the kernel has it. Its trigger input is the line
+  /// whose level is in the file `wire`, sampled every 0.5 ms; empty: pulse().
+  explicit IidcCamera(int number = 0, std::string wire = {});
   ~IidcCamera() { unplug(); }
   IidcCamera(const IidcCamera&) = delete;
   IidcCamera& operator=(const IidcCamera&) = delete;
 
   void unplug();
-  static constexpr const char* kPath = "iidc:00b09d0100c0ffee";
+  static constexpr const char* kPath = "iidc:00b09d0100c0ffee";  ///< of number 0
+  std::string path() const;
   /// Grey, 48x32, 30 frames a second.
   static hal::iidc::HeadRequest request();
 
@@ -42,7 +49,8 @@ class IidcCamera {
   void refuse_writes(bool on) { device_->refuse = on; }
   void answer_writes_after(Duration time) { device_->answer_after_us = static_cast<std::uint32_t>(time.us()); }
   void send_no_frames(bool on) { device_->silent = on; }
-  void tear_a_frame() { device_->tear = true; }  ///< the next one ends in its middle
+  /// The next one ends in its middle. If that is where a packet ends, the next picture follows in the same transfer.
+  void tear_a_frame() { device_->tear = true; }
   void skip_a_frame() { device_->skip = true; }  ///< the next one is counted and not sent
   void pulse() { ++device_->pulses; }            ///< on its trigger input
 
@@ -54,6 +62,7 @@ class IidcCamera {
   };
 
  private:
+  const int number_;
   Device* device_;
   pid_t process_ = -1;
 };

@@ -51,10 +51,10 @@ Bytes string_descriptor(unsigned index, std::span<const char* const> texts) {
   return bytes;
 }
 
-RawGadget::RawGadget() : fd_(::open("/dev/raw-gadget", O_RDWR)) {
+RawGadget::RawGadget(int controller) : fd_(::open("/dev/raw-gadget", O_RDWR)) {
   usb_raw_init init{};
   std::strcpy(reinterpret_cast<char*>(init.driver_name), "dummy_udc");
-  std::strcpy(reinterpret_cast<char*>(init.device_name), "dummy_udc.0");
+  std::snprintf(reinterpret_cast<char*>(init.device_name), sizeof init.device_name, "dummy_udc.%d", controller);
   init.speed = USB_SPEED_HIGH;
   if (fd_ < 0 || ::ioctl(fd_, USB_RAW_IOCTL_INIT, &init) < 0 || ::ioctl(fd_, USB_RAW_IOCTL_RUN, 0) < 0) end("init");
 }

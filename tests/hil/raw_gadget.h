@@ -30,7 +30,8 @@ class RawGadget {
   static constexpr std::uint8_t kStream = 0x81;      ///< the endpoint
   static constexpr std::uint32_t kMostBytes = 4096;  ///< of a write, and of a request's data
 
-  RawGadget();
+  /// `controller`: of dummy_hcd, from 0.
+  explicit RawGadget(int controller = 0);
   [[noreturn]] static void end(const char* where);
 
   usb_ctrlrequest next_request();
